@@ -1,0 +1,211 @@
+//! The plane: SE(2). Angular quantities are one number, vectors two.
+
+use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
+use nalgebra::{Matrix2, Vector2, convert, convert_unchecked};
+use std::marker::PhantomData;
+use std::ops::AddAssign;
+
+/// The algebra of the plane over the scalar `T`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Planar<T>(PhantomData<T>);
+
+/// Joints in the plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlanarJoint {
+    /// Turns counter-clockwise.
+    Revolute,
+    /// Slides along its own x axis.
+    Prismatic,
+}
+
+/// A rotation: (cos, sin) of its angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Turn<T> {
+    /// Cosine of the angle.
+    pub cos: T,
+    /// Sine of the angle.
+    pub sin: T,
+}
+
+/// ω × r = ω · perp(r): r turned by a quarter.
+fn perp<T: Real>(r: Vector2<T>) -> Vector2<T> {
+    Vector2::new(-r.y, r.x)
+}
+
+impl<T: Real> Sealed for Planar<T> {}
+
+impl<T: Real> Algebra for Planar<T> {
+    type Scalar = T;
+    type Vector = Vector2<T>;
+    type Angular = T;
+    type Rotational = T;
+    type Rotation = Turn<T>;
+    type Joint = PlanarJoint;
+    type Articulated = PlanarArticulated<T>;
+    type Cast<U: Real> = Planar<U>;
+
+    const ANGULAR: usize = 1;
+    const LINEAR: usize = 2;
+
+    fn linear_part(v: Vector2<T>, i: usize) -> T {
+        v[i]
+    }
+    fn angular_part(w: T, _: usize) -> T {
+        w
+    }
+    fn vector(f: impl Fn(usize) -> T) -> Vector2<T> {
+        Vector2::new(f(0), f(1))
+    }
+
+    #[inline]
+    fn dot(a: Vector2<T>, b: Vector2<T>) -> T {
+        a.x * b.x + a.y * b.y
+    }
+    #[inline]
+    fn dot_angular(a: T, b: T) -> T {
+        a * b
+    }
+    #[inline]
+    fn moment(r: Vector2<T>, f: Vector2<T>) -> T {
+        r.x * f.y - r.y * f.x
+    }
+    #[inline]
+    fn swing(w: T, r: Vector2<T>) -> Vector2<T> {
+        perp(r) * w
+    }
+    #[inline]
+    fn cross_angular(_: T, _: T) -> T {
+        T::zero()
+    }
+
+    #[inline]
+    fn no_rotation() -> Turn<T> {
+        Turn { cos: T::one(), sin: T::zero() }
+    }
+    #[inline]
+    fn compose(a: Turn<T>, b: Turn<T>) -> Turn<T> {
+        Turn { cos: a.cos * b.cos - a.sin * b.sin, sin: a.sin * b.cos + a.cos * b.sin }
+    }
+    #[inline]
+    fn inverse(a: Turn<T>) -> Turn<T> {
+        Turn { cos: a.cos, sin: -a.sin }
+    }
+    #[inline]
+    fn rotate(a: Turn<T>, v: Vector2<T>) -> Vector2<T> {
+        Vector2::new(a.cos * v.x - a.sin * v.y, a.sin * v.x + a.cos * v.y)
+    }
+    #[inline]
+    fn rotate_inertia(_: Turn<T>, i: T) -> T {
+        i
+    }
+    #[inline]
+    fn apply_inertia(i: T, w: T) -> T {
+        i * w
+    }
+    #[inline]
+    fn solve_inertia(i: T, n: T) -> T {
+        n / i
+    }
+    #[inline]
+    fn parallel_axis(mass: T, h: Vector2<T>, r: Vector2<T>) -> T {
+        Self::dot(r, h + h + r * mass)
+    }
+
+    #[inline]
+    fn move_joint(joint: PlanarJoint, placed: Turn<T>, ratio: T, shift: T, q: &[T]) -> (Turn<T>, Vector2<T>) {
+        let position = ratio * q[0] + shift;
+        match joint {
+            PlanarJoint::Revolute => {
+                let (sin, cos) = position.simd_sin_cos();
+                (Self::compose(placed, Turn { cos, sin }), Vector2::zeros())
+            }
+            PlanarJoint::Prismatic => (placed, Vector2::new(placed.cos, placed.sin) * position),
+        }
+    }
+    #[inline]
+    fn axis(joint: PlanarJoint, rotation: Turn<T>) -> Axis<Self> {
+        match joint {
+            PlanarJoint::Revolute => Axis::Turn(T::one()),
+            PlanarJoint::Prismatic => Axis::Slide(Vector2::new(rotation.cos, rotation.sin)),
+        }
+    }
+    fn coordinates(_: PlanarJoint) -> usize {
+        1
+    }
+    #[inline]
+    fn rides_along(_: PlanarJoint) -> bool {
+        false
+    }
+
+    fn cast_vector<U: Real>(v: Vector2<T>) -> Vector2<U> {
+        v.map(cast)
+    }
+    fn cast_rotation<U: Real>(a: Turn<T>) -> Turn<U> {
+        Turn { cos: cast(a.cos), sin: cast(a.sin) }
+    }
+    fn cast_inertia<U: Real>(i: T) -> U {
+        cast(i)
+    }
+}
+
+/// `T` to `U` by way of `f64`: chains are read in `f64` and cast from there.
+pub(super) fn cast<T: Real, U: Real>(x: T) -> U {
+    convert(convert_unchecked::<T, f64>(x))
+}
+
+/// `[Iᵣ H; Hᵀ M]` with H a row: rotational, coupling and linear part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanarArticulated<T> {
+    rotational: T,
+    coupling: Vector2<T>,
+    linear: Matrix2<T>,
+}
+
+impl<T: Real> AddAssign for PlanarArticulated<T> {
+    fn add_assign(&mut self, other: Self) {
+        self.rotational += other.rotational;
+        self.coupling += other.coupling;
+        self.linear += other.linear;
+    }
+}
+
+impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
+    fn from_rigid(inertia: &Inertia<Planar<T>>) -> Self {
+        // h × v is the row (−h_y, h_x) times v
+        Self {
+            rotational: inertia.rotational,
+            coupling: perp(inertia.first_moment),
+            linear: Matrix2::from_diagonal_element(inertia.mass),
+        }
+    }
+
+    fn along(&self, s: Axis<Planar<T>>) -> Force<Planar<T>> {
+        match s {
+            Axis::Turn(z) => Force { moment: self.rotational * z, force: self.coupling * z },
+            Axis::Slide(z) => Force { moment: Planar::dot(self.coupling, z), force: self.linear * z },
+        }
+    }
+
+    fn apply(&self, a: Motion<Planar<T>>) -> Force<Planar<T>> {
+        Force {
+            moment: self.rotational * a.angular + Planar::dot(self.coupling, a.linear),
+            force: self.coupling * a.angular + self.linear * a.linear,
+        }
+    }
+
+    fn without(&self, u: Force<Planar<T>>, inverse_d: T) -> Self {
+        let scaled = u.force * inverse_d;
+        Self {
+            rotational: self.rotational - u.moment * u.moment * inverse_d,
+            coupling: self.coupling - scaled * u.moment,
+            linear: self.linear - scaled * u.force.transpose(),
+        }
+    }
+
+    fn shifted(&self, r: Vector2<T>) -> Self {
+        // With ρ = perp(r): v = v′ + ω ρ, so H′ = H + ρᵀM and I′ = I + H ρ + (H ρ)ᵀ + ρᵀM ρ.
+        let rho = perp(r);
+        let coupling = self.coupling + self.linear * rho;
+        Self { rotational: self.rotational + Planar::dot(self.coupling + coupling, rho), coupling, linear: self.linear }
+    }
+}

@@ -1,0 +1,272 @@
+//! From links and joints to bodies: fixed joints are welded, every moving joint becomes bodies of one degree of freedom.
+//!
+//! [`weld`] is the one place where bodies are merged; loading a URDF and [locking](crate::Chain::lock) joints both end
+//! in it.
+
+use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint};
+use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
+use crate::error::ChainError;
+use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use std::path::Path;
+use std::sync::Arc;
+
+type Space = Spatial<f64>;
+
+/// A link or an axis of a joint, before welding.
+pub(crate) struct Node<A: Algebra> {
+    pub parent: Option<usize>,
+    pub placement: Pose<A>,
+    pub inertia: Inertia<A>,
+    pub moves: Option<Moves<A>>,
+}
+
+/// How a node moves against its parent.
+pub(crate) struct Moves<A: Algebra> {
+    pub joint: A::Joint,
+    pub q_index: usize,
+    pub v_index: usize,
+    pub ratio: A::Scalar,
+    pub shift: A::Scalar,
+}
+
+/// Merges every node that does not move into the one it hangs on. Also says where each node went: its body (`None` is
+/// the world) and its pose there.
+#[allow(clippy::type_complexity)]
+pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Option<usize>, Pose<A>)>) {
+    let mut bodies: Vec<Body<A>> = Vec::new();
+    let mut places: Vec<(Option<usize>, Pose<A>)> = Vec::with_capacity(nodes.len());
+    for node in nodes {
+        let (parent, pose) = node.parent.map_or((None, Pose::identity()), |p| places[p]);
+        let placement = pose.then(&node.placement);
+        match node.moves {
+            None => {
+                if let Some(body) = parent {
+                    bodies[body].inertia += node.inertia.placed(&placement);
+                }
+                places.push((parent, placement));
+            }
+            Some(Moves { joint, q_index, v_index, ratio, shift }) => {
+                places.push((Some(bodies.len()), Pose::identity()));
+                let inertia = node.inertia;
+                bodies.push(Body { parent, joint, placement, inertia, q_index, v_index, ratio, shift });
+            }
+        }
+    }
+    (bodies, places)
+}
+
+impl Chain {
+    /// Reads a URDF file. The root link is fixed to the world.
+    ///
+    /// # Errors
+    /// [`ChainError`] with file, line, element, value and rule.
+    pub fn from_urdf_file(path: impl AsRef<Path>) -> Result<Self, ChainError> {
+        Self::from_urdf_file_with(path, &LoadOptions::default())
+    }
+
+    /// Reads a URDF file, with options: a floating base, or missing meshes ignored.
+    ///
+    /// # Errors
+    /// As [`Chain::from_urdf_file`].
+    pub fn from_urdf_file_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, ChainError> {
+        Ok(Self::from_robot(urdf::read_file(path, options)?, options))
+    }
+
+    /// Reads a URDF from memory. Relative mesh paths are refused.
+    ///
+    /// # Errors
+    /// As [`Chain::from_urdf_file`].
+    pub fn from_urdf_str(text: &str, options: &LoadOptions) -> Result<Self, ChainError> {
+        Ok(Self::from_robot(urdf::read_str(text, None, options)?, options))
+    }
+
+    /// Builds the chain of a checked robot. With `options.floating_base` a floating joint named `root_joint` stands
+    /// between world and root.
+    pub fn from_robot(mut robot: Robot, options: &LoadOptions) -> Self {
+        let links = robot.links.len();
+        if options.floating_base {
+            add_floating_base(&mut robot);
+        }
+        let coordinates = number_coordinates(&robot.joints);
+
+        let mut nodes: Vec<Node<Space>> = Vec::new();
+        let mut node_of_link = vec![None; robot.links.len()];
+        for (link, joint) in parents_first(&robot) {
+            let inertia = robot.links[link].inertial.map_or(Inertia::zero(), inertia_of);
+            let link_node = match joint {
+                None => Node { parent: None, placement: Pose::identity(), inertia, moves: None },
+                Some(j) => {
+                    let joint = &robot.joints[j];
+                    let hung_on = node_of_link[joint.parent];
+                    let (parent, placement) = push_axes(&mut nodes, joint, &coordinates[j], &coordinates, hung_on);
+                    Node { parent, placement, inertia, moves: None }
+                }
+            };
+            node_of_link[link] = Some(nodes.len());
+            nodes.push(link_node);
+        }
+
+        let (bodies, places) = weld(nodes);
+        let frames = robot.links.iter().zip(&node_of_link).take(links).filter_map(|(link, node)| {
+            let (body, pose) = places[(*node)?];
+            Some(Frame { name: link.name.clone(), body, pose })
+        });
+        let (nq, nv) = lengths(&coordinates);
+        Self { frames: frames.collect(), bodies, nq, nv, about: Arc::new(about(&robot, links, coordinates)) }
+    }
+}
+
+fn add_floating_base(robot: &mut Robot) {
+    let world = robot.links.len();
+    robot.links.push(urdf::Link { name: "world".into(), inertial: None, collisions: Vec::new() });
+    robot.joints.insert(
+        0,
+        Joint {
+            name: "root_joint".into(),
+            kind: JointType::Floating,
+            parent: world,
+            child: robot.root,
+            origin: Isometry3::identity(),
+            axis: Vector3::z_axis(),
+            limits: Default::default(),
+            damping: 0.0,
+            friction: 0.0,
+            mimic: None,
+        },
+    );
+    for mimic in robot.joints.iter_mut().filter_map(|j| j.mimic.as_mut()) {
+        mimic.joint += 1; // one joint now stands before all others
+    }
+    robot.root = world;
+}
+
+/// Coordinates in the order of the file.
+fn number_coordinates(joints: &[Joint]) -> Vec<Coordinates> {
+    let (mut nq, mut nv) = (0, 0);
+    let number = |joint: &Joint| {
+        if let Some(m) = joint.mimic {
+            let leader = joints[m.joint].name.clone();
+            return Coordinates::Follows { joint: leader, multiplier: m.multiplier, offset: m.offset };
+        }
+        let (q, v) = match joint.kind {
+            JointType::Fixed => return Coordinates::None,
+            JointType::Revolute | JointType::Continuous | JointType::Prismatic => (1, 1),
+            JointType::Planar => (3, 3),
+            JointType::Floating => (7, 6),
+        };
+        (nq, nv) = (nq + q, nv + v);
+        Coordinates::Own { q: nq - q..nq, v: nv - v..nv }
+    };
+    joints.iter().map(number).collect()
+}
+
+fn lengths(coordinates: &[Coordinates]) -> (usize, usize) {
+    let own = coordinates.iter().filter_map(|c| match c {
+        Coordinates::Own { q, v } => Some((q.len(), v.len())),
+        _ => None,
+    });
+    own.fold((0, 0), |(nq, nv), (q, v)| (nq + q, nv + v))
+}
+
+/// Links with the joint above them, parents first; an explicit stack, so that depth costs no stack.
+fn parents_first(robot: &Robot) -> Vec<(usize, Option<usize>)> {
+    let mut joints_below = vec![Vec::new(); robot.links.len()];
+    for (j, joint) in robot.joints.iter().enumerate().rev() {
+        joints_below[joint.parent].push(j);
+    }
+    let mut order = Vec::with_capacity(robot.links.len());
+    let mut stack = vec![(robot.root, None)];
+    while let Some((link, joint)) = stack.pop() {
+        order.push((link, joint));
+        stack.extend(joints_below[link].iter().map(|&j| (robot.joints[j].child, Some(j))));
+    }
+    order
+}
+
+fn inertia_of(inertial: Inertial) -> Inertia<Space> {
+    Inertia::from_com(inertial.mass, inertial.com, inertial.inertia_at_com)
+}
+
+/// Pushes one node for each axis of a joint; says where the child link's frame then hangs.
+fn push_axes(
+    nodes: &mut Vec<Node<Space>>,
+    joint: &Joint,
+    coordinates: &Coordinates,
+    all: &[Coordinates],
+    parent: Option<usize>,
+) -> (Option<usize>, Pose<Space>) {
+    let (q, v, ratio, shift) = match coordinates {
+        Coordinates::Own { q, v } => (q.start, v.start, 1.0, 0.0),
+        Coordinates::Follows { multiplier, offset, .. } => {
+            let leader = joint.mimic.map(|m| &all[m.joint]);
+            let Some(Coordinates::Own { q, v }) = leader else {
+                unreachable!("validation resolves every mimic to a leader with a coordinate of its own")
+            };
+            (q.start, v.start, *multiplier, *offset)
+        }
+        Coordinates::None => return (parent, pose_of(&joint.origin)),
+    };
+    let axis = joint.axis.into_inner();
+    let axes: Vec<(SpatialJoint, Matrix3<f64>)> = match joint.kind {
+        JointType::Fixed => unreachable!("a fixed joint has no coordinates"),
+        JointType::Revolute | JointType::Continuous => vec![(SpatialJoint::Revolute, z_onto(axis))],
+        JointType::Prismatic => vec![(SpatialJoint::Prismatic, z_onto(axis))],
+        JointType::Planar => {
+            let upright = z_onto(axis);
+            let (x, y) = (upright.column(0).into_owned(), upright.column(1).into_owned());
+            let slides = [x, y].map(|d| (SpatialJoint::Prismatic, z_onto(d)));
+            slides.into_iter().chain([(SpatialJoint::Revolute, upright)]).collect()
+        }
+        JointType::Floating => (0..6).map(|k| (SpatialJoint::Floating(k), Matrix3::identity())).collect(),
+    };
+    // Each node's frame has the axis along z; what hangs on it is turned back.
+    let (mut parent, mut hang) = (parent, pose_of(&joint.origin));
+    for (k, (joint, onto)) in axes.into_iter().enumerate() {
+        let turned = Pose { rotation: onto, translation: Vector3::zeros() };
+        let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
+        let moves = Some(Moves { joint, q_index, v_index: v + k, ratio, shift });
+        nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), moves });
+        (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
+    }
+    (parent, hang)
+}
+
+fn pose_of(isometry: &Isometry3<f64>) -> Pose<Space> {
+    Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
+}
+
+/// A rotation that takes z to the unit vector `a`; x to x and y to y for a = z, and exact for all coordinate axes.
+/// (Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6 (2017), listing 3.)
+pub(crate) fn z_onto(a: Vector3<f64>) -> Matrix3<f64> {
+    let sign = 1.0_f64.copysign(a.z);
+    let k = -1.0 / (sign + a.z);
+    let b = a.x * a.y * k;
+    let x = Vector3::new(1.0 + sign * a.x * a.x * k, sign * b, -sign * a.x);
+    let y = Vector3::new(b, sign + a.y * a.y * k, -a.y);
+    Matrix3::from_columns(&[x, y, a])
+}
+
+fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
+    let link = |i: usize| robot.links[i].name.clone();
+    let joints = robot.joints.iter().zip(coordinates).map(|(joint, coordinates)| JointInfo {
+        name: joint.name.clone(),
+        kind: joint.kind,
+        parent: link(joint.parent),
+        child: link(joint.child),
+        limits: joint.limits,
+        damping: joint.damping,
+        friction: joint.friction,
+        coordinates,
+    });
+    About {
+        name: robot.name.clone(),
+        joints: joints.collect(),
+        links: robot.links[..links]
+            .iter()
+            .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone() })
+            .collect(),
+        total_mass: robot.links.iter().filter_map(|l| l.inertial).map(|i| i.mass).sum(),
+        warnings: robot.warnings.clone(),
+    }
+}

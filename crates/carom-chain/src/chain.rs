@@ -1,0 +1,267 @@
+//! The immutable model: a tree of bodies, each with one degree of freedom, and the names people use for them.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | λ(i) | parent of body i; always smaller than i | [`Body::parent`] |
+//! | Xᵀ(i) | pose of joint i's frame in its parent body | [`Body::placement`] |
+//! | Iᵢ | inertia of body i about its own origin, body axes | [`Body::inertia`] |
+//! | n | number of bodies, `bodies.len()` | – |
+//!
+//! Fixed joints are merged away; a floating joint is six bodies of which the last carries the inertia, a planar joint
+//! three. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
+//! recursion sees joints of one degree of freedom only. Without mimic joints n = nv.
+
+use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
+use crate::error::ChainError;
+use crate::urdf::{Collision, JointType, Limits};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// One body and the joint above it, in a frame aligned with the joint's axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body<A: Algebra> {
+    /// The body this one hangs on; `None` is the world. Always an earlier body.
+    pub parent: Option<usize>,
+    /// How the joint moves.
+    pub joint: A::Joint,
+    /// Pose of the joint's frame in the parent body (or the world) while the joint is at zero.
+    pub placement: Pose<A>,
+    /// Inertia about the body's origin, in body axes.
+    pub inertia: Inertia<A>,
+    /// Where the joint's coordinates start in q.
+    pub q_index: usize,
+    /// The joint's entry in qd.
+    pub v_index: usize,
+    /// Joint position = `ratio` · q + `shift`. 1 and 0 but for mimic joints.
+    pub ratio: A::Scalar,
+    /// See `ratio`.
+    pub shift: A::Scalar,
+}
+
+/// A named frame: one for every link of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame<A: Algebra> {
+    /// The link's name.
+    pub name: String,
+    /// The body it moves with; `None` is the world.
+    pub body: Option<usize>,
+    /// Its pose in that body (or the world).
+    pub pose: Pose<A>,
+}
+
+/// Handle of a frame, from [`Chain::frame`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct FrameId(pub(crate) usize);
+
+/// A material point of a body: where contact happens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Point<A: Algebra> {
+    /// The body it moves with; `None` is the world.
+    pub body: Option<usize>,
+    /// Its position in body axes from the body's origin, m.
+    pub position: A::Vector,
+}
+
+/// Which numbers of q and qd belong to a joint.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Coordinates {
+    /// Its own entries of q and of qd.
+    Own {
+        /// Entries of q.
+        q: Range<usize>,
+        /// Entries of qd.
+        v: Range<usize>,
+    },
+    /// It follows another joint: position = `multiplier` · leader + `offset`.
+    Follows {
+        /// Name of the leading joint.
+        joint: String,
+        /// Ratio of the positions.
+        multiplier: f64,
+        /// Position where the leader is at zero.
+        offset: f64,
+    },
+    /// It does not move (fixed in the file, or locked).
+    None,
+}
+
+/// A joint of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointInfo {
+    /// Its name.
+    pub name: String,
+    /// Its type in the file.
+    pub kind: JointType,
+    /// Name of the parent link.
+    pub parent: String,
+    /// Name of the child link.
+    pub child: String,
+    /// Limits.
+    pub limits: Limits,
+    /// Viscous damping, N m s/rad or N s/m.
+    pub damping: f64,
+    /// Static friction, N m or N.
+    pub friction: f64,
+    /// Its numbers in q and qd.
+    pub coordinates: Coordinates,
+}
+
+/// A link of the file: its collision geometry, kept as data.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkInfo {
+    /// Its name.
+    pub name: String,
+    /// Collision shapes, in link axes.
+    pub collisions: Vec<Collision>,
+}
+
+/// What does not depend on the algebra.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct About {
+    pub name: String,
+    pub joints: Vec<JointInfo>,
+    pub links: Vec<LinkInfo>,
+    pub total_mass: f64,
+    pub warnings: Vec<String>,
+}
+
+/// A kinematic chain (a tree of bodies): immutable, `Send + Sync`, shared by reference.
+///
+/// `Chain` alone is the chain in space, in `f64`; [`Chain::to_planar`] gives the chain in the plane and
+/// [`Chain::cast`] another scalar.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chain<A: Algebra = Spatial<f64>> {
+    pub(crate) about: Arc<About>,
+    pub(crate) bodies: Vec<Body<A>>,
+    pub(crate) frames: Vec<Frame<A>>,
+    pub(crate) nq: usize,
+    pub(crate) nv: usize,
+}
+
+impl<A: Algebra> Chain<A> {
+    /// Name of the robot.
+    pub fn name(&self) -> &str {
+        &self.about.name
+    }
+    /// Length of q.
+    pub fn nq(&self) -> usize {
+        self.nq
+    }
+    /// Length of qd: the degrees of freedom.
+    pub fn nv(&self) -> usize {
+        self.nv
+    }
+    /// The bodies, parents first.
+    pub fn bodies(&self) -> &[Body<A>] {
+        &self.bodies
+    }
+    /// The frames: one for each link of the file, in its order.
+    pub fn frames(&self) -> &[Frame<A>] {
+        &self.frames
+    }
+    /// The joints of the file, in its order (a floating base first).
+    pub fn joints(&self) -> &[JointInfo] {
+        &self.about.joints
+    }
+    /// The links of the file, in its order.
+    pub fn links(&self) -> &[LinkInfo] {
+        &self.about.links
+    }
+    /// Sum of the masses of all links in the file, the fixed base included, kg.
+    pub fn total_mass(&self) -> f64 {
+        self.about.total_mass
+    }
+    /// What was read but is not used, and what looks odd.
+    pub fn warnings(&self) -> &[String] {
+        &self.about.warnings
+    }
+    /// Whether mimic joints couple several bodies to one coordinate.
+    pub fn is_coupled(&self) -> bool {
+        self.bodies.len() != self.nv
+    }
+
+    /// The frame of a link.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownFrame`] with the nearest names.
+    pub fn frame(&self, link: &str) -> Result<FrameId, ChainError> {
+        let found = self.frames.iter().position(|f| f.name == link);
+        found.map(FrameId).ok_or_else(|| ChainError::UnknownFrame {
+            name: link.into(),
+            hint: among(link, self.frames.iter().map(|f| f.name.as_str())),
+        })
+    }
+
+    /// A joint of the file.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownJoint`] with the nearest names.
+    pub fn joint(&self, name: &str) -> Result<&JointInfo, ChainError> {
+        self.about.joints.iter().find(|j| j.name == name).ok_or_else(|| ChainError::UnknownJoint {
+            name: name.into(),
+            hint: among(name, self.about.joints.iter().map(|j| j.name.as_str())),
+        })
+    }
+
+    /// The point at `offset` (in the frame's own axes, m) from a frame's origin.
+    pub fn point(&self, frame: FrameId, offset: A::Vector) -> Point<A> {
+        let frame = &self.frames[frame.0];
+        Point { body: frame.body, position: frame.pose.point(offset) }
+    }
+
+    /// The same chain over another scalar: `f32`, SIMD lanes, dual numbers.
+    pub fn cast<U: Real>(&self) -> Chain<A::Cast<U>>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        let pose =
+            |p: &Pose<A>| Pose { rotation: A::cast_rotation(p.rotation), translation: A::cast_vector(p.translation) };
+        let body = |b: &Body<A>| Body {
+            parent: b.parent,
+            joint: b.joint,
+            placement: pose(&b.placement),
+            inertia: Inertia {
+                mass: nalgebra::convert(b.inertia.mass),
+                first_moment: A::cast_vector(b.inertia.first_moment),
+                rotational: A::cast_inertia(b.inertia.rotational),
+            },
+            q_index: b.q_index,
+            v_index: b.v_index,
+            ratio: nalgebra::convert(b.ratio),
+            shift: nalgebra::convert(b.shift),
+        };
+        let frame = |f: &Frame<A>| Frame { name: f.name.clone(), body: f.body, pose: pose(&f.pose) };
+        Chain {
+            about: self.about.clone(),
+            bodies: self.bodies.iter().map(body).collect(),
+            frames: self.frames.iter().map(frame).collect(),
+            nq: self.nq,
+            nv: self.nv,
+        }
+    }
+
+    pub(crate) fn check_length(&self, what: &'static str, got: usize) -> Result<(), ChainError> {
+        let expected = if what == "q" { self.nq } else { self.nv };
+        if got == expected {
+            return Ok(());
+        }
+        let own = self.about.joints.iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
+        let mut layout = own.map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
+        if what == "q" && self.nq != self.nv {
+            layout += "; a floating joint takes x y z qx qy qz qw";
+        }
+        Err(ChainError::WrongLength { what, got, expected, layout })
+    }
+}
+
+/// The nearest of the names, or all of them if they are few.
+fn among<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    let near = names.iter().filter(|n| n.to_lowercase().contains(&wanted.to_lowercase()));
+    let mut near: Vec<&str> = near.copied().collect();
+    if near.is_empty() {
+        near = names;
+    }
+    let more = if near.len() > 8 { ", …" } else { "" };
+    format!("there are: {}{more}", near.iter().take(8).copied().collect::<Vec<_>>().join(", "))
+}

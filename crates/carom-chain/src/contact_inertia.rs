@@ -1,0 +1,231 @@
+//! What inertia a contact point feels: Delassus matrix, effective mass, directions that can't move.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | H = J M⁻¹ Jᵀ | 3×3, 2×2 | Delassus matrix, world axes, 1/kg | `delassus` |
+//! | E | 3×nv, 2×nv | a factor: H = E Eᵀ, with the singular values of H's square root | `factor` |
+//! | 1/(nᵀHn) | 1 | effective mass in direction n, kg | `effective_mass` |
+//!
+//! Two routes give E: dense (`M = L Lᵀ`, `E = J L⁻ᵀ`) and the recursion of [`crate::Articulation`]. Working on E, not on
+//! H, tells a direction that is singular from one that is merely slow down to 1e-14 of the fastest, not to 1e-7.
+
+use crate::algebra::{Algebra, Force};
+use crate::articulated::Articulation;
+use crate::chain::{Coordinates, JointInfo, Point};
+use crate::error::ChainError;
+use crate::workspace::Kinematics;
+use nalgebra::{DMatrix, DVector, RealField};
+use num_traits::{One, Zero};
+
+/// From this many degrees of freedom on, the recursion takes over from the dense way. `benches/kernels.rs`
+/// (`delassus_dense` against `delassus_recursive`) shows the recursion ahead from one joint on, because the dense way pays for all of M; the
+/// dense way is left to chains with mimic joints, and as the second route of every test.
+pub const RECURSION_FROM: usize = 1;
+
+/// The inertia that one point feels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactInertia {
+    /// The Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg.
+    pub delassus: DMatrix<f64>,
+    /// Orthonormal directions (world axes), each with the square root σ of its eigenvalue of H (1/√kg), fastest first:
+    /// a unit impulse along one gives the speed σ², one joule of kinetic energy the speed √2 σ.
+    pub principal: Vec<(DVector<f64>, f64)>,
+    /// How many of the principal directions can move; the rest are singular.
+    pub rank: usize,
+}
+
+impl ContactInertia {
+    fn from_factor(factor: &DMatrix<f64>) -> Self {
+        let rows = factor.nrows();
+        let e = faer::Mat::from_fn(
+            rows,
+            factor.ncols().max(1),
+            |i, j| {
+                if factor.ncols() == 0 { 0.0 } else { factor[(i, j)] }
+            },
+        );
+        // E of a few rows, by a rank-revealing factorisation: E = U Σ Vᵀ.
+        let (mut principal, tolerance) = match e.svd() {
+            Ok(svd) => {
+                let (u, s) = (svd.U(), svd.S().column_vector());
+                let columns = (0..rows).map(|j| {
+                    let sigma = if j < s.nrows() { s[j] } else { 0.0 };
+                    (DVector::from_fn(rows, |i, _| u[(i, j)]), sigma)
+                });
+                let columns: Vec<_> = columns.collect();
+                let fastest = columns.iter().map(|c| c.1).fold(0.0, f64::max);
+                (columns, fastest * 64.0 * f64::EPSILON)
+            }
+            // Only a factor that is not finite has no decomposition: nothing about it is known.
+            Err(_) => (Vec::new(), 0.0),
+        };
+        principal.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let rank = principal.iter().filter(|p| p.1 > tolerance).count();
+        Self { delassus: factor * factor.transpose(), principal, rank }
+    }
+
+    /// Directions in which no joint motion moves the point (world axes, orthonormal).
+    pub fn singular_directions(&self) -> impl Iterator<Item = &DVector<f64>> {
+        self.principal[self.rank..].iter().map(|p| &p.0)
+    }
+
+    /// Mass that the point seems to have in the unit direction `n`: 1/(nᵀHn), kg. `None` where n can't move at all
+    /// (within 64 ε of the fastest direction): the chain is then stiff as a strut, and no number is right.
+    pub fn effective_mass(&self, n: &[f64]) -> Option<f64> {
+        if n.len() != self.delassus.nrows() {
+            return None;
+        }
+        let n = DVector::from_column_slice(n);
+        // nᵀHn as Σ (n·uᵢ)² σᵢ²: no cancellation
+        let moving = self.principal[..self.rank].iter();
+        let speed = moving.map(|(u, sigma)| (u.dot(&n) * sigma).powi(2)).sum::<f64>();
+        let fastest = self.principal.first().map_or(0.0, |p| p.1);
+        (speed.sqrt() > fastest * 64.0 * f64::EPSILON).then(|| 1.0 / speed)
+    }
+}
+
+impl<A: Algebra> Kinematics<'_, A> {
+    /// The Delassus matrix as the locked chain has it: all joints held, the moving bodies of the point's tree as one
+    /// rigid body that nothing ties to the base. Arms under stiff position control hit with about this inertia.
+    /// World axes, 1/kg; zero for a point of the world.
+    pub fn locked_delassus(&mut self, point: Point<A>) -> DMatrix<A::Scalar> {
+        let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
+        let Some(body) = point.body else { return h };
+        let mut r = self.arm(body, point);
+        let mut root = body;
+        while let Some(p) = self.chain.bodies[root].parent {
+            r += self.ws.offset[root];
+            root = p;
+        }
+        self.composites();
+        let whole = self.ws.composite[root];
+        let one = A::Scalar::one();
+        let com = whole.first_moment * (one / whole.mass);
+        let at_com = whole.shifted(-com);
+        let d = r - com;
+        for k in 0..A::LINEAR {
+            let e = A::vector(|i| if i == k { one } else { A::Scalar::zero() });
+            let spin = A::solve_inertia(at_com.rotational, Force::<A>::at(d, e).moment);
+            let column = e * (one / whole.mass) + A::swing(spin, d);
+            for i in 0..A::LINEAR {
+                h[(i, k)] = A::linear_part(column, i);
+            }
+        }
+        h
+    }
+}
+
+impl<'b, A: Algebra> Kinematics<'b, A>
+where
+    A::Scalar: RealField,
+{
+    /// E by the dense way: `M = L Lᵀ`, `E = (L⁻¹ Jᵀ)ᵀ`.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn delassus_factor_dense(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
+        let Some(cholesky) = self.mass_matrix().cholesky() else {
+            return Err(self.no_inertia(0));
+        };
+        let mut x = self.point_jacobian(point).transpose();
+        cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
+        Ok(x.transpose())
+    }
+
+    /// H by the dense way.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn delassus_dense(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
+        let e = self.delassus_factor_dense(point)?;
+        Ok(&e * e.transpose())
+    }
+
+    /// H by whichever way suits the chain.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
+        if self.prefers_dense() { self.delassus_dense(point) } else { Ok(self.articulate_checked()?.delassus(point)) }
+    }
+
+    /// M⁻¹ · vector by whichever way suits the chain.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
+    pub fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
+        self.chain.check_length("tau", joint_force.len())?;
+        if self.prefers_dense() {
+            let Some(cholesky) = self.mass_matrix().cholesky() else {
+                return Err(self.no_inertia(0));
+            };
+            return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
+        }
+        let mut out = DVector::zeros(self.chain.nv);
+        self.articulate_checked()?.solve_into(joint_force, out.as_mut_slice())?;
+        Ok(out)
+    }
+
+    /// Forward dynamics q̈ = M⁻¹(τ − C q̇ − g) by whichever way suits the chain.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
+    pub fn forward_dynamics(
+        &mut self,
+        qd: &[A::Scalar],
+        tau: &[A::Scalar],
+        gravity: A::Vector,
+    ) -> Result<DVector<A::Scalar>, ChainError> {
+        self.chain.check_length("tau", tau.len())?;
+        if self.prefers_dense() {
+            let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
+            return self.solve(left.as_slice());
+        }
+        let mut qdd = DVector::zeros(self.chain.nv);
+        self.articulate_checked()?.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
+        Ok(qdd)
+    }
+
+    fn prefers_dense(&self) -> bool {
+        self.chain.is_coupled() || self.chain.nv < RECURSION_FROM
+    }
+
+    /// [`Kinematics::articulate`], refused where a joint moves no inertia: Dᵢ lost in the rounding of what the joint
+    /// would feel with everything beyond it held.
+    fn articulate_checked(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
+        let bodies = &self.chain.bodies;
+        self.composites();
+        let felt: Vec<A::Scalar> =
+            (0..bodies.len()).map(|i| self.ws.axis[i].dot(self.ws.composite[i].along(self.ws.axis[i]))).collect();
+        self.articulate()?;
+        let rounding: A::Scalar = nalgebra::convert(16.0 * f64::EPSILON);
+        for (i, felt) in felt.into_iter().enumerate() {
+            let d = A::Scalar::one() / self.ws.inverse_d[i];
+            if !(d > felt * rounding) {
+                return Err(self.no_inertia(self.chain.bodies[i].v_index));
+            }
+        }
+        Ok(Articulation::of(self))
+    }
+
+    fn no_inertia(&self, v_index: usize) -> ChainError {
+        let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&v_index));
+        let joint = self.chain.joints().iter().find(owns).map_or("?".into(), |j| j.name.clone());
+        ChainError::NoInertia { joint }
+    }
+}
+
+impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
+    /// The inertia that a point feels, with its singular directions.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn contact_inertia(&mut self, point: Point<A>) -> Result<ContactInertia, ChainError> {
+        let factor = if self.prefers_dense() {
+            self.delassus_factor_dense(point)?
+        } else {
+            self.articulate_checked()?.delassus_factor(point)
+        };
+        Ok(ContactInertia::from_factor(&factor))
+    }
+}

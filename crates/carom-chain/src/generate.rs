@@ -1,0 +1,60 @@
+//! Chains made by rule, for studies of length and as worked examples.
+
+use crate::chain::Chain;
+use crate::error::ChainError;
+use crate::urdf::LoadOptions;
+use std::fmt::Write;
+
+/// A URDF of `links` equal thin rods, hinged end to end about z, lying along x at q = 0; `length` (m) and `mass` (kg) in
+/// all. Links are named `link1` …, joints `joint1` …, the far end is the link `tip`.
+pub fn uniform_chain_urdf(links: usize, length: f64, mass: f64) -> String {
+    let (l, m) = (length / links as f64, mass / links as f64);
+    let (half, inertia) = (l / 2.0, m * l * l / 12.0);
+    let mut urdf = format!("<?xml version=\"1.0\"?>\n<robot name=\"uniform{links}\">\n  <link name=\"link0\"/>\n");
+    for i in 1..=links {
+        let (parent, at) = (i - 1, if i == 1 { 0.0 } else { l });
+        let _ = write!(
+            urdf,
+            r#"  <link name="link{i}">
+    <inertial>
+      <origin xyz="{half} 0 0"/>
+      <mass value="{m}"/>
+      <inertia ixx="0" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/>
+    </inertial>
+  </link>
+  <joint name="joint{i}" type="continuous">
+    <parent link="link{parent}"/>
+    <child link="link{i}"/>
+    <origin xyz="{at} 0 0"/>
+    <axis xyz="0 0 1"/>
+  </joint>
+"#
+        ); // writing to a String can't fail
+    }
+    let _ = write!(
+        urdf,
+        r#"  <link name="tip"/>
+  <joint name="tip_joint" type="fixed">
+    <parent link="link{links}"/>
+    <child link="tip"/>
+    <origin xyz="{l} 0 0"/>
+  </joint>
+</robot>
+"#
+    );
+    urdf
+}
+
+/// The chain of [`uniform_chain_urdf`].
+///
+/// # Errors
+/// [`ChainError::NotReducible`] unless there is a link, and length and mass are positive and finite.
+pub fn uniform_chain(links: usize, length: f64, mass: f64) -> Result<Chain, ChainError> {
+    let positive = |x: f64| x > 0.0 && x.is_finite();
+    if links == 0 || !positive(length) || !positive(mass) {
+        return Err(ChainError::NotReducible(format!(
+            "a uniform chain of {links} links, {length} m, {mass} kg: it needs at least one link and positive, finite length and mass"
+        )));
+    }
+    Chain::from_urdf_str(&uniform_chain_urdf(links, length, mass), &LoadOptions::default())
+}

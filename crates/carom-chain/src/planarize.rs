@@ -1,0 +1,160 @@
+//! From space to the plane, where every joint keeps to it.
+//!
+//! A chain is planar when all hinges are parallel and all sliders are square to them. Its bodies then never leave their
+//! parallel planes, and the motion is that of their shadows on one plane: exactly, with 3-vectors instead of
+//! 6-vectors. What gravity does square to the plane, the hinges bear.
+
+use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint};
+use crate::assemble::z_onto;
+use crate::chain::{Body, Chain, Coordinates, Frame, FrameId, Point};
+use crate::error::ChainError;
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+/// How far from parallel or square two axes may be (sine of the angle): the rounding of a file's 10 digits.
+const ALIGNED: f64 = 1e-9;
+
+/// A plane through the world's origin, with axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// First axis, unit, world.
+    pub x: Vector3<f64>,
+    /// Second axis, unit, world.
+    pub y: Vector3<f64>,
+    /// x × y.
+    pub normal: Vector3<f64>,
+}
+
+impl Plane {
+    /// The shadow of a vector.
+    pub fn project(&self, v: Vector3<f64>) -> Vector2<f64> {
+        Vector2::new(self.x.dot(&v), self.y.dot(&v))
+    }
+
+    /// The vector with this shadow that lies in the plane.
+    pub fn lift(&self, v: Vector2<f64>) -> Vector3<f64> {
+        self.x * v.x + self.y * v.y
+    }
+}
+
+/// A chain in the plane.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanarChain {
+    /// The chain; q and qd are those of the chain in space.
+    pub chain: Chain<Planar<f64>>,
+    /// The plane.
+    pub plane: Plane,
+    /// World rotation of every frame while all joints are at zero.
+    frame_rotations: Vec<Matrix3<f64>>,
+}
+
+impl PlanarChain {
+    /// The shadow of the point at `offset` (in the frame's own axes in space) from a frame's origin.
+    pub fn point(&self, frame: FrameId, offset: Vector3<f64>) -> Point<Planar<f64>> {
+        // A frame's planar axes are the plane's while the joints are at zero.
+        self.chain.point(frame, self.plane.project(self.frame_rotations[frame.0] * offset))
+    }
+}
+
+impl Chain {
+    /// The same chain in the plane.
+    ///
+    /// # Errors
+    /// [`ChainError::NotReducible`] naming the joint that leaves the plane.
+    pub fn to_planar(&self) -> Result<PlanarChain, ChainError> {
+        // World poses while every joint is at zero.
+        let mut zero: Vec<Pose<Spatial<f64>>> = Vec::with_capacity(self.bodies.len());
+        for body in &self.bodies {
+            zero.push(body.parent.map_or(body.placement, |p| zero[p].then(&body.placement)));
+        }
+        let axes: Vec<Vector3<f64>> = zero.iter().map(|pose| pose.rotation.column(2).into_owned()).collect();
+        let plane = self.plane_of(&axes)?;
+
+        let shadow = |pose: &Pose<Spatial<f64>>, x: Vector2<f64>| Pose::<Planar<f64>> {
+            rotation: crate::algebra::Turn { cos: x.x, sin: x.y },
+            translation: plane.project(pose.translation),
+        };
+        let mut planar_zero: Vec<Pose<Planar<f64>>> = Vec::with_capacity(self.bodies.len());
+        let mut bodies = Vec::with_capacity(self.bodies.len());
+        for ((body, pose), axis) in self.bodies.iter().zip(&zero).zip(&axes) {
+            let (joint, sign, x_axis) = match body.joint {
+                SpatialJoint::Prismatic => (PlanarJoint::Prismatic, 1.0, plane.project(*axis).normalize()),
+                _ => (PlanarJoint::Revolute, axis.dot(&plane.normal).signum(), Vector2::x()),
+            };
+            let own = shadow(pose, x_axis);
+            let parent = body.parent.map_or(Pose::identity(), |p| planar_zero[p]);
+            let in_world = body.inertia.rotated(pose.rotation);
+            let inertia = Inertia::<Planar<f64>> {
+                mass: in_world.mass,
+                first_moment: plane.project(in_world.first_moment),
+                rotational: plane.normal.dot(&(in_world.rotational * plane.normal)),
+            };
+            bodies.push(Body {
+                parent: body.parent,
+                joint,
+                placement: parent.inverse().then(&own),
+                inertia: inertia.rotated(own.inverse().rotation),
+                q_index: body.q_index,
+                v_index: body.v_index,
+                ratio: body.ratio * sign,
+                shift: body.shift * sign,
+            });
+            planar_zero.push(own);
+        }
+
+        let in_world = |frame: &Frame<Spatial<f64>>| frame.body.map_or(frame.pose, |b| zero[b].then(&frame.pose));
+        let frames = self.frames.iter().map(|frame| {
+            let own = shadow(&in_world(frame), Vector2::x());
+            let parent = frame.body.map_or(Pose::identity(), |b| planar_zero[b]);
+            Frame { name: frame.name.clone(), body: frame.body, pose: parent.inverse().then(&own) }
+        });
+        let chain = Chain { about: self.about.clone(), bodies, frames: frames.collect(), nq: self.nq, nv: self.nv };
+        let frame_rotations = self.frames.iter().map(|f| in_world(f).rotation).collect();
+        Ok(PlanarChain { chain, plane, frame_rotations })
+    }
+
+    /// The plane that all joints keep to.
+    fn plane_of(&self, axes: &[Vector3<f64>]) -> Result<Plane, ChainError> {
+        let leaves = |i: usize, why: String| {
+            Err(ChainError::NotReducible(format!("joint '{}' leaves the plane: {why}", self.joint_of_body(i))))
+        };
+        let kind = |i: usize| self.bodies[i].joint;
+        let hinges = || (0..axes.len()).filter(|&i| kind(i) == SpatialJoint::Revolute);
+        let sliders = || (0..axes.len()).filter(|&i| kind(i) == SpatialJoint::Prismatic);
+        if let Some(i) = (0..axes.len()).find(|&i| matches!(kind(i), SpatialJoint::Floating(_))) {
+            return leaves(i, "a floating joint moves in space".into());
+        }
+        let Some(first) = hinges().chain(sliders()).next() else {
+            return Err(ChainError::NotReducible("no joint moves".into()));
+        };
+        let normal = match hinges().next() {
+            Some(hinge) => axes[hinge],
+            // Sliders only: the normal of the first two that are not parallel, or any normal of one direction.
+            None => sliders()
+                .map(|i| axes[first].cross(&axes[i]))
+                .find(|n| n.norm() > ALIGNED)
+                .map_or_else(|| z_onto(axes[first]).column(1).into_owned(), |n| n.normalize()),
+        };
+        // The normal's own sign is nobody's choice: make its largest component positive.
+        let normal = normal * normal[normal.iamax()].signum();
+        if let Some(i) = hinges().find(|&i| axes[i].cross(&normal).norm() > ALIGNED) {
+            let [x, y, z] = axes[i].into();
+            let hinge = self.joint_of_body(first);
+            return leaves(i, format!("its axis ({x:.6}, {y:.6}, {z:.6}) is not parallel to that of '{hinge}'"));
+        }
+        if let Some(i) = sliders().find(|&i| axes[i].dot(&normal).abs() > ALIGNED) {
+            let [x, y, z] = normal.into();
+            return leaves(i, format!("its direction is not square to the plane's normal ({x:.6}, {y:.6}, {z:.6})"));
+        }
+        // x as near to the world's x as the plane allows (to its z where x is the normal).
+        let toward = if normal.x.abs() > 0.9 { Vector3::y() } else { Vector3::x() };
+        let x = (toward - normal * normal.dot(&toward)).normalize();
+        Ok(Plane { x, y: normal.cross(&x), normal })
+    }
+
+    /// Name of the joint above a body.
+    fn joint_of_body(&self, body: usize) -> &str {
+        let v = self.bodies[body].v_index;
+        let owns = |c: &Coordinates| matches!(c, Coordinates::Own { v: own, .. } if own.contains(&v));
+        self.joints().iter().find(|j| owns(&j.coordinates)).map_or("?", |j| &j.name)
+    }
+}

@@ -1,0 +1,184 @@
+//! Exact reductions: less chain, the same answers.
+//!
+//! Fixed joints are welded on loading. Here joints are locked, and branches that no impact at a point can reach are
+//! pruned: an impulse travels through the fixed base without moving it, so what hangs on the base by another joint
+//! keeps its velocity. [`crate::Planar`] is the third reduction: [`Chain::to_planar`].
+
+use crate::algebra::{Algebra, Pose};
+use crate::assemble::{Moves, Node, weld};
+use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, Point};
+use crate::error::ChainError;
+use std::sync::Arc;
+
+/// A reduced chain, and where its coordinates were in the full one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reduced<A: Algebra> {
+    /// The smaller chain. Look its frames up by name: handles of the full chain do not fit.
+    pub chain: Chain<A>,
+    /// Entry k of the reduced q is entry `q[k]` of the full one.
+    pub q: Vec<usize>,
+    /// Entry k of the reduced qd is entry `v[k]` of the full one.
+    pub v: Vec<usize>,
+}
+
+impl<A: Algebra<Scalar = f64>> Chain<A> {
+    /// Locks joints at the given values (one for revolute and prismatic joints, three for planar, seven for floating
+    /// ones) and merges what they held apart. Joints that mimic a locked one are locked with it.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownJoint`], [`ChainError::WrongLength`], [`ChainError::NotFinite`],
+    /// [`ChainError::NotReducible`] for a joint without coordinates of its own.
+    pub fn lock(&self, joints: &[(&str, &[f64])]) -> Result<Reduced<A>, ChainError> {
+        let mut q_locked = vec![0.0; self.nq];
+        let mut locked = vec![false; self.nv];
+        for &(name, values) in joints {
+            let Coordinates::Own { q, v } = &self.joint(name)?.coordinates else {
+                return Err(ChainError::NotReducible(format!(
+                    "joint '{name}' has no coordinate of its own to lock (it is fixed, or follows another joint)"
+                )));
+            };
+            if values.len() != q.len() {
+                let layout = format!("joint '{name}'");
+                return Err(ChainError::WrongLength { what: "value", got: values.len(), expected: q.len(), layout });
+            }
+            if let Some(index) = values.iter().position(|x| !x.is_finite()) {
+                return Err(ChainError::NotFinite { what: "value", index, value: values[index] });
+            }
+            q_locked[q.clone()].copy_from_slice(values);
+            locked[v.clone()].fill(true);
+        }
+        let held = |body: &Body<A>| locked[body.v_index];
+        let numbering = self.renumber(|v| !locked[v]);
+        let nodes = self.bodies.iter().map(|body| {
+            let mut placement = body.placement;
+            if held(body) {
+                let q = &q_locked[body.q_index..];
+                let (rotation, moved) = A::move_joint(body.joint, placement.rotation, body.ratio, body.shift, q);
+                placement = Pose { rotation, translation: placement.translation + moved };
+            }
+            let moves = (!held(body)).then(|| numbering.moves(body));
+            Node { parent: body.parent, placement, inertia: body.inertia, moves }
+        });
+        let (bodies, places) = weld(nodes.collect());
+        let frames = self.frames.iter().map(|frame| match frame.body {
+            None => frame.clone(),
+            Some(b) => {
+                let (body, pose) = places[b];
+                Frame { name: frame.name.clone(), body, pose: pose.then(&frame.pose) }
+            }
+        });
+        let frames = frames.collect();
+        let joints = self.about.joints.iter().map(|j| numbering.joint(j)).collect();
+        Ok(self.rebuilt(bodies, frames, joints, numbering))
+    }
+
+    /// Leaves out every body that no impulse at `point` can reach: what hangs on the fixed base by another joint.
+    /// (Mimic joints tie across the base; what they tie is kept.)
+    pub fn prune(&self, point: Point<A>) -> Reduced<A> {
+        let mut root: Vec<usize> = Vec::with_capacity(self.bodies.len());
+        for (i, body) in self.bodies.iter().enumerate() {
+            root.push(body.parent.map_or(i, |p| root[p]));
+        }
+        let mut reached = vec![false; self.bodies.len()]; // by root
+        let mut active = vec![false; self.nv];
+        if let Some(body) = point.body {
+            reached[root[body]] = true;
+        }
+        loop {
+            let before = active.clone();
+            for (i, body) in self.bodies.iter().enumerate() {
+                active[body.v_index] |= reached[root[i]];
+                reached[root[i]] |= active[body.v_index];
+            }
+            if active == before {
+                break;
+            }
+        }
+
+        let numbering = self.renumber(|v| active[v]);
+        let mut moved_to = vec![None; self.bodies.len()];
+        let mut bodies: Vec<Body<A>> = Vec::new();
+        for (i, body) in self.bodies.iter().enumerate().filter(|(i, _)| reached[root[*i]]) {
+            moved_to[i] = Some(bodies.len());
+            let Moves { q_index, v_index, .. } = numbering.moves(body);
+            bodies.push(Body { parent: body.parent.and_then(|p| moved_to[p]), q_index, v_index, ..*body });
+        }
+        let frames = self.frames.iter().filter_map(|frame| {
+            let body = match frame.body {
+                None => None,
+                Some(b) => Some(moved_to[b]?),
+            };
+            Some(Frame { body, ..frame.clone() })
+        });
+        let frames: Vec<_> = frames.collect();
+        let here = |name: &str| frames.iter().any(|f| f.name == name);
+        let joints = self.about.joints.iter().filter(|j| here(&j.child)).map(|j| numbering.joint(j)).collect();
+        self.rebuilt(bodies, frames, joints, numbering)
+    }
+
+    fn rebuilt(
+        &self,
+        bodies: Vec<Body<A>>,
+        frames: Vec<Frame<A>>,
+        joints: Vec<JointInfo>,
+        to: Numbering,
+    ) -> Reduced<A> {
+        let about = About { joints, ..(*self.about).clone() };
+        let chain = Chain { about: Arc::new(about), bodies, frames, nq: to.old_q.len(), nv: to.old_v.len() };
+        Reduced { chain, q: to.old_q, v: to.old_v }
+    }
+
+    /// New numbers for the coordinates of the joints that are kept.
+    fn renumber(&self, keep: impl Fn(usize) -> bool) -> Numbering {
+        let mut to = Numbering { new_q: vec![0; self.nq], new_v: vec![0; self.nv], old_q: vec![], old_v: vec![] };
+        for joint in &self.about.joints {
+            let Coordinates::Own { q, v } = &joint.coordinates else {
+                continue;
+            };
+            if !keep(v.start) {
+                continue;
+            }
+            for old in q.clone() {
+                to.new_q[old] = to.old_q.len();
+                to.old_q.push(old);
+            }
+            for old in v.clone() {
+                to.new_v[old] = to.old_v.len();
+                to.old_v.push(old);
+            }
+        }
+        to
+    }
+}
+
+/// Coordinates before and after.
+struct Numbering {
+    new_q: Vec<usize>,
+    new_v: Vec<usize>,
+    old_q: Vec<usize>,
+    old_v: Vec<usize>,
+}
+
+impl Numbering {
+    fn moves<A: Algebra>(&self, body: &Body<A>) -> Moves<A> {
+        Moves {
+            joint: body.joint,
+            q_index: self.new_q[body.q_index],
+            v_index: self.new_v[body.v_index],
+            ratio: body.ratio,
+            shift: body.shift,
+        }
+    }
+
+    fn joint(&self, joint: &JointInfo) -> JointInfo {
+        let coordinates = match &joint.coordinates {
+            Coordinates::Own { q, v } if self.old_v.contains(&v.start) => {
+                let (q0, v0) = (self.new_q[q.start], self.new_v[v.start]);
+                Coordinates::Own { q: q0..q0 + q.len(), v: v0..v0 + v.len() }
+            }
+            Coordinates::Own { .. } => Coordinates::None,
+            other => other.clone(),
+        };
+        JointInfo { coordinates, ..joint.clone() }
+    }
+}

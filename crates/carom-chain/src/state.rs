@@ -1,0 +1,165 @@
+//! States are plain slices: what they must fulfil, and how configurations are moved and compared.
+//!
+//! A floating joint has q = (x, y, z, qx, qy, qz, qw): position in the parent's joint frame and unit quaternion; its
+//! qd = (linear, angular) velocity of the child *in child axes*. [`Chain::integrate`] moves it along the exact screw of a
+//! constant qd. A planar joint has q = (x, y, angle) and qd = q̇. All others have q̇ = qd.
+
+use crate::algebra::{Algebra, SpatialJoint};
+use crate::chain::{Chain, Coordinates, JointInfo};
+use crate::error::ChainError;
+use crate::urdf::JointType;
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+impl<A: Algebra> Chain<A> {
+    /// Whether `q` and `qd` fit this chain: lengths, finite numbers, unit quaternions.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`], [`ChainError::NotFinite`], [`ChainError::NotUnitQuaternion`] (off by over 1e-3;
+    /// smaller errors are rounding of the input, and the kernels normalise).
+    pub fn check_state(&self, q: &[f64], qd: &[f64]) -> Result<(), ChainError> {
+        self.check_vector("q", q)?;
+        self.check_vector("qd", qd)?;
+        for (joint, at) in self.floating_joints() {
+            let norm = q[at + 3..at + 7].iter().map(|x| x * x).sum::<f64>().sqrt();
+            if (norm - 1.0).abs() > 1e-3 {
+                return Err(ChainError::NotUnitQuaternion { joint: joint.name.clone(), norm });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a vector (`"q"`, `"qd"`, `"tau"` or `"qdd"`) has the right length and finite numbers.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`], [`ChainError::NotFinite`].
+    pub fn check_vector(&self, what: &'static str, numbers: &[f64]) -> Result<(), ChainError> {
+        self.check_length(what, numbers.len())?;
+        match numbers.iter().position(|x| !x.is_finite()) {
+            Some(index) => Err(ChainError::NotFinite { what, index, value: numbers[index] }),
+            None => Ok(()),
+        }
+    }
+
+    /// One sentence for each joint that `q` puts outside its limits.
+    pub fn limit_warnings(&self, q: &[f64]) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for joint in self.joints() {
+            let position = match &joint.coordinates {
+                Coordinates::Own { q: own, .. } if own.len() == 1 => q.get(own.start).copied(),
+                Coordinates::Follows { joint: leader, multiplier, offset } => {
+                    let leader = self.joint(leader).ok().map(|l| &l.coordinates);
+                    let at = leader.and_then(|c| if let Coordinates::Own { q, .. } = c { Some(q.start) } else { None });
+                    at.and_then(|at| q.get(at)).map(|x| multiplier * x + offset)
+                }
+                _ => None,
+            };
+            let Some(x) = position else { continue };
+            let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
+            let mut outside = |side: &str, limit: f64| {
+                warnings.push(format!("joint '{}' is at {x} {unit}, {side} its limit {limit} {unit}", joint.name));
+            };
+            match (joint.limits.lower, joint.limits.upper) {
+                (Some(lower), _) if x < lower => outside("below", lower),
+                (_, Some(upper)) if x > upper => outside("above", upper),
+                _ => {}
+            }
+        }
+        warnings
+    }
+
+    /// The configuration in which one-dof joints are at zero and floating joints unturned.
+    pub fn zero_configuration(&self) -> Vec<f64> {
+        let mut q = vec![0.0; self.nq()];
+        for (_, at) in self.floating_joints() {
+            q[at + 6] = 1.0;
+        }
+        q
+    }
+
+    fn floating_joints(&self) -> impl Iterator<Item = (&JointInfo, usize)> {
+        self.joints().iter().filter_map(|joint| match &joint.coordinates {
+            Coordinates::Own { q, .. } if joint.kind == JointType::Floating => Some((joint, q.start)),
+            _ => None,
+        })
+    }
+}
+
+impl Chain {
+    /// Where the chain is after the constant velocity `qd` has acted for `dt` seconds. Quaternions stay unit.
+    ///
+    /// # Errors
+    /// As [`Chain::check_state`].
+    pub fn integrate(&self, q: &[f64], qd: &[f64], dt: f64) -> Result<Vec<f64>, ChainError> {
+        self.check_state(q, qd)?;
+        let mut out = q.to_vec();
+        for body in self.bodies() {
+            let (at, v) = (body.q_index, body.v_index);
+            match body.joint {
+                SpatialJoint::Revolute | SpatialJoint::Prismatic => out[at] = q[at] + qd[v] * dt,
+                SpatialJoint::Floating(0) => {
+                    let (linear, angular) = (vector(&qd[v..]) * dt, vector(&qd[v + 3..]) * dt);
+                    let turn = quaternion(&q[at + 3..]);
+                    let position = vector(&q[at..]) + turn * (screw(angular) * linear);
+                    let turned = (turn * UnitQuaternion::from_scaled_axis(angular)).into_inner().normalize();
+                    out[at..at + 3].copy_from_slice(position.as_slice());
+                    out[at + 3..at + 7].copy_from_slice(turned.coords.as_slice());
+                }
+                SpatialJoint::Floating(_) => {}
+            }
+        }
+        Ok(out)
+    }
+
+    /// The constant velocity that leads from `from` to `to` in one second: `integrate(from, difference, 1) = to` (of two
+    /// ways round, the shorter; ±q are the same quaternion).
+    ///
+    /// # Errors
+    /// As [`Chain::check_state`].
+    pub fn difference(&self, from: &[f64], to: &[f64]) -> Result<Vec<f64>, ChainError> {
+        let mut out = vec![0.0; self.nv()];
+        self.check_state(from, &out)?;
+        self.check_state(to, &out)?;
+        for body in self.bodies() {
+            let (at, v) = (body.q_index, body.v_index);
+            match body.joint {
+                SpatialJoint::Revolute | SpatialJoint::Prismatic => out[v] = to[at] - from[at],
+                SpatialJoint::Floating(0) => {
+                    let (turn, turned) = (quaternion(&from[at + 3..]), quaternion(&to[at + 3..]));
+                    let angular = shorter(turn.inverse() * turned).scaled_axis();
+                    let way = turn.inverse() * (vector(&to[at..]) - vector(&from[at..]));
+                    let linear = screw(angular).try_inverse().map_or(way, |inverse| inverse * way);
+                    out[v..v + 3].copy_from_slice(linear.as_slice());
+                    out[v + 3..v + 6].copy_from_slice(angular.as_slice());
+                }
+                SpatialJoint::Floating(_) => {}
+            }
+        }
+        Ok(out)
+    }
+}
+
+fn vector(x: &[f64]) -> Vector3<f64> {
+    Vector3::new(x[0], x[1], x[2])
+}
+
+fn quaternion(x: &[f64]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(x[3], x[0], x[1], x[2]))
+}
+
+fn shorter(turn: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn }
+}
+
+/// ∫₀¹ exp(s φ×) ds: the mean rotation on the way (the left Jacobian of SO(3)),
+/// `1 + (1−cos θ)/θ² φ× + (θ−sin θ)/θ³ φ×²`, by its series where θ is small.
+fn screw(phi: Vector3<f64>) -> nalgebra::Matrix3<f64> {
+    let t2 = phi.norm_squared();
+    let (a, b) = if t2 < 1e-4 {
+        (0.5 - t2 / 24.0 * (1.0 - t2 / 30.0), 1.0 / 6.0 - t2 / 120.0 * (1.0 - t2 / 42.0))
+    } else {
+        let t = t2.sqrt();
+        ((1.0 - t.cos()) / t2, (t - t.sin()) / (t2 * t))
+    };
+    let cross = phi.cross_matrix();
+    nalgebra::Matrix3::identity() + cross * a + cross * cross * b
+}

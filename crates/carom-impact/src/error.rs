@@ -1,0 +1,116 @@
+//! What is refused, with the numbers that made it so.
+
+/// Why an impact problem was refused or a law has no answer.
+///
+/// Every message names the value, the rule it breaks, and what to do.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImpactError {
+    /// A NaN or an infinity in the input.
+    #[error(
+        "{entry} is {value}: every number of an impact problem must be finite; \
+         check the pose, the velocity and the inertias it was built from"
+    )]
+    NotFinite {
+        /// Where it stands, as `delassus[row][column]` or `u_minus[row]`.
+        entry: String,
+        /// The number found.
+        value: f64,
+    },
+
+    /// The Delassus matrix differs from its transpose.
+    #[error(
+        "delassus[{row}][{column}] = {upper} but delassus[{column}][{row}] = {lower}: the matrix \
+         must be symmetric within {allowed} (1e-8 of its largest entry); build it as J M^-1 J^T"
+    )]
+    NotSymmetric {
+        /// Row of the entry above the diagonal.
+        row: usize,
+        /// Column of the entry above the diagonal.
+        column: usize,
+        /// Entry above the diagonal (1/kg).
+        upper: f64,
+        /// Its mirror image (1/kg).
+        lower: f64,
+        /// Largest difference allowed (1/kg).
+        allowed: f64,
+    },
+
+    /// The Delassus matrix has a negative eigenvalue: no mass has it.
+    #[error(
+        "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, \
+         its pivot at [{row}][{row}] is {pivot}, below -{allowed} (rounding); \
+         no mass distribution has it, check the mass matrix and the order of the contact axes"
+    )]
+    NotPositive {
+        /// Row of the offending pivot.
+        row: usize,
+        /// The pivot (1/kg).
+        pivot: f64,
+        /// How far below zero rounding may push it (1/kg).
+        allowed: f64,
+    },
+
+    /// A coefficient of restitution outside [0, 1].
+    #[error("restitution {value} is outside [0, 1]: 0 is a dead stop, 1 a full rebound")]
+    Restitution {
+        /// The value given.
+        value: f64,
+    },
+
+    /// A negative or infinite coefficient of friction.
+    #[error("friction {value} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")]
+    Friction {
+        /// The value given.
+        value: f64,
+    },
+
+    /// The contact cannot move along its normal: the impulse would be infinite.
+    #[error(
+        "the contact cannot move along its normal: H_nn = {inverse_mass} 1/kg is nothing beside \
+         the trace {trace} 1/kg of the Delassus matrix, so the impulse would be infinite; \
+         the structure takes such a blow: leave the singular pose or model what gives way"
+    )]
+    SingularNormal {
+        /// `H_nn` (1/kg).
+        inverse_mass: f64,
+        /// Trace of the Delassus matrix (1/kg), which bounds its largest eigenvalue.
+        trace: f64,
+    },
+
+    /// Friction locks a contact that has no mobility left while it still approaches.
+    #[error(
+        "the contact wedges: friction {friction} holds it while it still approaches with \
+         u_n = {normal_velocity} m/s, and held so it cannot move along its normal \
+         (inverse mass {inverse_mass} 1/kg beside H_nn = {free_inverse_mass} 1/kg), so no finite \
+         impulse ends the impact; lower the friction or leave the singular pose"
+    )]
+    Wedged {
+        /// Coefficient of friction.
+        friction: f64,
+        /// Normal velocity at which the contact is held (m/s).
+        normal_velocity: f64,
+        /// Inverse mass along the normal of the held contact (1/kg).
+        inverse_mass: f64,
+        /// `H_nn` (1/kg).
+        free_inverse_mass: f64,
+    },
+
+    /// A planar law was asked about an impact whose slip leaves its plane.
+    #[error(
+        "law `{law}` in space answers only contacts whose slip stays in one plane through the \
+         normal: here the direction across the slip couples to the slip by {tangent_coupling} 1/kg \
+         and to the normal by {normal_coupling} 1/kg, and at most {allowed} 1/kg counts as none; \
+         use `frictionless`, or friction 0, or a contact with that symmetry"
+    )]
+    NotInOnePlane {
+        /// Name of the law.
+        law: &'static str,
+        /// `|H_bt|`, b across the slip direction t (1/kg).
+        tangent_coupling: f64,
+        /// `|H_bn|` (1/kg).
+        normal_coupling: f64,
+        /// Largest coupling taken for rounding (1/kg).
+        allowed: f64,
+    },
+}

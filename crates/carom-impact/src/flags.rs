@@ -1,0 +1,96 @@
+//! What a reader of an outcome should be warned of.
+
+use std::fmt;
+use std::ops::{BitOr, BitOrAssign};
+
+/// A set of warnings about an impact; empty for an ordinary one.
+///
+/// ```
+/// use carom_impact::Flags;
+/// let flags = Flags::JAM | Flags::ENERGY_GAIN;
+/// assert!(flags.contains(Flags::JAM));
+/// assert_eq!(flags.names().collect::<Vec<_>>(), ["energy-gain", "jam"]);
+/// assert_eq!(flags.to_string(), "energy-gain, jam");
+/// ```
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub struct Flags(u8);
+
+impl Flags {
+    /// No warning.
+    pub const NONE: Self = Self(0);
+    /// The law created kinetic energy, beyond rounding.
+    pub const ENERGY_GAIN: Self = Self(1);
+    /// Friction first drives the contact deeper: `dv_n/dp <= 0` while it slips (`μ s B >= C`).
+    pub const JAM: Self = Self(1 << 1);
+    /// The matrix has a null direction with a normal component, and the law depends on it.
+    pub const SINGULAR: Self = Self(1 << 2);
+    /// Approach slower than 1e-9 of the contact speed: angles and ratios lose their meaning.
+    pub const GRAZING: Self = Self(1 << 3);
+    /// Another impulse satisfies the law too.
+    pub const NON_UNIQUE: Self = Self(1 << 4);
+    /// The contact does not approach: there is no impact, and the impulse is zero.
+    pub const NO_APPROACH: Self = Self(1 << 5);
+
+    const NAMES: [(Self, &'static str); 6] = [
+        (Self::ENERGY_GAIN, "energy-gain"),
+        (Self::JAM, "jam"),
+        (Self::SINGULAR, "singular"),
+        (Self::GRAZING, "grazing"),
+        (Self::NON_UNIQUE, "non-unique"),
+        (Self::NO_APPROACH, "no-approach"),
+    ];
+
+    /// Whether every flag of `other` is set.
+    pub const fn contains(self, other: Self) -> bool {
+        self.0 & other.0 == other.0
+    }
+
+    /// Whether no flag is set.
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Names of the flags set, in a fixed order.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        Self::NAMES
+            .into_iter()
+            .filter(move |(flag, _)| self.contains(*flag))
+            .map(|(_, name)| name)
+    }
+
+    /// This flag if `condition` holds, else none.
+    pub(crate) const fn when(self, condition: bool) -> Self {
+        if condition { self } else { Self::NONE }
+    }
+}
+
+impl BitOr for Flags {
+    type Output = Self;
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for Flags {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+impl fmt::Display for Flags {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, name) in self.names().enumerate() {
+            if i > 0 {
+                f.write_str(", ")?;
+            }
+            f.write_str(name)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Flags {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Flags({self})")
+    }
+}

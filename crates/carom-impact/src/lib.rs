@@ -1,0 +1,68 @@
+//! Impact laws as pure numbers: what a rigid body knows of an impact is its **Delassus matrix**
+//! (inverse inertia at the contact) and its contact velocity; what it gets is an impulse.
+//!
+//! ```
+//! use carom_impact::{Energetic, ImpactProblem, Law, Mode};
+//! use nalgebra::{matrix, vector};
+//!
+//! // The tip of a double pendulum strikes the floor (Kane & Levinson 1985).
+//! let problem = ImpactProblem::new(
+//!     matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504],
+//!     vector![-0.267174342835, -0.134202014333],
+//! )?;
+//! let hit = Energetic { restitution: 0.5, friction: 0.5 }.resolve(&problem)?;
+//!
+//! assert_eq!(hit.mode, Mode::ReverseSlip);
+//! assert!((hit.u_plus[1] - 0.043529526627).abs() < 1e-11);
+//! assert!(hit.energy_change < 0.0);
+//! # Ok::<(), carom_impact::ImpactError>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! SI units. Contact axes hold the tangents first and the normal last; the normal `n` is a unit
+//! vector **from the environment to the robot**, so an approach has `u_n < 0`, and impulses act
+//! on the robot. `D` is 2 in the plane and 3 in space. The scalar `T` is any `nalgebra` real
+//! field that is `Copy`: `f64`, `f32`, dual numbers.
+//!
+//! | Symbol | Size | Meaning | Our name |
+//! |---|---|---|---|
+//! | H | D × D | inverse inertia at the contact, `J M⁻¹ Jᵀ` (1/kg) | `delassus` |
+//! | u⁻, u⁺ | D | contact velocity before and after (m/s) | `u_minus`, `u_plus` |
+//! | P | D | impulse on the robot (N s); `u⁺ = u⁻ + H P` | `impulse` |
+//! | A, B, C | 1 | `H_tt`, `H_tn`, `H_nn` of a planar contact (1/kg) | locals `a`, `b`, `c` |
+//! | v_t, v_n | 1 | slip and normal velocity of a planar contact (m/s) | locals `v_t`, `v_n` |
+//! | p | 1 | normal impulse as the clock of the impact (N s) | local `p` |
+//! | s | 1 | direction of slip, `sign v_t` | local `s` |
+//! | e | 1 | coefficient of restitution; each law says which | `restitution` |
+//! | μ | 1 | coefficient of friction | `friction`, local `mu` |
+//! | W_n, W_t | 1 | `∫ v_n dp_n` and `∫ v_t dp_t` (J) | `normal_work`, `friction_work` |
+//!
+//! # Which law
+//!
+//! | law | restitution is | energy | exists |
+//! |---|---|---|---|
+//! | [`Frictionless`] | all three in one | never gains | whenever `C > 0` |
+//! | [`Whittaker`] | a ratio of velocities | **can gain** | always for regular H |
+//! | [`Newton`] | a ratio of velocities | **can gain** | always for regular H |
+//! | [`Poisson`] | a ratio of impulses | never gains | always for regular H |
+//! | [`Energetic`] | a ratio of works (root) | never gains | always for regular H |
+//!
+//! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
+//! swept over a million problems, and differentiated, without building a chain first.
+
+mod error;
+mod flags;
+mod laws;
+mod outcome;
+mod plane;
+mod problem;
+mod routh;
+
+pub use error::ImpactError;
+pub use flags::Flags;
+pub use laws::{
+    Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name,
+};
+pub use outcome::{ImpactOutcome, Mode, Phase};
+pub use problem::ImpactProblem;

@@ -1,0 +1,279 @@
+//! The impact problem: a matrix, a velocity, and what follows from them before any law is chosen.
+//!
+//! | Symbol | Size | Meaning | Our name |
+//! |---|---|---|---|
+//! | H | D × D | inverse inertia at the contact (1/kg) | `delassus` |
+//! | u⁻ | D | contact velocity before the impact (m/s) | `u_minus` |
+//! | T | 1 | `½ uᵀ H⁺ u`, the energy contact impulses can touch (J) | `kinetic_energy` |
+//! | μ_stick | 1 | `\|B\|/A`, least friction that holds a stuck contact | `mu_stick` |
+//! | μ_jam | 1 | `C/\|B\|`, Painlevé's threshold | `mu_jam` |
+
+use nalgebra::{RealField, SMatrix, SVector, convert};
+
+use crate::ImpactError;
+
+/// Asymmetry forgiven, as a share of the largest entry.
+const SYMMETRY: f64 = 1e-8;
+
+/// A pivot below this multiple of ε beside its diagonal entry is rounding of zero: the digits of
+/// H carry a few tens of ε when it was assembled from a pose.
+const NULL_PIVOT: f64 = 1024.0;
+
+/// `rounding::<T>(k)` is k ε, in the precision of `T`.
+pub(crate) fn rounding<T: RealField + Copy>(multiple: f64) -> T {
+    convert::<f64, T>(multiple) * T::default_epsilon()
+}
+
+/// Real part as f64, for messages.
+pub(crate) fn plain<T: RealField + Copy>(x: T) -> f64 {
+    nalgebra::convert_unchecked(x)
+}
+
+/// One contact at the instant of impact: contact axes, tangents first, normal last; the normal
+/// points from the environment to the robot, so an approach has `u_n < 0`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImpactProblem<T, const D: usize> {
+    delassus: SMatrix<T, D, D>,
+    u_minus: SVector<T, D>,
+}
+
+impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
+    /// Checks and stores `delassus` (1/kg) and `u_minus` (m/s).
+    ///
+    /// # Errors
+    ///
+    /// An entry that is not finite; a matrix that differs from its transpose by more than 1e-8 of
+    /// its largest entry (below that it is symmetrised); a matrix that is not positive
+    /// semidefinite within 1024 ε of its largest entry.
+    pub fn new(
+        delassus: SMatrix<T, D, D>,
+        u_minus: SVector<T, D>,
+    ) -> Result<Self, ImpactError> {
+        const { assert!(D > 0, "a contact has at least its normal direction") };
+        check_finite(&delassus, &u_minus)?;
+
+        let largest = delassus.amax();
+        let allowed = largest * convert(SYMMETRY);
+        let mut h = delassus;
+        for i in 0..D {
+            for j in i + 1..D {
+                let (upper, lower) = (h[(i, j)], h[(j, i)]);
+                if (upper - lower).abs() > allowed {
+                    return Err(ImpactError::NotSymmetric {
+                        row: i,
+                        column: j,
+                        upper: plain(upper),
+                        lower: plain(lower),
+                        allowed: plain(allowed),
+                    });
+                }
+                // Halving the difference, not the sum, cannot overflow and leaves equals alone.
+                let mean = lower + (upper - lower) * convert(0.5);
+                h[(i, j)] = mean;
+                h[(j, i)] = mean;
+            }
+        }
+        check_positive(h, largest * rounding(NULL_PIVOT))?;
+        Ok(Self::trusted(h, u_minus))
+    }
+
+    /// A problem cut out of one that has been checked.
+    pub(crate) fn trusted(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Self {
+        Self { delassus, u_minus }
+    }
+
+    /// Inverse inertia at the contact, symmetric (1/kg).
+    pub fn delassus(&self) -> &SMatrix<T, D, D> {
+        &self.delassus
+    }
+
+    /// Contact velocity before the impact (m/s).
+    pub fn u_minus(&self) -> &SVector<T, D> {
+        &self.u_minus
+    }
+
+    /// `-u_n`: how fast the contact closes (m/s); zero or negative when there is no impact.
+    pub fn approach_speed(&self) -> T {
+        -self.u_minus[D - 1]
+    }
+
+    /// `½ uᵀ H⁺ u` (J): the part of the kinetic energy at contact velocity `u` (m/s) that contact
+    /// impulses can touch.
+    ///
+    /// Eliminates from the normal upwards and skips null pivots. So a singular H has an energy
+    /// too: a component of `u` that H cannot change keeps its own and does not count. The books
+    /// `½ P·(u⁻ + u⁺) = T⁺ - T⁻` balance when H is regular or `u` lies in its range, which every
+    /// `u = J q̇` does.
+    ///
+    /// ```
+    /// # use carom_impact::ImpactProblem;
+    /// # use nalgebra::{matrix, vector};
+    /// let u = vector![1.0, -2.0];
+    /// let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], u)?;
+    /// let inverse = problem.delassus().try_inverse().unwrap();
+    /// assert!((problem.kinetic_energy(&u) - 0.5 * u.dot(&(inverse * u))).abs() < 1e-15);
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    pub fn kinetic_energy(&self, u: &SVector<T, D>) -> T {
+        let nothing = self.trace_rounding();
+        let (mut h, mut w) = (self.delassus, *u);
+        let mut twice = T::zero();
+        for k in (0..D).rev() {
+            let pivot = h[(k, k)];
+            if pivot <= nothing || pivot <= self.delassus[(k, k)] * rounding(NULL_PIVOT) {
+                continue;
+            }
+            twice += w[k] * w[k] / pivot;
+            // w := L⁻¹ u, so that uᵀ (L D Lᵀ)⁻¹ u = Σ w_k²/d_k.
+            for i in 0..k {
+                let l = h[(i, k)] / pivot;
+                w[i] -= l * w[k];
+                for j in 0..=i {
+                    let fill = l * h[(j, k)];
+                    h[(i, j)] -= fill;
+                    h[(j, i)] = h[(i, j)];
+                }
+            }
+        }
+        twice * convert(0.5)
+    }
+
+    /// `(64 ε)² tr H`: below it a diagonal entry `j M⁻¹ jᵀ` is the square of a row j of rounding
+    /// errors. The trace stands in for the largest eigenvalue, which it bounds.
+    pub(crate) fn trace_rounding(&self) -> T {
+        let tiny: T = rounding(64.0);
+        self.delassus.trace() * tiny * tiny
+    }
+
+    /// `H_nn` is so small beside the rest that H may owe it to rounding.
+    pub(crate) fn normal_is_doubtful(&self) -> bool {
+        self.delassus[(D - 1, D - 1)] <= self.delassus.trace() * rounding(NULL_PIVOT)
+    }
+
+    /// The problem has an impulse of finite size along the normal.
+    pub(crate) fn check_normal(&self) -> Result<(), ImpactError> {
+        let inverse_mass = self.delassus[(D - 1, D - 1)];
+        if inverse_mass > self.trace_rounding() {
+            return Ok(());
+        }
+        Err(ImpactError::SingularNormal {
+            inverse_mass: plain(inverse_mass),
+            trace: plain(self.delassus.trace()),
+        })
+    }
+}
+
+impl<T: RealField + Copy> ImpactProblem<T, 2> {
+    /// `|B|/A`: the least friction that keeps a contact stuck once its slip has stopped; 0 where
+    /// the tangent is frozen (A = 0).
+    ///
+    /// ```
+    /// # use carom_impact::ImpactProblem;
+    /// # use nalgebra::{matrix, vector};
+    /// let problem = ImpactProblem::new(matrix![2.0, -0.5; -0.5, 1.0], vector![0.0, -1.0])?;
+    /// assert_eq!(problem.mu_stick(), 0.25);
+    /// assert_eq!(problem.mu_jam(), Some(2.0));
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    pub fn mu_stick(&self) -> T {
+        let (a, b, _) = self.abc();
+        if self.tangent_is_frozen() { T::zero() } else { b.abs() / a }
+    }
+
+    /// `C/|B|`, Painlevé's threshold: from this friction on, slip towards `sign B` drives the
+    /// contact deeper. `None` where `B = 0` and no friction jams. Never below [`Self::mu_stick`],
+    /// because `A C >= B²`.
+    pub fn mu_jam(&self) -> Option<T> {
+        let (_, b, c) = self.abc();
+        (b != T::zero()).then(|| c / b.abs())
+    }
+
+    /// `(A, B, C) = (H_tt, H_tn, H_nn)`.
+    pub(crate) fn abc(&self) -> (T, T, T) {
+        (self.delassus[(0, 0)], self.delassus[(0, 1)], self.delassus[(1, 1)])
+    }
+
+    /// `(v_t, v_n)` before the impact.
+    pub(crate) fn velocity(&self) -> (T, T) {
+        (self.u_minus[0], self.u_minus[1])
+    }
+
+    /// The contact cannot move along its tangent at all (a slide along the normal, say).
+    pub(crate) fn tangent_is_frozen(&self) -> bool {
+        self.delassus[(0, 0)] <= self.trace_rounding()
+    }
+
+    /// `det H = A C - B²` with one rounding of the products (Kahan): a fused multiply-add
+    /// recovers what rounding `B²` lost.
+    pub(crate) fn determinant(&self) -> T {
+        let (a, b, c) = self.abc();
+        let square = b * b;
+        let lost = (-b).mul_add(b, square);
+        a.mul_add(c, -square) + lost
+    }
+
+    /// `det H/A`: what the held contact has left of `H_nn` (1/kg).
+    pub(crate) fn held_inverse_mass(&self) -> T {
+        let (a, _, c) = self.abc();
+        if self.tangent_is_frozen() { c } else { self.determinant() / a }
+    }
+
+    /// An inverse mass along the normal that is rounding of zero beside `H_nn`.
+    pub(crate) fn is_locked(&self, inverse_mass: T) -> bool {
+        inverse_mass <= self.delassus[(1, 1)] * rounding(NULL_PIVOT)
+    }
+}
+
+fn check_finite<T: RealField + Copy, const D: usize>(
+    delassus: &SMatrix<T, D, D>,
+    u_minus: &SVector<T, D>,
+) -> Result<(), ImpactError> {
+    for i in 0..D {
+        for j in 0..D {
+            let value = delassus[(i, j)];
+            if !value.is_finite() {
+                let entry = format!("delassus[{i}][{j}]");
+                return Err(ImpactError::NotFinite { entry, value: plain(value) });
+            }
+        }
+        let value = u_minus[i];
+        if !value.is_finite() {
+            let entry = format!("u_minus[{i}]");
+            return Err(ImpactError::NotFinite { entry, value: plain(value) });
+        }
+    }
+    Ok(())
+}
+
+/// `H + allowed 1` has positive pivots exactly when no eigenvalue of H lies below `-allowed`
+/// (Sylvester's law of inertia).
+fn check_positive<T: RealField + Copy, const D: usize>(
+    mut h: SMatrix<T, D, D>,
+    allowed: T,
+) -> Result<(), ImpactError> {
+    for i in 0..D {
+        h[(i, i)] += allowed;
+    }
+    for k in (0..D).rev() {
+        let pivot = h[(k, k)];
+        if pivot < T::zero() {
+            return Err(ImpactError::NotPositive {
+                row: k,
+                pivot: plain(pivot - allowed),
+                allowed: plain(allowed),
+            });
+        }
+        if pivot == T::zero() {
+            continue; // only where H = 0 and nothing is allowed
+        }
+        for i in 0..k {
+            let l = h[(i, k)] / pivot;
+            for j in 0..=i {
+                let fill = l * h[(j, k)];
+                h[(i, j)] -= fill;
+                h[(j, i)] = h[(i, j)];
+            }
+        }
+    }
+    Ok(())
+}
