@@ -3,7 +3,7 @@
 //! [`weld`] is the one place where bodies are merged; loading a URDF and [locking](crate::Chain::lock) joints both end
 //! in it.
 
-use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint};
+use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, z_onto};
 use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
 use crate::error::ChainError;
 use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
@@ -234,17 +234,6 @@ fn push_axes(
 
 fn pose_of(isometry: &Isometry3<f64>) -> Pose<Space> {
     Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
-}
-
-/// A rotation that takes z to the unit vector `a`; x to x and y to y for a = z, and exact for all coordinate axes.
-/// (Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6 (2017), listing 3.)
-pub(crate) fn z_onto(a: Vector3<f64>) -> Matrix3<f64> {
-    let sign = 1.0_f64.copysign(a.z);
-    let k = -1.0 / (sign + a.z);
-    let b = a.x * a.y * k;
-    let x = Vector3::new(1.0 + sign * a.x * a.x * k, sign * b, -sign * a.x);
-    let y = Vector3::new(b, sign + a.y * a.y * k, -a.y);
-    Matrix3::from_columns(&[x, y, a])
 }
 
 fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {

@@ -192,6 +192,11 @@ impl<A: Algebra> Chain<A> {
         })
     }
 
+    /// Name of a frame.
+    pub fn frame_name(&self, frame: FrameId) -> &str {
+        &self.frames[frame.0].name
+    }
+
     /// A joint of the file.
     ///
     /// # Errors

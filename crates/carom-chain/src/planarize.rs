@@ -4,8 +4,7 @@
 //! parallel planes, and the motion is that of their shadows on one plane: exactly, with 3-vectors instead of
 //! 6-vectors. What gravity does square to the plane, the hinges bear.
 
-use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint};
-use crate::assemble::z_onto;
+use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint, z_onto};
 use crate::chain::{Body, Chain, Coordinates, Frame, FrameId, Point};
 use crate::error::ChainError;
 use nalgebra::{Matrix3, Vector2, Vector3};

@@ -1,2 +1,72 @@
-//! carom
-fn main() {}
+//! `carom`: from a URDF to kinematics, dynamics and impacts, on the command line.
+//!
+//! Each command is a module: it reads its input through [`input`], asks the library, and writes for people or, with
+//! `--json`, one line of JSON for each line it read. Exit status: 0 done; 1 the input or the physics was refused, said
+//! in one `error: …` line on standard error; 2 usage.
+
+mod dynamics;
+mod error;
+mod impact;
+mod input;
+mod inspect;
+mod law;
+mod output;
+
+use clap::{Args, Parser, Subcommand};
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+/// Impacts of kinematic chains: qd⁺ = qd⁻ + M⁻¹ Jᵀ p
+#[derive(Parser)]
+#[command(name = "carom", version, about, after_help = "Numbers are SI: m, rad, kg, s, N s. Normals point from the environment to the robot.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// What a URDF says: joints, degrees of freedom, mass, whether it moves in a plane, warnings
+    Inspect(inspect::Inspect),
+    /// Mass matrix, Jacobian, bias, energies and Delassus matrix at given states
+    Dynamics(dynamics::Dynamics),
+    /// What an impact at a point does to every joint, under one law or all
+    Impact(impact::Impact),
+    /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
+    Law(law::LawCommand),
+}
+
+/// Options of every command that reads a robot.
+#[derive(Args)]
+struct RobotArgs {
+    /// The robot's URDF file
+    #[arg(value_name = "ROBOT.urdf")]
+    urdf: std::path::PathBuf,
+    /// Put a floating joint between world and root: q = x y z qx qy qz qw, qd = linear then angular velocity of the root
+    /// link in its own axes, both first in the arrays
+    #[arg(long)]
+    floating: bool,
+    /// Load the robot although meshes of its collision geometry are missing
+    #[arg(long)]
+    no_meshes: bool,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let stdout = &mut io::stdout().lock();
+    let done = match cli.command {
+        Command::Inspect(command) => command.run(stdout),
+        Command::Dynamics(command) => command.run(stdout),
+        Command::Impact(command) => command.run(stdout),
+        Command::Law(command) => command.run(stdout),
+    };
+    match done.and_then(|()| Ok(stdout.flush()?)) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads us has had enough: `carom … | head`.
+        Err(error::CliError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(1)
+        }
+    }
+}

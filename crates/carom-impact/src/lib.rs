@@ -8,7 +8,7 @@
 //! // The tip of a double pendulum strikes the floor (Kane & Levinson 1985).
 //! let problem = ImpactProblem::new(
 //!     matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504],
-//!     vector![-0.267174342835, -0.134202014333],
+//!     vector![-0.267174342835_f64, -0.134202014333],
 //! )?;
 //! let hit = Energetic { restitution: 0.5, friction: 0.5 }.resolve(&problem)?;
 //!
@@ -61,8 +61,6 @@ mod routh;
 
 pub use error::ImpactError;
 pub use flags::Flags;
-pub use laws::{
-    Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name,
-};
+pub use laws::{Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name};
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;

@@ -45,10 +45,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// An entry that is not finite; a matrix that differs from its transpose by more than 1e-8 of
     /// its largest entry (below that it is symmetrised); a matrix that is not positive
     /// semidefinite within 1024 ε of its largest entry.
-    pub fn new(
-        delassus: SMatrix<T, D, D>,
-        u_minus: SVector<T, D>,
-    ) -> Result<Self, ImpactError> {
+    pub fn new(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         const { assert!(D > 0, "a contact has at least its normal direction") };
         check_finite(&delassus, &u_minus)?;
 
@@ -108,7 +105,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// ```
     /// # use carom_impact::ImpactProblem;
     /// # use nalgebra::{matrix, vector};
-    /// let u = vector![1.0, -2.0];
+    /// let u = vector![1.0_f64, -2.0];
     /// let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], u)?;
     /// let inverse = problem.delassus().try_inverse().unwrap();
     /// assert!((problem.kinetic_energy(&u) - 0.5 * u.dot(&(inverse * u))).abs() < 1e-15);
@@ -123,17 +120,13 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
             if pivot <= nothing || pivot <= self.delassus[(k, k)] * rounding(NULL_PIVOT) {
                 continue;
             }
-            twice += w[k] * w[k] / pivot;
+            let w_k = w[k];
+            twice += w_k * w_k / pivot;
             // w := L⁻¹ u, so that uᵀ (L D Lᵀ)⁻¹ u = Σ w_k²/d_k.
             for i in 0..k {
-                let l = h[(i, k)] / pivot;
-                w[i] -= l * w[k];
-                for j in 0..=i {
-                    let fill = l * h[(j, k)];
-                    h[(i, j)] -= fill;
-                    h[(j, i)] = h[(i, j)];
-                }
+                w[i] -= h[(i, k)] / pivot * w_k;
             }
+            eliminate(&mut h, k);
         }
         twice * convert(0.5)
     }
@@ -156,10 +149,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
         if inverse_mass > self.trace_rounding() {
             return Ok(());
         }
-        Err(ImpactError::SingularNormal {
-            inverse_mass: plain(inverse_mass),
-            trace: plain(self.delassus.trace()),
-        })
+        Err(ImpactError::SingularNormal { inverse_mass: plain(inverse_mass), trace: plain(self.delassus.trace()) })
     }
 }
 
@@ -247,33 +237,40 @@ fn check_finite<T: RealField + Copy, const D: usize>(
 
 /// `H + allowed 1` has positive pivots exactly when no eigenvalue of H lies below `-allowed`
 /// (Sylvester's law of inertia).
-fn check_positive<T: RealField + Copy, const D: usize>(
-    mut h: SMatrix<T, D, D>,
-    allowed: T,
-) -> Result<(), ImpactError> {
+fn check_positive<T: RealField + Copy, const D: usize>(h: SMatrix<T, D, D>, allowed: T) -> Result<(), ImpactError> {
+    let Some(found) = negative_pivot(h, allowed) else {
+        return Ok(());
+    };
+    let (row, pivot) = negative_pivot(h, T::zero()).unwrap_or(found);
+    Err(ImpactError::NotPositive { row, pivot: plain(pivot), allowed: plain(allowed) })
+}
+
+/// First negative pivot of `H + shift 1`, from the normal upwards.
+fn negative_pivot<T: RealField + Copy, const D: usize>(mut h: SMatrix<T, D, D>, shift: T) -> Option<(usize, T)> {
     for i in 0..D {
-        h[(i, i)] += allowed;
+        h[(i, i)] += shift;
     }
     for k in (0..D).rev() {
         let pivot = h[(k, k)];
         if pivot < T::zero() {
-            return Err(ImpactError::NotPositive {
-                row: k,
-                pivot: plain(pivot - allowed),
-                allowed: plain(allowed),
-            });
+            return Some((k, pivot));
         }
         if pivot == T::zero() {
-            continue; // only where H = 0 and nothing is allowed
+            continue; // nothing to eliminate where H = 0; otherwise the shift has lifted it
         }
-        for i in 0..k {
-            let l = h[(i, k)] / pivot;
-            for j in 0..=i {
-                let fill = l * h[(j, k)];
-                h[(i, j)] -= fill;
-                h[(j, i)] = h[(i, j)];
-            }
+        eliminate(&mut h, k);
+    }
+    None
+}
+
+/// Schur complement of pivot k in the rows above it; column k is left holding what it was.
+fn eliminate<T: RealField + Copy, const D: usize>(h: &mut SMatrix<T, D, D>, k: usize) {
+    for i in 0..k {
+        let l = h[(i, k)] / h[(k, k)];
+        for j in 0..=i {
+            let fill = l * h[(j, k)];
+            h[(i, j)] -= fill;
+            h[(j, i)] = h[(i, j)];
         }
     }
-    Ok(())
 }

@@ -1,1 +1,28 @@
-//! carom-record
+//! Recordings for the Rerun viewer: rerun stops here, none of its types is in a public signature.
+//!
+//! A recording shows what the numbers mean: links, tip path, wall, impulse and velocity arrows, on the exact time of the
+//! impact (both sides of the jump at time 0), with a blueprint that opens on the whole. Recordings are made anew, never
+//! kept: the format promises no compatibility.
+
+mod planar2;
+
+pub use planar2::{Side, record_planar2};
+
+use std::path::PathBuf;
+
+/// Why a recording could not be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The chain refuses.
+    #[error(transparent)]
+    Chain(#[from] carom_chain::ChainError),
+    /// The file can't be written.
+    #[error("{}: the recording can't be written: {reason}", path.display())]
+    Unwritable {
+        /// The file.
+        path: PathBuf,
+        /// What the system or the recorder said.
+        reason: String,
+    },
+}

@@ -1,1 +1,11 @@
-//! carom-study
+//! Studies of impacts: the two-link experiment of Pagilla & Yu, a third link's self-motion, impact maps.
+//!
+//! P. R. Pagilla, B. Yu, *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Transactions on
+//! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888: "the paper" throughout.
+
+mod impact_map;
+pub mod paper;
+mod self_motion;
+
+pub use impact_map::{MapPoint, tangential_map};
+pub use self_motion::{SelfMotionPoint, self_motion};

@@ -1,1 +1,21 @@
-//! carom
+#![doc = include_str!("../../../README.md")]
+
+pub use carom_chain as chain;
+pub use carom_impact as impact;
+#[cfg(feature = "rerun")]
+pub use carom_record as record;
+pub use carom_sim as sim;
+pub use carom_study as study;
+
+pub use carom_chain::{Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain};
+pub use carom_impact::{
+    Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton, Poisson, Whittaker,
+};
+pub use carom_sim::{ChainImpact, Impacts, SimError};
+
+/// Everything a script needs: `use carom::prelude::*;`
+pub mod prelude {
+    pub use crate::{
+        Chain, Energetic, Frictionless, ImpactProblem, Impacts, Law, Newton, Poisson, Whittaker, uniform_chain,
+    };
+}

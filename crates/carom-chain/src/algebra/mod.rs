@@ -24,7 +24,7 @@ mod planar;
 mod spatial;
 
 pub use planar::{Planar, PlanarArticulated, PlanarJoint, Turn};
-pub use spatial::{Spatial, SpatialArticulated, SpatialJoint};
+pub use spatial::{Spatial, SpatialArticulated, SpatialJoint, z_onto};
 
 use nalgebra::SimdRealField;
 use num_traits::Zero;

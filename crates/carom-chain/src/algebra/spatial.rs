@@ -56,6 +56,17 @@ fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     )
 }
 
+/// A rotation that takes z to the unit vector `a`; x to x and y to y for a = z, and exact for all coordinate axes.
+/// (Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6 (2017), listing 3.)
+pub fn z_onto(a: Vector3<f64>) -> Matrix3<f64> {
+    let sign = 1.0_f64.copysign(a.z);
+    let k = -1.0 / (sign + a.z);
+    let b = a.x * a.y * k;
+    let x = Vector3::new(1.0 + sign * a.x * a.x * k, sign * b, -sign * a.x);
+    let y = Vector3::new(b, sign + a.y * a.y * k, -a.y);
+    Matrix3::from_columns(&[x, y, a])
+}
+
 impl<T: Real> Algebra for Spatial<T> {
     type Scalar = T;
     type Vector = Vector3<T>;

@@ -1,0 +1,230 @@
+//! Joints: poses, axes, limits, and joints that follow others.
+
+use super::names::{listed, suggestion};
+use super::robot::{Joint, JointType, Limits, Mimic};
+use super::source::{Source, own_child, own_children};
+use super::tree::Tree;
+use super::warnings::Warnings;
+use crate::error::ChainError;
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
+use roxmltree::Node;
+use std::collections::HashMap;
+
+/// The pose of an `<origin>`: roll, pitch and yaw turn about the fixed x, y and z axes in that order.
+pub(super) fn pose(origin: &urdf_rs::Pose) -> Isometry3<f64> {
+    let ([x, y, z], [roll, pitch, yaw]) = (origin.xyz.0, origin.rpy.0);
+    Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+}
+
+/// The type of each joint.
+///
+/// # Errors
+/// A type that urdf-rs knows and this crate doesn't.
+pub(super) fn kinds(source: &Source, urdf: &urdf_rs::Robot) -> Result<Vec<JointType>, ChainError> {
+    let kind = |(joint, node): (&urdf_rs::Joint, Node)| match joint.joint_type {
+        urdf_rs::JointType::Revolute => Ok(JointType::Revolute),
+        urdf_rs::JointType::Continuous => Ok(JointType::Continuous),
+        urdf_rs::JointType::Prismatic => Ok(JointType::Prismatic),
+        urdf_rs::JointType::Fixed => Ok(JointType::Fixed),
+        urdf_rs::JointType::Floating => Ok(JointType::Floating),
+        urdf_rs::JointType::Planar => Ok(JointType::Planar),
+        urdf_rs::JointType::Spherical => Err(source.unsupported_type(node, "spherical")),
+    };
+    urdf.joints.iter().zip(source.joints()).map(kind).collect()
+}
+
+/// The joints, checked.
+///
+/// # Errors
+/// An axis without a direction, crossed limits, a mimic that can't be followed.
+pub(super) fn joints(
+    source: &Source,
+    urdf: &urdf_rs::Robot,
+    tree: &Tree,
+    kinds: &[JointType],
+    warnings: &mut Warnings,
+) -> Result<Vec<Joint>, ChainError> {
+    let mut joints = Vec::new();
+    let mimics = mimics(source, urdf, kinds)?;
+    for (j, (joint, node)) in urdf.joints.iter().zip(source.joints()).enumerate() {
+        let (kind, (parent, child)) = (kinds[j], tree.ends[j]);
+        let origin = pose(&joint.origin);
+        let name = joint.name.clone();
+        let mut checked = Joint {
+            name,
+            kind,
+            parent,
+            child,
+            origin,
+            axis: Vector3::x_axis(),
+            limits: Limits::default(),
+            damping: 0.0,
+            friction: 0.0,
+            mimic: mimics[j],
+        };
+        if matches!(kind, JointType::Fixed | JointType::Floating) {
+            for tag in ["axis", "limit", "dynamics"] {
+                if let Some(element) = own_children(node, tag).next() {
+                    warnings.unused(source, element, format!("<{tag}> of a {} joint", kind.name()));
+                }
+            }
+        } else {
+            checked.axis = axis(source, node, joint, kind, warnings)?;
+            checked.limits = limits(source, node, kind, warnings)?;
+            if let Some(dynamics) = &joint.dynamics {
+                (checked.damping, checked.friction) = (dynamics.damping, dynamics.friction);
+            }
+        }
+        joints.push(checked);
+    }
+    Ok(joints)
+}
+
+/// The axis at unit length; x where the file is silent.
+fn axis(
+    source: &Source,
+    node: Node,
+    joint: &urdf_rs::Joint,
+    kind: JointType,
+    warnings: &mut Warnings,
+) -> Result<Unit<Vector3<f64>>, ChainError> {
+    let (axis, length) = Unit::new_and_get(Vector3::from(joint.axis.xyz.0));
+    let element = own_child(node, "axis");
+    if !(1e-9..1e9).contains(&length) {
+        let rule = format!("has length {length} and so no direction: a {} joint needs a unit vector", kind.name());
+        return Err(source.error(element, Some("xyz"), rule));
+    }
+    if (length - 1.0).abs() > 1e-6 {
+        warnings.odd(source, element, &format!("has length {length}, scaled to 1"));
+    }
+    Ok(axis)
+}
+
+/// Limits, straight from the document: urdf-rs reads what is absent as zero.
+fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings) -> Result<Limits, ChainError> {
+    let element = own_child(node, "limit");
+    let number = |name| element.attribute(name).and_then(|text| text.trim().parse::<f64>().ok());
+    let (mut lower, mut upper) = (number("lower"), number("upper"));
+    let (velocity, effort) = (number("velocity"), number("effort"));
+    if !matches!(kind, JointType::Revolute | JointType::Prismatic) {
+        if lower.or(upper).is_some() {
+            warnings.unused(source, element, format!("position <limit> of a {} joint", kind.name()));
+        }
+        return Ok(Limits { lower: None, upper: None, velocity, effort });
+    }
+    if element == node {
+        let text = format!("a {} joint should have a <limit>, read as without limits", kind.name());
+        warnings.odd(source, node, &text);
+        return Ok(Limits::default());
+    }
+    match (lower, upper) {
+        (None, None) => {
+            warnings.odd(source, element, "lower and upper are missing, read as without position limits");
+        }
+        _ if open_limits(source) => {}
+        (None, Some(_)) => {
+            lower = Some(0.0);
+            warnings.odd(source, element, "lower is missing, read as 0 by the rule of URDF");
+        }
+        (Some(_), None) => {
+            upper = Some(0.0);
+            warnings.odd(source, element, "upper is missing, read as 0 by the rule of URDF");
+        }
+        _ => {}
+    }
+    if let (Some(lower), Some(upper)) = (lower, upper)
+        && lower > upper
+    {
+        let rule = format!("lower {lower} is greater than upper {upper}: exchange or correct them");
+        return Err(source.error(element, None, rule));
+    }
+    Ok(Limits { lower, upper, velocity, effort })
+}
+
+/// Since version 1.2 a limit that is missing is no limit.
+fn open_limits(source: &Source) -> bool {
+    let version = source.root.attribute("version").and_then(|text| text.trim().split_once('.'));
+    let number = |text: &str| text.parse::<u32>().ok();
+    version.and_then(|(major, minor)| Some((number(major)?, number(minor)?) >= (1, 2))).unwrap_or(false)
+}
+
+/// Mimics, each straight to the joint that leads the whole chain of them.
+fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result<Vec<Option<Mimic>>, ChainError> {
+    let index: HashMap<&str, usize> =
+        urdf.joints.iter().enumerate().map(|(j, joint)| (joint.name.as_str(), j)).collect();
+    let nodes: Vec<Node> = source.joints().into_iter().map(|node| own_child(node, "mimic")).collect();
+    let one_axis = |j: usize| matches!(kinds[j], JointType::Revolute | JointType::Continuous | JointType::Prismatic);
+    let mut mimics = Vec::new();
+    for (j, joint) in urdf.joints.iter().enumerate() {
+        let Some(mimic) = &joint.mimic else {
+            mimics.push(None);
+            continue;
+        };
+        let wrong = |rule| Err(source.error(nodes[j], Some("joint"), rule));
+        let Some(leader) = index.get(mimic.joint.as_str()).copied() else {
+            let hint = suggestion(&mimic.joint, index.keys().copied());
+            return wrong(format!("no joint is named '{}': {hint}", mimic.joint));
+        };
+        if leader == j {
+            return wrong("a joint can't follow itself: name another joint, or remove <mimic>".into());
+        }
+        for (joint, role) in [(j, "follow"), (leader, "lead")] {
+            if !one_axis(joint) {
+                let (name, kind) = (&urdf.joints[joint].name, kinds[joint].name());
+                return wrong(format!(
+                    "joint '{name}' is {kind} and can't {role}: only revolute, continuous and prismatic joints can"
+                ));
+            }
+        }
+        let (multiplier, offset) = (mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0));
+        if multiplier == 0.0 {
+            return Err(source.error(nodes[j], Some("multiplier"), "0, so the joint never moves: make it fixed"));
+        }
+        mimics.push(Some(Mimic { joint: leader, multiplier, offset }));
+    }
+    follow_chains(source, urdf, &nodes, &mut mimics)?;
+    Ok(mimics)
+}
+
+/// Replaces leaders that follow by whom they follow: a = m·b + n and b = p·c + q make a = m·p·c + m·q + n.
+fn follow_chains(
+    source: &Source,
+    urdf: &urdf_rs::Robot,
+    nodes: &[Node],
+    mimics: &mut [Option<Mimic>],
+) -> Result<(), ChainError> {
+    let mut done = vec![false; mimics.len()];
+    let mut on_path = vec![false; mimics.len()];
+    for j in 0..mimics.len() {
+        let mut path = Vec::new();
+        let mut next = j;
+        while let Some(mimic) = mimics[next].filter(|_| !done[next]) {
+            if std::mem::replace(&mut on_path[next], true) {
+                let ring = path.iter().skip_while(|joint| **joint != next);
+                let names: Vec<&str> = ring.map(|joint: &usize| urdf.joints[*joint].name.as_str()).collect();
+                let rule = format!("joints {} follow each other in a ring: one of them must lead", listed(&names));
+                return Err(source.error(nodes[next], Some("joint"), rule));
+            }
+            path.push(next);
+            next = mimic.joint;
+        }
+        for joint in path.into_iter().rev() {
+            done[joint] = true;
+            let Some(mimic) = &mut mimics[joint].take() else { continue };
+            if let Some(leader) = mimics[mimic.joint] {
+                mimic.offset += mimic.multiplier * leader.offset;
+                mimic.multiplier *= leader.multiplier;
+                mimic.joint = leader.joint;
+            }
+            if !mimic.multiplier.is_normal() || !mimic.offset.is_finite() {
+                let rule = format!(
+                    "with the joints it follows, multiplier {} and offset {} result: choose ratios of sensible size",
+                    mimic.multiplier, mimic.offset
+                );
+                return Err(source.error(nodes[joint], None, rule));
+            }
+            mimics[joint] = Some(*mimic);
+        }
+    }
+    Ok(())
+}

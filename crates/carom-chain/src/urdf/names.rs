@@ -1,0 +1,57 @@
+//! Names in messages.
+
+/// `'a', 'b' and 'c'`, cut after the first few.
+pub(super) fn listed(names: &[&str]) -> String {
+    const SHOWN: usize = 5;
+    let quoted: Vec<String> = names.iter().take(SHOWN).map(|name| format!("'{name}'")).collect();
+    match quoted.split_last() {
+        Some((last, rest)) if !rest.is_empty() && names.len() <= SHOWN => format!("{} and {last}", rest.join(", ")),
+        _ if names.len() > SHOWN => format!("{} and {} more", quoted.join(", "), names.len() - SHOWN),
+        _ => quoted.join(""),
+    }
+}
+
+/// What to say about a name that is not among `names`: the nearest of them, if one is near.
+pub(super) fn suggestion<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> String {
+    let near = names.map(|name| (edit_distance(wanted, name), name)).min();
+    match near {
+        Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => format!("did you mean '{name}'?"),
+        _ => "check the spelling".into(),
+    }
+}
+
+/// How many letters to insert, delete or replace (Levenshtein's distance).
+fn edit_distance(a: &str, b: &str) -> usize {
+    // distances of the letters of `a` so far to every beginning of `b`
+    let b: Vec<char> = b.chars().collect();
+    let mut distances: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut row = vec![i + 1];
+        let mut last = i + 1;
+        for (y, pair) in b.iter().zip(distances.windows(2)) {
+            last = (pair[0] + usize::from(x != *y)).min(pair[1] + 1).min(last + 1);
+            row.push(last);
+        }
+        distances = row;
+    }
+    distances.last().copied().unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{edit_distance, listed};
+
+    #[test]
+    fn distances_are_those_of_levenshtein() {
+        for (a, b, distance) in [("", "", 0), ("ab", "", 2), ("", "ab", 2), ("kitten", "sitting", 3), ("ab", "ba", 2)] {
+            assert_eq!(edit_distance(a, b), distance, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn lists_are_short() {
+        assert_eq!(listed(&["a"]), "'a'");
+        assert_eq!(listed(&["a", "b", "c"]), "'a', 'b' and 'c'");
+        assert_eq!(listed(&["a"; 7]), "'a', 'a', 'a', 'a', 'a' and 2 more");
+    }
+}

@@ -1,0 +1,81 @@
+//! Where things stand in the file, and how messages name them.
+
+use crate::error::ChainError;
+use roxmltree::{Document, Node};
+
+/// A parsed document with what its messages need.
+pub(super) struct Source<'a> {
+    /// The path, or `<string>`.
+    pub file: &'a str,
+    /// The outermost element.
+    pub root: Node<'a, 'a>,
+    /// Where each line starts, in bytes.
+    line_starts: Vec<usize>,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(file: &'a str, document: &'a Document<'a>) -> Self {
+        let ends = document.input_text().match_indices('\n');
+        let line_starts = std::iter::once(0).chain(ends.map(|(end, _)| end + 1)).collect();
+        Self { file, root: document.root_element(), line_starts }
+    }
+
+    /// The `<link>` elements, in the order of the file.
+    pub fn links(&self) -> Vec<Node<'a, 'a>> {
+        own_children(self.root, "link").collect()
+    }
+
+    /// The `<joint>` elements, in the order of the file.
+    pub fn joints(&self) -> Vec<Node<'a, 'a>> {
+        own_children(self.root, "joint").collect()
+    }
+
+    /// The line of a node, counted from 1.
+    pub fn line(&self, node: Node) -> u32 {
+        let line = self.line_starts.partition_point(|start| *start <= node.range().start);
+        u32::try_from(line).unwrap_or(u32::MAX)
+    }
+
+    /// The error that `node`, or an attribute of it, breaks `rule`.
+    pub fn error(&self, node: Node, attribute: Option<&str>, rule: impl Into<String>) -> ChainError {
+        ChainError::Urdf {
+            file: self.file.into(),
+            line: self.line(node),
+            element: self.describe(node, attribute),
+            rule: rule.into(),
+        }
+    }
+
+    /// `link 'upper_arm'`, `joint 'elbow' <origin xyz>`: the link or joint a node belongs to, then the node.
+    pub fn describe(&self, node: Node, attribute: Option<&str>) -> String {
+        let above = node.ancestors().find(|above| ["link", "joint", "robot"].contains(&above.tag_name().name()));
+        let attribute = attribute.map_or(String::new(), |name| format!(" {name}"));
+        let part = format!("<{}{attribute}>", node.tag_name().name());
+        let owner = above.unwrap_or(self.root);
+        match owner.attribute("name") {
+            None | Some("") => part,
+            Some(name) if owner == node => format!("{} '{name}'", owner.tag_name().name()),
+            Some(name) => format!("{} '{name}' {part}", owner.tag_name().name()),
+        }
+    }
+
+    /// The error of a joint type that can't be used.
+    pub fn unsupported_type(&self, joint: Node, name: &str) -> ChainError {
+        let rule =
+            format!("type \"{name}\" is not supported: use revolute, continuous, prismatic, fixed, floating or planar");
+        self.error(joint, None, rule)
+    }
+}
+
+/// The elements in `node` with this tag and in the same namespace.
+pub(super) fn own_children<'a>(node: Node<'a, 'a>, tag: &str) -> impl Iterator<Item = Node<'a, 'a>> {
+    let namespace = node.tag_name().namespace();
+    node.children().filter(move |child| {
+        child.is_element() && child.tag_name().name() == tag && child.tag_name().namespace() == namespace
+    })
+}
+
+/// The first of them, or `node` itself where there is none: a place for a message.
+pub(super) fn own_child<'a>(node: Node<'a, 'a>, tag: &str) -> Node<'a, 'a> {
+    own_children(node, tag).next().unwrap_or(node)
+}

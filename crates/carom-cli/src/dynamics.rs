@@ -1,0 +1,124 @@
+//! `carom dynamics`: mass matrix, Jacobian, bias, energies, Delassus matrix.
+
+use crate::RobotArgs;
+use crate::error::{CliError, LineError};
+use crate::input::{JointOrder, LimitWarnings, Refused, State, StateArgs, for_each_line, parse_vector};
+use crate::output::{finite, json_line, row, short};
+use carom_chain::{Chain, Point, Spatial, Workspace};
+use clap::Args;
+use nalgebra::Vector3;
+use serde::Serialize;
+use std::io::{self, Write};
+
+#[derive(Args)]
+pub struct Dynamics {
+    #[command(flatten)]
+    robot: RobotArgs,
+    #[command(flatten)]
+    state: StateArgs,
+    /// Acceleration of free fall, world axes, m/s²
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
+    gravity: [f64; 3],
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    joints: &'a [String],
+    mass_matrix: Vec<Vec<f64>>,
+    jacobian: Vec<Vec<f64>>,
+    bias: Vec<f64>,
+    gravity_force: Vec<f64>,
+    kinetic_energy: f64,
+    potential_energy: f64,
+    delassus: Vec<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    qdd: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tau: Option<Vec<f64>>,
+}
+
+impl Dynamics {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let chain = self.robot.load()?;
+        let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
+        let point = chain.point(self.robot.frame(&chain, &self.state.tip)?, self.state.point.into());
+        let mut ws = chain.workspace();
+        let mut limits = LimitWarnings::default();
+        for_each_line(&self.state.states, out, |state: State, place, out| {
+            limits.check(&chain, &order.q(&state.q), place);
+            let answer = evaluate(&chain, &mut ws, &order, point, self.gravity.into(), &state)?;
+            if self.state.json { json_line(out, &answer) } else { for_people(&answer, out).map_err(Refused::Output) }
+        })
+    }
+}
+
+fn evaluate<'a>(
+    chain: &Chain,
+    ws: &mut Workspace<Spatial<f64>>,
+    order: &'a JointOrder,
+    point: Point<Spatial<f64>>,
+    gravity: Vector3<f64>,
+    state: &State,
+) -> Result<Answer<'a>, LineError> {
+    let (q, qd) = (order.q(&state.q), order.v(&state.qd));
+    chain.check_state(&q, &qd)?;
+    let checked = |what, numbers: &Option<Vec<f64>>| match numbers {
+        None => Ok(None),
+        Some(numbers) => {
+            let ours = order.v(numbers);
+            chain.check_vector(what, &ours).map(|()| Some(ours))
+        }
+    };
+    let (tau_given, qdd_given) = (checked("tau", &state.tau)?, checked("qdd", &state.qdd)?);
+
+    let mut kin = ws.update(chain, &q)?;
+    let bias = kin.bias(&qd, gravity)?;
+    let qdd = match tau_given {
+        Some(tau) => Some(order.theirs(kin.forward_dynamics(&qd, &tau, gravity)?.as_slice())),
+        None => None,
+    };
+    let tau = match qdd_given {
+        Some(qdd) => Some(order.theirs(kin.inverse_dynamics(&qd, &qdd, gravity)?.as_slice())),
+        None => None,
+    };
+    let delassus = kin.delassus(point)?;
+    let answer = Answer {
+        joints: &order.names,
+        mass_matrix: order.square(&kin.mass_matrix()),
+        jacobian: order.columns(&kin.point_jacobian(point)),
+        bias: order.theirs(bias.as_slice()),
+        gravity_force: order.theirs(kin.gravity_force(gravity).as_slice()),
+        kinetic_energy: kin.kinetic_energy(&qd)?,
+        potential_energy: kin.potential_energy(gravity),
+        delassus: delassus.row_iter().map(|r| r.iter().copied().collect()).collect(),
+        qdd,
+        tau,
+    };
+    finite("the Delassus matrix", delassus.iter())?;
+    finite("the bias force", answer.bias.iter().chain(&answer.gravity_force))?;
+    finite("the energy", [&answer.kinetic_energy, &answer.potential_energy])?;
+    finite("the acceleration or force", answer.qdd.iter().flatten().chain(answer.tau.iter().flatten()))?;
+    Ok(answer)
+}
+
+fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "joints         {}", a.joints.iter().map(|j| format!("{j:>13}")).collect::<Vec<_>>().join(" "))?;
+    let mut matrix = |name: &str, rows: &[Vec<f64>]| -> io::Result<()> {
+        for (i, numbers) in rows.iter().enumerate() {
+            writeln!(out, "{:14} {}", if i == 0 { name } else { "" }, row(numbers))?;
+        }
+        Ok(())
+    };
+    matrix("mass matrix", &a.mass_matrix)?;
+    matrix("Jacobian", &a.jacobian)?;
+    matrix("Delassus", &a.delassus)?;
+    writeln!(out, "{:14} {}", "bias", row(&a.bias))?;
+    writeln!(out, "{:14} {}", "gravity force", row(&a.gravity_force))?;
+    if let Some(qdd) = &a.qdd {
+        writeln!(out, "{:14} {}", "qdd", row(qdd))?;
+    }
+    if let Some(tau) = &a.tau {
+        writeln!(out, "{:14} {}", "tau", row(tau))?;
+    }
+    writeln!(out, "kinetic energy {} J, potential energy {} J\n", short(a.kinetic_energy), short(a.potential_energy))
+}

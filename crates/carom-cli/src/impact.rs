@@ -1,0 +1,131 @@
+//! `carom impact`: what an impact at a point does to every joint.
+
+use crate::RobotArgs;
+use crate::error::CliError;
+use crate::input::{JointOrder, LimitWarnings, Refused, State, StateArgs, for_each_line, parse_vector};
+use crate::law::LawArgs;
+use crate::output::{finite, json_line, row, short};
+use carom_impact::ImpactError;
+use carom_sim::{ChainImpact, Impacts, SimError};
+use clap::Args;
+use serde::Serialize;
+use std::io::{self, Write};
+
+#[derive(Args)]
+pub struct Impact {
+    #[command(flatten)]
+    robot: RobotArgs,
+    #[command(flatten)]
+    state: StateArgs,
+    /// Surface normal in world axes, from the environment to the robot
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
+    normal: [f64; 3],
+    #[command(flatten)]
+    law: LawArgs,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    law: &'static str,
+    qd_plus: Vec<f64>,
+    impulse: [f64; 3],
+    u_minus: [f64; 3],
+    u_plus: [f64; 3],
+    energy_before: f64,
+    energy_after: f64,
+    mode: &'static str,
+    normal_work: f64,
+    friction_work: f64,
+    flags: Vec<&'static str>,
+}
+
+/// The answers of `--law all`, and the laws that have none here.
+#[derive(Serialize)]
+pub struct All<A> {
+    pub outcomes: Vec<A>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub refused: Vec<Refusal>,
+}
+
+/// A law that does not apply, and why.
+#[derive(Serialize)]
+pub struct Refusal {
+    pub law: &'static str,
+    pub reason: String,
+}
+
+impl Impact {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let laws = self.law.laws::<3>()?;
+        let chain = self.robot.load()?;
+        let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
+        let tip = self.robot.frame(&chain, &self.state.tip)?;
+        let mut limits = LimitWarnings::default();
+        for_each_line(&self.state.states, out, |state: State, place, out| {
+            let (q, qd) = (order.q(&state.q), order.v(&state.qd));
+            limits.check(&chain, &q, place);
+            let mut contact = chain.impact(&q, &qd).at(tip).offset(self.state.point).normal(self.normal).contact()?;
+            let mut all = All { outcomes: Vec::new(), refused: Vec::new() };
+            for (name, law) in &laws {
+                match contact.resolve(law.as_ref()) {
+                    Ok(hit) => {
+                        let answer = answer(name, &hit, &order);
+                        let energies = [&answer.energy_before, &answer.energy_after];
+                        finite("the outcome", answer.qd_plus.iter().chain(energies))?;
+                        all.outcomes.push(answer);
+                    }
+                    Err(SimError::Impact(why @ ImpactError::NotInOnePlane { .. })) if laws.len() > 1 => {
+                        all.refused.push(Refusal { law: name, reason: why.to_string() });
+                    }
+                    Err(why) => return Err(why.into()),
+                }
+            }
+            match (self.state.json, laws.len()) {
+                (true, 1) => json_line(out, &all.outcomes[0]),
+                (true, _) => json_line(out, &all),
+                (false, _) => for_people(&all, &order, out).map_err(Refused::Output),
+            }
+        })
+    }
+}
+
+fn answer(law: &'static str, hit: &ChainImpact, order: &JointOrder) -> Answer {
+    Answer {
+        law,
+        qd_plus: order.theirs(&hit.qd_plus),
+        impulse: hit.impulse.into(),
+        u_minus: hit.u_minus.into(),
+        u_plus: hit.u_plus.into(),
+        energy_before: hit.energy_before,
+        energy_after: hit.energy_after,
+        mode: hit.mode.name(),
+        normal_work: hit.contact.normal_work,
+        friction_work: hit.contact.friction_work,
+        flags: hit.flags.names().collect(),
+    }
+}
+
+fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io::Result<()> {
+    if let Some(first) = all.outcomes.first() {
+        writeln!(out, "u⁻ {} m/s, kinetic energy {} J", row(&first.u_minus), short(first.energy_before))?;
+        writeln!(out, "qd⁺ in the order {}", order.names.join(", "))?;
+    }
+    for a in &all.outcomes {
+        let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
+        writeln!(out, "{:13} {:12} qd⁺ {}{flags}", a.law, a.mode, row(&a.qd_plus))?;
+        writeln!(out, "{:26} u⁺  {} m/s", "", row(&a.u_plus))?;
+        writeln!(out, "{:26} p   {} N s", "", row(&a.impulse))?;
+        writeln!(
+            out,
+            "{:26} T⁺  {:>13} J; normal work {}, friction work {} J",
+            "",
+            short(a.energy_after),
+            short(a.normal_work),
+            short(a.friction_work)
+        )?;
+    }
+    for refused in &all.refused {
+        writeln!(out, "{:13} not applicable: {}", refused.law, refused.reason)?;
+    }
+    writeln!(out)
+}

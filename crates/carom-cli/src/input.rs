@@ -1,0 +1,235 @@
+//! What comes in: robots, JSON lines, vectors on the command line, the order of the joints.
+
+use crate::RobotArgs;
+use crate::error::{CliError, LineError};
+use carom_chain::urdf::{LoadOptions, Meshes};
+use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
+use serde::{Deserialize, de::DeserializeOwned};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+
+impl RobotArgs {
+    /// Reads the robot.
+    pub fn load(&self) -> Result<Chain, CliError> {
+        let meshes = if self.no_meshes { Meshes::Ignored } else { Meshes::Required };
+        let options = LoadOptions { floating_base: self.floating, meshes };
+        Chain::from_urdf_file_with(&self.urdf, &options).map_err(CliError::Robot)
+    }
+
+    /// A frame of the robot, by link name.
+    pub fn frame(&self, chain: &Chain, link: &str) -> Result<FrameId, CliError> {
+        chain.frame(link).map_err(|e| CliError::Option(format!("{}: --tip: {e}", self.urdf.display())))
+    }
+}
+
+/// Three numbers: `x,y,z`.
+pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|x| x.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|e| format!("{e}: write three numbers, like 0,0,-9.81"))?;
+    if let Some(x) = numbers.iter().find(|x| !x.is_finite()) {
+        return Err(format!("{x} is not finite"));
+    }
+    numbers.try_into().map_err(|n: Vec<f64>| format!("{} numbers, three are needed: x,y,z", n.len()))
+}
+
+/// A line of `--states`.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    pub q: Vec<f64>,
+    pub qd: Vec<f64>,
+    pub tau: Option<Vec<f64>>,
+    pub qdd: Option<Vec<f64>>,
+}
+
+/// Answers each JSON line of a file (`-` is standard input), in order, and flushes after each when a pipe waits for it.
+pub fn for_each_line<T: DeserializeOwned>(
+    path: &Path,
+    out: &mut dyn Write,
+    mut answer: impl FnMut(T, &Place, &mut dyn Write) -> Result<(), Refused>,
+) -> Result<(), CliError> {
+    let stdin = path == Path::new("-");
+    let file = if stdin { "<stdin>".to_owned() } else { path.display().to_string() };
+    let unreadable = |reason| CliError::Unreadable { file: file.clone(), reason };
+    let mut reader: Box<dyn BufRead> = if stdin {
+        Box::new(io::stdin().lock())
+    } else {
+        Box::new(BufReader::new(File::open(path).map_err(unreadable)?))
+    };
+    let mut out = io::BufWriter::new(out);
+    let mut text = String::new();
+    let mut place = Place { file: file.clone(), line: 0 };
+    loop {
+        text.clear();
+        if reader.read_line(&mut text).map_err(unreadable)? == 0 {
+            break;
+        }
+        place.line += 1;
+        if text.trim().is_empty() {
+            continue;
+        }
+        let parsed = serde_json::from_str(&text).map_err(|e| Refused::Input(LineError(shorten(&e))));
+        parsed.and_then(|value| answer(value, &place, &mut out)).map_err(|refused| match refused {
+            Refused::Input(LineError(reason)) => CliError::Line { file: file.clone(), line: place.line, reason },
+            Refused::Output(e) => CliError::Output(e),
+        })?;
+        if stdin {
+            out.flush()?;
+        }
+    }
+    Ok(out.flush()?)
+}
+
+/// serde counts lines within our one line: leave its line number out.
+fn shorten(error: &serde_json::Error) -> String {
+    error.to_string().replace(" at line 1 column ", " at column ")
+}
+
+/// Where a line stands.
+pub struct Place {
+    pub file: String,
+    pub line: usize,
+}
+
+/// Why a line was not answered.
+pub enum Refused {
+    /// What it says.
+    Input(LineError),
+    /// The answer can't be written.
+    Output(io::Error),
+}
+
+impl<E: Into<LineError>> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Self::Input(error.into())
+    }
+}
+
+/// Says once for each joint, not for each line, that a pose is outside its limits.
+#[derive(Default)]
+pub struct LimitWarnings {
+    said: std::collections::HashSet<String>,
+}
+
+impl LimitWarnings {
+    pub fn check(&mut self, chain: &Chain, q: &[f64], place: &Place) {
+        for warning in chain.limit_warnings(q) {
+            let joint = warning.split('\'').nth(1).unwrap_or_default().to_owned();
+            if self.said.insert(joint) {
+                eprintln!("warning: {}:{}: {warning} (said once for this joint)", place.file, place.line);
+            }
+        }
+    }
+}
+
+/// The order in which the caller writes the joints: a permutation of the chain's q and qd.
+pub struct JointOrder {
+    /// Names, in the caller's order.
+    pub names: Vec<String>,
+    /// Entry k of the caller's q is entry `q[k]` of the chain's.
+    q: Vec<usize>,
+    v: Vec<usize>,
+}
+
+impl JointOrder {
+    /// The caller's list (`--joints a,b,c`), or the order of the file. A floating base that is not named comes first.
+    pub fn new(chain: &Chain, urdf: &Path, list: Option<&[String]>) -> Result<Self, CliError> {
+        let own: Vec<&JointInfo> =
+            chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. })).collect();
+        let refuse = |why: String| CliError::Option(format!("{}: --joints: {why}", urdf.display()));
+        let ordered = match list {
+            None => own,
+            Some(list) => {
+                let mut ordered: Vec<&JointInfo> = Vec::new();
+                for name in list {
+                    let joint = chain.joint(name).map_err(|e| refuse(e.to_string()))?;
+                    match &joint.coordinates {
+                        Coordinates::Own { .. } => {}
+                        Coordinates::None => return Err(refuse(format!("joint '{name}' is fixed: leave it out"))),
+                        Coordinates::Follows { joint, .. } => {
+                            return Err(refuse(format!("joint '{name}' mimics '{joint}' and has no number of its own: leave it out")));
+                        }
+                    }
+                    if ordered.iter().any(|j| j.name == *name) {
+                        return Err(refuse(format!("joint '{name}' is named twice")));
+                    }
+                    ordered.push(joint);
+                }
+                let missing: Vec<&JointInfo> =
+                    own.into_iter().filter(|j| !ordered.iter().any(|o| o.name == j.name)).collect();
+                match missing.as_slice() {
+                    [] => {}
+                    [base] if base.name == "root_joint" => ordered.insert(0, base),
+                    [joint, ..] => return Err(refuse(format!("joint '{}' is not in the list: name every moving joint", joint.name))),
+                }
+                ordered
+            }
+        };
+        let mut order = Self { names: Vec::new(), q: Vec::new(), v: Vec::new() };
+        for joint in ordered {
+            if let Coordinates::Own { q, v } = &joint.coordinates {
+                order.names.push(joint.name.clone());
+                order.q.extend(q.clone());
+                order.v.extend(v.clone());
+            }
+        }
+        Ok(order)
+    }
+
+    /// The chain's q from the caller's. A wrong length is passed on, for the chain to refuse.
+    pub fn q(&self, theirs: &[f64]) -> Vec<f64> {
+        permute(&self.q, theirs)
+    }
+
+    /// The chain's qd, tau or qdd from the caller's.
+    pub fn v(&self, theirs: &[f64]) -> Vec<f64> {
+        permute(&self.v, theirs)
+    }
+
+    /// The caller's order of a vector of length nv.
+    pub fn theirs(&self, ours: &[f64]) -> Vec<f64> {
+        self.v.iter().map(|&i| ours[i]).collect()
+    }
+
+    /// The caller's order of the columns of a matrix, as rows of numbers.
+    pub fn columns(&self, ours: &nalgebra::DMatrix<f64>) -> Vec<Vec<f64>> {
+        ours.row_iter().map(|row| self.v.iter().map(|&j| row[j]).collect()).collect()
+    }
+
+    /// The caller's order of both rows and columns.
+    pub fn square(&self, ours: &nalgebra::DMatrix<f64>) -> Vec<Vec<f64>> {
+        self.v.iter().map(|&i| self.v.iter().map(|&j| ours[(i, j)]).collect()).collect()
+    }
+}
+
+fn permute(order: &[usize], theirs: &[f64]) -> Vec<f64> {
+    if theirs.len() != order.len() {
+        return theirs.to_vec();
+    }
+    let mut ours = vec![0.0; theirs.len()];
+    for (&i, &x) in order.iter().zip(theirs) {
+        ours[i] = x;
+    }
+    ours
+}
+
+/// Options of every command that reads states of a robot.
+#[derive(clap::Args)]
+pub struct StateArgs {
+    /// Link whose frame holds the point
+    #[arg(long, value_name = "LINK")]
+    pub tip: String,
+    /// The point, in the link's own axes
+    #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
+    pub point: [f64; 3],
+    /// Order of the joints in q and qd, where it differs from the file's
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    pub joints: Option<Vec<String>>,
+    /// JSON lines {"q":[…],"qd":[…],"tau":[…]?,"qdd":[…]?}; - is standard input
+    #[arg(long, value_name = "FILE")]
+    pub states: PathBuf,
+    /// One line of JSON for each line read
+    #[arg(long)]
+    pub json: bool,
+}

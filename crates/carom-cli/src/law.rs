@@ -1,0 +1,151 @@
+//! `carom law`: an impact law on plain numbers.
+
+use crate::error::{CliError, LineError};
+use crate::impact::{All, Refusal};
+use crate::input::{Refused, for_each_line};
+use crate::output::{finite, json_line, row, short};
+use carom_impact::{ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use clap::{Args, builder::PossibleValuesParser};
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Which law, with which coefficients.
+#[derive(Args)]
+pub struct LawArgs {
+    /// The impact law, or `all`
+    #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES.into_iter().chain(["all"])))]
+    law: String,
+    /// Coefficient of restitution, 0 to 1, in the law's own sense (Newton, Poisson, Energetic)
+    #[arg(long, value_name = "E", allow_hyphen_values = true)]
+    restitution: f64,
+    /// Coefficient of friction, 0 or more
+    #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
+    friction: f64,
+    /// Coefficient of tangential restitution, -1 to 1, for the laws that have one
+    #[arg(long, value_name = "ET", allow_hyphen_values = true)]
+    tangential_restitution: Option<f64>,
+}
+
+/// Laws with the names they go by.
+type Named<const D: usize> = Vec<(&'static str, Box<dyn Law<f64, D> + Send + Sync>)>;
+
+impl LawArgs {
+    /// The laws asked for.
+    pub fn laws<const D: usize>(&self) -> Result<Named<D>, CliError> {
+        let range = |option: &str, x: f64, low: f64, high: f64, rule: &str| {
+            if (low..=high).contains(&x) { Ok(()) } else { Err(CliError::Option(format!("{option} {x}: {rule}"))) }
+        };
+        range("--restitution", self.restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
+        range("--friction", self.friction, 0.0, f64::MAX, "a coefficient of friction is finite and not negative")?;
+        if let Some(et) = self.tangential_restitution {
+            range("--tangential-restitution", et, -1.0, 1.0, "a coefficient of tangential restitution lies between -1 and 1")?;
+            eprintln!("warning: --tangential-restitution is not used by {}", self.law);
+        }
+        let asked = LAW_NAMES.into_iter().filter(|&name| self.law == "all" || self.law == name);
+        let law = |name| Some((name, law_by_name(name, self.restitution, self.friction)?));
+        Ok(asked.filter_map(law).collect())
+    }
+}
+
+#[derive(Args)]
+pub struct LawCommand {
+    #[command(flatten)]
+    law: LawArgs,
+    /// JSON lines {"delassus":[[…]],"u":[…]} in contact axes, tangents first, normal last; - is standard input
+    #[arg(long, value_name = "FILE")]
+    problems: PathBuf,
+    /// One line of JSON for each line read
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Problem {
+    delassus: Vec<Vec<f64>>,
+    u: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct Answer {
+    law: &'static str,
+    impulse: Vec<f64>,
+    u_plus: Vec<f64>,
+    energy_ratio: f64,
+    mode: &'static str,
+    normal_work: f64,
+    friction_work: f64,
+    flags: Vec<&'static str>,
+}
+
+impl LawCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
+        for_each_line(&self.problems, out, |problem: Problem, _, out| {
+            let all = match problem.u.len() {
+                2 => resolve(&problem, &plane)?,
+                3 => resolve(&problem, &space)?,
+                n => return Err(LineError(format!("u has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed")).into()),
+            };
+            match (self.json, plane.len()) {
+                (true, 1) => json_line(out, &all.outcomes[0]),
+                (true, _) => json_line(out, &all),
+                (false, _) => for_people(&all, out).map_err(Refused::Output),
+            }
+        })
+    }
+}
+
+fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Answer>, LineError> {
+    let rows = &problem.delassus;
+    if rows.len() != D || rows.iter().any(|row| row.len() != D) {
+        let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
+        return Err(LineError(format!("delassus has rows of {shape} numbers: u has {D}, so {D} rows of {D} are needed")));
+    }
+    let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| rows[i][j]);
+    let problem = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
+    let mut all = All { outcomes: Vec::new(), refused: Vec::new() };
+    for (name, law) in laws {
+        match law.resolve(&problem) {
+            Ok(hit) => {
+                finite("the outcome", hit.u_plus.iter().chain(hit.impulse.iter()).chain([&hit.energy_ratio()]))?;
+                all.outcomes.push(Answer {
+                    law: name,
+                    impulse: hit.impulse.as_slice().to_vec(),
+                    u_plus: hit.u_plus.as_slice().to_vec(),
+                    energy_ratio: hit.energy_ratio(),
+                    mode: hit.mode.name(),
+                    normal_work: hit.normal_work,
+                    friction_work: hit.friction_work,
+                    flags: hit.flags.names().collect(),
+                });
+            }
+            Err(why @ ImpactError::NotInOnePlane { .. }) if laws.len() > 1 => {
+                all.refused.push(Refusal { law: name, reason: why.to_string() });
+            }
+            Err(why) => return Err(why.into()),
+        }
+    }
+    Ok(all)
+}
+
+fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
+    for a in &all.outcomes {
+        let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
+        writeln!(
+            out,
+            "{:13} {:12} u⁺ {}  p {}  T⁺/T⁻ {}{flags}",
+            a.law,
+            a.mode,
+            row(&a.u_plus),
+            row(&a.impulse),
+            short(a.energy_ratio)
+        )?;
+    }
+    for refused in &all.refused {
+        writeln!(out, "{:13} not applicable: {}", refused.law, refused.reason)?;
+    }
+    writeln!(out)
+}

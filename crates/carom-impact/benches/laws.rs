@@ -1,0 +1,106 @@
+//! What one impact costs under each law: `cargo bench -p carom-impact`.
+//!
+//! Problems are drawn once, and each sample resolves all of them, so that branches are taken as
+//! they come; divide by `BATCH` or read the items per second.
+
+use carom_impact::{Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton, Poisson, Whittaker};
+use divan::{Bencher, black_box, counter::ItemsCount};
+use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, matrix, vector};
+
+const BATCH: usize = 1000;
+const RESTITUTION: f64 = 0.5;
+const FRICTION: f64 = 0.4;
+
+fn main() {
+    divan::main();
+}
+
+fn planar() -> Vec<(Matrix2<f64>, SVector<f64, 2>)> {
+    let mut rng = fastrand::Rng::with_seed(1);
+    let mut drawn = || 2.0 * rng.f64() - 1.0;
+    (0..BATCH)
+        .map(|_| {
+            let g = Matrix2::from_fn(|_, _| drawn());
+            (g * g.transpose() + Matrix2::identity() * 0.05, vector![drawn(), -1.0])
+        })
+        .collect()
+}
+
+fn spatial() -> Vec<(Matrix3<f64>, SVector<f64, 3>)> {
+    let lift = |(h, u): (Matrix2<f64>, SVector<f64, 2>)| {
+        (matrix![h[(0, 0)], 0.0, h[(0, 1)]; 0.0, 1.0, 0.0; h[(0, 1)], 0.0, h[(1, 1)]], vector![u[0], 0.0, u[1]])
+    };
+    planar().into_iter().map(lift).collect()
+}
+
+fn measure<const D: usize>(
+    bencher: Bencher,
+    drawn: Vec<(SMatrix<f64, D, D>, SVector<f64, D>)>,
+    resolve: impl Fn(&ImpactProblem<f64, D>) -> ImpactOutcome<f64, D> + Sync,
+) {
+    let problems: Vec<_> = drawn.into_iter().map(|(h, u)| ImpactProblem::new(h, u).unwrap()).collect();
+    bencher.counter(ItemsCount::new(BATCH)).bench(|| {
+        for problem in &problems {
+            black_box(resolve(black_box(problem)));
+        }
+    });
+}
+
+/// The checks on entry, without a law.
+#[divan::bench(consts = [2, 3])]
+fn checks<const D: usize>(bencher: Bencher) {
+    match D {
+        2 => entry(bencher, planar()),
+        _ => entry(bencher, spatial()),
+    }
+}
+
+fn entry<const D: usize>(bencher: Bencher, drawn: Vec<(SMatrix<f64, D, D>, SVector<f64, D>)>) {
+    bencher.counter(ItemsCount::new(BATCH)).bench(|| {
+        for (h, u) in &drawn {
+            let _ = black_box(ImpactProblem::new(*black_box(h), *u));
+        }
+    });
+}
+
+#[divan::bench]
+fn frictionless_2(bencher: Bencher) {
+    let law = Frictionless { restitution: RESTITUTION };
+    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn frictionless_3(bencher: Bencher) {
+    let law = Frictionless { restitution: RESTITUTION };
+    measure(bencher, spatial(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn whittaker_2(bencher: Bencher) {
+    let law = Whittaker { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn newton_2(bencher: Bencher) {
+    let law = Newton { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn poisson_2(bencher: Bencher) {
+    let law = Poisson { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn energetic_2(bencher: Bencher) {
+    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn energetic_3_in_plane(bencher: Bencher) {
+    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, spatial(), |problem| law.resolve(problem).unwrap());
+}

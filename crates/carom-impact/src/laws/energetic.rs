@@ -1,0 +1,56 @@
+use nalgebra::RealField;
+
+use super::Law;
+use crate::plane::resolve_in_plane;
+use crate::routh::{Ending, walk};
+use crate::{ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Routh's walk, ended by the ratio of works (Stronge's law): restitution is over when the normal
+/// force has given back e² of the work it took,
+///
+/// ```text
+/// ∫_pc^P_n u_n dp = -e² ∫_0^pc u_n dp
+/// ```
+///
+/// **Parameters.** `restitution` e, energetic, in \[0, 1\]; `friction` μ >= 0. This e is not the
+/// root of a ratio of kinetic energies.
+///
+/// **Guarantee.** One answer for every regular H; never gains energy, because the normal work is
+/// `(1 - e²)` times that of compression, hence not positive, and neither is the work of friction. At
+/// e = 1 the normal work is zero: all loss is friction's.
+///
+/// **Fails** nowhere in the plane that its siblings do not: see [`ImpactError::Wedged`].
+///
+/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
+/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+///
+/// **Source.** Stronge, Proc. R. Soc. A 431 (1990) 169.
+///
+/// ```
+/// # use carom_impact::{ImpactProblem, Law, Energetic};
+/// # use nalgebra::{matrix, vector};
+/// // A rod at 45° strikes obliquely: slip stops in restitution, then the end sticks.
+/// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![1.0_f64, -1.0])?;
+/// let hit = Energetic { restitution: 0.5, friction: 0.6 }.resolve(&problem)?;
+/// assert!((hit.u_plus[1] - 0.356453).abs() < 1e-6);
+/// assert!((hit.energetic.unwrap() - 0.5).abs() < 1e-15);
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Energetic<T = f64> {
+    /// Energetic coefficient of restitution, 0 to 1.
+    pub restitution: T,
+    /// Coulomb coefficient of friction, 0 or more.
+    pub friction: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for Energetic<T> {
+    fn name(&self) -> &'static str {
+        "energetic"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        resolve_in_plane(name, e, mu, problem, |contact| walk(contact, e, mu, Ending::Work))
+    }
+}

@@ -1,0 +1,97 @@
+use nalgebra::{RealField, convert};
+
+use super::{Law, check_restitution};
+use crate::outcome::{Answer, Mode};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Impact along the normal alone; the tangential velocity jumps only by inertial coupling.
+///
+/// ```text
+/// P_n = -(1 + e) u_n⁻ / C,   P_t = 0,   u⁺ = u⁻ + H P,   u_n⁺ = -e u_n⁻
+/// T⁻ - T⁺ = ½ (1 - e²) (u_n⁻)² / C
+/// ```
+///
+/// **Parameter.** `restitution` e in \[0, 1\]. Without friction the kinematic (Newton), kinetic
+/// (Poisson) and energetic (Stronge) coefficients are one number.
+///
+/// **Guarantee.** One answer in any dimension; never gains energy.
+///
+/// **Fails** where `C = H_nn` vanishes: the impulse grows without bound
+/// ([`ImpactError::SingularNormal`]).
+///
+/// **Mode.** Without friction nothing holds a contact: it slips, slips back if the end slip points
+/// against the first, and sticks only where nothing moves it.
+///
+/// **Source.** Newton's law of impact (*Principia*, 1687) along the normal.
+///
+/// ```
+/// # use carom_impact::{Frictionless, ImpactProblem, Law};
+/// # use nalgebra::{matrix, vector};
+/// let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -2.0])?;
+/// let hit = Frictionless { restitution: 0.5 }.resolve(&problem)?;
+/// assert_eq!(hit.impulse, vector![0.0, 3.0]);
+/// assert_eq!(hit.u_plus, vector![2.5, 1.0]);
+/// assert_eq!(hit.energy_change, -0.5 * 0.75 * 4.0);
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frictionless<T = f64> {
+    /// Coefficient of restitution, 0 to 1.
+    pub restitution: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
+    fn name(&self) -> &'static str {
+        "frictionless"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        check_restitution(self.restitution)?;
+        let name = Law::<T, D>::name(self);
+        if problem.approach_speed() <= T::zero() {
+            return Ok(ImpactOutcome::none(name, problem, T::zero()));
+        }
+        problem.check_normal()?;
+        Ok(frictionless(name, self.restitution, problem))
+    }
+}
+
+/// The formula above, for an approaching contact with `C > 0`.
+pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
+    law: &'static str,
+    e: T,
+    problem: &ImpactProblem<T, D>,
+) -> ImpactOutcome<T, D> {
+    let n = D - 1;
+    let h = problem.delassus();
+    let u = problem.u_minus();
+
+    let p_n = -(T::one() + e) * u[n] / h[(n, n)];
+    let mut impulse = u * T::zero();
+    impulse[n] = p_n;
+    let mut u_plus = u + h.column(n) * p_n;
+    u_plus[n] = -e * u[n];
+
+    let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
+    let against = (0..n).fold(T::zero(), |sum, i| sum + u[i] * u_plus[i]) < T::zero();
+    let mode = match (slip(u), slip(&u_plus)) {
+        (false, false) => Mode::Stick,
+        _ if against => Mode::ReverseSlip,
+        _ => Mode::Slip,
+    };
+    let answer = Answer {
+        p_t: T::zero(),
+        p_n,
+        v_t: T::zero(), // unused: u_plus is already in contact axes
+        v_n: u_plus[n],
+        normal_work: p_n * (u[n] + u_plus[n]) * convert(0.5),
+        friction_work: T::zero(),
+        newton: e,
+        poisson: e,
+        energetic: e,
+        mode,
+        slip_end: None,
+        flags: Flags::NONE,
+    };
+    ImpactOutcome::of(law, problem, impulse, u_plus, &answer)
+}

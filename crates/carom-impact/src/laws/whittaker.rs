@@ -1,0 +1,149 @@
+use nalgebra::{RealField, convert};
+
+use super::Law;
+use crate::outcome::{Answer, Mode};
+use crate::plane::resolve_in_plane;
+use crate::problem::{plain, rounding};
+use crate::routh::coefficient_of_work;
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Newton's coefficient and Coulomb's cone, both imposed on the whole impulse at once.
+///
+/// ```text
+/// u_n⁺ = -e u_n⁻, and either
+/// stick:  P = H⁻¹ (-v_t⁻, -(1+e) v_n⁻)                       if |P_t| <= μ P_n
+/// slip σ: P_n = -(1+e) v_n⁻ / (C - σ μ B),  P_t = -σ μ P_n   if P_n > 0 and σ v_t⁺ >= 0
+/// ```
+///
+/// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
+///
+/// **Guarantee.** One answer for every regular H. Proof: let `P_t = -λ μ P_n` with λ in
+/// \[-1, 1\]. The rebound fixes `P_n(λ) = -(1+e) v_n⁻/(C - λ μ B)`, and then
+/// `dv_t⁺/dλ` has the sign of `-(A C - B²)`: v_t⁺ falls with λ wherever `P_n > 0`, and to -∞ (or
+/// from +∞) where `C - λ μ B` reaches zero. So λ = 1 with `v_t⁺ >= 0`, λ = -1 with `v_t⁺ <= 0`,
+/// and a zero of v_t⁺ between them exclude one another, and one of them holds. This is why stick
+/// is what remains when neither slip is admissible.
+///
+/// **Fails** to keep the energy books. Friction points against the *last* slip, so it may push the
+/// wrong way most of the time. Such an outcome carries the flag `energy-gain`. At det H = 0 there
+/// may be no answer ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the slip
+/// that continues the first is taken, and flagged `non-unique`.
+///
+/// **Works.** The law has no path; they are those of the straight one,
+/// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised
+/// coefficients are e.
+///
+/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
+/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+///
+/// **Source.** Whittaker, *Analytical Dynamics* (1904); its paradox: Kane and Levinson,
+/// *Dynamics* (1985).
+///
+/// ```
+/// # use carom_impact::{Flags, ImpactProblem, Law, Whittaker};
+/// # use nalgebra::{matrix, vector};
+/// let problem = ImpactProblem::new(
+///     matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504],
+///     vector![-0.267174342835_f64, -0.134202014333],
+/// )?;
+/// let hit = Whittaker { restitution: 0.5, friction: 0.5 }.resolve(&problem)?;
+/// assert_eq!(hit.u_plus[0], 0.0);
+/// assert!((hit.energy_ratio() - 1.587494687).abs() < 1e-8);
+/// assert!(hit.flags.contains(Flags::ENERGY_GAIN));
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Whittaker<T = f64> {
+    /// Kinematic coefficient of restitution, 0 to 1.
+    pub restitution: T,
+    /// Coulomb coefficient of friction, 0 or more.
+    pub friction: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
+    fn name(&self) -> &'static str {
+        "whittaker"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        resolve_in_plane(name, e, mu, problem, |contact| algebraic(contact, e, mu))
+    }
+}
+
+fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) -> Result<Answer<T>, ImpactError> {
+    let (zero, one, half) = (T::zero(), T::one(), convert::<f64, T>(0.5));
+    let (a, b, c) = contact.abc();
+    let (v_t, v_n) = contact.velocity();
+    let v_n_plus = -e * v_n;
+    let gain = v_n_plus - v_n; // C P_n + B P_t = gain > 0
+    let held = contact.held_inverse_mass();
+    let locked = contact.is_locked(held);
+
+    // Slip σ: (P_n, v_t⁺) if it pushes and ends with slip σ.
+    let slip = |sigma: T| {
+        let p_n = gain / (c - sigma * mu * b);
+        let jump = (b - sigma * mu * a) * p_n;
+        let mut v_t_plus = v_t + jump;
+        if locked && v_t_plus.abs() <= (v_t.abs() + jump.abs()) * rounding(1024.0) {
+            v_t_plus = zero;
+        }
+        let pushes = !contact.is_locked(c - sigma * mu * b);
+        (pushes && sigma * v_t_plus >= zero).then_some((sigma, p_n, v_t_plus))
+    };
+
+    let first = if v_t < zero { -one } else { one };
+    let mut flags = Flags::NONE;
+    let at_rest = v_t == zero && (b == zero || contact.tangent_is_frozen());
+    let (p_t, p_n, v_t_plus) = if at_rest {
+        // Nothing moves or drives the tangent.
+        (zero, gain / c, zero)
+    } else {
+        match (slip(first), slip(-first)) {
+            (Some((sigma, p_n, v_t_plus)), other) => {
+                flags |= Flags::NON_UNIQUE.when(other.is_some() && mu > zero);
+                (-sigma * mu * p_n, p_n, v_t_plus)
+            }
+            (None, Some((sigma, p_n, v_t_plus))) => (-sigma * mu * p_n, p_n, v_t_plus),
+            (None, None) if locked => {
+                return Err(ImpactError::Wedged {
+                    friction: plain(mu),
+                    normal_velocity: plain(v_n),
+                    inverse_mass: plain(held),
+                    free_inverse_mass: plain(c),
+                });
+            }
+            (None, None) => {
+                // Stick: A P_t + B P_n = -v_t and B P_t + C P_n = gain; hold, then push.
+                let p_n = (gain + b / a * v_t) / held;
+                (-(v_t + b * p_n) / a, p_n, zero)
+            }
+        }
+    };
+
+    let mode = if v_t_plus == zero && (at_rest || mu > zero) {
+        Mode::Stick
+    } else if v_t_plus * v_t < zero {
+        Mode::ReverseSlip
+    } else {
+        Mode::Slip
+    };
+    // On the straight path v_n = 0 parts the impulse as the velocities: v_n⁺ to -v_n⁻.
+    let share = -v_n / gain;
+    let taken = share * p_n * v_n * half;
+    let returned = (one - share) * p_n * v_n_plus * half;
+    Ok(Answer {
+        p_t,
+        p_n,
+        v_t: v_t_plus,
+        v_n: v_n_plus,
+        normal_work: p_n * (v_n + v_n_plus) * half,
+        friction_work: p_t * (v_t + v_t_plus) * half,
+        newton: e,
+        poisson: e,
+        energetic: coefficient_of_work(returned, taken),
+        mode,
+        slip_end: None,
+        flags,
+    })
+}

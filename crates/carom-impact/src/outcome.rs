@@ -1,0 +1,205 @@
+//! What an impact did: impulse, velocities, mode, energy books, realised coefficients.
+
+use std::fmt;
+
+use nalgebra::{RealField, SVector, convert};
+
+use crate::problem::rounding;
+use crate::{Flags, ImpactProblem};
+
+/// Energy gain below this multiple of ε, beside the energies that passed, is rounding.
+const GAIN: f64 = 64.0;
+
+/// Grazing: approach slower than this share of the contact speed.
+const GRAZING: f64 = 1e-9;
+
+/// The answer of one law to one [`ImpactProblem`]. Contact axes, SI units, impulse on the robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImpactOutcome<T, const D: usize> {
+    /// Name of the law that answered.
+    pub law: &'static str,
+    /// Impulse on the robot (N s).
+    pub impulse: SVector<T, D>,
+    /// Contact velocity before (m/s).
+    pub u_minus: SVector<T, D>,
+    /// Contact velocity after (m/s): `u⁻ + H P`, but a component the law drives to zero is zero.
+    pub u_plus: SVector<T, D>,
+    /// How the contact moved when it parted.
+    pub mode: Mode,
+    /// Contact-space kinetic energy before (J), see [`ImpactProblem::kinetic_energy`].
+    pub energy_before: T,
+    /// Contact-space kinetic energy after (J).
+    pub energy_after: T,
+    /// `½ P·(u⁻ + u⁺)` (J): the energy the impulse brought; negative is loss.
+    pub energy_change: T,
+    /// `∫ v_n dp_n` over the whole impact (J).
+    pub normal_work: T,
+    /// `∫ v_t·dp_t` over the whole impact (J).
+    pub friction_work: T,
+    /// Realised kinematic coefficient `-v_n⁺/v_n⁻`; `None` without an impact.
+    pub newton: Option<T>,
+    /// Realised kinetic coefficient: impulse of restitution over impulse of compression.
+    pub poisson: Option<T>,
+    /// Realised energetic coefficient: root of the normal work returned over the work put in.
+    pub energetic: Option<T>,
+    /// Phase in which the first slip stopped; `None` if it never did or never began. Friction-free
+    /// and algebraic laws follow no path in time and leave it `None`.
+    pub slip_end: Option<Phase>,
+    /// Warnings.
+    pub flags: Flags,
+}
+
+impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
+    /// `T⁺/T⁻` of the contact-space energies; 1 if there was none before.
+    pub fn energy_ratio(&self) -> T {
+        if self.energy_before == T::zero() { T::one() } else { self.energy_after / self.energy_before }
+    }
+
+    /// Nothing happens: the contact does not approach.
+    ///
+    /// A sliding contact at `v_n = 0` whose friction jams may still answer with a finite impulse
+    /// (impact without collision): that other answer is flagged, not given.
+    pub(crate) fn none(law: &'static str, problem: &ImpactProblem<T, D>, mu: T) -> Self {
+        let n = D - 1;
+        let u = *problem.u_minus();
+        let mut slip = u;
+        slip[n] = T::zero();
+        // μ s B > C with s = u_t/|u_t|, before the division.
+        let drive = problem.delassus().column(n).dot(&slip);
+        let jams = u[n] == T::zero() && mu * drive > problem.delassus()[(n, n)] * slip.norm();
+        let energy = problem.kinetic_energy(&u);
+        Self {
+            law,
+            impulse: SVector::zeros(),
+            u_minus: u,
+            u_plus: u,
+            mode: Mode::Open,
+            energy_before: energy,
+            energy_after: energy,
+            energy_change: T::zero(),
+            normal_work: T::zero(),
+            friction_work: T::zero(),
+            newton: None,
+            poisson: None,
+            energetic: None,
+            slip_end: None,
+            flags: Flags::NO_APPROACH | (Flags::JAM | Flags::NON_UNIQUE).when(jams),
+        }
+    }
+
+    /// Adds to an answer what every law reports alike: energies, and the flags they imply.
+    pub(crate) fn of(
+        law: &'static str,
+        problem: &ImpactProblem<T, D>,
+        impulse: SVector<T, D>,
+        u_plus: SVector<T, D>,
+        answer: &Answer<T>,
+    ) -> Self {
+        let u_minus = *problem.u_minus();
+        let half: T = convert(0.5);
+        let energy_before = problem.kinetic_energy(&u_minus);
+        let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
+        // ½ P·(u⁻ + u⁺) may be the small difference of large terms: its rounding is theirs.
+        let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
+        let gains = energy_change > (energy_before + passed) * rounding(GAIN);
+        let grazes = problem.approach_speed() < u_minus.norm() * convert(GRAZING);
+        Self {
+            law,
+            impulse,
+            u_minus,
+            u_plus,
+            mode: answer.mode,
+            energy_before,
+            energy_after: problem.kinetic_energy(&u_plus),
+            energy_change,
+            normal_work: answer.normal_work,
+            friction_work: answer.friction_work,
+            newton: Some(answer.newton),
+            poisson: Some(answer.poisson),
+            energetic: Some(answer.energetic),
+            slip_end: answer.slip_end,
+            flags: answer.flags
+                | Flags::ENERGY_GAIN.when(gains)
+                | Flags::GRAZING.when(grazes)
+                | Flags::SINGULAR.when(problem.normal_is_doubtful()),
+        }
+    }
+}
+
+/// What a law finds in the plane of slip, before it is lifted back.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Answer<T> {
+    pub p_t: T,
+    pub p_n: T,
+    pub v_t: T,
+    pub v_n: T,
+    pub normal_work: T,
+    pub friction_work: T,
+    pub newton: T,
+    pub poisson: T,
+    pub energetic: T,
+    pub mode: Mode,
+    pub slip_end: Option<Phase>,
+    pub flags: Flags,
+}
+
+/// How the contact moved along its tangent when it parted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Mode {
+    /// No impact took place.
+    Open,
+    /// No slip.
+    Stick,
+    /// Slip in the first direction.
+    Slip,
+    /// Slip against the first direction.
+    ReverseSlip,
+}
+
+impl Mode {
+    /// Kebab-case name.
+    ///
+    /// ```
+    /// # use carom_impact::Mode;
+    /// assert_eq!(Mode::ReverseSlip.name(), "reverse-slip");
+    /// ```
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Open => "open",
+            Self::Stick => "stick",
+            Self::Slip => "slip",
+            Self::ReverseSlip => "reverse-slip",
+        }
+    }
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// The two halves of an impact, parted by the instant at which `v_n = 0`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Phase {
+    /// The bodies still approach.
+    Compression,
+    /// The bodies part.
+    Restitution,
+}
+
+impl Phase {
+    /// Lower-case name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Compression => "compression",
+            Self::Restitution => "restitution",
+        }
+    }
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}

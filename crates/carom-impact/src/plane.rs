@@ -1,0 +1,136 @@
+//! From any contact to the plane of its slip, and back.
+//!
+//! Let t be the direction of slip, n the normal, b a tangent across t. If `u_b = 0` and
+//! `H_bt = H_bn = 0`, then no impulse in the plane (t, n) starts motion along b, so slip never
+//! leaves the plane, friction never leaves t, and the 2 × 2 problem in (t, n) is the whole of it:
+//! an exact reduction. Where it fails, slip turns as it goes, and the law needs the
+//! flow in space, which is not in this crate: [`SlipPlane::of`] is where it would branch off.
+
+use nalgebra::{Matrix2, RealField, SVector, Vector2};
+
+use crate::laws::{check_friction, check_restitution, frictionless};
+use crate::outcome::Answer;
+use crate::problem::{plain, rounding};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// A coupling below this multiple of ε, beside the largest entry of H (or a velocity, beside
+/// `|u|`), is taken for rounding.
+const PLANE: f64 = 256.0;
+
+/// Answers `problem` with a law that works in the plane of slip.
+pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
+    law: &'static str,
+    restitution: T,
+    mu: T,
+    problem: &ImpactProblem<T, D>,
+    solve: impl FnOnce(&ImpactProblem<T, 2>) -> Result<Answer<T>, ImpactError>,
+) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    check_restitution(restitution)?;
+    check_friction(mu)?;
+    if problem.approach_speed() <= T::zero() {
+        return Ok(ImpactOutcome::none(law, problem, mu));
+    }
+    problem.check_normal()?;
+
+    let plane = match SlipPlane::of(law, problem) {
+        Ok(plane) => plane,
+        // Without friction no direction of slip is needed.
+        Err(_) if mu == T::zero() => return Ok(frictionless(law, restitution, problem)),
+        Err(refusal) => return Err(refusal),
+    };
+    let contact = plane.contact(problem);
+    let mut answer = solve(&contact)?;
+
+    let (_, b, c) = contact.abc();
+    let (v_t, _) = contact.velocity();
+    // dv_n/dp = C - μ s B <= 0 in the first slip.
+    let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
+    let singular = mu > T::zero() && contact.is_locked(contact.held_inverse_mass());
+    answer.flags |= Flags::JAM.when(jams) | Flags::SINGULAR.when(singular);
+    Ok(plane.lift(law, problem, &answer))
+}
+
+/// The plane through the normal in which the slip stays.
+struct SlipPlane<T, const D: usize> {
+    /// Unit tangent; zero if nothing moves or drives the contact along any tangent.
+    t: SVector<T, D>,
+    /// Slip velocity along t (m/s).
+    v_t: T,
+}
+
+impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
+    /// Along the slip `u_t`; without slip along `h_tn`, where the normal impulse will drive it;
+    /// without either the contact never leaves `v_t = 0` and any tangent, hence none, will do.
+    fn of(law: &'static str, problem: &ImpactProblem<T, D>) -> Result<Self, ImpactError> {
+        let h = problem.delassus();
+        let u = problem.u_minus();
+        if D == 2 {
+            let mut t = SVector::zeros();
+            t[0] = T::one();
+            return Ok(Self { t, v_t: u[0] });
+        }
+        let tolerance: T = rounding(PLANE);
+        if let Some(t) = along(u) {
+            let v_t = t.dot(u);
+            let plane = Self { t, v_t }.check(law, problem);
+            // Slip that may be rounding of the approach has no direction worth refusing for.
+            if plane.is_ok() || v_t > u.norm() * tolerance {
+                return plane;
+            }
+        }
+        let drive = h.column(D - 1).into_owned();
+        match along(&drive) {
+            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: T::zero() }.check(law, problem),
+            _ => Ok(Self { t: SVector::zeros(), v_t: T::zero() }),
+        }
+    }
+
+    /// `H_bt = H_bn = 0` for every tangent b across t.
+    fn check(self, law: &'static str, problem: &ImpactProblem<T, D>) -> Result<Self, ImpactError> {
+        let n = D - 1;
+        let h = problem.delassus();
+        let allowed = h.amax() * rounding(PLANE);
+        let across = |mut x: SVector<T, D>| {
+            x[n] = T::zero();
+            (x - self.t * self.t.dot(&x)).norm()
+        };
+        let tangent = across(h * self.t);
+        let normal = across(h.column(n).into_owned());
+        if tangent <= allowed && normal <= allowed {
+            return Ok(self);
+        }
+        Err(ImpactError::NotInOnePlane {
+            law,
+            tangent_coupling: plain(tangent),
+            normal_coupling: plain(normal),
+            allowed: plain(allowed),
+        })
+    }
+
+    /// The problem seen in (t, n).
+    fn contact(&self, problem: &ImpactProblem<T, D>) -> ImpactProblem<T, 2> {
+        let n = D - 1;
+        let h = problem.delassus();
+        let h_t = h * self.t;
+        let (a, b, c) = (self.t.dot(&h_t), h_t[n], h[(n, n)]);
+        ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(self.v_t, problem.u_minus()[n]))
+    }
+
+    /// The answer in contact axes: across the plane nothing moves.
+    fn lift(&self, law: &'static str, problem: &ImpactProblem<T, D>, answer: &Answer<T>) -> ImpactOutcome<T, D> {
+        let mut impulse = self.t * answer.p_t;
+        impulse[D - 1] = answer.p_n;
+        let mut u_plus = self.t * answer.v_t;
+        u_plus[D - 1] = answer.v_n;
+        ImpactOutcome::of(law, problem, impulse, u_plus, answer)
+    }
+}
+
+/// Unit vector along the tangential part of `x`; `None` if that is zero.
+fn along<T: RealField + Copy, const D: usize>(x: &SVector<T, D>) -> Option<SVector<T, D>> {
+    let mut tangent = *x;
+    tangent[D - 1] = T::zero();
+    // Scaled first, lest the squares of small speeds underflow.
+    let largest = tangent.amax();
+    (largest > T::zero()).then(|| (tangent / largest).normalize())
+}

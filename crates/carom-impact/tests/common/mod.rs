@@ -1,0 +1,47 @@
+//! Shared by the tests: problems drawn at random, and comparisons that say what they compare.
+#![allow(dead_code)] // each test file uses its share
+
+use carom_impact::ImpactProblem;
+use nalgebra::{Matrix2, Vector2};
+
+/// One random planar impact with its coefficients.
+#[derive(Debug, Clone, Copy)]
+pub struct Case {
+    pub delassus: Matrix2<f64>,
+    pub u: Vector2<f64>,
+    pub restitution: f64,
+    pub friction: f64,
+}
+
+impl Case {
+    pub fn problem(&self) -> ImpactProblem<f64, 2> {
+        ImpactProblem::new(self.delassus, self.u).unwrap()
+    }
+}
+
+/// `H = G Gᵀ` with condition number up to about `1/flat²`, a speed of 1 in any approaching
+/// direction, e in [0, 1] with both ends drawn, friction from 0 to beyond any jam.
+pub fn any_case(rng: &mut fastrand::Rng, flat: f64) -> Case {
+    let wide = |rng: &mut fastrand::Rng| 2.0 * rng.f64() - 1.0;
+    let (turn, length) = (std::f64::consts::TAU * rng.f64(), flat + (1.0 - flat) * rng.f64());
+    let axes = Matrix2::new(turn.cos(), -turn.sin(), turn.sin(), turn.cos());
+    let delassus = axes * Matrix2::new(1.0, 0.0, 0.0, length * length) * axes.transpose();
+    let angle = std::f64::consts::PI * rng.f64();
+    let restitution = match rng.u8(0..10) {
+        0 => 0.0,
+        1 => 1.0,
+        _ => rng.f64(),
+    };
+    let friction = match rng.u8(0..4) {
+        0 => 0.0_f64.max(wide(rng)),
+        1 => 10.0_f64.powf(3.0 * wide(rng)),
+        _ => 2.0 * rng.f64(),
+    };
+    Case { delassus, u: Vector2::new(angle.cos(), -angle.sin()), restitution, friction }
+}
+
+/// `|x - expected| <= within`, with the numbers in the message.
+#[track_caller]
+pub fn close(what: &str, x: f64, expected: f64, within: f64) {
+    assert!((x - expected).abs() <= within, "{what}: {x:e} instead of {expected:e}, off by {:e}", x - expected);
+}

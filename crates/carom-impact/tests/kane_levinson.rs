@@ -1,0 +1,156 @@
+//! The double pendulum of Kane and Levinson (*Dynamics*, 1985), the energy paradox, and its jam.
+//!
+//! Two uniform rods, m = l = 1, pinned at the top, at 20° and 30° from the vertical, turning with
+//! -0.1 and -0.2 rad/s; the tip strikes a horizontal floor; e = μ = 0.5. Parameters are theirs;
+//! digits were computed apart from this crate, the Routh laws at 30 digits.
+
+mod common;
+
+use carom_impact::{
+    Energetic, Flags, Frictionless, ImpactOutcome, ImpactProblem, Law, Mode, Newton, Phase, Poisson, Whittaker,
+    law_by_name,
+};
+use common::close;
+use nalgebra::{Matrix2, Vector2, matrix, vector};
+use num_dual::Dual64;
+
+const E: f64 = 0.5;
+const MU: f64 = 0.5;
+
+fn mass_matrix() -> Matrix2<f64> {
+    let coupling = 0.5 * (10.0_f64).to_radians().cos();
+    matrix![4.0 / 3.0, coupling; coupling, 1.0 / 3.0]
+}
+
+fn jacobian() -> Matrix2<f64> {
+    let (a, b) = ((20.0_f64).to_radians(), (30.0_f64).to_radians());
+    matrix![a.cos(), b.cos(); a.sin(), b.sin()]
+}
+
+const QD: Vector2<f64> = vector![-0.1, -0.2];
+
+fn pendulum() -> ImpactProblem<f64, 2> {
+    let (m, j) = (mass_matrix(), jacobian());
+    ImpactProblem::new(j * m.try_inverse().unwrap() * j.transpose(), j * QD).unwrap()
+}
+
+fn outcome(law: &str) -> ImpactOutcome<f64, 2> {
+    law_by_name::<2>(law, E, MU).unwrap().resolve(&pendulum()).unwrap()
+}
+
+#[test]
+fn published_problem() {
+    let p = pendulum();
+    close("A", p.delassus()[(0, 0)], 2.440338045696, 5e-13);
+    close("B", p.delassus()[(0, 1)], 1.521308658011, 5e-13);
+    close("C", p.delassus()[(1, 1)], 1.009560290504, 5e-13);
+    close("v_t", p.u_minus()[0], -0.267174342835, 5e-13);
+    close("v_n", p.u_minus()[1], -0.134202014333, 5e-13);
+    close("approach", p.approach_speed(), 0.134202014333, 5e-13);
+    close("T", p.kinetic_energy(p.u_minus()), 0.0231814108634554, 1e-15);
+    close("mu_stick", p.mu_stick(), 0.623400787, 5e-10);
+    close("mu_jam", p.mu_jam().unwrap(), 0.663613058, 5e-10);
+}
+
+#[test]
+fn published_velocity_and_energy_of_every_law() {
+    for (law, v_t, v_n, ratio, digits) in [
+        ("frictionless", 0.03616963, 0.06710101, 0.711412702, 5e-9),
+        ("whittaker", 0.0, 0.06710101, 1.587494687, 5e-9),
+        ("newton", 0.034824903986, 0.067101007166, 0.737153338, 5e-13),
+        ("poisson", 0.004896652708, 0.042363910848, 0.545077987, 5e-13),
+        ("energetic", 0.006306876507, 0.043529526627, 0.553187985, 5e-13),
+    ] {
+        let hit = outcome(law);
+        close(law, hit.u_plus[0], v_t, digits);
+        close(law, hit.u_plus[1], v_n, digits);
+        close(law, hit.energy_ratio(), ratio, 5e-10);
+        close(law, hit.energy_before + hit.energy_change, hit.energy_after, 1e-16);
+        assert_eq!(hit.law, law);
+        assert_eq!(hit.flags.contains(Flags::ENERGY_GAIN), law == "whittaker");
+    }
+}
+
+#[test]
+fn class_is_slip_stops_in_restitution_then_slips_back() {
+    for law in ["newton", "poisson", "energetic"] {
+        let hit = outcome(law);
+        assert_eq!((hit.mode, hit.slip_end), (Mode::ReverseSlip, Some(Phase::Restitution)), "{law}");
+
+        // What the outcome tells about the walk: P_n = (1 + e_P) pc, W_n = (1 - e_E²) Wc, and
+        // with s = -1 first and +1 then, P_t = μ p1 - μ (P_n - p1).
+        let p_n = hit.impulse[1];
+        let pc = p_n / (1.0 + hit.poisson.unwrap());
+        let wc = hit.normal_work / (1.0 - hit.energetic.unwrap().powi(2));
+        let p1 = 0.5 * (hit.impulse[0] / MU + p_n);
+        close("pc", pc, 0.07581115467781747, 1e-15);
+        close("Wc", wc, -0.005087004833320453, 1e-15);
+        close("p1", p1, 0.0974563260904499, 1e-15);
+    }
+}
+
+#[test]
+fn published_joint_velocities() {
+    for (law, qd) in
+        [("poisson", vector![-0.197179706138, 0.219606684404]), ("energetic", vector![-0.198932335971, 0.223136785377])]
+    {
+        let hit = outcome(law);
+        let jump = mass_matrix().try_inverse().unwrap() * jacobian().transpose() * hit.impulse;
+        close(law, (QD + jump - qd).amax(), 0.0, 5e-13);
+        // Contact-space energy is the whole energy: J is regular.
+        let energy = 0.5 * (QD + jump).dot(&(mass_matrix() * (QD + jump)));
+        close(law, hit.energy_after, energy, 1e-16);
+    }
+}
+
+/// `dv⁺/de` by dual numbers through the real code.
+fn slope<L: Law<Dual64, 2>>(law: L) -> Vector2<f64> {
+    let p = pendulum();
+    let dual = ImpactProblem::new(p.delassus().map(Dual64::from_re), p.u_minus().map(Dual64::from_re)).unwrap();
+    law.resolve(&dual).unwrap().u_plus.map(|v| v.eps)
+}
+
+#[test]
+fn published_sensitivity_to_restitution() {
+    let (restitution, friction) = (Dual64::new(E, 1.0), Dual64::from_re(MU));
+    for (law, slope, v_t, v_n) in [
+        ("newton", slope(Newton { restitution, friction }), 0.16236472, 0.13420201),
+        ("poisson", slope(Poisson { restitution, friction }), 0.02282974, 0.01886985),
+        ("energetic", slope(Energetic { restitution, friction }), 0.03519218, 0.02908798),
+    ] {
+        close(law, slope[0], v_t, 5e-9);
+        close(law, slope[1], v_n, 5e-9);
+    }
+}
+
+#[test]
+fn paradox_needs_stick_and_vanishes_without_friction() {
+    let problem = pendulum();
+    let smooth = Frictionless { restitution: E }.resolve(&problem).unwrap();
+    let rough = Whittaker { restitution: E, friction: MU }.resolve(&problem).unwrap();
+    assert!(smooth.energy_change < 0.0 && rough.energy_change > 0.0);
+    assert_eq!(rough.mode, Mode::Stick);
+}
+
+/// Friction beyond `mu_jam` with slip towards `sign B`: the normal velocity first grows more
+/// negative, and the contact parts faster than it came while the energy falls.
+#[test]
+fn jam_rebounds_faster_than_it_came_yet_loses_energy() {
+    let problem = ImpactProblem::new(*pendulum().delassus(), vector![0.3, -0.134201]).unwrap();
+    let friction = 0.8;
+    assert!(friction > problem.mu_jam().unwrap());
+    let mut faster = 0;
+    for restitution in [0.0, 0.5, 0.9, 1.0] {
+        let hit = Energetic { restitution, friction }.resolve(&problem).unwrap();
+        assert_eq!(hit.flags, Flags::JAM);
+        assert_eq!((hit.mode, hit.slip_end), (Mode::Stick, Some(Phase::Compression)));
+        assert!(hit.energy_change < 0.0);
+        faster += usize::from(hit.newton.unwrap() > 1.0);
+
+        // More work went in than ½ v_n²/C alone could have stored: v_n went below v_n⁻.
+        let (c, b) = (problem.delassus()[(1, 1)], problem.delassus()[(0, 1)]);
+        let deeper = c - friction * b;
+        assert!(deeper < 0.0);
+    }
+    assert!(faster >= 2, "{faster} rebounds were faster than the approach");
+}

@@ -1,0 +1,104 @@
+//! What bad input gets: the value, the rule it breaks, what to do. In full.
+
+use carom_impact::{Energetic, ImpactProblem, Law, Poisson, Whittaker, law_by_name};
+use nalgebra::{Matrix2, Vector2, matrix, vector};
+
+fn refused(h: Matrix2<f64>, u: Vector2<f64>) -> String {
+    ImpactProblem::new(h, u).unwrap_err().to_string()
+}
+
+fn unresolved(law: impl Law<f64, 2>, h: Matrix2<f64>, u: Vector2<f64>) -> String {
+    law.resolve(&ImpactProblem::new(h, u).unwrap()).unwrap_err().to_string()
+}
+
+const H: Matrix2<f64> = matrix![2.0, 0.5; 0.5, 1.0];
+const U: Vector2<f64> = vector![1.0, -1.0];
+
+#[test]
+fn not_finite() {
+    assert_eq!(
+        refused(matrix![2.0, f64::NAN; 0.5, 1.0], U),
+        "delassus[0][1] is NaN: every number of an impact problem must be finite; check the pose, the velocity and \
+         the inertias it was built from"
+    );
+    assert_eq!(
+        refused(H, vector![1.0, f64::NEG_INFINITY]),
+        "u_minus[1] is -inf: every number of an impact problem must be finite; check the pose, the velocity and the \
+         inertias it was built from"
+    );
+}
+
+#[test]
+fn not_symmetric() {
+    assert_eq!(
+        refused(matrix![2.0, 0.5; 0.25, 1.0], U),
+        "delassus[0][1] = 0.5 but delassus[1][0] = 0.25: the matrix must be symmetric within 0.00000002 (1e-8 of its \
+         largest entry); build it as J M^-1 J^T"
+    );
+}
+
+#[test]
+fn slight_asymmetry_is_averaged() {
+    let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5 + 1e-9, 1.0], U).unwrap();
+    assert_eq!(problem.delassus()[(0, 1)], problem.delassus()[(1, 0)]);
+    assert!((problem.delassus()[(0, 1)] - (0.5 + 0.5e-9)).abs() < 1e-16);
+}
+
+#[test]
+fn not_positive() {
+    assert_eq!(
+        refused(matrix![1.0, 2.0; 2.0, 0.5], U),
+        "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [0][0] is \
+         -7, below -0.0000000000004547473508864641 (rounding); no mass distribution has it, check the \
+         mass matrix and the order of the contact axes"
+    );
+}
+
+#[test]
+fn coefficients() {
+    for (restitution, shown) in [(1.5, "1.5"), (-0.1, "-0.1"), (f64::NAN, "NaN")] {
+        assert_eq!(
+            unresolved(Energetic { restitution, friction: 0.2 }, H, U),
+            format!("restitution {shown} is outside [0, 1]: 0 is a dead stop, 1 a full rebound")
+        );
+    }
+    for (friction, shown) in [(-0.25, "-0.25"), (f64::INFINITY, "inf"), (f64::NAN, "NaN")] {
+        assert_eq!(
+            unresolved(Poisson { restitution: 0.5, friction }, H, U),
+            format!("friction {shown} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")
+        );
+    }
+}
+
+#[test]
+fn singular_normal() {
+    assert_eq!(
+        unresolved(Poisson { restitution: 0.5, friction: 0.2 }, matrix![2.0, 0.0; 0.0, 0.0], U),
+        "the contact cannot move along its normal: H_nn = 0 1/kg is nothing beside the trace 2 1/kg of the Delassus \
+         matrix, so the impulse would be infinite; the structure takes such a blow: leave the singular pose or model \
+         what gives way"
+    );
+}
+
+#[test]
+fn wedged() {
+    assert_eq!(
+        unresolved(Whittaker { restitution: 0.5, friction: 2.0 }, matrix![1.0, 1.0; 1.0, 1.0], vector![-1.0, -1.0]),
+        "the contact wedges: friction 2 holds it while it still approaches with u_n = -1 m/s, and held so it cannot \
+         move along its normal (inverse mass 0 1/kg beside H_nn = 1 1/kg), so no finite impulse ends the impact; lower \
+         the friction or leave the singular pose"
+    );
+}
+
+#[test]
+fn not_in_one_plane() {
+    let problem =
+        ImpactProblem::new(matrix![2.0, 0.25, 0.5; 0.25, 1.5, 0.0; 0.5, 0.0, 1.0], vector![1.0, 0.0, -1.0]).unwrap();
+    assert_eq!(
+        law_by_name("energetic", 0.5, 0.2).unwrap().resolve(&problem).unwrap_err().to_string(),
+        "law `energetic` in space answers only contacts whose slip stays in one plane through the normal: here the \
+         direction across the slip couples to the slip by 0.25 1/kg and to the normal by 0 1/kg, and at most \
+         0.00000000000011368683772161603 1/kg counts as none; use `frictionless`, or friction 0, or a contact with \
+         that symmetry"
+    );
+}

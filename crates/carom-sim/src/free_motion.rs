@@ -1,0 +1,88 @@
+//! Motion with the motors off, between impacts.
+
+use crate::error::SimError;
+use carom_chain::{Chain, ChainError, Coordinates};
+use ivp::prelude::{FirstOrderSystem, Ivp, Method};
+use nalgebra::Vector3;
+use std::cell::RefCell;
+
+/// The chain at one time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Time, s.
+    pub time: f64,
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Joint velocities.
+    pub qd: Vec<f64>,
+}
+
+/// The free motion M q̈ + C q̇ + g = 0 from `(q, qd)` at time 0 to `end` seconds (negative: back in time), sampled at
+/// `samples` ≥ 2 equal steps, both ends included. Dormand–Prince 8(5,3), relative tolerance 1e-12.
+///
+/// # Errors
+/// [`SimError::Chain`]: a state that does not fit, a floating joint (whose q̇ is not qd), too few samples; or an
+/// integration that fails.
+pub fn free_motion(
+    chain: &Chain,
+    q: &[f64],
+    qd: &[f64],
+    gravity: Vector3<f64>,
+    end: f64,
+    samples: usize,
+) -> Result<Vec<Sample>, SimError> {
+    chain.check_state(q, qd)?;
+    let floats = |c: &Coordinates| matches!(c, Coordinates::Own { q, v } if q.len() != v.len());
+    if let Some(joint) = chain.joints().iter().find(|j| floats(&j.coordinates)) {
+        let why = format!("joint '{}' floats: free motion is for joints with q̇ = qd", joint.name);
+        return Err(ChainError::NotReducible(why).into());
+    }
+    if samples < 2 || !end.is_finite() || end == 0.0 {
+        let why = format!("free motion to {end} s in {samples} samples: the end must be finite and not 0, samples at least 2");
+        return Err(ChainError::NotReducible(why).into());
+    }
+    let free = Free { chain, gravity, workspace: RefCell::new(chain.workspace()), failed: RefCell::new(None) };
+    let start: Vec<f64> = q.iter().chain(qd).copied().collect();
+    let times: Vec<f64> = (0..samples).map(|k| end * k as f64 / (samples - 1) as f64).collect();
+    let solution = Ivp::first_order(&free, 0.0, end, &start)
+        .method(Method::DOP853)
+        .rtol(1e-12)
+        .atol(1e-14)
+        .t_eval(times)
+        .solve()
+        .map_err(|e| ChainError::NotReducible(format!("the free motion can't be integrated: {e:?}")))?;
+    if let Some(error) = free.failed.into_inner() {
+        return Err(error.into());
+    }
+    let sample = |(time, state): (f64, &[f64])| {
+        let (q, qd) = state.split_at(chain.nq());
+        Sample { time, q: q.to_vec(), qd: qd.to_vec() }
+    };
+    Ok(solution.iter().map(|(t, y)| sample((t, y))).collect())
+}
+
+struct Free<'a> {
+    chain: &'a Chain,
+    gravity: Vector3<f64>,
+    workspace: RefCell<carom_chain::Workspace<carom_chain::Spatial<f64>>>,
+    failed: RefCell<Option<ChainError>>,
+}
+
+impl FirstOrderSystem for Free<'_> {
+    fn derivative(&self, _: f64, state: &[f64], rate: &mut [f64]) {
+        let (q, qd) = state.split_at(self.chain.nq());
+        let tau = vec![0.0; qd.len()];
+        let mut workspace = self.workspace.borrow_mut();
+        let qdd = workspace.update(self.chain, q).and_then(|mut kin| kin.forward_dynamics(qd, &tau, self.gravity));
+        match qdd {
+            Ok(qdd) => {
+                rate[..qd.len()].copy_from_slice(qd);
+                rate[qd.len()..].copy_from_slice(qdd.as_slice());
+            }
+            Err(error) => {
+                rate.fill(0.0);
+                *self.failed.borrow_mut() = Some(error);
+            }
+        }
+    }
+}

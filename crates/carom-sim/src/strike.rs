@@ -1,0 +1,215 @@
+//! One impact of a chain at one point: `qd⁺ = qd⁻ + M⁻¹ Jᵀ p`.
+//!
+//! The way of the data: chain, q, qd and a surface normal → [`Contact`] (Jacobian, Delassus matrix, contact axes,
+//! [`ImpactProblem`]) → a law → [`ChainImpact`].
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | n | 3 | unit normal, from the environment to the robot, world | `normal` |
+//! | R | 3×3 | contact axes (t₁, t₂, n) as columns, world | `axes` |
+//! | J | 3×nv | Jacobian of the contact point, world | `jacobian` |
+//! | H | 3×3 | Delassus matrix, world | `delassus` |
+//! | u⁻, u⁺ | 3 | velocity of the contact point before and after, world | `u_minus`, `u_plus` |
+//! | p | 3 | impulse on the robot, world, N s | `impulse` |
+
+use crate::error::SimError;
+use carom_chain::algebra::z_onto;
+use carom_chain::{Chain, ChainError, ContactInertia, FrameId, Point, Spatial, Workspace};
+use carom_impact::{Flags, ImpactOutcome, ImpactProblem, Law, Mode};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// Asks a chain about impacts; in the prelude, so that `chain.impact(&q, &qd)` reads as it should.
+pub trait Impacts {
+    /// An impact of the chain at configuration `q` with joint velocities `qd`.
+    fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a>;
+}
+
+impl Impacts for Chain {
+    fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a> {
+        Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None }
+    }
+}
+
+/// An impact being described: where, and against which normal.
+#[derive(Debug, Clone)]
+pub struct Strike<'a> {
+    chain: &'a Chain,
+    q: &'a [f64],
+    qd: &'a [f64],
+    frame: Option<FrameId>,
+    offset: Vector3<f64>,
+    normal: Option<[f64; 3]>,
+}
+
+impl<'a> Strike<'a> {
+    /// The link frame whose origin touches.
+    pub fn at(mut self, frame: FrameId) -> Self {
+        self.frame = Some(frame);
+        self
+    }
+
+    /// The touching point, from that origin, in the frame's own axes, m.
+    pub fn offset(mut self, offset: [f64; 3]) -> Self {
+        self.offset = offset.into();
+        self
+    }
+
+    /// Surface normal in world axes, from the environment to the robot; any length but zero.
+    pub fn normal(mut self, normal: [f64; 3]) -> Self {
+        self.normal = Some(normal);
+        self
+    }
+
+    /// Computes what all laws share.
+    ///
+    /// # Errors
+    /// [`SimError`]: a state that does not fit, a normal without direction, a point that can't move along it.
+    pub fn contact(self) -> Result<Contact<'a>, SimError> {
+        let Some(frame) = self.frame else {
+            return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
+        };
+        let Some(normal) = self.normal else {
+            return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
+        };
+        self.chain.check_state(self.q, self.qd)?;
+        let given = Vector3::from(normal);
+        let normal = given.try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+        let Some(normal) = normal else {
+            return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
+        };
+        Contact::new(self.chain, self.q, self.qd, frame, self.offset, normal)
+    }
+
+    /// The impact under one law.
+    ///
+    /// # Errors
+    /// As [`Strike::contact`], and what the law refuses.
+    pub fn resolve(self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
+        self.contact()?.resolve(law)
+    }
+}
+
+/// A contact at one state of a chain, ready for any law.
+#[derive(Debug)]
+pub struct Contact<'a> {
+    chain: &'a Chain,
+    q: &'a [f64],
+    qd: &'a [f64],
+    workspace: Workspace<Spatial<f64>>,
+    /// Contact axes in the world: two tangents, then the normal.
+    axes: Matrix3<f64>,
+    jacobian: DMatrix<f64>,
+    /// M⁻¹Jᵀ: the joint velocities that unit impulses give.
+    response: DMatrix<f64>,
+    inertia: ContactInertia,
+    problem: ImpactProblem<f64, 3>,
+    energy: f64,
+}
+
+impl<'a> Contact<'a> {
+    fn new(
+        chain: &'a Chain,
+        q: &'a [f64],
+        qd: &'a [f64],
+        frame: FrameId,
+        offset: Vector3<f64>,
+        normal: Vector3<f64>,
+    ) -> Result<Self, SimError> {
+        let link = || chain.frame_name(frame).to_owned();
+        let point: Point<Spatial<f64>> = chain.point(frame, offset);
+        if point.body.is_none() {
+            return Err(SimError::FixedPoint { link: link() });
+        }
+        let mut workspace = chain.workspace();
+        let mut kin = workspace.update(chain, q)?;
+        let inertia = kin.contact_inertia(point)?;
+        if inertia.effective_mass(normal.as_slice()).is_none() {
+            return Err(SimError::SingularNormal { link: link(), normal: normal.into() });
+        }
+        let jacobian = kin.point_jacobian(point);
+        let mut response = DMatrix::zeros(chain.nv(), 3);
+        for k in 0..3 {
+            let unit_impulse: Vec<f64> = jacobian.row(k).iter().copied().collect();
+            response.set_column(k, &kin.solve(&unit_impulse)?);
+        }
+        let u = kin.point_velocity(point, qd)?;
+        let energy = kin.kinetic_energy(qd)?;
+        let axes = z_onto(normal);
+        let delassus = Matrix3::from_fn(|i, j| inertia.delassus[(i, j)]);
+        let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
+        Ok(Self { chain, q, qd, workspace, axes, jacobian, response, inertia, problem, energy })
+    }
+
+    /// The numbers that a law sees: contact axes, tangents first, normal last.
+    pub fn problem(&self) -> &ImpactProblem<f64, 3> {
+        &self.problem
+    }
+
+    /// The inertia that the contact point feels, world axes.
+    pub fn inertia(&self) -> &ContactInertia {
+        &self.inertia
+    }
+
+    /// Jacobian of the contact point, 3×nv, world axes.
+    pub fn jacobian(&self) -> &DMatrix<f64> {
+        &self.jacobian
+    }
+
+    /// The impact under one law.
+    ///
+    /// # Errors
+    /// What the law refuses.
+    pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
+        let outcome = law.resolve(&self.problem)?;
+        let impulse = self.axes * outcome.impulse;
+        let qd_plus = DVector::from_column_slice(self.qd) + &self.response * impulse;
+        let energy_after = self.workspace.update(self.chain, self.q)?.kinetic_energy(qd_plus.as_slice())?;
+        Ok(ChainImpact {
+            qd_plus: qd_plus.as_slice().to_vec(),
+            impulse,
+            u_minus: self.axes * outcome.u_minus,
+            u_plus: self.axes * outcome.u_plus,
+            energy_before: self.energy,
+            energy_after,
+            mode: outcome.mode,
+            flags: outcome.flags,
+            contact: outcome,
+        })
+    }
+}
+
+/// What an impact does to a chain.
+#[derive(Debug, Clone)]
+pub struct ChainImpact {
+    /// Joint velocities after the impact.
+    pub qd_plus: Vec<f64>,
+    /// Impulse on the robot, world axes, N s.
+    pub impulse: Vector3<f64>,
+    /// Velocity of the contact point before, world axes, m/s.
+    pub u_minus: Vector3<f64>,
+    /// Velocity of the contact point after, world axes, m/s.
+    pub u_plus: Vector3<f64>,
+    /// Kinetic energy of the whole chain before, J.
+    pub energy_before: f64,
+    /// Kinetic energy of the whole chain after, J, from `qd_plus`.
+    pub energy_after: f64,
+    /// How the contact ended.
+    pub mode: Mode,
+    /// What to beware of.
+    pub flags: Flags,
+    /// The outcome in contact axes: work, realised coefficients, phases.
+    pub contact: ImpactOutcome<f64, 3>,
+}
+
+impl ChainImpact {
+    /// T⁺/T⁻ of the whole chain. Its square root is what the paper's eq. (16) calls "energetic coefficient": a ratio of
+    /// kinetic energies, not Stronge's coefficient of the normal work. 1 for a chain at rest.
+    pub fn energy_ratio(&self) -> f64 {
+        if self.energy_before > 0.0 { self.energy_after / self.energy_before } else { 1.0 }
+    }
+
+    /// Kinetic energy lost, J (negative: gained).
+    pub fn energy_loss(&self) -> f64 {
+        self.energy_before - self.energy_after
+    }
+}

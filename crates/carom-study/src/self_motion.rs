@@ -1,0 +1,64 @@
+//! What a redundant arm can choose while its tip stays where it is.
+
+use carom_chain::{Chain, ChainError, FrameId};
+use nalgebra::{DVector, Vector3};
+
+/// One pose of a self-motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SelfMotionPoint {
+    /// Joint positions.
+    pub q: Vec<f64>,
+    /// Mass the tip seems to have against the normal, kg; `None` where the normal is singular.
+    pub effective_mass: Option<f64>,
+    /// h = tᵀHn/nᵀHn with the normal into the surface: the tangential jump is −(1+e)·h times the approach speed.
+    pub coupling: Option<f64>,
+}
+
+/// The poses that a planar three-joint arm can take with its tip at `target` (world, in the arm's plane): `samples`
+/// absolute directions of the last link all around, both elbows; those out of reach are left out.
+///
+/// `lengths` are the three link lengths, m; `normal` and `tangent` unit vectors in the world, the normal from surface to
+/// robot.
+///
+/// # Errors
+/// [`ChainError`] of the chain at those poses.
+pub fn self_motion(
+    chain: &Chain,
+    tip: FrameId,
+    lengths: [f64; 3],
+    target: [f64; 2],
+    normal: Vector3<f64>,
+    tangent: Vector3<f64>,
+    samples: usize,
+) -> Result<Vec<SelfMotionPoint>, ChainError> {
+    let point = chain.point(tip, Vector3::zeros());
+    let mut workspace = chain.workspace();
+    let mut poses = Vec::new();
+    for elbow in [1.0, -1.0] {
+        for k in 0..samples {
+            let direction = std::f64::consts::TAU * k as f64 / samples as f64;
+            let Some(q) = three_link_pose(lengths, target, direction, elbow) else { continue };
+            let inertia = workspace.update(chain, &q)?.contact_inertia(point)?;
+            let effective_mass = inertia.effective_mass(normal.as_slice());
+            let hn = &inertia.delassus * DVector::from_column_slice((-normal).as_slice());
+            let coupling = effective_mass.map(|m| m * hn.dot(&DVector::from_column_slice(tangent.as_slice())));
+            poses.push(SelfMotionPoint { q: q.to_vec(), effective_mass, coupling });
+        }
+    }
+    Ok(poses)
+}
+
+/// Joint angles with the tip at `target` and the last link pointing along `direction`; `elbow` ±1 chooses the side
+/// (+1: elbow above the line from base to wrist). The law of cosines for the first two links.
+fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f64) -> Option<[f64; 3]> {
+    let [a, b, c] = lengths;
+    let (x, y) = (target[0] - c * direction.cos(), target[1] - c * direction.sin());
+    let cos_bend = (x * x + y * y - a * a - b * b) / (2.0 * a * b);
+    if cos_bend.abs() > 1.0 {
+        return None;
+    }
+    let bend = -elbow * cos_bend.acos();
+    let first = y.atan2(x) - (b * bend.sin()).atan2(a + b * bend.cos());
+    let wrap = |x: f64| x.sin().atan2(x.cos());
+    Some([wrap(first), wrap(bend), wrap(direction - first - bend)])
+}
