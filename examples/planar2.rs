@@ -13,7 +13,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arm = Chain::from_urdf_file(URDF)?;
     let runs = paper::experiment(&arm)?;
 
-    println!("Tip of {} against a wall, frictionless, Newton's e of Table I (a stand-in arm, see robots/).", arm.name());
+    println!(
+        "Tip of {} against a wall, frictionless, Newton's e of Table I (a stand-in arm, see robots/).",
+        arm.name()
+    );
     println!("v_t runs down the wall, v_n away from it; the kinetic energy is T.\n");
     println!(" elbow  speed  angle     e      v_t-      v_t+      v_n+   T lost  T+/T-  tangential");
     println!("          m/s    deg              m/s       m/s       m/s       mJ         velocity");
@@ -49,12 +52,13 @@ fn line(run: &Run) -> String {
 fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
     use carom::record::{Side, record_planar2};
     use carom::sim::free_motion;
-    use carom::study::{paper::Elbow, tangential_map};
+    use carom::study::{Approach, paper::Elbow, tangential_map};
     use nalgebra::{Vector2, Vector3};
 
     let flat = arm.to_planar()?;
     let tip = arm.frame("tip")?;
-    let (normal, tangent) = (Vector2::new(-1.0, 0.0), Vector2::new(0.0, -1.0));
+    // The workspace around the wall, every centimetre.
+    let targets = || (0..110).flat_map(|i| (0..121).map(move |k| [-0.15 + 0.01 * i as f64, -0.6 + 0.01 * k as f64]));
     let mut sides = Vec::new();
     for run in runs.iter().filter(|r| r.speed == 0.2 && r.angle_deg == 45.0) {
         let pose = run.elbow.pose();
@@ -63,8 +67,9 @@ fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
         let mut before = motion(&run.qd_minus, -0.6)?;
         before.reverse();
         let after = motion(&run.hit.qd_plus, 0.6)?;
-        let up = run.elbow == Elbow::Up;
-        let map = tangential_map(&flat, tip, normal, tangent, run.restitution, up, 110)?;
+        let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: run.restitution };
+        let elbow = if run.elbow == Elbow::Up { 1.0 } else { -1.0 };
+        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, elbow, targets())?;
         sides.push(Side { run: run.clone(), before, after, map });
     }
     let path = std::path::Path::new("planar2.rrd");
@@ -81,7 +86,7 @@ fn record(_: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
 
 fn table(runs: &[Run]) -> String {
     let mut text = String::from(
-        "Tip against a wall at 45° and .2 m/s in the views; all runs here.\n\n\
+        "Tip against a wall at 45° and .2 m/s in the views, the impact at 0.6 s; all runs here.\n\n\
          **Map:** red, the tip would reverse there; blue, slow down along the wall; yellow, speed up.\n\n\
          **Arrows:** blue, velocity before; red, after; orange, impulse.\n\n\
          | elbow | m/s | angle | e | v_t⁻ | v_t⁺ | v_n⁺ | lost mJ | |\n|---|---|---|---|---|---|---|---|---|\n",

@@ -20,7 +20,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (normal, tangent) = (-Vector3::x(), -Vector3::y());
     let poses = self_motion(&arm, tip, LENGTHS, TARGET, normal, tangent, 360)?;
 
-    println!("{}: tip at ({}, {}) m on a wall, coming in at {SPEED} m/s and 45 deg, e = {RESTITUTION}, frictionless.", arm.name(), TARGET[0], TARGET[1]);
+    println!(
+        "{}: tip at ({}, {}) m on a wall, coming in at {SPEED} m/s and 45 deg, e = {RESTITUTION}, frictionless.",
+        arm.name(),
+        TARGET[0],
+        TARGET[1]
+    );
     println!("{} poses of the self-motion; every 24th:\n", poses.len());
     println!("  shoulder    elbow    wrist   effective    impulse       v_t+  tangential");
     println!("       deg      deg      deg     mass kg        N s        m/s  velocity");
@@ -39,7 +44,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
     if let (Some(light), Some(heavy)) = (lightest, heaviest) {
-        println!("\nAlong the self-motion the effective mass varies by a factor of {:.1}.", mass(&heavy) / mass(&light));
+        println!(
+            "\nAlong the self-motion the effective mass varies by a factor of {:.1}.",
+            mass(&heavy) / mass(&light)
+        );
     }
     Ok(())
 }

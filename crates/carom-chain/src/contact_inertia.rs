@@ -84,7 +84,10 @@ impl ContactInertia {
     }
 }
 
-impl<A: Algebra> Kinematics<'_, A> {
+impl<'b, A: Algebra> Kinematics<'b, A>
+where
+    A::Scalar: RealField,
+{
     /// The Delassus matrix as the locked chain has it: all joints held, the moving bodies of the point's tree as one
     /// rigid body that nothing ties to the base. Arms under stiff position control hit with about this inertia.
     /// World axes, 1/kg; zero for a point of the world.
@@ -113,12 +116,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
         h
     }
-}
 
-impl<'b, A: Algebra> Kinematics<'b, A>
-where
-    A::Scalar: RealField,
-{
     /// E by the dense way: `M = L Lᵀ`, `E = (L⁻¹ Jᵀ)ᵀ`.
     ///
     /// # Errors

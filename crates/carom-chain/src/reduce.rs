@@ -85,12 +85,12 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             reached[root[body]] = true;
         }
         loop {
-            let before = active.clone();
+            let before = (active.clone(), reached.clone());
             for (i, body) in self.bodies.iter().enumerate() {
                 active[body.v_index] |= reached[root[i]];
                 reached[root[i]] |= active[body.v_index];
             }
-            if active == before {
+            if (&active, &reached) == (&before.0, &before.1) {
                 break;
             }
         }

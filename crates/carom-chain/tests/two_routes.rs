@@ -35,7 +35,7 @@ fn moving<R>(chain: &Chain, q: &[f64], qd: &[f64], read: impl FnOnce(&mut Kinema
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
 
     #[test]
     fn crba_equals_the_columns_of_rnea(mut s in zoo()) {

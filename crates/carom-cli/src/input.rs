@@ -148,7 +148,9 @@ impl JointOrder {
                         Coordinates::Own { .. } => {}
                         Coordinates::None => return Err(refuse(format!("joint '{name}' is fixed: leave it out"))),
                         Coordinates::Follows { joint, .. } => {
-                            return Err(refuse(format!("joint '{name}' mimics '{joint}' and has no number of its own: leave it out")));
+                            return Err(refuse(format!(
+                                "joint '{name}' mimics '{joint}' and has no number of its own: leave it out"
+                            )));
                         }
                     }
                     if ordered.iter().any(|j| j.name == *name) {
@@ -161,7 +163,12 @@ impl JointOrder {
                 match missing.as_slice() {
                     [] => {}
                     [base] if base.name == "root_joint" => ordered.insert(0, base),
-                    [joint, ..] => return Err(refuse(format!("joint '{}' is not in the list: name every moving joint", joint.name))),
+                    [joint, ..] => {
+                        return Err(refuse(format!(
+                            "joint '{}' is not in the list: name every moving joint",
+                            joint.name
+                        )));
+                    }
                 }
                 ordered
             }

@@ -111,7 +111,16 @@ impl Inspect {
 }
 
 fn for_people(r: &Report, out: &mut dyn Write) -> std::io::Result<()> {
-    writeln!(out, "{}: {} degrees of freedom (nq {}, nv {}), {} kg in {} links", r.name, r.dof, r.nq, r.nv, r.total_mass, r.links.len())?;
+    writeln!(
+        out,
+        "{}: {} degrees of freedom (nq {}, nv {}), {} kg in {} links",
+        r.name,
+        r.dof,
+        r.nq,
+        r.nv,
+        r.total_mass,
+        r.links.len()
+    )?;
     match (&r.planar.normal, &r.planar.reason) {
         (Some([x, y, z]), _) => writeln!(out, "moves in a plane, normal ({x}, {y}, {z})")?,
         (_, Some(why)) => writeln!(out, "does not move in one plane: {why}")?,

@@ -40,7 +40,13 @@ impl LawArgs {
         range("--restitution", self.restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
         range("--friction", self.friction, 0.0, f64::MAX, "a coefficient of friction is finite and not negative")?;
         if let Some(et) = self.tangential_restitution {
-            range("--tangential-restitution", et, -1.0, 1.0, "a coefficient of tangential restitution lies between -1 and 1")?;
+            range(
+                "--tangential-restitution",
+                et,
+                -1.0,
+                1.0,
+                "a coefficient of tangential restitution lies between -1 and 1",
+            )?;
             eprintln!("warning: --tangential-restitution is not used by {}", self.law);
         }
         let asked = LAW_NAMES.into_iter().filter(|&name| self.law == "all" || self.law == name);
@@ -87,7 +93,12 @@ impl LawCommand {
             let all = match problem.u.len() {
                 2 => resolve(&problem, &plane)?,
                 3 => resolve(&problem, &space)?,
-                n => return Err(LineError(format!("u has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed")).into()),
+                n => {
+                    return Err(LineError(format!(
+                        "u has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed"
+                    ))
+                    .into());
+                }
             };
             match (self.json, plane.len()) {
                 (true, 1) => json_line(out, &all.outcomes[0]),
@@ -102,7 +113,9 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
     let rows = &problem.delassus;
     if rows.len() != D || rows.iter().any(|row| row.len() != D) {
         let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
-        return Err(LineError(format!("delassus has rows of {shape} numbers: u has {D}, so {D} rows of {D} are needed")));
+        return Err(LineError(format!(
+            "delassus has rows of {shape} numbers: u has {D}, so {D} rows of {D} are needed"
+        )));
     }
     let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| rows[i][j]);
     let problem = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;

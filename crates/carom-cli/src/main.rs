@@ -18,7 +18,12 @@ use std::process::ExitCode;
 
 /// Impacts of kinematic chains: qd⁺ = qd⁻ + M⁻¹ Jᵀ p
 #[derive(Parser)]
-#[command(name = "carom", version, about, after_help = "Numbers are SI: m, rad, kg, s, N s. Normals point from the environment to the robot.")]
+#[command(
+    name = "carom",
+    version,
+    about,
+    after_help = "Numbers are SI: m, rad, kg, s, N s. Normals point from the environment to the robot."
+)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -102,7 +102,8 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         // ½ P·(u⁻ + u⁺) may be the small difference of large terms: its rounding is theirs.
         let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
         let gains = energy_change > (energy_before + passed) * rounding(GAIN);
-        let grazes = problem.approach_speed() < u_minus.norm() * convert(GRAZING);
+        let v_n = problem.approach_speed();
+        let grazes = v_n * v_n < u_minus.norm_squared() * convert(GRAZING * GRAZING);
         Self {
             law,
             impulse,

@@ -45,8 +45,7 @@ pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
     let (v_t, _) = contact.velocity();
     // dv_n/dp = C - μ s B <= 0 in the first slip.
     let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
-    let singular = mu > T::zero() && contact.is_locked(contact.held_inverse_mass());
-    answer.flags |= Flags::JAM.when(jams) | Flags::SINGULAR.when(singular);
+    answer.flags |= Flags::JAM.when(jams);
     Ok(plane.lift(law, problem, &answer))
 }
 

@@ -120,11 +120,11 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
             if pivot <= nothing || pivot <= self.delassus[(k, k)] * rounding(NULL_PIVOT) {
                 continue;
             }
-            let w_k = w[k];
-            twice += w_k * w_k / pivot;
             // w := L⁻¹ u, so that uᵀ (L D Lᵀ)⁻¹ u = Σ w_k²/d_k.
+            let by_pivot = w[k] / pivot;
+            twice += w[k] * by_pivot;
             for i in 0..k {
-                w[i] -= h[(i, k)] / pivot * w_k;
+                w[i] -= h[(i, k)] * by_pivot;
             }
             eliminate(&mut h, k);
         }

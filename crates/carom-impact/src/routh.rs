@@ -67,14 +67,14 @@ impl<T: RealField + Copy> Segment<T> {
         Self { mode, tangent_rate: b - mu * s * a, normal_rate: c - mu * s * b, friction_rate: -mu * s }
     }
 
-    /// The tangential impulse that keeps `v_t = 0`: `A dp_t + B dp = 0`.
-    fn stick(contact: &ImpactProblem<T, 2>) -> Self {
+    /// The tangential impulse that keeps `v_t = 0`: `A dp_t + B dp = 0`. `held` is `det H/A`.
+    fn stick(contact: &ImpactProblem<T, 2>, held: T) -> Self {
         let (a, b, _) = contact.abc();
         let frozen = contact.tangent_is_frozen();
         Self {
             mode: Mode::Stick,
             tangent_rate: T::zero(),
-            normal_rate: contact.held_inverse_mass(),
+            normal_rate: held,
             friction_rate: if frozen { T::zero() } else { -b / a },
         }
     }
@@ -139,7 +139,8 @@ pub(crate) fn walk<T: RealField + Copy>(
     let (v_t, v_n) = contact.velocity();
     let s = sign(v_t);
     let first = Segment::slip(contact, mu, s, Mode::Slip);
-    let then = after_slip(contact, mu, s);
+    let held = contact.held_inverse_mass();
+    let then = after_slip(contact, mu, s, held);
     let locked = contact.is_locked(then.normal_rate);
     let wedged = |held: T, inverse_mass: T| ImpactError::Wedged {
         friction: plain(mu),
@@ -210,7 +211,7 @@ pub(crate) fn walk<T: RealField + Copy>(
         energetic: coefficient_of_work(up.normal_work, down.normal_work),
         mode: if slip_end.is_some() { then.mode } else { first.mode },
         slip_end: if v_t == zero { None } else { slip_end },
-        flags: Flags::NONE,
+        flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),
     })
 }
 
@@ -221,9 +222,9 @@ pub(crate) fn coefficient_of_work<T: RealField + Copy>(returned: T, taken: T) ->
 
 /// What follows slip s: stick if friction can hold the contact, else slip towards `sign B`,
 /// which is back: slip s stops only where `s B < μ A`, and with `μ A < |B|` that leaves `s B < 0`.
-fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T) -> Segment<T> {
+fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T, held: T) -> Segment<T> {
     if mu >= contact.mu_stick() {
-        return Segment::stick(contact);
+        return Segment::stick(contact, held);
     }
     let (_, b, _) = contact.abc();
     let mode = if s == T::zero() { Mode::Slip } else { Mode::ReverseSlip };

@@ -45,6 +45,8 @@ fn contact_pushes_within_the_cone_and_parts() {
             // Exactly: each walk adds to zero.
             assert!(hit.u_plus[1] >= 0.0, "{law} {case:?}");
         }
+        let problem = case.problem();
+        assert!(problem.mu_jam().is_none_or(|jam| jam >= problem.mu_stick()));
     });
 }
 

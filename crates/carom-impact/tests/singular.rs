@@ -105,6 +105,17 @@ fn frozen_tangent_is_harmless() {
     }
 }
 
+/// Contact axes may be the normal alone.
+#[test]
+fn one_dimensional_contact() {
+    let problem = ImpactProblem::new(nalgebra::matrix![2.0], vector![-1.0]).unwrap();
+    for law in LAW_NAMES {
+        let hit = law_by_name::<1>(law, 0.5, 0.3).unwrap().resolve(&problem).unwrap();
+        assert_eq!((hit.u_plus, hit.impulse, hit.flags), (vector![0.5], vector![0.75], Flags::NONE), "{law}");
+        assert_eq!(hit.energy_ratio(), 0.25);
+    }
+}
+
 #[test]
 fn normal_without_mobility_is_refused() {
     for c in [0.0, 1e-30, -1e-18] {

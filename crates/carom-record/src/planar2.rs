@@ -1,16 +1,17 @@
-//! The recording of the two-link experiment: both elbows beside each other, time 0 the impact.
+//! The recording of the two-link experiment: both elbows beside each other, from free motion into the impact and out of it.
 //!
-//! Per elbow: `/up/map` (where would the tip reverse?), `/up/wall`, `/up/links`, `/up/path`, `/up/impulse`,
-//! `/up/velocity/…`; time series under `/series`; the table as a text document.
+//! Per elbow: `/up/map` (where would the tip reverse?), `/up/wall`, `/up/links`, `/up/path/…`,
+//! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
 use crate::RecordError;
-use carom_chain::{Chain, Spatial, Workspace};
+use carom_chain::{Chain, ChainError, Spatial, Workspace};
 use carom_sim::Sample;
+use carom_study::MapPoint;
 use carom_study::paper::{NORMAL, Run, TANGENT};
-use carom_study::{MapPoint, paper::Elbow};
 use nalgebra::{Vector2, Vector3};
+use rerun::RecordingStream;
 use rerun::blueprint as view;
-use rerun::{RecordingStream, RecordingStreamResult};
+use rerun::blueprint::components::PanelState;
 use std::path::Path;
 
 /// What is shown of one elbow.
@@ -29,6 +30,7 @@ pub struct Side {
 const WALL: u32 = 0x9aa4_b2ff;
 const LINK: u32 = 0x2f3b_52ff;
 const GHOST: u32 = 0x2f3b_5250;
+const JOINT: u32 = 0xffff_ffff;
 const BEFORE: u32 = 0x1f78_b4ff;
 const AFTER: u32 = 0xe31a_1cff;
 const IMPULSE: u32 = 0xff7f_00ff;
@@ -43,43 +45,61 @@ const VELOCITY_SCALE: f64 = 0.8;
 pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), RecordError> {
     let unwritable = |reason: String| RecordError::Unwritable { path: path.to_owned(), reason };
     let partial = path.with_extension("rrd.part");
-    let written = (|| -> Result<RecordingStreamResult<()>, RecordError> {
-        let rec = match rerun::RecordingStreamBuilder::new("carom_planar2").save(&partial) {
-            Ok(rec) => rec,
-            Err(error) => return Ok(Err(error)),
-        };
-        let mut pen = Pen { rec: &rec, chain, workspace: chain.workspace() };
-        for side in sides {
-            match pen.side(side)? {
-                Ok(()) => {}
-                Err(error) => return Ok(Err(error)),
-            }
-        }
-        Ok(finish(&rec, table))
-    })()?;
-    written.map_err(|e| unwritable(e.to_string()))?;
+    write(chain, sides, table, &partial).map_err(|trouble| match trouble {
+        Trouble::Chain(error) => RecordError::Chain(error),
+        Trouble::Recorder(reason) => unwritable(reason),
+    })?;
     std::fs::rename(&partial, path).map_err(|e| unwritable(e.to_string()))
 }
 
-fn finish(rec: &RecordingStream, table: &str) -> RecordingStreamResult<()> {
+/// What can go wrong in between; rerun's errors become words here.
+enum Trouble {
+    Chain(ChainError),
+    Recorder(String),
+}
+
+impl From<ChainError> for Trouble {
+    fn from(error: ChainError) -> Self {
+        Self::Chain(error)
+    }
+}
+
+impl From<rerun::RecordingStreamError> for Trouble {
+    fn from(error: rerun::RecordingStreamError) -> Self {
+        Self::Recorder(error.to_string())
+    }
+}
+
+impl From<rerun::sink::SinkFlushError> for Trouble {
+    fn from(error: rerun::sink::SinkFlushError) -> Self {
+        Self::Recorder(error.to_string())
+    }
+}
+
+fn write(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), Trouble> {
+    let rec = rerun::RecordingStreamBuilder::new("carom_planar2").save(path)?;
+    let mut pen = Pen { rec: &rec, chain, workspace: chain.workspace() };
+    for side in sides {
+        pen.side(side)?;
+    }
+    finish(&rec, table)
+}
+
+fn finish(rec: &RecordingStream, table: &str) -> Result<(), Trouble> {
     rec.log_static("table", &rerun::TextDocument::from_markdown(table))?;
-    for (name, label, colour) in [
-        ("tangential/up", "v_t up-elbow", 0x1f78_b4ff_u32),
-        ("tangential/down", "v_t down-elbow", 0xe31a_1cff),
-        ("normal/up", "v_n up-elbow", 0x1f78_b4ff),
-        ("normal/down", "v_n down-elbow", 0xe31a_1cff),
-        ("energy/up", "T up-elbow", 0x1f78_b4ff),
-        ("energy/down", "T down-elbow", 0xe31a_1cff),
-    ] {
-        let style = rerun::SeriesLines::new().with_names([label]).with_colors([colour]).with_widths([2.0]);
-        rec.log_static(format!("series/{name}"), &style)?;
+    for (elbow, colour) in [("up", BEFORE), ("down", AFTER)] {
+        for name in ["tangential", "normal", "energy"] {
+            let style = rerun::SeriesLines::new().with_names([format!("{elbow}-elbow")]).with_colors([colour]);
+            rec.log_static(format!("series/{name}/{elbow}"), &style.with_widths([2.0]))?;
+        }
     }
     let arm = |elbow: &str| {
         view::Spatial2DView::new(format!("{elbow}-elbow: the map says where the tip would reverse"))
             .with_origin(elbow.to_owned())
             .with_contents([format!("/{elbow}/**")])
     };
-    let series = |name: &str, what: &str| view::TimeSeriesView::new(name.to_owned()).with_origin(format!("series/{what}"));
+    let series =
+        |name: &str, what: &str| view::TimeSeriesView::new(name.to_owned()).with_origin(format!("series/{what}"));
     let layout = view::Horizontal::new([
         view::Vertical::new([
             view::Horizontal::new([arm("up").into(), arm("down").into()]).into(),
@@ -94,12 +114,14 @@ fn finish(rec: &RecordingStream, table: &str) -> RecordingStreamResult<()> {
         .into(),
         view::TextDocumentView::new("the experiment").with_origin("table").into(),
     ])
-    .with_column_shares([3.0, 1.0]);
+    .with_column_shares([5.0, 2.0]);
     let blueprint = view::Blueprint::new(layout)
         .with_auto_views(false)
-        .with_selection_panel(view::SelectionPanel::from_state(rerun::blueprint::components::PanelState::Hidden))
-        .with_blueprint_panel(view::BlueprintPanel::from_state(rerun::blueprint::components::PanelState::Hidden))
-        .with_time_panel(view::TimePanel::new().with_timeline("time").with_playback_speed(0.1));
+        .with_selection_panel(view::SelectionPanel::from_state(PanelState::Hidden))
+        .with_blueprint_panel(view::BlueprintPanel::from_state(PanelState::Hidden))
+        .with_time_panel(
+            view::TimePanel::new().with_state(PanelState::Collapsed).with_timeline("time").with_playback_speed(0.1),
+        );
     let at_once = view::BlueprintActivation { make_active: true, make_default: true };
     blueprint.send(rec, at_once)?;
     rec.flush_blocking()?;
@@ -120,87 +142,81 @@ fn screen(p: Vector2<f64>) -> [f32; 2] {
 
 impl Pen<'_> {
     /// Base, elbow and tip at `q`.
-    fn joints(&mut self, q: &[f64]) -> Result<[Vector2<f64>; 3], RecordError> {
+    fn joints(&mut self, q: &[f64]) -> Result<[Vector2<f64>; 3], ChainError> {
         let frames = [self.chain.frame("link1")?, self.chain.frame("link2")?, self.chain.frame("tip")?];
         let kin = self.workspace.update(self.chain, q)?;
         Ok(frames.map(|f| kin.pose(f).translation.xy()))
     }
 
-    fn tip_velocity(&mut self, q: &[f64], qd: &[f64]) -> Result<Vector3<f64>, RecordError> {
-        let tip = self.chain.point(self.chain.frame("tip")?, Vector3::zeros());
-        Ok(self.workspace.update(self.chain, q)?.point_velocity(tip, qd)?)
+    fn side(&mut self, side: &Side) -> Result<(), Trouble> {
+        let elbow = side.run.elbow.name();
+        let at = |what: &str| format!("{elbow}/{what}");
+        let rec = self.rec;
+        let [base, _, tip] = self.joints(&side.run.elbow.pose())?;
+        rec.log_static(at("map"), &map_points(side, base))?;
+        rec.log_static(at("wall"), &wall(tip))?;
+
+        // The tip's path, and the arm where it comes from and where it goes.
+        for (name, samples, colour) in [("before", &side.before, BEFORE), ("after", &side.after, AFTER)] {
+            let path: Result<Vec<_>, _> = samples.iter().map(|s| Ok(screen(self.joints(&s.q)?[2]))).collect();
+            let path = strips([path.map_err(Trouble::Chain)?], colour, 0.003).with_draw_order(35.0);
+            rec.log_static(at(&format!("path/{name}")), &path)?;
+        }
+        for (name, sample) in [("first", side.before.first()), ("last", side.after.last())] {
+            let Some(sample) = sample else { continue };
+            let ghost = strips([self.joints(&sample.q)?.map(screen).to_vec()], GHOST, 0.012);
+            rec.log_static(at(&format!("ghost/{name}")), &ghost.with_draw_order(20.0))?;
+        }
+
+        let hit = &side.run.hit;
+        let impulse = arrow(tip, hit.impulse.xy() * IMPULSE_SCALE, IMPULSE);
+        let label = format!("{:.3} N s", hit.impulse.norm());
+        rec.log_static(at("impulse"), &impulse.with_labels([label]).with_draw_order(40.0))?;
+        for (name, u, colour) in [("before", hit.u_minus, BEFORE), ("after", hit.u_plus, AFTER)] {
+            let velocity = arrow(tip, u.xy() * VELOCITY_SCALE, colour).with_draw_order(45.0);
+            rec.log_static(at(&format!("velocity/{name}")), &velocity)?;
+        }
+
+        // The viewer's clock starts at 0. The impact has two sides at one time: both are logged.
+        let start = side.before.first().map_or(0.0, |s| s.time);
+        for sample in side.before.iter().chain(&side.after) {
+            rec.set_duration_secs("time", sample.time - start);
+            self.moment(elbow, sample)?;
+        }
+        Ok(())
     }
 
-    fn side(&mut self, side: &Side) -> Result<RecordingStreamResult<()>, RecordError> {
-        let elbow = side.run.elbow.name();
-        let pose = side.run.elbow.pose();
-        let [base, knee, tip] = self.joints(&pose)?;
-        let paths = [&side.before, &side.after];
-        let mut tips = [Vec::new(), Vec::new()];
-        for (path, tips) in paths.iter().zip(&mut tips) {
-            for sample in path.iter() {
-                tips.push(screen(self.joints(&sample.q)?[2]));
-            }
+    /// The arm and its velocities at one time.
+    fn moment(&mut self, elbow: &str, sample: &Sample) -> Result<(), Trouble> {
+        let arm = self.joints(&sample.q)?.map(screen);
+        let tip = self.chain.point(self.chain.frame("tip")?, Vector3::zeros());
+        let mut kin = self.workspace.update(self.chain, &sample.q)?;
+        let u = kin.point_velocity(tip, &sample.qd)?;
+        let energy = kin.kinetic_energy(&sample.qd)?;
+        let links = strips([arm.to_vec()], LINK, 0.018).with_draw_order(30.0);
+        let joints = rerun::Points2D::new(arm).with_colors([JOINT]).with_radii([0.012, 0.012, 0.006]);
+        self.rec.log(format!("{elbow}/links"), &links)?;
+        self.rec.log(format!("{elbow}/joints"), &joints.with_draw_order(31.0))?;
+        for (name, value) in [
+            ("tangential", Vector3::from(TANGENT).dot(&u)),
+            ("normal", Vector3::from(NORMAL).dot(&u)),
+            ("energy", energy),
+        ] {
+            self.rec.log(format!("series/{name}/{elbow}"), &rerun::Scalars::single(value))?;
         }
-        // Ghosts: where the arm comes from and where it goes.
-        let ends = [side.before.first(), side.after.last()].into_iter().flatten();
-        let mut ghosts = Vec::new();
-        for sample in ends {
-            ghosts.push(self.joints(&sample.q)?.map(screen).to_vec());
-        }
-        let mut frames = Vec::new();
-        for (after, sample) in paths.iter().enumerate().flat_map(|(k, path)| path.iter().map(move |s| (k == 1, s))) {
-            let energy = self.workspace.update(self.chain, &sample.q)?.kinetic_energy(&sample.qd)?;
-            frames.push((after, sample.time, self.joints(&sample.q)?, self.tip_velocity(&sample.q, &sample.qd)?, energy));
-        }
-        let drawn = (|| -> RecordingStreamResult<()> {
-            let rec = self.rec;
-            let at = |what: &str| format!("{elbow}/{what}");
-            rec.log_static(at("map"), &map_points(side, base))?;
-            rec.log_static(at("wall"), &wall(tip))?;
-            rec.log_static(at("ghosts"), &rerun::LineStrips2D::new(ghosts).with_colors([GHOST]).with_radii([0.012]).with_draw_order(20.0))?;
-            let path_colours = [BEFORE, AFTER];
-            rec.log_static(at("path"), &rerun::LineStrips2D::new(tips).with_colors(path_colours).with_radii([0.003]).with_draw_order(35.0))?;
-            let impulse = side.run.hit.impulse.xy() * IMPULSE_SCALE;
-            let label = format!("impulse {:.3} N s", side.run.hit.impulse.norm());
-            rec.log_static(
-                at("impulse"),
-                &rerun::Arrows2D::from_vectors([screen(impulse)])
-                    .with_origins([screen(tip)])
-                    .with_colors([IMPULSE])
-                    .with_radii([0.006])
-                    .with_labels([label])
-                    .with_draw_order(40.0),
-            )?;
-            for (name, u, colour) in [("before", side.run.hit.u_minus, BEFORE), ("after", side.run.hit.u_plus, AFTER)] {
-                rec.log_static(
-                    at(&format!("velocity/{name}")),
-                    &rerun::Arrows2D::from_vectors([screen(u.xy() * VELOCITY_SCALE)])
-                        .with_origins([screen(tip)])
-                        .with_colors([colour])
-                        .with_radii([0.005])
-                        .with_draw_order(45.0),
-                )?;
-            }
-            for (after, time, joints, u, energy) in frames {
-                rec.set_duration_secs("time", time);
-                let arm = joints.map(screen);
-                rec.log(at("links"), &rerun::LineStrips2D::new([arm.to_vec()]).with_colors([LINK]).with_radii([0.018]).with_draw_order(30.0))?;
-                rec.log(at("joints"), &rerun::Points2D::new(arm).with_colors([0xffff_ffff_u32]).with_radii([0.012, 0.012, 0.006]).with_draw_order(31.0))?;
-                let (t, n) = (Vector3::from(TANGENT), Vector3::from(NORMAL));
-                rec.log(format!("series/tangential/{elbow}"), &rerun::Scalars::single(t.dot(&u)))?;
-                rec.log(format!("series/normal/{elbow}"), &rerun::Scalars::single(n.dot(&u)))?;
-                rec.log(format!("series/energy/{elbow}"), &rerun::Scalars::single(energy))?;
-                if time == 0.0 {
-                    let side = if after { "after" } else { "before" };
-                    rec.log(at("event"), &rerun::TextLog::new(format!("{elbow}-elbow, {side} the impact: u = ({:.4}, {:.4}) m/s", u.x, u.y)))?;
-                }
-            }
-            Ok(())
-        })();
-        let _ = knee;
-        Ok(drawn)
+        Ok(())
     }
+}
+
+fn strips(strips: impl IntoIterator<Item = Vec<[f32; 2]>>, colour: u32, radius: f32) -> rerun::LineStrips2D {
+    rerun::LineStrips2D::new(strips).with_colors([colour]).with_radii([radius])
+}
+
+fn arrow(from: Vector2<f64>, along: Vector2<f64>, colour: u32) -> rerun::Arrows2D {
+    rerun::Arrows2D::from_vectors([screen(along)])
+        .with_origins([screen(from)])
+        .with_colors([colour])
+        .with_radii([0.005])
 }
 
 /// Red: reverses; grey-blue: shrinks; yellow to orange: grows.
@@ -221,19 +237,11 @@ fn map_points(side: &Side, base: Vector2<f64>) -> rerun::Points2D {
     let positions = side.map.iter().map(|p| screen(p.tip + base));
     rerun::Points2D::new(positions)
         .with_colors(side.map.iter().map(|p| colour(p.tangential_ratio)))
-        .with_radii([0.009])
+        .with_radii([0.0075])
         .with_draw_order(1.0)
 }
 
 fn wall(tip: Vector2<f64>) -> rerun::LineStrips2D {
     let at = |y: f64| screen(Vector2::new(tip.x + 0.012, y));
-    rerun::LineStrips2D::new([vec![at(-0.45), at(0.45)]]).with_colors([WALL]).with_radii([0.008]).with_draw_order(10.0)
-}
-
-/// Both sides in the order up, down.
-impl Side {
-    /// Which elbow this is.
-    pub fn elbow(&self) -> Elbow {
-        self.run.elbow
-    }
+    strips([vec![at(-0.45), at(0.45)]], WALL, 0.008).with_draw_order(10.0)
 }

@@ -38,7 +38,9 @@ pub fn free_motion(
         return Err(ChainError::NotReducible(why).into());
     }
     if samples < 2 || !end.is_finite() || end == 0.0 {
-        let why = format!("free motion to {end} s in {samples} samples: the end must be finite and not 0, samples at least 2");
+        let why = format!(
+            "free motion to {end} s in {samples} samples: the end must be finite and not 0, samples at least 2"
+        );
         return Err(ChainError::NotReducible(why).into());
     }
     let free = Free { chain, gravity, workspace: RefCell::new(chain.workspace()), failed: RefCell::new(None) };

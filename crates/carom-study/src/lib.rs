@@ -7,5 +7,5 @@ mod impact_map;
 pub mod paper;
 mod self_motion;
 
-pub use impact_map::{MapPoint, tangential_map};
+pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use self_motion::{SelfMotionPoint, self_motion};

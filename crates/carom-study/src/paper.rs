@@ -161,7 +161,8 @@ pub fn strike(chain: &Chain, elbow: Elbow, angle_deg: f64, speed: f64, restituti
     let mut contact = chain.impact(&q, &qd_minus).at(tip).normal(NORMAL).contact()?;
     let h = contact.inertia().delassus.clone();
     let h_n = DVector::from_column_slice((&h * -n).as_slice());
-    let coupling = h_n.dot(&DVector::from_column_slice(t.as_slice())) / -h_n.dot(&DVector::from_column_slice(n.as_slice()));
+    let coupling =
+        h_n.dot(&DVector::from_column_slice(t.as_slice())) / -h_n.dot(&DVector::from_column_slice(n.as_slice()));
     let hit = contact.resolve(&Frictionless { restitution })?;
     Ok(Run { elbow, angle_deg, speed, restitution, qd_minus, hit, coupling })
 }
@@ -284,7 +285,11 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
             if let Some(run) = of(elbow).find(same) {
                 let model = run.hit.energy_ratio().sqrt();
                 if (model - measured).abs() > worst.0 {
-                    let text = format!("{}-elbow {:.0} deg: {measured} measured, {model:.4} here", elbow.name(), run.angle_deg);
+                    let text = format!(
+                        "{}-elbow {:.0} deg: {measured} measured, {model:.4} here",
+                        elbow.name(),
+                        run.angle_deg
+                    );
                     worst = ((model - measured).abs(), text);
                 }
             }

@@ -48,17 +48,27 @@ pub fn self_motion(
     Ok(poses)
 }
 
-/// Joint angles with the tip at `target` and the last link pointing along `direction`; `elbow` ±1 chooses the side
-/// (+1: elbow above the line from base to wrist). The law of cosines for the first two links.
+/// Joint angles of three links with the tip at `target` and the last link pointing along `direction`.
 fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f64) -> Option<[f64; 3]> {
     let [a, b, c] = lengths;
-    let (x, y) = (target[0] - c * direction.cos(), target[1] - c * direction.sin());
+    let wrist = [target[0] - c * direction.cos(), target[1] - c * direction.sin()];
+    let [first, bend] = two_link_pose([a, b], wrist, elbow)?;
+    Some([first, bend, wrap(direction - first - bend)])
+}
+
+/// Joint angles of two links from the origin with the tip at `target`, by the law of cosines; `None` out of reach.
+/// `elbow` ±1 chooses the side (+1: elbow above the line from base to tip).
+pub(crate) fn two_link_pose(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
+    let ([a, b], [x, y]) = (lengths, target);
     let cos_bend = (x * x + y * y - a * a - b * b) / (2.0 * a * b);
     if cos_bend.abs() > 1.0 {
         return None;
     }
     let bend = -elbow * cos_bend.acos();
     let first = y.atan2(x) - (b * bend.sin()).atan2(a + b * bend.cos());
-    let wrap = |x: f64| x.sin().atan2(x.cos());
-    Some([wrap(first), wrap(bend), wrap(direction - first - bend)])
+    Some([wrap(first), bend])
+}
+
+fn wrap(angle: f64) -> f64 {
+    angle.sin().atan2(angle.cos())
 }

@@ -7,7 +7,9 @@ pub use carom_record as record;
 pub use carom_sim as sim;
 pub use carom_study as study;
 
-pub use carom_chain::{Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain};
+pub use carom_chain::{
+    Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
+};
 pub use carom_impact::{
     Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton, Poisson, Whittaker,
 };

@@ -26,7 +26,7 @@ mod spatial;
 pub use planar::{Planar, PlanarArticulated, PlanarJoint, Turn};
 pub use spatial::{Spatial, SpatialArticulated, SpatialJoint, z_onto};
 
-use nalgebra::SimdRealField;
+use nalgebra::{RealField, SimdRealField};
 use num_traits::Zero;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -125,8 +125,11 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn rotate_inertia(a: Self::Rotation, i: Self::Rotational) -> Self::Rotational;
     /// I ω
     fn apply_inertia(i: Self::Rotational, w: Self::Angular) -> Self::Angular;
-    /// I⁻¹ n; infinite or NaN where I is singular.
-    fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Self::Angular;
+    /// I⁻¹ n. A thin rod has no inertia about its own axis: what n has along such an axis counts only if it is more than
+    /// rounding, and then the answer is infinite.
+    fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Self::Angular
+    where
+        Self::Scalar: RealField;
     /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h.
     fn parallel_axis(mass: Self::Scalar, h: Self::Vector, r: Self::Vector) -> Self::Rotational;
 

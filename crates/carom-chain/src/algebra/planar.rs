@@ -1,7 +1,7 @@
 //! The plane: SE(2). Angular quantities are one number, vectors two.
 
 use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
-use nalgebra::{Matrix2, Vector2, convert, convert_unchecked};
+use nalgebra::{Matrix2, RealField, Vector2, convert, convert_unchecked};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
 
@@ -102,9 +102,11 @@ impl<T: Real> Algebra for Planar<T> {
     fn apply_inertia(i: T, w: T) -> T {
         i * w
     }
-    #[inline]
-    fn solve_inertia(i: T, n: T) -> T {
-        n / i
+    fn solve_inertia(i: T, n: T) -> T
+    where
+        T: RealField,
+    {
+        if i == T::zero() && n == T::zero() { n } else { n / i }
     }
     #[inline]
     fn parallel_axis(mass: T, h: Vector2<T>, r: Vector2<T>) -> T {

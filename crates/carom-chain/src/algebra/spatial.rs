@@ -2,7 +2,7 @@
 
 use super::planar::cast;
 use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, RealField, Vector3};
 use std::marker::PhantomData;
 use std::ops::AddAssign;
 
@@ -135,12 +135,22 @@ impl<T: Real> Algebra for Spatial<T> {
     fn apply_inertia(i: Matrix3<T>, w: Vector3<T>) -> Vector3<T> {
         i * w
     }
-    fn solve_inertia(i: Matrix3<T>, n: Vector3<T>) -> Vector3<T> {
-        // The adjugate: columns b×c, c×a, a×b over the determinant.
-        let (a, b, c) = (column(&i, 0), column(&i, 1), column(&i, 2));
-        let (bc, ca, ab) = (Self::moment(b, c), Self::moment(c, a), Self::moment(a, b));
-        let inverse_det = T::one() / Self::dot(a, bc);
-        Vector3::new(Self::dot(bc, n), Self::dot(ca, n), Self::dot(ab, n)) * inverse_det
+    fn solve_inertia(i: Matrix3<T>, n: Vector3<T>) -> Vector3<T>
+    where
+        T: RealField,
+    {
+        let principal = i.symmetric_eigen();
+        let rounding: T = nalgebra::convert(64.0 * f64::EPSILON);
+        let mut w = Vector3::zeros();
+        for k in 0..3 {
+            let axis = column(&principal.eigenvectors, k);
+            let (inertia, part) = (principal.eigenvalues[k], Self::dot(axis, n));
+            let no_inertia = inertia <= principal.eigenvalues.amax() * rounding;
+            if !(no_inertia && part.abs() <= n.norm() * rounding) {
+                w += axis * (part / if no_inertia { T::zero() } else { inertia });
+            }
+        }
+        w
     }
     #[inline]
     fn parallel_axis(mass: T, h: Vector3<T>, r: Vector3<T>) -> Matrix3<T> {

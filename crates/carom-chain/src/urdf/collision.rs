@@ -105,3 +105,24 @@ impl Folders {
         Err(format!("tried {}", tried.join(", ")))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Folders;
+
+    #[test]
+    fn packages_are_looked_for_on_the_ros_path() {
+        let top = std::env::temp_dir().join(format!("carom-ros-path-{}", std::process::id()));
+        let package = top.join("hand");
+        std::fs::create_dir_all(&package).unwrap();
+        std::fs::write(package.join("palm.stl"), "").unwrap();
+        let find = |folders: &[_]| {
+            let path = std::env::join_paths(folders).unwrap();
+            Folders::new(None, Some(&path)).find("package://hand/palm.stl")
+        };
+        assert_eq!(find(&[top.join("other"), top.clone()]), Ok(package.join("palm.stl")), "a folder of packages");
+        assert_eq!(find(std::slice::from_ref(&package)), Ok(package.join("palm.stl")), "the package itself");
+        assert_eq!(find(&[top.join("other")]), Err("there is no folder 'hand' in ROS_PACKAGE_PATH".into()));
+        std::fs::remove_dir_all(&top).unwrap();
+    }
+}

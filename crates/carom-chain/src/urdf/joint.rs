@@ -48,14 +48,12 @@ pub(super) fn joints(
     let mimics = mimics(source, urdf, kinds)?;
     for (j, (joint, node)) in urdf.joints.iter().zip(source.joints()).enumerate() {
         let (kind, (parent, child)) = (kinds[j], tree.ends[j]);
-        let origin = pose(&joint.origin);
-        let name = joint.name.clone();
         let mut checked = Joint {
-            name,
+            name: joint.name.clone(),
             kind,
             parent,
             child,
-            origin,
+            origin: pose(&joint.origin),
             axis: Vector3::x_axis(),
             limits: Limits::default(),
             damping: 0.0,
@@ -150,8 +148,8 @@ fn open_limits(source: &Source) -> bool {
 
 /// Mimics, each straight to the joint that leads the whole chain of them.
 fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result<Vec<Option<Mimic>>, ChainError> {
-    let index: HashMap<&str, usize> =
-        urdf.joints.iter().enumerate().map(|(j, joint)| (joint.name.as_str(), j)).collect();
+    let names: Vec<&str> = urdf.joints.iter().map(|joint| joint.name.as_str()).collect();
+    let index: HashMap<&str, usize> = names.iter().enumerate().map(|(j, name)| (*name, j)).collect();
     let nodes: Vec<Node> = source.joints().into_iter().map(|node| own_child(node, "mimic")).collect();
     let one_axis = |j: usize| matches!(kinds[j], JointType::Revolute | JointType::Continuous | JointType::Prismatic);
     let mut mimics = Vec::new();
@@ -162,7 +160,7 @@ fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result
         };
         let wrong = |rule| Err(source.error(nodes[j], Some("joint"), rule));
         let Some(leader) = index.get(mimic.joint.as_str()).copied() else {
-            let hint = suggestion(&mimic.joint, index.keys().copied());
+            let hint = suggestion(&mimic.joint, &names);
             return wrong(format!("no joint is named '{}': {hint}", mimic.joint));
         };
         if leader == j {

@@ -100,7 +100,7 @@ fn check_moments(matrix: &Matrix3<f64>) -> Result<Option<String>, Flaw> {
         ));
     }
     Ok((excess > 1e-9).then(|| {
-        format!("{moments}: the greatest exceeds the sum of the other two by {} of itself; rounded?", short(excess))
+        format!("{moments}: the greatest exceeds the sum of the other two by {excess:.1e} of itself; rounded?")
     }))
 }
 

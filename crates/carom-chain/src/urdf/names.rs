@@ -11,12 +11,12 @@ pub(super) fn listed(names: &[&str]) -> String {
     }
 }
 
-/// What to say about a name that is not among `names`: the nearest of them, if one is near.
-pub(super) fn suggestion<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> String {
-    let near = names.map(|name| (edit_distance(wanted, name), name)).min();
+/// What to say about a name that is not among `names`: the nearest of them, or the first few.
+pub(super) fn suggestion(wanted: &str, names: &[&str]) -> String {
+    let near = names.iter().map(|name| (edit_distance(wanted, name), name)).min();
     match near {
         Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => format!("did you mean '{name}'?"),
-        _ => "check the spelling".into(),
+        _ => format!("there are {}", listed(names)),
     }
 }
 

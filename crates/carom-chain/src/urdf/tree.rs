@@ -7,7 +7,6 @@ use roxmltree::Node;
 use std::collections::HashMap;
 
 /// The links and joints as a rooted tree.
-#[derive(Debug)]
 pub(super) struct Tree {
     pub root: usize,
     /// Parent and child link of each joint.
@@ -33,7 +32,7 @@ impl Tree {
         for (j, (joint, node)) in urdf.joints.iter().zip(source.joints()).enumerate() {
             let find = |tag, name: &str| {
                 link_index.get(name).copied().ok_or_else(|| {
-                    let rule = format!("no link is named '{name}': {}", suggestion(name, links.iter().copied()));
+                    let rule = format!("no link is named '{name}': {}", suggestion(name, &links));
                     source.error(own_child(node, tag), Some("link"), rule)
                 })
             };

@@ -55,7 +55,7 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
         match node.attribute(attribute.name) {
             Some(text) => check_value(source, node, attribute, text)?,
             None if attribute.required => {
-                return Err(source.error(node, None, format!("the attribute {} is missing", attribute.name)));
+                return Err(source.error(node, None, format!("the attribute {} is missing: add it", attribute.name)));
             }
             None => {}
         }
@@ -75,7 +75,11 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
         let name = child.tag_name().name();
         match rule.children.iter().find(|known| own && known.tag == name) {
             Some(known) => check_element(source, child, known, warnings)?,
-            None => warnings.unused(source, child, format!("<{name}>")),
+            None => {
+                let prefix = child.tag_name().namespace().filter(|_| !own).and_then(|space| child.lookup_prefix(space));
+                let prefix = prefix.map_or(String::new(), |prefix| format!("{prefix}:"));
+                warnings.unused(source, child, format!("<{prefix}{name}>"));
+            }
         }
     }
     Ok(())
@@ -86,7 +90,7 @@ fn check_occurrences(source: &Source, node: Node, rule: &Element) -> Result<(), 
         let tag = child.tag;
         match own_children(node, tag).count() {
             0 if child.occurs == Occurs::Once => {
-                return Err(source.error(node, None, format!("<{tag}> is missing")));
+                return Err(source.error(node, None, format!("<{tag}> is missing: add it")));
             }
             0 | 1 => {}
             n => return Err(source.error(node, None, format!("has {n} <{tag}>, one is allowed: remove the others"))),

@@ -93,7 +93,7 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
     };
 
     let first = if v_t < zero { -one } else { one };
-    let mut flags = Flags::NONE;
+    let mut flags = Flags::SINGULAR.when(locked && mu > zero);
     let at_rest = v_t == zero && (b == zero || contact.tangent_is_frozen());
     let (p_t, p_n, v_t_plus) = if at_rest {
         // Nothing moves or drives the tangent.

@@ -1,0 +1,177 @@
+//! The smallest interesting systems, typed in by hand.
+
+use carom_chain::urdf::{Inertial, Joint, JointType, Link, LoadOptions, Robot};
+use carom_chain::{Chain, ChainError, uniform_chain};
+use nalgebra::{Isometry3, Matrix3, Vector3};
+
+fn close(a: f64, b: f64) {
+    assert!((a - b).abs() <= 1e-14 * b.abs().max(1.0), "{a} against {b}");
+}
+
+/// Two uniform rods of 1 m and 1 kg, hinged at the origin and end to end, angles from the x axis.
+#[test]
+fn double_pendulum() {
+    let chain = uniform_chain(2, 2.0, 2.0).unwrap();
+    let (q1, q2, w1, w2) = (0.3_f64, 0.8_f64, 1.2, -0.7);
+    let mut ws = chain.workspace();
+    let mut kin = ws.update(&chain, &[q1, q2]).unwrap();
+    let m = kin.mass_matrix();
+    // M = [[5/3 + cos q₂, 1/3 + cos q₂/2], [·, 1/3]]
+    close(m[(0, 0)], 5.0 / 3.0 + q2.cos());
+    close(m[(0, 1)], 1.0 / 3.0 + q2.cos() / 2.0);
+    close(m[(1, 1)], 1.0 / 3.0);
+    // C q̇ = ½ sin q₂ (−2 q̇₁q̇₂ − q̇₂², q̇₁²), g = (g (3/2 cos q₁ + ½ cos(q₁+q₂)), …)
+    let bias = kin.bias(&[w1, w2], Vector3::new(0.0, -9.81, 0.0)).unwrap();
+    let (g1, g2) = (1.5 * q1.cos() * 9.81, 0.5 * (q1 + q2).cos() * 9.81);
+    close(bias[0], 0.5 * q2.sin() * (-2.0 * w1 * w2 - w2 * w2) + g1 + g2);
+    close(bias[1], 0.5 * q2.sin() * w1 * w1 + g2);
+    let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+    let p = kin.position(tip);
+    close(p.x, q1.cos() + (q1 + q2).cos());
+    close(p.y, q1.sin() + (q1 + q2).sin());
+    // The same impact matrix as Kane's pendulum has in relative angles (20°, 30° from the vertical: 10° between).
+    let mut kin = ws.update(&chain, &[(-70_f64).to_radians(), 10_f64.to_radians()]).unwrap();
+    let h = kin.delassus(tip).unwrap();
+    for (got, published) in [(h[(0, 0)], 2.440338045696), (h[(0, 1)], 1.521308658011), (h[(1, 1)], 1.009560290504)] {
+        assert!((got - published).abs() < 1e-11, "{got} against {published}");
+    }
+}
+
+fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
+    let link = |name: &str, inertial| Link { name: name.into(), inertial, collisions: vec![] };
+    let joint = Joint {
+        name: "joint".into(),
+        kind,
+        parent: 0,
+        child: 1,
+        origin: Isometry3::identity(),
+        axis: Vector3::z_axis(),
+        limits: Default::default(),
+        damping: 0.0,
+        friction: 0.0,
+        mimic: None,
+    };
+    Robot {
+        name: "one".into(),
+        links: vec![link("base", None), link("body", inertial)],
+        joints: vec![joint],
+        root: 0,
+        warnings: vec![],
+    }
+}
+
+/// A free rod of 1 m and 1 kg whose lower left end is hit: H = [[1+3 sin²θ, −3 sinθ cosθ], [·, 1+3 cos²θ]].
+#[test]
+fn free_rod() {
+    let rod = Inertial {
+        mass: 1.0,
+        com: Vector3::zeros(),
+        inertia_at_com: Matrix3::from_diagonal(&Vector3::new(0.0, 1.0 / 12.0, 1.0 / 12.0)),
+    };
+    let chain = Chain::from_robot(one_link(JointType::Planar, Some(rod)), &LoadOptions::default());
+    assert_eq!((chain.nq(), chain.nv()), (3, 3));
+    let end = chain.point(chain.frame("body").unwrap(), Vector3::new(-0.5, 0.0, 0.0));
+    for theta in [0.0_f64, 0.4, 1.0, 1.5] {
+        let (s, c) = theta.sin_cos();
+        let mut ws = chain.workspace();
+        let mut kin = ws.update(&chain, &[5.0, -3.0, theta]).unwrap();
+        let h = kin.delassus(end).unwrap();
+        close(h[(0, 0)], 1.0 + 3.0 * s * s);
+        close(h[(0, 1)], -3.0 * s * c);
+        close(h[(1, 1)], 1.0 + 3.0 * c * c);
+        // Free is free: locking joints that are not there changes nothing in the plane.
+        let locked = kin.locked_delassus(end);
+        for (i, k) in [(0, 0), (0, 1), (1, 1)] {
+            close(locked[(i, k)], h[(i, k)]);
+        }
+    }
+}
+
+#[test]
+fn a_point_mass_on_its_own_hinge_axis_moves_no_inertia() {
+    let on_axis = Inertial { mass: 2.0, com: Vector3::new(0.0, 0.0, 0.3), inertia_at_com: Matrix3::zeros() };
+    let chain = Chain::from_robot(one_link(JointType::Revolute, Some(on_axis)), &LoadOptions::default());
+    let tip = chain.point(chain.frame("body").unwrap(), Vector3::x());
+    let error = chain.workspace().update(&chain, &[0.2]).unwrap().delassus(tip).unwrap_err();
+    assert_eq!(error, ChainError::NoInertia { joint: "joint".into() });
+    assert_eq!(
+        error.to_string(),
+        "joint 'joint' moves no inertia at this pose, so its acceleration is not determined: give the links below it mass and \
+         inertia, or lock it"
+    );
+}
+
+#[test]
+fn straight_arm_reports_its_singular_direction() {
+    let chain = uniform_chain(2, 2.0, 2.0).unwrap();
+    let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+    let q = [0.7, 0.0];
+    let inertia = chain.workspace().update(&chain, &q).unwrap().contact_inertia(tip).unwrap();
+    assert_eq!(inertia.rank, 1);
+    let along = Vector3::new(0.7_f64.cos(), 0.7_f64.sin(), 0.0);
+    assert_eq!(inertia.effective_mass(along.as_slice()), None);
+    let across = [-along.y, along.x, 0.0];
+    // H across = jᵀ M⁻¹ j with M of the straight arm and j = (2, 1).
+    let (m11, m12, m22) = (8.0 / 3.0, 5.0 / 6.0, 1.0 / 3.0);
+    let h: f64 = (4.0 * m22 - 4.0 * m12 + m11) / (m11 * m22 - m12 * m12);
+    assert!((inertia.effective_mass(&across).unwrap() * h - 1.0).abs() < 1e-13);
+    for singular in inertia.singular_directions() {
+        assert!((singular[0] * across[0] + singular[1] * across[1]).abs() < 1e-12);
+    }
+    // A bend of 1e-12 is not singular: the direction moves, if by little.
+    let bent = chain.workspace().update(&chain, &[0.7, 1e-12]).unwrap().contact_inertia(tip).unwrap();
+    assert_eq!(bent.rank, 2);
+    assert!(bent.effective_mass(along.as_slice()).unwrap() > 1e20);
+}
+
+#[test]
+fn to_planar_names_the_joint_that_leaves_the_plane() {
+    let text = r#"<robot name="r"><link name="a"/>
+        <link name="b"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <link name="c"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <joint name="yaw" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+        <joint name="pitch" type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    assert_eq!(
+        chain.to_planar().unwrap_err().to_string(),
+        "joint 'pitch' leaves the plane: its axis (0.000000, 1.000000, 0.000000) is not parallel to that of 'yaw'"
+    );
+    let planar_error = Chain::from_urdf_str(text, &LoadOptions { floating_base: true, ..Default::default() })
+        .unwrap()
+        .to_planar()
+        .unwrap_err();
+    assert_eq!(planar_error.to_string(), "joint 'root_joint' leaves the plane: a floating joint moves in space");
+}
+
+#[test]
+fn recursive_and_dense_delassus_agree_over_long_chains() {
+    let tip_h = |n: usize| {
+        let chain = uniform_chain(n, 1.0, 1.0).unwrap();
+        let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+        let q: Vec<f64> = (0..n).map(|i| if i % 2 == 0 { 0.01 } else { -0.008 }).collect();
+        let mut ws = chain.workspace();
+        let mut kin = ws.update(&chain, &q).unwrap();
+        let dense = (n <= 300).then(|| kin.delassus_dense(tip).unwrap());
+        (kin.delassus(tip).unwrap(), dense)
+    };
+    let (recursive, dense) = tip_h(300);
+    let dense = dense.unwrap();
+    // M of 300 links has a condition number of about 1e9: that is what the dense way loses.
+    assert!((&recursive - &dense).amax() < 1e-6 * dense.amax());
+    let (h, _) = tip_h(1000);
+    assert!((h[(0, 1)] - h[(1, 0)]).abs() < 1e-12 * h.amax());
+}
+
+/// Straight thin rods pulled across at the end: transverse speeds of the joints have the tridiagonal mass matrix
+/// m/6 · (2, 1; 1, 4, 1; …), whose last pivot from the far end tends to m/(2√3): H = 2√3 n/M.
+#[test]
+fn a_long_straight_chain_weighs_what_its_last_links_weigh() {
+    for n in [100, 1000] {
+        let chain = uniform_chain(n, 1.0, 1.0).unwrap();
+        let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+        let h = chain.workspace().update(&chain, &vec![0.0; n]).unwrap().delassus(tip).unwrap();
+        let limit = 2.0 * 3.0_f64.sqrt() * n as f64;
+        assert!((h[(1, 1)] / limit - 1.0).abs() < 1e-13, "{}", h[(1, 1)]);
+        assert_eq!(h[(0, 0)], 0.0);
+    }
+}

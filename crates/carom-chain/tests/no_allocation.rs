@@ -1,0 +1,49 @@
+//! In-place calls allocate nothing: counted by the allocator.
+
+use carom_chain::{Chain, uniform_chain};
+use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
+
+fn allocations(work: impl FnOnce()) -> u64 {
+    allocation_counter::measure(work).count_total
+}
+
+#[test]
+fn the_counter_counts() {
+    assert!(allocations(|| drop(std::hint::black_box(vec![1.0; 100]))) > 0);
+}
+
+#[test]
+fn in_place_calls_allocate_nothing() {
+    let chain: Chain = uniform_chain(9, 2.0, 3.0).unwrap();
+    let flat = chain.to_planar().unwrap();
+    let tip = chain.frame("tip").unwrap();
+    let (point, flat_point) = (chain.point(tip, Vector3::zeros()), flat.point(tip, Vector3::zeros()));
+    let (mut ws, mut flat_ws) = (chain.workspace(), flat.chain.workspace());
+    let q: Vec<f64> = (0..9).map(|i| 0.1 * i as f64).collect();
+    let (qd, tau) = (vec![0.3; 9], vec![0.2; 9]);
+    let (mut out, mut m, mut j) = (vec![0.0; 9], DMatrix::zeros(9, 9), DMatrix::zeros(3, 9));
+    let mut flat_j = DMatrix::zeros(2, 9);
+    let mut h = Matrix3::zeros();
+    let gravity = Vector3::new(0.0, -9.81, 0.0);
+
+    let count = allocations(|| {
+        let mut kin = ws.update(&chain, &q).unwrap();
+        kin.point_jacobian_into(point, &mut j);
+        kin.mass_matrix_into(&mut m);
+        kin.inverse_dynamics_into(&qd, &qd, gravity, &mut out).unwrap();
+        kin.point_drift(point, &qd).unwrap();
+        kin.kinetic_energy(&qd).unwrap();
+        let mut articulation = kin.articulate().unwrap();
+        articulation.forward_dynamics_into(&qd, &tau, gravity, &mut out).unwrap();
+        articulation.solve_into(&tau, &mut out).unwrap();
+        articulation.delassus_into(point, &mut h);
+
+        let mut kin = flat_ws.update(&flat.chain, &q).unwrap();
+        kin.point_jacobian_into(flat_point, &mut flat_j);
+        kin.mass_matrix_into(&mut m);
+        kin.inverse_dynamics_into(&qd, &qd, Vector2::new(0.0, -9.81), &mut out).unwrap();
+        kin.articulate().unwrap().solve_into(&tau, &mut out).unwrap();
+    });
+    assert_eq!(count, 0);
+    assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite());
+}

@@ -1,0 +1,97 @@
+//! Ring 1: the same kernels over f32, SIMD lanes and dual numbers.
+
+mod common;
+
+use carom_chain::algebra::{Algebra, Real};
+use carom_chain::{Chain, Kinematics, Spatial};
+use common::{Zoo, close, sample};
+use nalgebra::{DMatrix, SimdValue, Vector3};
+use num_dual::Dual64;
+use simba::simd::{WideF32x8, WideF64x4};
+
+/// M, H, bias and forward dynamics in one row of numbers.
+fn everything<T: Real>(
+    kin: &mut Kinematics<Spatial<T>>,
+    tip: carom_chain::Point<Spatial<T>>,
+    qd: &[T],
+    tau: &[T],
+) -> Vec<T> {
+    let gravity = Vector3::new(T::zero(), T::zero(), nalgebra::convert(-9.81));
+    let mut all: Vec<T> = kin.mass_matrix().iter().copied().collect();
+    all.extend(kin.bias(qd, gravity).unwrap().iter());
+    let mut qdd = vec![T::zero(); qd.len()];
+    let mut articulation = kin.articulate().unwrap();
+    articulation.forward_dynamics_into(qd, tau, gravity, &mut qdd).unwrap();
+    all.extend(qdd);
+    all.extend(articulation.delassus(tip).iter());
+    all
+}
+
+fn at<T: Real>(chain: &Chain, q: &[T], qd: &[T], tau: &[T]) -> Vec<T>
+where
+    Spatial<f64>: Algebra<Scalar = f64, Cast<T> = Spatial<T>>,
+{
+    let chain = chain.cast::<T>();
+    let tip = chain.point(chain.frame(&chain.frames().last().unwrap().name).unwrap(), Vector3::zeros());
+    let mut ws = chain.workspace();
+    let mut kin = ws.update(&chain, q).unwrap();
+    everything(&mut kin, tip, qd, tau)
+}
+
+#[test]
+fn four_lanes_of_f64_are_four_chains() {
+    for seed in 0..40 {
+        let mut s = sample(7, Zoo::Uncoupled, seed);
+        let states: Vec<_> = (0..4).map(|_| (s.q(), s.v(), s.v())).collect();
+        let lanes = |pick: &dyn Fn(usize) -> Vec<f64>| -> Vec<WideF64x4> {
+            let rows: Vec<Vec<f64>> = (0..4).map(pick).collect();
+            (0..rows[0].len()).map(|i| WideF64x4::from([rows[0][i], rows[1][i], rows[2][i], rows[3][i]])).collect()
+        };
+        let together = at(
+            &s.chain,
+            &lanes(&|k| states[k].0.clone()),
+            &lanes(&|k| states[k].1.clone()),
+            &lanes(&|k| states[k].2.clone()),
+        );
+        for (k, (q, qd, tau)) in states.iter().enumerate() {
+            let alone = at(&s.chain, q, qd, tau);
+            let lane: Vec<f64> = together.iter().map(|x| x.extract(k)).collect();
+            // Lanes may use another sine: rounding of the input angles, amplified like any other (see two_routes.rs).
+            let largest = alone.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+            close("lane", &lane, &alone, 1e-10, largest);
+        }
+    }
+}
+
+#[test]
+fn f32_and_its_lanes_agree_with_f64_to_their_precision() {
+    for seed in 0..40 {
+        let mut s = sample(4, Zoo::Uncoupled, seed);
+        let (q, qd) = (s.q(), s.v());
+        let m64: DMatrix<f64> = s.chain.workspace().update(&s.chain, &q).unwrap().mass_matrix();
+        let single: Vec<f32> = q.iter().map(|&x| x as f32).collect();
+        let chain32 = s.chain.cast::<f32>();
+        let m32 = chain32.workspace().update(&chain32, &single).unwrap().mass_matrix().map(f64::from);
+        // A few hundred roundings of 6e-8 against the largest entry.
+        close("M", m32.iter(), m64.iter(), 1e-5, 1e-3);
+
+        let chain8 = s.chain.cast::<WideF32x8>();
+        let wide: Vec<WideF32x8> = single.iter().map(|&x| WideF32x8::splat(x)).collect();
+        let m8 = chain8.workspace().update(&chain8, &wide).unwrap().mass_matrix();
+        for k in 0..8 {
+            close("M lane", m8.map(|x| f64::from(x.extract(k))).iter(), m64.iter(), 1e-5, 1e-3);
+        }
+        assert!(qd.len() == s.chain.nv());
+    }
+}
+
+#[test]
+fn duals_carry_the_value_unchanged() {
+    for seed in 0..40 {
+        let mut s = sample(6, Zoo::Uncoupled, seed);
+        let (q, qd, tau) = (s.q(), s.v(), s.v());
+        let dual = |x: &[f64]| -> Vec<Dual64> { x.iter().map(|&x| Dual64::from(x)).collect() };
+        let with_duals: Vec<f64> = at(&s.chain, &dual(&q), &dual(&qd), &dual(&tau)).iter().map(|x| x.re).collect();
+        assert_eq!(with_duals, at(&s.chain, &q, &qd, &tau));
+    }
+}
