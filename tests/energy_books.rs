@@ -1,0 +1,179 @@
+//! The way of the data as a whole: chain → contact → law → joints, held against conservation laws and closed forms.
+
+use carom::prelude::*;
+use carom::{ChainError, Flags, Mode, SimError};
+use nalgebra::Vector3;
+
+const ROBOTS: [&str; 3] = ["planar2", "planar3", "arm7"];
+
+fn robot(name: &str) -> Chain {
+    Chain::from_urdf_file(format!("{}/robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn random(rng: &mut fastrand::Rng, n: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|_| (rng.f64() * 2.0 - 1.0) * size).collect()
+}
+
+/// ½ pᵀ(u⁻ + u⁺) = T⁺ − T⁻, to 1e-12 of the energy: the impulse's work and the joints' energy are computed apart.
+#[test]
+fn work_of_the_impulse_is_the_change_of_kinetic_energy() {
+    let mut rng = fastrand::Rng::with_seed(1);
+    for name in ROBOTS {
+        let chain = robot(name);
+        let tip = chain.frame("tip").unwrap();
+        let mut hits = 0;
+        for _ in 0..500 {
+            let (q, qd) = (random(&mut rng, chain.nv(), 1.5), random(&mut rng, chain.nv(), 2.0));
+            let mut normal = [rng.f64() - 0.5, rng.f64() - 0.5, 0.0];
+            if name == "arm7" {
+                normal[2] = rng.f64() - 0.5;
+            }
+            for e in [0.0, 0.35, 1.0] {
+                let hit =
+                    chain.impact(&q, &qd).at(tip).normal(normal).resolve(&Frictionless { restitution: e }).unwrap();
+                let work = 0.5 * hit.impulse.dot(&(hit.u_minus + hit.u_plus));
+                let change = hit.energy_after - hit.energy_before;
+                assert!((work - change).abs() <= 1e-12 * hit.energy_before, "{name}: {work} against {change}");
+                assert!((hit.contact.energy_change - work).abs() <= 1e-12 * hit.energy_before);
+                hits += usize::from(hit.mode != Mode::Open);
+                // J qd⁺ = u⁺: the joints give the contact velocity that the law promised.
+                let mut ws = chain.workspace();
+                let kin = ws.update(&chain, &q).unwrap();
+                let u = kin.point_velocity(chain.point(tip, Vector3::zeros()), &hit.qd_plus).unwrap();
+                let scale = hit.u_minus.norm().max(hit.u_plus.norm());
+                assert!((u - hit.u_plus).norm() <= 1e-11 * scale, "{name}: {u} against {}", hit.u_plus);
+            }
+        }
+        assert!(hits > 300, "{name}: only {hits} of 1500 approached");
+    }
+}
+
+/// Kane & Levinson's pendulum from a URDF: the whole way gives the published numbers (relative joint angles).
+#[test]
+fn kane_levinson_from_the_chain() {
+    let chain = uniform_chain(2, 2.0, 2.0).unwrap();
+    let tip = chain.frame("tip").unwrap();
+    // Absolute angles (20°, 30°) from the downward vertical, rates (−0.1, −0.2) rad/s.
+    let (q, qd) = ([(-70_f64).to_radians(), 10_f64.to_radians()], [-0.1, -0.1]);
+    let strike = |law: &dyn Law<f64, 3>| chain.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]).resolve(law).unwrap();
+    let (restitution, friction) = (0.5, 0.5);
+    let cases: [(&dyn Law<f64, 3>, f64, f64, f64); 4] = [
+        (&Whittaker { restitution, friction }, 0.0, 0.06710101, 1.587494687),
+        (&Newton { restitution, friction }, 0.034824903986, 0.067101007166, 0.737153338),
+        (&Poisson { restitution, friction }, 0.004896652708, 0.042363910848, 0.545077987),
+        (&Energetic { restitution, friction }, 0.006306876507, 0.043529526627, 0.553187985),
+    ];
+    for (law, t, n, ratio) in cases {
+        let hit = strike(law);
+        assert!((hit.u_plus.x - t).abs() < 1e-8 && (hit.u_plus.y - n).abs() < 1e-8, "{}: {}", law.name(), hit.u_plus);
+        assert!((hit.energy_ratio() - ratio).abs() < 1e-8, "{}: {}", law.name(), hit.energy_ratio());
+        assert_eq!(hit.flags.contains(Flags::ENERGY_GAIN), ratio > 1.0);
+        // The chain has two degrees of freedom and both are at the tip: its energy is the contact's.
+        assert!((hit.energy_before - hit.contact.energy_before).abs() < 1e-14);
+    }
+    let poisson = strike(&Poisson { restitution, friction }).qd_plus;
+    assert!((poisson[0] + 0.197179706138).abs() < 1e-11);
+    assert!((poisson[0] + poisson[1] - 0.219606684404).abs() < 1e-11);
+}
+
+#[test]
+fn a_stretched_arm_hit_along_its_axis_is_refused_with_the_reason() {
+    let chain = robot("planar2");
+    let tip = chain.frame("tip").unwrap();
+    let error = chain
+        .impact(&[0.0, 0.0], &[1.0, 0.0])
+        .at(tip)
+        .normal([-1.0, 0.0, 0.0])
+        .resolve(&Frictionless { restitution: 0.5 })
+        .unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "at this pose no joint moves 'tip' along the normal [-1.0, 0.0, 0.0] (singular direction): the structure would take \
+         the impact, and the impulse of any rigid law would be infinite; change the pose or the normal"
+    );
+}
+
+#[test]
+fn what_is_missing_or_misplaced_is_named() {
+    let chain = robot("planar2");
+    let (tip, base) = (chain.frame("tip").unwrap(), chain.frame("base").unwrap());
+    let law = Frictionless { restitution: 0.5 };
+    let strike = || chain.impact(&[0.7, -1.5], &[0.0, 0.1]);
+    let said = |e: SimError| e.to_string();
+    assert_eq!(
+        said(strike().at(tip).resolve(&law).unwrap_err()),
+        "no contact normal was given: say .normal([x, y, z])"
+    );
+    assert!(
+        said(strike().normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err()).starts_with("no contact point was given")
+    );
+    assert!(
+        said(strike().at(base).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err())
+            .starts_with("link 'base' is fixed to the world")
+    );
+    assert_eq!(
+        said(strike().at(tip).normal([0.0; 3]).resolve(&law).unwrap_err()),
+        "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length"
+    );
+    let short = chain.impact(&[0.7], &[0.0, 0.1]).at(tip).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err();
+    assert_eq!(short.to_string(), "q has 1 numbers, 2 are needed (shoulder, elbow)");
+    let nan = chain.impact(&[0.7, f64::NAN], &[0.0, 0.1]).at(tip).normal([1.0, 0.0, 0.0]).resolve(&law).unwrap_err();
+    assert!(matches!(nan, SimError::Chain(ChainError::NotFinite { what: "q", index: 1, .. })));
+}
+
+/// A velocity that separates is no error and no impulse.
+#[test]
+fn a_separating_tip_gets_no_impulse() {
+    let chain = robot("arm7");
+    let tip = chain.frame("tip").unwrap();
+    let q = [0.1, 0.5, -0.3, 0.9, 0.2, -0.4, 0.3];
+    let qd = [0.3, -0.2, 0.1, 0.5, -0.4, 0.2, 0.1];
+    let mut ws = chain.workspace();
+    let u = ws.update(&chain, &q).unwrap().point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
+    let hit = chain.impact(&q, &qd).at(tip).normal(u.into()).resolve(&Frictionless { restitution: 0.8 }).unwrap();
+    assert_eq!((hit.impulse, hit.mode), (Vector3::zeros(), Mode::Open));
+    assert_eq!(hit.qd_plus, qd);
+    assert!(hit.flags.contains(Flags::NO_APPROACH));
+}
+
+/// The branch-free kernel and the checked way, in space and in the plane.
+#[test]
+fn frictionless_kernel_equals_the_checked_way() {
+    use carom::sim::frictionless_jump_into;
+    let mut rng = fastrand::Rng::with_seed(5);
+    for name in ROBOTS {
+        let chain = robot(name);
+        let tip = chain.frame("tip").unwrap();
+        let mut ws = chain.workspace();
+        for _ in 0..200 {
+            let (q, qd) = (random(&mut rng, chain.nv(), 1.5), random(&mut rng, chain.nv(), 2.0));
+            let angle = rng.f64() * 6.28;
+            let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
+            let checked = chain
+                .impact(&q, &qd)
+                .at(tip)
+                .normal(normal.into())
+                .resolve(&Frictionless { restitution: 0.6 })
+                .unwrap();
+            if checked.mode == Mode::Open {
+                continue;
+            }
+            let (mut scratch, mut qd_plus) = (vec![0.0; chain.nv()], vec![0.0; chain.nv()]);
+            let mut kin = ws.update(&chain, &q).unwrap();
+            let point = chain.point(tip, Vector3::zeros());
+            let p = frictionless_jump_into(&mut kin, point, normal, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
+            let scale = checked.qd_plus.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+            let near = |a: &[f64]| a.iter().zip(&checked.qd_plus).all(|(x, y)| (x - y).abs() <= 1e-10 * scale);
+            assert!(near(&qd_plus), "{name}: {qd_plus:?} {:?}", checked.qd_plus);
+            assert!((p - checked.impulse.norm()).abs() <= 1e-10 * p);
+            if let Ok(flat) = chain.to_planar() {
+                let mut flat_ws = flat.chain.workspace();
+                let mut kin = flat_ws.update(&flat.chain, &q).unwrap();
+                let point = flat.point(tip, Vector3::zeros());
+                let n = flat.plane.project(normal);
+                frictionless_jump_into(&mut kin, point, n, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
+                assert!(near(&qd_plus), "{name} in the plane");
+            }
+        }
+    }
+}
