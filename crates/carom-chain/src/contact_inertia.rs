@@ -6,6 +6,12 @@
 //! | E | 3×nv, 2×nv | a factor: H = E Eᵀ, with the singular values of H's square root | `factor` |
 //! | 1/(nᵀHn) | 1 | effective mass in direction n, kg | `effective_mass` |
 //!
+//! **Which way.** Measured by `cargo bench -p carom-chain` (`delassus_recursive`, `delassus_dense`,
+//! `delassus_dense_on_stack`): the recursion beats the dense way with matrices of run-time size at every length, and with
+//! matrices of fixed size on the stack from 7 joints on (at 2 and 3 joints those win by 5 to 30 %). So run-time chains
+//! take the recursion, except those with mimic joints, which have none; the dense way is their way, and the second route
+//! of the tests.
+//!
 //! Two routes give E: dense (`M = L Lᵀ`, `E = J L⁻ᵀ`) and the recursion of [`crate::Articulation`]. Working on E, not on
 //! H, tells a direction that is singular from one that is merely slow down to 1e-14 of the fastest, not to 1e-7.
 
@@ -16,11 +22,6 @@ use crate::error::ChainError;
 use crate::workspace::Kinematics;
 use nalgebra::{DMatrix, DVector, RealField};
 use num_traits::{One, Zero};
-
-/// From this many degrees of freedom on, the recursion takes over from the dense way. `benches/kernels.rs`
-/// (`delassus_dense` against `delassus_recursive`) shows the recursion ahead from one joint on, because the dense way pays for all of M; the
-/// dense way is left to chains with mimic joints, and as the second route of every test.
-pub const RECURSION_FROM: usize = 1;
 
 /// The inertia that one point feels.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,7 +145,11 @@ where
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
-        if self.prefers_dense() { self.delassus_dense(point) } else { Ok(self.articulate_checked()?.delassus(point)) }
+        if self.chain.is_coupled() {
+            self.delassus_dense(point)
+        } else {
+            Ok(self.articulate_checked()?.delassus(point))
+        }
     }
 
     /// M⁻¹ · vector by whichever way suits the chain.
@@ -153,7 +158,7 @@ where
     /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
     pub fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
         self.chain.check_length("tau", joint_force.len())?;
-        if self.prefers_dense() {
+        if self.chain.is_coupled() {
             let Some(cholesky) = self.mass_matrix().cholesky() else {
                 return Err(self.no_inertia(0));
             };
@@ -175,17 +180,13 @@ where
         gravity: A::Vector,
     ) -> Result<DVector<A::Scalar>, ChainError> {
         self.chain.check_length("tau", tau.len())?;
-        if self.prefers_dense() {
+        if self.chain.is_coupled() {
             let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
             return self.solve(left.as_slice());
         }
         let mut qdd = DVector::zeros(self.chain.nv);
         self.articulate_checked()?.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
         Ok(qdd)
-    }
-
-    fn prefers_dense(&self) -> bool {
-        self.chain.is_coupled() || self.chain.nv < RECURSION_FROM
     }
 
     /// [`Kinematics::articulate`], refused where a joint moves no inertia: Dᵢ lost in the rounding of what the joint
@@ -219,7 +220,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn contact_inertia(&mut self, point: Point<A>) -> Result<ContactInertia, ChainError> {
-        let factor = if self.prefers_dense() {
+        let factor = if self.chain.is_coupled() {
             self.delassus_factor_dense(point)?
         } else {
             self.articulate_checked()?.delassus_factor(point)

@@ -31,7 +31,7 @@ mod workspace;
 pub use algebra::{Planar, Spatial};
 pub use articulated::Articulation;
 pub use chain::{Body, Chain, Coordinates, Frame, FrameId, JointInfo, LinkInfo, Point};
-pub use contact_inertia::{ContactInertia, RECURSION_FROM};
+pub use contact_inertia::ContactInertia;
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use planarize::{PlanarChain, Plane};
