@@ -147,7 +147,7 @@ fn frictionless_kernel_equals_the_checked_way() {
         let mut ws = chain.workspace();
         for _ in 0..200 {
             let (q, qd) = (random(&mut rng, chain.nv(), 1.5), random(&mut rng, chain.nv(), 2.0));
-            let angle = rng.f64() * 6.28;
+            let angle = rng.f64() * std::f64::consts::TAU;
             let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
             let checked = chain
                 .impact(&q, &qd)

@@ -64,10 +64,10 @@ fn load(name: &str) -> Reference {
     }
     for joint in json["joints"].as_array().unwrap() {
         let axis = if joint["axis"].is_null() { "1 0 0".into() } else { spaced(&joint["axis"]) };
-        write!(
+        writeln!(
             urdf,
             "<joint name=\"{}\" type=\"{}\"><parent link=\"{}\"/><child link=\"{}\"/><origin xyz=\"{}\" rpy=\"{}\"/>\
-             <axis xyz=\"{axis}\"/></joint>\n",
+             <axis xyz=\"{axis}\"/></joint>",
             text(&joint["name"]),
             text(&joint["type"]),
             text(&joint["parent"]),

@@ -20,7 +20,7 @@ use crate::articulated::Articulation;
 use crate::chain::{Coordinates, JointInfo, Point};
 use crate::error::ChainError;
 use crate::workspace::Kinematics;
-use nalgebra::{DMatrix, DVector, RealField};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField};
 use num_traits::{One, Zero};
 
 /// The inertia that one point feels.
@@ -123,9 +123,7 @@ where
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn delassus_factor_dense(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
-        let Some(cholesky) = self.mass_matrix().cholesky() else {
-            return Err(self.no_inertia(0));
-        };
+        let cholesky = self.cholesky()?;
         let mut x = self.point_jacobian(point).transpose();
         cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
         Ok(x.transpose())
@@ -159,9 +157,7 @@ where
     pub fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
         self.chain.check_length("tau", joint_force.len())?;
         if self.chain.is_coupled() {
-            let Some(cholesky) = self.mass_matrix().cholesky() else {
-                return Err(self.no_inertia(0));
-            };
+            let cholesky = self.cholesky()?;
             return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
         }
         let mut out = DVector::zeros(self.chain.nv);
@@ -200,11 +196,31 @@ where
         let rounding: A::Scalar = nalgebra::convert(16.0 * f64::EPSILON);
         for (i, felt) in felt.into_iter().enumerate() {
             let d = A::Scalar::one() / self.ws.inverse_d[i];
-            if !(d > felt * rounding) {
+            let moves_inertia = d > felt * rounding; // false for NaN too
+            if !moves_inertia {
                 return Err(self.no_inertia(self.chain.bodies[i].v_index));
             }
         }
         Ok(Articulation::of(self))
+    }
+
+    /// M = L Lᵀ, refused where a pivot is lost in the rounding of its diagonal entry.
+    fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
+        let m = self.mass_matrix();
+        let rounding: A::Scalar = nalgebra::convert(16.0 * f64::EPSILON);
+        let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
+            let root = c.l_dirty()[(k, k)];
+            root * root <= m[(k, k)] * rounding
+        };
+        let at = match m.clone().cholesky() {
+            Some(c) => match (0..m.nrows()).find(|&k| lost(&c, k)) {
+                None => return Ok(c),
+                at => at,
+            },
+            // Where it broke down, it does not say: at the end of the first leading block that has no factor.
+            None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
+        };
+        Err(self.no_inertia(at.unwrap_or(0)))
     }
 
     fn no_inertia(&self, v_index: usize) -> ChainError {

@@ -94,6 +94,8 @@ fn a_point_mass_on_its_own_hinge_axis_moves_no_inertia() {
     let tip = chain.point(chain.frame("body").unwrap(), Vector3::x());
     let error = chain.workspace().update(&chain, &[0.2]).unwrap().delassus(tip).unwrap_err();
     assert_eq!(error, ChainError::NoInertia { joint: "joint".into() });
+    let dense = chain.workspace().update(&chain, &[0.2]).unwrap().delassus_dense(tip).unwrap_err();
+    assert_eq!(dense, error);
     assert_eq!(
         error.to_string(),
         "joint 'joint' moves no inertia at this pose, so its acceleration is not determined: give the links below it mass and \

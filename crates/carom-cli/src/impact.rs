@@ -3,7 +3,7 @@
 use crate::RobotArgs;
 use crate::error::CliError;
 use crate::input::{JointOrder, LimitWarnings, Refused, State, StateArgs, for_each_line, parse_vector};
-use crate::law::LawArgs;
+use crate::law::{All, LawArgs, Refusal};
 use crate::output::{finite, json_line, row, short};
 use carom_impact::ImpactError;
 use carom_sim::{ChainImpact, Impacts, SimError};
@@ -37,21 +37,6 @@ struct Answer {
     normal_work: f64,
     friction_work: f64,
     flags: Vec<&'static str>,
-}
-
-/// The answers of `--law all`, and the laws that have none here.
-#[derive(Serialize)]
-pub struct All<A> {
-    pub outcomes: Vec<A>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub refused: Vec<Refusal>,
-}
-
-/// A law that does not apply, and why.
-#[derive(Serialize)]
-pub struct Refusal {
-    pub law: &'static str,
-    pub reason: String,
 }
 
 impl Impact {

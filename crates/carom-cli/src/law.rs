@@ -1,7 +1,6 @@
 //! `carom law`: an impact law on plain numbers.
 
 use crate::error::{CliError, LineError};
-use crate::impact::{All, Refusal};
 use crate::input::{Refused, for_each_line};
 use crate::output::{finite, json_line, row, short};
 use carom_impact::{ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
@@ -53,6 +52,21 @@ impl LawArgs {
         let law = |name| Some((name, law_by_name(name, self.restitution, self.friction)?));
         Ok(asked.filter_map(law).collect())
     }
+}
+
+/// The answers of `--law all`, and the laws that have none here.
+#[derive(Serialize)]
+pub struct All<A> {
+    pub outcomes: Vec<A>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub refused: Vec<Refusal>,
+}
+
+/// A law that does not apply, and why.
+#[derive(Serialize)]
+pub struct Refusal {
+    pub law: &'static str,
+    pub reason: String,
 }
 
 #[derive(Args)]
