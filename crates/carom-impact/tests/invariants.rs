@@ -5,6 +5,7 @@ mod common;
 use carom_impact::{Flags, Frictionless, ImpactOutcome, LAW_NAMES, Law, Mode, Phase, law_by_name};
 use common::{Case, any_case, close};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 const CASES: usize = 100_000;
 
@@ -160,6 +161,9 @@ fn without_friction_all_laws_are_one() {
 }
 
 proptest! {
+    // The same cases in every run.
+    #![proptest_config(ProptestConfig { failure_persistence: None, rng_seed: RngSeed::Fixed(1860), ..ProptestConfig::default() })]
+
     /// Powers of two scale without rounding, so the laws must scale with them to the last bit.
     #[test]
     fn doubling_speeds_or_masses_scales_every_number(seed: u64, speed in -39i32..10, mass in -20i32..20) {

@@ -135,24 +135,10 @@ impl Sample {
     }
 }
 
-/// dq/dt for velocities qd: what `integrate` does in the limit.
+/// dq/dt for velocities qd.
 pub fn q_rate(chain: &Chain, q: &[f64], qd: &[f64]) -> Vec<f64> {
     let mut rate = vec![0.0; chain.nq()];
-    for joint in chain.joints() {
-        let Coordinates::Own { q: at, v } = &joint.coordinates else {
-            continue;
-        };
-        if at.len() != 7 {
-            rate[at.clone()].copy_from_slice(&qd[v.clone()]);
-            continue;
-        }
-        let (at, v) = (at.start, v.start);
-        let turn = nalgebra::Quaternion::new(q[at + 6], q[at + 3], q[at + 4], q[at + 5]);
-        let spin = nalgebra::Quaternion::new(0.0, qd[v + 3], qd[v + 4], qd[v + 5]);
-        let linear = UnitQuaternion::new_unchecked(turn) * Vector3::new(qd[v], qd[v + 1], qd[v + 2]);
-        rate[at..at + 3].copy_from_slice(linear.as_slice());
-        rate[at + 3..at + 7].copy_from_slice((turn * spin * 0.5).coords.as_slice());
-    }
+    chain.q_rate_into(q, qd, &mut rate);
     rate
 }
 
