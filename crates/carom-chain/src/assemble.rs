@@ -255,7 +255,7 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
             .iter()
             .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone() })
             .collect(),
-        total_mass: robot.links.iter().filter_map(|l| l.inertial).map(|i| i.mass).sum(),
+        total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
         warnings: robot.warnings.clone(),
     }
 }

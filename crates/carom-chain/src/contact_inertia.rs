@@ -38,15 +38,17 @@ pub struct ContactInertia {
 impl ContactInertia {
     fn from_factor(factor: &DMatrix<f64>) -> Self {
         let rows = factor.nrows();
-        let e = faer::Mat::from_fn(
-            rows,
-            factor.ncols().max(1),
-            |i, j| {
-                if factor.ncols() == 0 { 0.0 } else { factor[(i, j)] }
-            },
-        );
+        // Short chains have fewer columns than rows: zeros do no harm.
+        let e =
+            faer::Mat::from_fn(
+                rows,
+                factor.ncols().max(rows),
+                |i, j| {
+                    if j < factor.ncols() { factor[(i, j)] } else { 0.0 }
+                },
+            );
         // E of a few rows, by a rank-revealing factorisation: E = U Σ Vᵀ.
-        let (mut principal, tolerance) = match e.svd() {
+        let (mut principal, tolerance) = match e.thin_svd() {
             Ok(svd) => {
                 let (u, s) = (svd.U(), svd.S().column_vector());
                 let columns = (0..rows).map(|j| {

@@ -36,4 +36,5 @@ pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use planarize::{PlanarChain, Plane};
 pub use reduce::Reduced;
+pub use state::OutsideLimit;
 pub use workspace::{Kinematics, Workspace};

@@ -9,6 +9,28 @@ use crate::chain::{Chain, Coordinates, JointInfo};
 use crate::error::ChainError;
 use crate::urdf::JointType;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use std::fmt;
+
+/// A joint beyond its limit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OutsideLimit {
+    /// Its name.
+    pub joint: String,
+    /// Where it is, in `unit`.
+    pub position: f64,
+    /// The limit that it passed, in `unit`.
+    pub limit: f64,
+    /// `rad` or `m`.
+    pub unit: &'static str,
+}
+
+impl fmt::Display for OutsideLimit {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Self { joint, position, limit, unit } = self;
+        let side = if position < limit { "below" } else { "above" };
+        write!(f, "joint '{joint}' is at {position} {unit}, {side} its limit {limit} {unit}")
+    }
+}
 
 impl<A: Algebra> Chain<A> {
     /// Whether `q` and `qd` fit this chain: lengths, finite numbers, unit quaternions.
@@ -40,9 +62,9 @@ impl<A: Algebra> Chain<A> {
         }
     }
 
-    /// One sentence for each joint that `q` puts outside its limits.
-    pub fn limit_warnings(&self, q: &[f64]) -> Vec<String> {
-        let mut warnings = Vec::new();
+    /// The joints that `q` puts outside their limits.
+    pub fn outside_limits(&self, q: &[f64]) -> Vec<OutsideLimit> {
+        let mut outside = Vec::new();
         for joint in self.joints() {
             let position = match &joint.coordinates {
                 Coordinates::Own { q: own, .. } if own.len() == 1 => q.get(own.start).copied(),
@@ -53,18 +75,16 @@ impl<A: Algebra> Chain<A> {
                 }
                 _ => None,
             };
-            let Some(x) = position else { continue };
-            let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
-            let mut outside = |side: &str, limit: f64| {
-                warnings.push(format!("joint '{}' is at {x} {unit}, {side} its limit {limit} {unit}", joint.name));
+            let Some(position) = position else { continue };
+            let limit = match (joint.limits.lower, joint.limits.upper) {
+                (Some(lower), _) if position < lower => lower,
+                (_, Some(upper)) if position > upper => upper,
+                _ => continue,
             };
-            match (joint.limits.lower, joint.limits.upper) {
-                (Some(lower), _) if x < lower => outside("below", lower),
-                (_, Some(upper)) if x > upper => outside("above", upper),
-                _ => {}
-            }
+            let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
+            outside.push(OutsideLimit { joint: joint.name.clone(), position, limit, unit });
         }
-        warnings
+        outside
     }
 
     /// The configuration in which one-dof joints are at zero and floating joints unturned.

@@ -2,8 +2,8 @@
 
 use crate::RobotArgs;
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, LimitWarnings, Refused, State, StateArgs, for_each_line, parse_vector};
-use crate::output::{finite, json_line, row, short};
+use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
+use crate::output::{answer, row, short};
 use carom_chain::{Chain, Point, Spatial, Workspace};
 use clap::Args;
 use nalgebra::Vector3;
@@ -45,9 +45,9 @@ impl Dynamics {
         let mut ws = chain.workspace();
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
+            let found = evaluate(&chain, &mut ws, &order, point, self.gravity.into(), &state)?;
             limits.check(&chain, &order.q(&state.q), place);
-            let answer = evaluate(&chain, &mut ws, &order, point, self.gravity.into(), &state)?;
-            if self.state.json { json_line(out, &answer) } else { for_people(&answer, out).map_err(Refused::Output) }
+            answer(out, &found, self.state.json, for_people)
         })
     }
 }
@@ -82,7 +82,7 @@ fn evaluate<'a>(
         None => None,
     };
     let delassus = kin.delassus(point)?;
-    let answer = Answer {
+    Ok(Answer {
         joints: &order.names,
         mass_matrix: order.square(&kin.mass_matrix()),
         jacobian: order.columns(&kin.point_jacobian(point)),
@@ -93,12 +93,7 @@ fn evaluate<'a>(
         delassus: delassus.row_iter().map(|r| r.iter().copied().collect()).collect(),
         qdd,
         tau,
-    };
-    finite("the Delassus matrix", delassus.iter())?;
-    finite("the bias force", answer.bias.iter().chain(&answer.gravity_force))?;
-    finite("the energy", [&answer.kinetic_energy, &answer.potential_energy])?;
-    finite("the acceleration or force", answer.qdd.iter().flatten().chain(answer.tau.iter().flatten()))?;
-    Ok(answer)
+    })
 }
 
 fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {

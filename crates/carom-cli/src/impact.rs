@@ -2,10 +2,9 @@
 
 use crate::RobotArgs;
 use crate::error::CliError;
-use crate::input::{JointOrder, LimitWarnings, Refused, State, StateArgs, for_each_line, parse_vector};
-use crate::law::{All, LawArgs, Refusal};
-use crate::output::{finite, json_line, row, short};
-use carom_impact::ImpactError;
+use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
+use crate::law::{All, LawArgs};
+use crate::output::{row, short};
 use carom_sim::{ChainImpact, Impacts, SimError};
 use clap::Args;
 use serde::Serialize;
@@ -48,33 +47,22 @@ impl Impact {
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
             let (q, qd) = (order.q(&state.q), order.v(&state.qd));
-            limits.check(&chain, &q, place);
             let mut contact = chain.impact(&q, &qd).at(tip).offset(self.state.point).normal(self.normal).contact()?;
-            let mut all = All { outcomes: Vec::new(), refused: Vec::new() };
+            limits.check(&chain, &q, place);
+            let mut all = All::default();
             for (name, law) in &laws {
                 match contact.resolve(law.as_ref()) {
-                    Ok(hit) => {
-                        let answer = answer(name, &hit, &order);
-                        let energies = [&answer.energy_before, &answer.energy_after];
-                        finite("the outcome", answer.qd_plus.iter().chain(energies))?;
-                        all.outcomes.push(answer);
-                    }
-                    Err(SimError::Impact(why @ ImpactError::NotInOnePlane { .. })) if laws.len() > 1 => {
-                        all.refused.push(Refusal { law: name, reason: why.to_string() });
-                    }
+                    Ok(hit) => all.outcomes.push(outcome(name, &hit, &order)),
+                    Err(SimError::Impact(why)) if laws.len() > 1 => all.refuse(name, &why)?,
                     Err(why) => return Err(why.into()),
                 }
             }
-            match (self.state.json, laws.len()) {
-                (true, 1) => json_line(out, &all.outcomes[0]),
-                (true, _) => json_line(out, &all),
-                (false, _) => for_people(&all, &order, out).map_err(Refused::Output),
-            }
+            all.answer(out, self.state.json, laws.len(), |all, out| for_people(all, &order, out))
         })
     }
 }
 
-fn answer(law: &'static str, hit: &ChainImpact, order: &JointOrder) -> Answer {
+fn outcome(law: &'static str, hit: &ChainImpact, order: &JointOrder) -> Answer {
     Answer {
         law,
         qd_plus: order.theirs(&hit.qd_plus),

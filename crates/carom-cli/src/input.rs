@@ -2,7 +2,8 @@
 
 use crate::RobotArgs;
 use crate::error::{CliError, LineError};
-use carom_chain::urdf::{LoadOptions, Meshes};
+use crate::output::say;
+use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
@@ -69,7 +70,7 @@ pub fn for_each_line<T: DeserializeOwned>(
         if text.trim().is_empty() {
             continue;
         }
-        let parsed = serde_json::from_str(&text).map_err(|e| Refused::Input(LineError(shorten(&e))));
+        let parsed = serde_json::from_str(text.trim_end()).map_err(|e| Refused::Input(LineError(shorten(&e))));
         parsed.and_then(|value| answer(value, &place, &mut out)).map_err(|refused| match refused {
             Refused::Input(LineError(reason)) => CliError::Line { file: file.clone(), line: place.line, reason },
             Refused::Output(e) => CliError::Output(e),
@@ -114,10 +115,9 @@ pub struct LimitWarnings {
 
 impl LimitWarnings {
     pub fn check(&mut self, chain: &Chain, q: &[f64], place: &Place) {
-        for warning in chain.limit_warnings(q) {
-            let joint = warning.split('\'').nth(1).unwrap_or_default().to_owned();
-            if self.said.insert(joint) {
-                eprintln!("warning: {}:{}: {warning} (said once for this joint)", place.file, place.line);
+        for outside in chain.outside_limits(q) {
+            if self.said.insert(outside.joint.clone()) {
+                say(&format!("warning: {}:{}: {outside} (said once for this joint)", place.file, place.line));
             }
         }
     }
@@ -162,7 +162,7 @@ impl JointOrder {
                     own.into_iter().filter(|j| !ordered.iter().any(|o| o.name == j.name)).collect();
                 match missing.as_slice() {
                     [] => {}
-                    [base] if base.name == "root_joint" => ordered.insert(0, base),
+                    [base] if base.name == "root_joint" && base.kind == JointType::Floating => ordered.insert(0, base),
                     [joint, ..] => {
                         return Err(refuse(format!(
                             "joint '{}' is not in the list: name every moving joint",

@@ -2,12 +2,10 @@
 
 use crate::RobotArgs;
 use crate::error::CliError;
-use crate::input::Refused;
-use crate::output::json_line;
 use carom_chain::{Chain, Coordinates, JointInfo};
 use clap::Args;
 use serde::Serialize;
-use std::io::Write;
+use std::io::{self, Write};
 
 #[derive(Args)]
 pub struct Inspect {
@@ -101,16 +99,14 @@ impl Inspect {
             warnings: chain.warnings(),
         };
         if self.json {
-            return json_line(out, &report).map_err(|refused| match refused {
-                Refused::Output(e) => CliError::Output(e),
-                Refused::Input(e) => CliError::Option(e.to_string()),
-            });
+            return writeln!(out, "{}", serde_json::to_string(&report).map_err(io::Error::from)?)
+                .map_err(CliError::Output);
         }
         for_people(&report, out).map_err(CliError::Output)
     }
 }
 
-fn for_people(r: &Report, out: &mut dyn Write) -> std::io::Result<()> {
+fn for_people(r: &Report, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "{}: {} degrees of freedom (nq {}, nv {}), {} kg in {} links",

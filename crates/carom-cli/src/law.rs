@@ -2,7 +2,7 @@
 
 use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
-use crate::output::{finite, json_line, row, short};
+use crate::output::{answer, row, say, short};
 use carom_impact::{ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use clap::{Args, builder::PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
@@ -46,7 +46,7 @@ impl LawArgs {
                 1.0,
                 "a coefficient of tangential restitution lies between -1 and 1",
             )?;
-            eprintln!("warning: --tangential-restitution is not used by {}", self.law);
+            say(&format!("warning: --tangential-restitution is not used by {}", self.law));
         }
         let asked = LAW_NAMES.into_iter().filter(|&name| self.law == "all" || self.law == name);
         let law = |name| Some((name, law_by_name(name, self.restitution, self.friction)?));
@@ -62,11 +62,44 @@ pub struct All<A> {
     pub refused: Vec<Refusal>,
 }
 
-/// A law that does not apply, and why.
+/// A law that has no answer here, and why.
 #[derive(Serialize)]
 pub struct Refusal {
     pub law: &'static str,
     pub reason: String,
+}
+
+impl<A> Default for All<A> {
+    fn default() -> Self {
+        Self { outcomes: Vec::new(), refused: Vec::new() }
+    }
+}
+
+impl<A: Serialize> All<A> {
+    /// One law's refusal beside the others' answers. What is wrong with the problem itself refuses the line.
+    pub fn refuse(&mut self, law: &'static str, why: &ImpactError) -> Result<(), LineError> {
+        match why {
+            ImpactError::NotInOnePlane { .. } | ImpactError::Wedged { .. } => {
+                self.refused.push(Refusal { law, reason: why.to_string() });
+                Ok(())
+            }
+            _ => Err(LineError(why.to_string())),
+        }
+    }
+
+    /// Writes the answers: one law's outcome alone, or all of them.
+    pub fn answer(
+        &self,
+        out: &mut dyn Write,
+        json: bool,
+        asked: usize,
+        for_people: impl FnOnce(&Self, &mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), Refused> {
+        match self.outcomes.as_slice() {
+            [alone] if json && asked == 1 => answer(out, alone, json, |_, _| Ok(())),
+            _ => answer(out, self, json, for_people),
+        }
+    }
 }
 
 #[derive(Args)]
@@ -114,11 +147,7 @@ impl LawCommand {
                     .into());
                 }
             };
-            match (self.json, plane.len()) {
-                (true, 1) => json_line(out, &all.outcomes[0]),
-                (true, _) => json_line(out, &all),
-                (false, _) => for_people(&all, out).map_err(Refused::Output),
-            }
+            all.answer(out, self.json, plane.len(), for_people)
         })
     }
 }
@@ -133,11 +162,17 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
     }
     let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| rows[i][j]);
     let problem = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
-    let mut all = All { outcomes: Vec::new(), refused: Vec::new() };
+    let mut all = All::default();
     for (name, law) in laws {
         match law.resolve(&problem) {
             Ok(hit) => {
-                finite("the outcome", hit.u_plus.iter().chain(hit.impulse.iter()).chain([&hit.energy_ratio()]))?;
+                let (before, still) = (hit.energy_before, hit.u_minus.amax() == 0.0);
+                if !before.is_finite() || (before < f64::MIN_POSITIVE && !still) {
+                    let why = format!(
+                        "the kinetic energy comes out as {before} J: the numbers of this line are too large, or too small, for f64"
+                    );
+                    return Err(LineError(why));
+                }
                 all.outcomes.push(Answer {
                     law: name,
                     impulse: hit.impulse.as_slice().to_vec(),
@@ -149,9 +184,7 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
                     flags: hit.flags.names().collect(),
                 });
             }
-            Err(why @ ImpactError::NotInOnePlane { .. }) if laws.len() > 1 => {
-                all.refused.push(Refusal { law: name, reason: why.to_string() });
-            }
+            Err(why) if laws.len() > 1 => all.refuse(name, &why)?,
             Err(why) => return Err(why.into()),
         }
     }

@@ -70,7 +70,7 @@ fn main() -> ExitCode {
         // Whoever reads us has had enough: `carom … | head`.
         Err(error::CliError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            output::say(&format!("error: {error}"));
             ExitCode::from(1)
         }
     }

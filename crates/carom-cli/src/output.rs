@@ -3,20 +3,47 @@
 use crate::error::LineError;
 use crate::input::Refused;
 use serde::Serialize;
-use std::io::Write;
+use serde_json::Value;
+use std::io::{self, Write};
 
-/// One line of JSON. A number that is not finite has no JSON: the states were too large for `f64`.
-pub fn json_line(out: &mut dyn Write, answer: &impl Serialize) -> Result<(), Refused> {
+/// Writes one answer: as a line of JSON, or in the words of `for_people`.
+///
+/// # Errors
+/// Where a number of the answer is not finite: what was asked is too large, or too small, for `f64`.
+pub fn answer<A: Serialize>(
+    out: &mut dyn Write,
+    answer: &A,
+    json: bool,
+    for_people: impl FnOnce(&A, &mut dyn Write) -> io::Result<()>,
+) -> Result<(), Refused> {
     let text = serde_json::to_string(answer).map_err(|e| LineError(e.to_string()))?;
-    writeln!(out, "{text}").map_err(Refused::Output)
+    // JSON has no word for what is not finite, and puts a null there; no answer holds another null.
+    if text.contains("null") {
+        let value = serde_json::to_value(answer).map_err(|e| LineError(e.to_string()))?;
+        if let Some(key) = first_null("", &value) {
+            let why = format!(
+                "{key} comes out as no finite number: the numbers of this line are too large, or too small, for f64"
+            );
+            return Err(LineError(why).into());
+        }
+    }
+    if json { writeln!(out, "{text}") } else { for_people(answer, out) }.map_err(Refused::Output)
 }
 
-/// Refuses answers that overflowed.
-pub fn finite<'a>(what: &str, numbers: impl IntoIterator<Item = &'a f64>) -> Result<(), LineError> {
-    match numbers.into_iter().find(|x| !x.is_finite()) {
-        Some(x) => Err(LineError(format!("{what} comes out as {x}: the numbers of this line are too large for f64"))),
-        None => Ok(()),
+fn first_null(key: &str, value: &Value) -> Option<String> {
+    match value {
+        Value::Null => Some(key.to_owned()),
+        Value::Array(all) => all.iter().find_map(|v| first_null(key, v)),
+        Value::Object(all) => all.iter().find_map(|(k, v)| first_null(k, v)),
+        _ => None,
     }
+}
+
+/// One line on standard error. That nobody listens there is no failure.
+pub fn say(text: &str) {
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    let line: String = text.chars().map(escaped).collect();
+    let _ = writeln!(io::stderr(), "{line}");
 }
 
 /// A vector for people.

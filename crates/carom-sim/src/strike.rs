@@ -73,7 +73,8 @@ impl<'a> Strike<'a> {
         };
         self.chain.check_state(self.q, self.qd)?;
         let given = Vector3::from(normal);
-        let normal = given.try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+        // Scaled first, lest squares overflow or vanish.
+        let normal = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
         let Some(normal) = normal else {
             return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
         };

@@ -33,6 +33,21 @@ pub(super) fn kinds(source: &Source, urdf: &urdf_rs::Robot) -> Result<Vec<JointT
     urdf.joints.iter().zip(source.joints()).map(kind).collect()
 }
 
+/// The name of the joint that `LoadOptions::floating_base` adds is free.
+///
+/// # Errors
+/// The file has a `root_joint` of its own.
+pub(super) fn check_floating_base(source: &Source, urdf: &urdf_rs::Robot) -> Result<(), ChainError> {
+    let mut joints = urdf.joints.iter().zip(source.joints());
+    match joints.find(|(joint, _)| joint.name == "root_joint") {
+        None => Ok(()),
+        Some((_, node)) => {
+            let rule = "a floating base is to be added under this name: rename the joint, or load the file as it is";
+            Err(source.error(node, None, rule))
+        }
+    }
+}
+
 /// The joints, checked.
 ///
 /// # Errors

@@ -78,6 +78,9 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
         .map_err(|error| source.error(source.root, None, format!("urdf-rs can't read it: {error}")))?;
 
     let tree = Tree::new(&source, &urdf)?;
+    if options.floating_base {
+        joint::check_floating_base(&source, &urdf)?;
+    }
     let kinds = joint::kinds(&source, &urdf)?;
     let moves = link::moving(&tree, &kinds, options.floating_base);
     let inertials = link::inertials(&source, &urdf, &moves, &mut warnings)?;
