@@ -52,7 +52,7 @@ fn line(run: &Run) -> String {
 fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
     use carom::record::{Side, record_planar2};
     use carom::sim::free_motion;
-    use carom::study::{Approach, paper::Elbow, tangential_map};
+    use carom::study::{Approach, tangential_map};
     use nalgebra::{Vector2, Vector3};
 
     let flat = arm.to_planar()?;
@@ -68,8 +68,7 @@ fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
         before.reverse();
         let after = motion(&run.hit.qd_plus, 0.6)?;
         let approach = Approach { normal: -Vector2::x(), tangent: -Vector2::y(), restitution: run.restitution };
-        let elbow = if run.elbow == Elbow::Up { 1.0 } else { -1.0 };
-        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, elbow, targets())?;
+        let map = tangential_map(&flat, tip, [0.45, 0.45], approach, run.elbow, targets())?;
         sides.push(Side { run: run.clone(), before, after, map });
     }
     let path = std::path::Path::new("planar2.rrd");

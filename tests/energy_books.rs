@@ -161,7 +161,11 @@ fn frictionless_kernel_equals_the_checked_way() {
             let (mut scratch, mut qd_plus) = (vec![0.0; chain.nv()], vec![0.0; chain.nv()]);
             let mut kin = ws.update(&chain, &q).unwrap();
             let point = chain.point(tip, Vector3::zeros());
-            let p = frictionless_jump_into(&mut kin, point, normal, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
+            let mut p = 0.0;
+            let count = allocation_counter::measure(|| {
+                p = frictionless_jump_into(&mut kin, point, normal, 0.6, &qd, &mut scratch, &mut qd_plus).unwrap();
+            });
+            assert_eq!(count.count_total, 0);
             let scale = checked.qd_plus.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
             let near = |a: &[f64]| a.iter().zip(&checked.qd_plus).all(|(x, y)| (x - y).abs() <= 1e-10 * scale);
             assert!(near(&qd_plus), "{name}: {qd_plus:?} {:?}", checked.qd_plus);
@@ -175,5 +179,33 @@ fn frictionless_kernel_equals_the_checked_way() {
                 assert!(near(&qd_plus), "{name} in the plane");
             }
         }
+    }
+}
+
+#[test]
+fn lengths_that_do_not_fit_are_an_error_and_no_panic() {
+    let chain = robot("planar2");
+    let point = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+    let mut ws = chain.workspace();
+    let mut kin = ws.update(&chain, &[0.3, 0.4]).unwrap();
+    let normal = -Vector3::x();
+    let (mut short, mut right) = ([0.0; 1], [0.0; 2]);
+    let jump = carom::sim::frictionless_jump_into(&mut kin, point, normal, 0.5, &[0.1, 0.2], &mut short, &mut right);
+    assert!(matches!(jump, Err(ChainError::WrongLength { got: 1, expected: 2, .. })));
+}
+
+/// Any length of the normal will do, however large or small its numbers.
+#[test]
+fn a_normal_needs_only_a_direction() {
+    let chain = robot("planar2");
+    let tip = chain.frame("tip").unwrap();
+    let strike = |normal: [f64; 3]| {
+        let law = Frictionless { restitution: 0.4 };
+        chain.impact(&[0.7, -1.5], &[-0.2, 0.9]).at(tip).normal(normal).resolve(&law).unwrap().qd_plus
+    };
+    let unit = strike([-0.6, -0.8, 0.0]);
+    for size in [1e-300, 1e-9, 1e9, 1e300] {
+        let scaled = strike([-0.6 * size, -0.8 * size, 0.0]);
+        assert!(scaled.iter().zip(&unit).all(|(a, b)| (a - b).abs() <= 1e-13), "{size}: {scaled:?} {unit:?}");
     }
 }

@@ -34,12 +34,10 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
     /// The inward pass of the articulated-body algorithm. Allocates nothing.
     ///
     /// # Errors
-    /// [`ChainError::NotReducible`] for a chain with mimic joints.
+    /// [`ChainError::Coupled`] for a chain with mimic joints.
     pub fn articulate(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
         if self.chain.is_coupled() {
-            return Err(ChainError::NotReducible(
-                "mimic joints couple several bodies to one coordinate: use the dense mass matrix".into(),
-            ));
+            return Err(ChainError::Coupled { chain: self.chain.name().into() });
         }
         let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
         for (i, body) in bodies.iter().enumerate() {
@@ -65,7 +63,8 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         Self { kin }
     }
 
-    /// Forward dynamics: q̈ = M⁻¹(τ − C q̇ − g). `gravity` in world axes, m/s². Allocates nothing.
+    /// Forward dynamics: q̈ = M⁻¹(τ − C q̇ − g). `gravity` in world axes, m/s². The damping and dry friction that the file
+    /// gives its joints do not enter: put them into τ. Allocates nothing.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -77,7 +76,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         qdd: &mut [A::Scalar],
     ) -> Result<(), ChainError> {
         for (what, length) in [("qd", qd.len()), ("tau", tau.len()), ("qdd", qdd.len())] {
-            self.kin.chain.check_length(what, length)?;
+            self.kin.chain.check_nv(what, length)?;
         }
         self.kin.spread_velocity(qd);
         let (chain, ws) = (self.kin.chain, &mut *self.kin.ws);
@@ -95,8 +94,8 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn solve_into(&mut self, joint_force: &[A::Scalar], out: &mut [A::Scalar]) -> Result<(), ChainError> {
-        self.kin.chain.check_length("tau", joint_force.len())?;
-        self.kin.chain.check_length("qdd", out.len())?;
+        self.kin.chain.check_nv("tau", joint_force.len())?;
+        self.kin.chain.check_nv("qdd", out.len())?;
         let ws = &mut *self.kin.ws;
         ws.acceleration.fill(Motion::zero());
         ws.force.fill(Force::zero());
@@ -130,6 +129,9 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
     }
 
     /// The Delassus matrix of a point, LINEAR×LINEAR, world axes, 1/kg: fills all of `out`; allocates nothing.
+    ///
+    /// # Panics
+    /// If `out` is smaller.
     pub fn delassus_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
         &self,
         point: Point<A>,

@@ -23,6 +23,7 @@ pub(crate) struct Node<A: Algebra> {
 
 /// How a node moves against its parent.
 pub(crate) struct Moves<A: Algebra> {
+    pub joint_index: usize,
     pub joint: A::Joint,
     pub q_index: usize,
     pub v_index: usize,
@@ -46,10 +47,10 @@ pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Optio
                 }
                 places.push((parent, placement));
             }
-            Some(Moves { joint, q_index, v_index, ratio, shift }) => {
+            Some(Moves { joint_index, joint, q_index, v_index, ratio, shift }) => {
                 places.push((Some(bodies.len()), Pose::identity()));
                 let inertia = node.inertia;
-                bodies.push(Body { parent, joint, placement, inertia, q_index, v_index, ratio, shift });
+                bodies.push(Body { parent, joint_index, joint, placement, inertia, q_index, v_index, ratio, shift });
             }
         }
     }
@@ -83,6 +84,10 @@ impl Chain {
 
     /// Builds the chain of a checked robot. With `options.floating_base` a floating joint named `root_joint` stands
     /// between world and root.
+    ///
+    /// # Panics
+    /// If the robot is not one that [`urdf::read_file`] could give: indices that lead nowhere, a loop, a mimic of a mimic,
+    /// of itself or of a joint without a coordinate of its own.
     pub fn from_robot(mut robot: Robot, options: &LoadOptions) -> Self {
         let links = robot.links.len();
         if options.floating_base {
@@ -99,7 +104,7 @@ impl Chain {
                 Some(j) => {
                     let joint = &robot.joints[j];
                     let hung_on = node_of_link[joint.parent];
-                    let (parent, placement) = push_axes(&mut nodes, joint, &coordinates[j], &coordinates, hung_on);
+                    let (parent, placement) = push_axes(&mut nodes, joint, j, &coordinates, hung_on);
                     Node { parent, placement, inertia, moves: None }
                 }
             };
@@ -192,11 +197,11 @@ fn inertia_of(inertial: Inertial) -> Inertia<Space> {
 fn push_axes(
     nodes: &mut Vec<Node<Space>>,
     joint: &Joint,
-    coordinates: &Coordinates,
+    joint_index: usize,
     all: &[Coordinates],
     parent: Option<usize>,
 ) -> (Option<usize>, Pose<Space>) {
-    let (q, v, ratio, shift) = match coordinates {
+    let (q, v, ratio, shift) = match &all[joint_index] {
         Coordinates::Own { q, v } => (q.start, v.start, 1.0, 0.0),
         Coordinates::Follows { multiplier, offset, .. } => {
             let leader = joint.mimic.map(|m| &all[m.joint]);
@@ -225,7 +230,7 @@ fn push_axes(
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };
         let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
-        let moves = Some(Moves { joint, q_index, v_index: v + k, ratio, shift });
+        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift });
         nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), moves });
         (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
     }

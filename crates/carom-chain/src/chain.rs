@@ -8,12 +8,12 @@
 //! | n | number of bodies, `bodies.len()` | – |
 //!
 //! Fixed joints are merged away; a floating joint is six bodies of which the last carries the inertia, a planar joint
-//! three. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
+//! three, each the parent of the next and next to it in the list. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
 //! recursion sees joints of one degree of freedom only. Without mimic joints n = nv.
 
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::error::ChainError;
-use crate::urdf::{Collision, JointType, Limits};
+use crate::urdf::{Collision, JointType, Limits, suggestion};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -22,6 +22,8 @@ use std::sync::Arc;
 pub struct Body<A: Algebra> {
     /// The body this one hangs on; `None` is the world. Always an earlier body.
     pub parent: Option<usize>,
+    /// The joint it belongs to: its place in [`Chain::joints`].
+    pub joint_index: usize,
     /// How the joint moves.
     pub joint: A::Joint,
     /// Pose of the joint's frame in the parent body (or the world) while the joint is at zero.
@@ -81,7 +83,7 @@ pub enum Coordinates {
         /// Position where the leader is at zero.
         offset: f64,
     },
-    /// It does not move (fixed in the file, or locked).
+    /// It does not move (fixed in the file, or locked), or was pruned.
     None,
 }
 
@@ -155,7 +157,7 @@ impl<A: Algebra> Chain<A> {
     pub fn bodies(&self) -> &[Body<A>] {
         &self.bodies
     }
-    /// The frames: one for each link of the file, in its order.
+    /// The frames: one for each link of the file, in its order (less those of pruned links).
     pub fn frames(&self) -> &[Frame<A>] {
         &self.frames
     }
@@ -188,11 +190,14 @@ impl<A: Algebra> Chain<A> {
         let found = self.frames.iter().position(|f| f.name == link);
         found.map(FrameId).ok_or_else(|| ChainError::UnknownFrame {
             name: link.into(),
-            hint: among(link, self.frames.iter().map(|f| f.name.as_str())),
+            hint: suggestion(link, &self.frames.iter().map(|f| f.name.as_str()).collect::<Vec<_>>()),
         })
     }
 
     /// Name of a frame.
+    ///
+    /// # Panics
+    /// If the handle is another chain's.
     pub fn frame_name(&self, frame: FrameId) -> &str {
         &self.frames[frame.0].name
     }
@@ -204,11 +209,14 @@ impl<A: Algebra> Chain<A> {
     pub fn joint(&self, name: &str) -> Result<&JointInfo, ChainError> {
         self.about.joints.iter().find(|j| j.name == name).ok_or_else(|| ChainError::UnknownJoint {
             name: name.into(),
-            hint: among(name, self.about.joints.iter().map(|j| j.name.as_str())),
+            hint: suggestion(name, &self.about.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>()),
         })
     }
 
     /// The point at `offset` (in the frame's own axes, m) from a frame's origin.
+    ///
+    /// # Panics
+    /// If the handle is another chain's.
     pub fn point(&self, frame: FrameId, offset: A::Vector) -> Point<A> {
         let frame = &self.frames[frame.0];
         Point { body: frame.body, position: frame.pose.point(offset) }
@@ -223,6 +231,7 @@ impl<A: Algebra> Chain<A> {
             |p: &Pose<A>| Pose { rotation: A::cast_rotation(p.rotation), translation: A::cast_vector(p.translation) };
         let body = |b: &Body<A>| Body {
             parent: b.parent,
+            joint_index: b.joint_index,
             joint: b.joint,
             placement: pose(&b.placement),
             inertia: Inertia {
@@ -245,28 +254,25 @@ impl<A: Algebra> Chain<A> {
         }
     }
 
-    pub(crate) fn check_length(&self, what: &'static str, got: usize) -> Result<(), ChainError> {
-        let expected = if what == "q" { self.nq } else { self.nv };
+    pub(crate) fn check_nq(&self, got: usize) -> Result<(), ChainError> {
+        let note = if self.nq == self.nv { "" } else { "; a floating joint takes x y z qx qy qz qw" };
+        self.check_length("q", got, self.nq, note)
+    }
+
+    pub(crate) fn check_nv(&self, what: &'static str, got: usize) -> Result<(), ChainError> {
+        self.check_length(what, got, self.nv, "")
+    }
+
+    fn check_length(&self, what: &'static str, got: usize, expected: usize, note: &str) -> Result<(), ChainError> {
         if got == expected {
             return Ok(());
         }
         let own = self.about.joints.iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
-        let mut layout = own.map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-        if what == "q" && self.nq != self.nv {
-            layout += "; a floating joint takes x y z qx qy qz qw";
-        }
+        let names: Vec<&str> = own.map(|j| j.name.as_str()).collect();
+        let layout = match names.as_slice() {
+            [first @ .., last] if first.len() > 20 => format!("{}, …, {last}{note}", first[..20].join(", ")),
+            names => format!("{}{note}", names.join(", ")),
+        };
         Err(ChainError::WrongLength { what, got, expected, layout })
     }
-}
-
-/// The nearest of the names, or all of them if they are few.
-fn among<'a>(wanted: &str, names: impl Iterator<Item = &'a str>) -> String {
-    let names: Vec<&str> = names.collect();
-    let near = names.iter().filter(|n| n.to_lowercase().contains(&wanted.to_lowercase()));
-    let mut near: Vec<&str> = near.copied().collect();
-    if near.is_empty() {
-        near = names;
-    }
-    let more = if near.len() > 8 { ", …" } else { "" };
-    format!("there are: {}{more}", near.iter().take(8).copied().collect::<Vec<_>>().join(", "))
 }

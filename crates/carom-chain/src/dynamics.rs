@@ -21,6 +21,9 @@ use num_traits::Zero;
 
 impl<A: Algebra> Kinematics<'_, A> {
     /// The composite-rigid-body algorithm. Fills all of `out` (nv×nv, kg m², kg m, kg); allocates nothing.
+    ///
+    /// # Panics
+    /// If `out` is smaller than nv×nv.
     pub fn mass_matrix_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
         &mut self,
         out: &mut Matrix<A::Scalar, R, C, S>,
@@ -75,9 +78,9 @@ impl<A: Algebra> Kinematics<'_, A> {
         gravity: A::Vector,
         tau: &mut [A::Scalar],
     ) -> Result<(), ChainError> {
-        self.chain.check_length("qd", qd.len())?;
-        self.chain.check_length("qdd", qdd.len())?;
-        self.chain.check_length("tau", tau.len())?;
+        self.chain.check_nv("qd", qd.len())?;
+        self.chain.check_nv("qdd", qdd.len())?;
+        self.chain.check_nv("tau", tau.len())?;
         self.spread_velocity(qd);
         self.spread_force(qd, Some(qdd), gravity);
         self.gather_force(tau);
@@ -104,7 +107,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn bias(&mut self, qd: &[A::Scalar], gravity: A::Vector) -> Result<DVector<A::Scalar>, ChainError> {
-        self.chain.check_length("qd", qd.len())?;
+        self.chain.check_nv("qd", qd.len())?;
         let mut tau = DVector::zeros(self.chain.nv);
         self.spread_velocity(qd);
         self.spread_force(qd, None, gravity);
@@ -159,7 +162,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn kinetic_energy(&mut self, qd: &[A::Scalar]) -> Result<A::Scalar, ChainError> {
-        self.chain.check_length("qd", qd.len())?;
+        self.chain.check_nv("qd", qd.len())?;
         self.spread_velocity(qd);
         let mut twice = A::Scalar::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
@@ -184,7 +187,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn momentum(&mut self, qd: &[A::Scalar]) -> Result<Force<A>, ChainError> {
-        self.chain.check_length("qd", qd.len())?;
+        self.chain.check_nv("qd", qd.len())?;
         self.spread_velocity(qd);
         let mut sum = Force::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {

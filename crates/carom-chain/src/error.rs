@@ -81,6 +81,30 @@ pub enum ChainError {
         /// The joint.
         joint: String,
     },
+    /// With all joints locked a point can be turned away by no effort at all.
+    #[error(
+        "with its joints locked the robot has no inertia about an axis that an impulse at this point turns it about: give its \
+         links inertia, or hit it on that axis"
+    )]
+    NoLockedInertia,
+    /// Mimic joints couple bodies that a recursion takes for free.
+    #[error(
+        "mimic joints couple several bodies of '{chain}' to one coordinate, and the recursion takes them for free: use the dense way"
+    )]
+    Coupled {
+        /// The chain.
+        chain: String,
+    },
+    /// A number breaks its rule.
+    #[error("{what} is {value}: {rule}")]
+    OutOfRange {
+        /// What it is.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The rule.
+        rule: &'static str,
+    },
     /// A direction is not a unit vector and can't be made one.
     #[error("direction {given:?} has length {length}: a direction needs a finite, non-zero length")]
     NoDirection {

@@ -48,13 +48,13 @@ pub fn uniform_chain_urdf(links: usize, length: f64, mass: f64) -> String {
 /// The chain of [`uniform_chain_urdf`].
 ///
 /// # Errors
-/// [`ChainError::NotReducible`] unless there is a link, and length and mass are positive and finite.
+/// [`ChainError::OutOfRange`] unless there is a link, and length and mass are positive and finite.
 pub fn uniform_chain(links: usize, length: f64, mass: f64) -> Result<Chain, ChainError> {
-    let positive = |x: f64| x > 0.0 && x.is_finite();
-    if links == 0 || !positive(length) || !positive(mass) {
-        return Err(ChainError::NotReducible(format!(
-            "a uniform chain of {links} links, {length} m, {mass} kg: it needs at least one link and positive, finite length and mass"
-        )));
+    for (what, value) in [("number of links", links as f64), ("length", length), ("mass", mass)] {
+        let sound = value > 0.0 && value.is_finite();
+        if !sound {
+            return Err(ChainError::OutOfRange { what, value, rule: "it must be positive and finite" });
+        }
     }
     Chain::from_urdf_str(&uniform_chain_urdf(links, length, mass), &LoadOptions::default())
 }

@@ -5,7 +5,7 @@
 //! 6-vectors. What gravity does square to the plane, the hinges bear.
 
 use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint, z_onto};
-use crate::chain::{Body, Chain, Coordinates, Frame, FrameId, Point};
+use crate::chain::{Body, Chain, Frame, FrameId, Point};
 use crate::error::ChainError;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
@@ -89,6 +89,7 @@ impl Chain {
             };
             bodies.push(Body {
                 parent: body.parent,
+                joint_index: body.joint_index,
                 joint,
                 placement: parent.inverse().then(&own),
                 inertia: inertia.rotated(own.inverse().rotation),
@@ -152,8 +153,6 @@ impl Chain {
 
     /// Name of the joint above a body.
     fn joint_of_body(&self, body: usize) -> &str {
-        let v = self.bodies[body].v_index;
-        let owns = |c: &Coordinates| matches!(c, Coordinates::Own { v: own, .. } if own.contains(&v));
-        self.joints().iter().find(|j| owns(&j.coordinates)).map_or("?", |j| &j.name)
+        &self.joints()[self.bodies[body].joint_index].name
     }
 }

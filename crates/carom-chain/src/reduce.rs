@@ -27,9 +27,9 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
     ///
     /// # Errors
     /// [`ChainError::UnknownJoint`], [`ChainError::WrongLength`], [`ChainError::NotFinite`],
-    /// [`ChainError::NotReducible`] for a joint without coordinates of its own.
+    /// [`ChainError::NotUnitQuaternion`], [`ChainError::NotReducible`] for a joint without coordinates of its own.
     pub fn lock(&self, joints: &[(&str, &[f64])]) -> Result<Reduced<A>, ChainError> {
-        let mut q_locked = vec![0.0; self.nq];
+        let mut q_locked = self.zero_configuration();
         let mut locked = vec![false; self.nv];
         for &(name, values) in joints {
             let Coordinates::Own { q, v } = &self.joint(name)?.coordinates else {
@@ -41,12 +41,10 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
                 let layout = format!("joint '{name}'");
                 return Err(ChainError::WrongLength { what: "value", got: values.len(), expected: q.len(), layout });
             }
-            if let Some(index) = values.iter().position(|x| !x.is_finite()) {
-                return Err(ChainError::NotFinite { what: "value", index, value: values[index] });
-            }
             q_locked[q.clone()].copy_from_slice(values);
             locked[v.clone()].fill(true);
         }
+        self.check_state(&q_locked, &vec![0.0; self.nv])?;
         let held = |body: &Body<A>| locked[body.v_index];
         let numbering = self.renumber(|v| !locked[v]);
         let nodes = self.bodies.iter().map(|body| {
@@ -68,8 +66,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             }
         });
         let frames = frames.collect();
-        let joints = self.about.joints.iter().map(|j| numbering.joint(j)).collect();
-        Ok(self.rebuilt(bodies, frames, joints, numbering))
+        Ok(self.rebuilt(bodies, frames, numbering))
     }
 
     /// Leaves out every body that no impulse at `point` can reach: what hangs on the fixed base by another joint.
@@ -110,19 +107,12 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             };
             Some(Frame { body, ..frame.clone() })
         });
-        let frames: Vec<_> = frames.collect();
-        let here = |name: &str| frames.iter().any(|f| f.name == name);
-        let joints = self.about.joints.iter().filter(|j| here(&j.child)).map(|j| numbering.joint(j)).collect();
-        self.rebuilt(bodies, frames, joints, numbering)
+        let frames = frames.collect();
+        self.rebuilt(bodies, frames, numbering)
     }
 
-    fn rebuilt(
-        &self,
-        bodies: Vec<Body<A>>,
-        frames: Vec<Frame<A>>,
-        joints: Vec<JointInfo>,
-        to: Numbering,
-    ) -> Reduced<A> {
+    fn rebuilt(&self, bodies: Vec<Body<A>>, frames: Vec<Frame<A>>, to: Numbering) -> Reduced<A> {
+        let joints = self.about.joints.iter().map(|joint| to.joint(joint, &self.about.joints)).collect();
         let about = About { joints, ..(*self.about).clone() };
         let chain = Chain { about: Arc::new(about), bodies, frames, nq: to.old_q.len(), nv: to.old_v.len() };
         Reduced { chain, q: to.old_q, v: to.old_v }
@@ -162,6 +152,7 @@ struct Numbering {
 impl Numbering {
     fn moves<A: Algebra>(&self, body: &Body<A>) -> Moves<A> {
         Moves {
+            joint_index: body.joint_index,
             joint: body.joint,
             q_index: self.new_q[body.q_index],
             v_index: self.new_v[body.v_index],
@@ -170,14 +161,23 @@ impl Numbering {
         }
     }
 
-    fn joint(&self, joint: &JointInfo) -> JointInfo {
+    fn keeps(&self, joint: &JointInfo) -> bool {
+        matches!(&joint.coordinates, Coordinates::Own { v, .. } if self.old_v.contains(&v.start))
+    }
+
+    /// The joint with its new numbers; none if it is locked or pruned, or follows one that is.
+    fn joint(&self, joint: &JointInfo, all: &[JointInfo]) -> JointInfo {
         let coordinates = match &joint.coordinates {
-            Coordinates::Own { q, v } if self.old_v.contains(&v.start) => {
+            Coordinates::Own { q, v } if self.keeps(joint) => {
                 let (q0, v0) = (self.new_q[q.start], self.new_v[v.start]);
                 Coordinates::Own { q: q0..q0 + q.len(), v: v0..v0 + v.len() }
             }
-            Coordinates::Own { .. } => Coordinates::None,
-            other => other.clone(),
+            follows @ Coordinates::Follows { joint: leader, .. }
+                if all.iter().any(|j| j.name == *leader && self.keeps(j)) =>
+            {
+                follows.clone()
+            }
+            _ => Coordinates::None,
         };
         JointInfo { coordinates, ..joint.clone() }
     }

@@ -3,6 +3,27 @@
 //! A floating joint has q = (x, y, z, qx, qy, qz, qw): position in the parent's joint frame and unit quaternion; its
 //! qd = (linear, angular) velocity of the child *in child axes*. [`Chain::integrate`] moves it along the exact screw of a
 //! constant qd. A planar joint has q = (x, y, angle) and qd = q̇. All others have q̇ = qd.
+//!
+//! URDF does not say which directions x and y of a planar joint are. Here they are, in the joint's frame, the first two
+//! columns of [`z_onto`](crate::algebra::z_onto)`(axis)`:
+//!
+//! | axis | x | y |
+//! | --- | --- | --- |
+//! | (0, 0, 1) | (1, 0, 0) | (0, 1, 0) |
+//! | (1, 0, 0), URDF's default | (0, 0, −1) | (0, 1, 0) |
+//! | (0, 1, 0) | (1, 0, 0) | (0, 0, −1) |
+//!
+//! ```
+//! # use carom_chain::algebra::z_onto;
+//! # use nalgebra::Vector3;
+//! for (axis, x, y) in [
+//!     (Vector3::z(), Vector3::x(), Vector3::y()),
+//!     (Vector3::x(), -Vector3::z(), Vector3::y()),
+//!     (Vector3::y(), Vector3::x(), -Vector3::z()),
+//! ] {
+//!     assert_eq!((z_onto(axis).column(0).into_owned(), z_onto(axis).column(1).into_owned()), (x, y));
+//! }
+//! ```
 
 use crate::algebra::{Algebra, SpatialJoint};
 use crate::chain::{Chain, Coordinates, JointInfo};
@@ -39,8 +60,9 @@ impl<A: Algebra> Chain<A> {
     /// [`ChainError::WrongLength`], [`ChainError::NotFinite`], [`ChainError::NotUnitQuaternion`] (off by over 1e-3;
     /// smaller errors are rounding of the input, and the kernels normalise).
     pub fn check_state(&self, q: &[f64], qd: &[f64]) -> Result<(), ChainError> {
-        self.check_vector("q", q)?;
-        self.check_vector("qd", qd)?;
+        self.check_nq(q.len())?;
+        check_finite("q", q)?;
+        self.check_v("qd", qd)?;
         for (joint, at) in self.floating_joints() {
             let norm = q[at + 3..at + 7].iter().map(|x| x * x).sum::<f64>().sqrt();
             if (norm - 1.0).abs() > 1e-3 {
@@ -50,16 +72,13 @@ impl<A: Algebra> Chain<A> {
         Ok(())
     }
 
-    /// Whether a vector (`"q"`, `"qd"`, `"tau"` or `"qdd"`) has the right length and finite numbers.
+    /// Whether a vector of length nv (called `what`: qd, tau, qdd) has the right length and finite numbers.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`], [`ChainError::NotFinite`].
-    pub fn check_vector(&self, what: &'static str, numbers: &[f64]) -> Result<(), ChainError> {
-        self.check_length(what, numbers.len())?;
-        match numbers.iter().position(|x| !x.is_finite()) {
-            Some(index) => Err(ChainError::NotFinite { what, index, value: numbers[index] }),
-            None => Ok(()),
-        }
+    pub fn check_v(&self, what: &'static str, numbers: &[f64]) -> Result<(), ChainError> {
+        self.check_nv(what, numbers.len())?;
+        check_finite(what, numbers)
     }
 
     /// The joints that `q` puts outside their limits.
@@ -181,6 +200,13 @@ impl Chain {
     }
 }
 
+fn check_finite(what: &'static str, numbers: &[f64]) -> Result<(), ChainError> {
+    match numbers.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(ChainError::NotFinite { what, index, value: numbers[index] }),
+        None => Ok(()),
+    }
+}
+
 fn vector(x: &[f64]) -> Vector3<f64> {
     Vector3::new(x[0], x[1], x[2])
 }
@@ -194,14 +220,19 @@ fn shorter(turn: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
 }
 
 /// ∫₀¹ exp(s φ×) ds: the mean rotation on the way (the left Jacobian of SO(3)),
-/// `1 + (1−cos θ)/θ² φ× + (θ−sin θ)/θ³ φ×²`, by its series where θ is small.
+/// `1 + (1−cos θ)/θ² φ× + (θ−sin θ)/θ³ φ×²`, by their series below θ = 0.1.
 fn screw(phi: Vector3<f64>) -> nalgebra::Matrix3<f64> {
     let t2 = phi.norm_squared();
-    let (a, b) = if t2 < 1e-4 {
-        (0.5 - t2 / 24.0 * (1.0 - t2 / 30.0), 1.0 / 6.0 - t2 / 120.0 * (1.0 - t2 / 42.0))
+    let (a, b) = if t2 < 0.01 {
+        // The next terms are below 1e-17 of the first.
+        (
+            0.5 - t2 / 24.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0 * (1.0 - t2 / 90.0))),
+            1.0 / 6.0 - t2 / 120.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0 * (1.0 - t2 / 110.0))),
+        )
     } else {
         let t = t2.sqrt();
-        ((1.0 - t.cos()) / t2, (t - t.sin()) / (t2 * t))
+        let half = (t / 2.0).sin();
+        (2.0 * half * half / t2, (t - t.sin()) / (t2 * t))
     };
     let cross = phi.cross_matrix();
     nalgebra::Matrix3::identity() + cross * a + cross * cross * b

@@ -88,7 +88,7 @@ impl<A: Algebra> Workspace<A> {
     /// # Panics
     /// If the workspace was made for a longer chain or a shorter one.
     pub fn update<'a>(&'a mut self, chain: &'a Chain<A>, q: &[A::Scalar]) -> Result<Kinematics<'a, A>, ChainError> {
-        chain.check_length("q", q.len())?;
+        chain.check_nq(q.len())?;
         assert_eq!(self.axis.len(), chain.bodies.len(), "this workspace belongs to another chain");
         for (i, body) in chain.bodies.iter().enumerate() {
             let (rotation, position) = match body.parent {
@@ -146,6 +146,9 @@ impl<A: Algebra> Kinematics<'_, A> {
     }
 
     /// Jacobian of a point's velocity: LINEAR×nv, world axes. Overwrites `out`; allocates nothing.
+    ///
+    /// # Panics
+    /// If `out` is smaller, or the point another chain's.
     pub fn point_jacobian_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
         &self,
         point: Point<A>,
@@ -190,7 +193,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn point_velocity(&self, point: Point<A>, qd: &[A::Scalar]) -> Result<A::Vector, ChainError> {
-        self.chain.check_length("qd", qd.len())?;
+        self.chain.check_nv("qd", qd.len())?;
         let mut velocity = A::Vector::zero();
         self.for_each_mover(point, |i, r| {
             velocity += self.ws.axis[i].point_velocity(r) * qd[self.chain.bodies[i].v_index];
@@ -198,11 +201,16 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(velocity)
     }
 
-    /// The joint forces Jᵀf that balance a force on a point: adds them to `out` (length nv).
-    pub fn add_point_force(&self, point: Point<A>, force: A::Vector, out: &mut [A::Scalar]) {
+    /// Jᵀf: the joint forces that a force on a point amounts to. Adds them to `out` (length nv).
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    pub fn add_point_force(&self, point: Point<A>, force: A::Vector, out: &mut [A::Scalar]) -> Result<(), ChainError> {
+        self.chain.check_nv("joint force", out.len())?;
         self.for_each_mover(point, |i, r| {
             out[self.chain.bodies[i].v_index] += A::dot(self.ws.axis[i].point_velocity(r), force);
         });
+        Ok(())
     }
 
     /// J̇ q̇: the acceleration of a point while no joint accelerates, world axes, m/s².
@@ -210,7 +218,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn point_drift(&mut self, point: Point<A>, qd: &[A::Scalar]) -> Result<A::Vector, ChainError> {
-        self.chain.check_length("qd", qd.len())?;
+        self.chain.check_nv("qd", qd.len())?;
         self.spread_velocity(qd);
         let ws = &mut *self.ws;
         for (i, body) in self.chain.bodies.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! In-place calls allocate nothing: counted by the allocator.
 
 use carom_chain::{Chain, uniform_chain};
-use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
 fn allocations(work: impl FnOnce()) -> u64 {
     allocation_counter::measure(work).count_total
@@ -23,7 +23,7 @@ fn in_place_calls_allocate_nothing() {
     let (qd, tau) = (vec![0.3; 9], vec![0.2; 9]);
     let (mut out, mut m, mut j) = (vec![0.0; 9], DMatrix::zeros(9, 9), DMatrix::zeros(3, 9));
     let mut flat_j = DMatrix::zeros(2, 9);
-    let mut h = Matrix3::zeros();
+    let (mut h, mut flat_h) = (Matrix3::zeros(), Matrix2::zeros());
     let gravity = Vector3::new(0.0, -9.81, 0.0);
 
     let count = allocations(|| {
@@ -42,8 +42,10 @@ fn in_place_calls_allocate_nothing() {
         kin.point_jacobian_into(flat_point, &mut flat_j);
         kin.mass_matrix_into(&mut m);
         kin.inverse_dynamics_into(&qd, &qd, Vector2::new(0.0, -9.81), &mut out).unwrap();
-        kin.articulate().unwrap().solve_into(&tau, &mut out).unwrap();
+        let mut articulation = kin.articulate().unwrap();
+        articulation.solve_into(&tau, &mut out).unwrap();
+        articulation.delassus_into(flat_point, &mut flat_h);
     });
     assert_eq!(count, 0);
-    assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite());
+    assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite() && flat_h.determinant() > 0.0);
 }

@@ -302,13 +302,13 @@ proptest! {
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
         let mut impulse = vec![0.0; s.chain.nv()];
-        kin.add_point_force(tip, f, &mut impulse);
+        kin.add_point_force(tip, f, &mut impulse).unwrap();
         let jump = kin.solve(&impulse).unwrap();
         let tolerance = solved(&kin.mass_matrix()).max(1e-11);
         let mut ws = less.chain.workspace();
         let mut kin = ws.update(&less.chain, &q_less).unwrap();
         let mut impulse = vec![0.0; less.chain.nv()];
-        kin.add_point_force(tip_less, f, &mut impulse);
+        kin.add_point_force(tip_less, f, &mut impulse).unwrap();
         let jump_less = kin.solve(&impulse).unwrap();
         for i in 0..s.chain.nv() {
             match less.v.iter().position(|&v| v == i) {
@@ -334,10 +334,24 @@ proptest! {
         let name = s.chain.frames().last().unwrap().name.clone();
         let tip = s.chain.point(s.chain.frame(&name).unwrap(), tip_offset);
         let frozen_tip = frozen.chain.point(frozen.chain.frame(&name).unwrap(), tip_offset);
-        let locked = s.chain.workspace().update(&s.chain, &q).unwrap().locked_delassus(tip);
+        let locked = s.chain.workspace().update(&s.chain, &q).unwrap().locked_delassus(tip).unwrap();
         let h = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().delassus(frozen_tip).unwrap();
         let m = frozen.chain.workspace().update(&frozen.chain, &q[..7]).unwrap().mass_matrix();
         close("H", locked.iter(), h.iter(), solved(&m), 1e-300);
+    }
+
+    #[test]
+    fn turning_a_little_turns_a_little((size, seed) in (-9.0..0.3_f64, any::<u64>())) {
+        // The screw of a rotation by θ, from 1e-9 to 2 rad: two half steps make one.
+        let mut s = sample(0, Zoo::All, seed);
+        let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
+        s.chain = Chain::from_robot(common::robot(0, Zoo::All, &mut s.rng), &floating);
+        let (q, turn) = (s.q(), s.vector() * 10.0_f64.powf(size));
+        let qd = [0.3, -0.5, 0.7, turn.x, turn.y, turn.z];
+        let once = s.chain.integrate(&q, &qd, 1.0).unwrap();
+        let half = s.chain.integrate(&q, &qd, 0.5).unwrap();
+        let twice = s.chain.integrate(&half, &qd, 0.5).unwrap();
+        close("two halves", twice.iter(), once.iter(), 4e-15, 1.0);
     }
 
     #[test]

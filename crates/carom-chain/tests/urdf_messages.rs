@@ -715,7 +715,7 @@ fn a_good_robot_reads_as_written() {
         </robot>"#,
     )
     .unwrap();
-    assert_eq!(robot.warnings, [""; 0]);
+    assert_eq!(robot.warnings, ["<dynamics> with damping or friction (line 9) is not used"]);
     assert_eq!(robot.name, "arm & hand");
     assert_eq!(robot.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>(), ["hand", "arm", "tip"]);
     assert_eq!(robot.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>(), ["elbow", "a_tip"]);

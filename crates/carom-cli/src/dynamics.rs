@@ -66,7 +66,7 @@ fn evaluate<'a>(
         None => Ok(None),
         Some(numbers) => {
             let ours = order.v(numbers);
-            chain.check_vector(what, &ours).map(|()| Some(ours))
+            chain.check_v(what, &ours).map(|()| Some(ours))
         }
     };
     let (tau_given, qdd_given) = (checked("tau", &state.tau)?, checked("qdd", &state.qdd)?);

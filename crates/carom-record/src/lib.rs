@@ -1,7 +1,7 @@
 //! Recordings for the Rerun viewer: rerun stops here, none of its types is in a public signature.
 //!
 //! A recording shows what the numbers mean: links, tip path, wall, impulse and velocity arrows, on the exact time of the
-//! impact (both sides of the jump at time 0), with a blueprint that opens on the whole. Recordings are made anew, never
+//! impact (both sides of the jump at that time), with a blueprint that opens on the whole. Recordings are made anew, never
 //! kept: the format promises no compatibility.
 
 mod planar2;

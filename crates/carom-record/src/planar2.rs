@@ -45,9 +45,12 @@ const VELOCITY_SCALE: f64 = 0.8;
 pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), RecordError> {
     let unwritable = |reason: String| RecordError::Unwritable { path: path.to_owned(), reason };
     let partial = path.with_extension("rrd.part");
-    write(chain, sides, table, &partial).map_err(|trouble| match trouble {
-        Trouble::Chain(error) => RecordError::Chain(error),
-        Trouble::Recorder(reason) => unwritable(reason),
+    write(chain, sides, table, &partial).map_err(|trouble| {
+        let _ = std::fs::remove_file(&partial); // what there is of it helps nobody
+        match trouble {
+            Trouble::Chain(error) => RecordError::Chain(error),
+            Trouble::Recorder(reason) => unwritable(reason),
+        }
     })?;
     std::fs::rename(&partial, path).map_err(|e| unwritable(e.to_string()))
 }
@@ -152,8 +155,8 @@ impl Pen<'_> {
         let elbow = side.run.elbow.name();
         let at = |what: &str| format!("{elbow}/{what}");
         let rec = self.rec;
-        let [base, _, tip] = self.joints(&side.run.elbow.pose())?;
-        rec.log_static(at("map"), &map_points(side, base))?;
+        let [_, _, tip] = self.joints(&side.run.elbow.pose())?;
+        rec.log_static(at("map"), &map_points(side))?;
         rec.log_static(at("wall"), &wall(tip))?;
 
         // The tip's path, and the arm where it comes from and where it goes.
@@ -220,7 +223,7 @@ fn arrow(from: Vector2<f64>, along: Vector2<f64>, colour: u32) -> rerun::Arrows2
 }
 
 /// Red: reverses; grey-blue: shrinks; yellow to orange: grows.
-fn map_points(side: &Side, base: Vector2<f64>) -> rerun::Points2D {
+fn map_points(side: &Side) -> rerun::Points2D {
     let colour = |ratio: f64| -> u32 {
         let mix = |a: [f64; 3], b: [f64; 3], x: f64| {
             let c = |k: usize| (a[k] + (b[k] - a[k]) * x.clamp(0.0, 1.0)).round() as u32;
@@ -234,7 +237,7 @@ fn map_points(side: &Side, base: Vector2<f64>) -> rerun::Points2D {
             mix([253.0, 243.0, 200.0], [240.0, 190.0, 90.0], (ratio - 1.0) / 2.0)
         }
     };
-    let positions = side.map.iter().map(|p| screen(p.tip + base));
+    let positions = side.map.iter().map(|p| screen(p.tip));
     rerun::Points2D::new(positions)
         .with_colors(side.map.iter().map(|p| colour(p.tangential_ratio)))
         .with_radii([0.0075])

@@ -38,4 +38,44 @@ pub enum SimError {
         /// The unit normal.
         normal: [f64; 3],
     },
+    /// The motion can't be integrated.
+    #[error("the motion can't be integrated: {reason}")]
+    Integration {
+        /// What the integrator said.
+        reason: String,
+    },
+    /// A number breaks its rule.
+    #[error("{what} is {value}: {rule}")]
+    Setting {
+        /// What it is.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The rule.
+        rule: &'static str,
+    },
+    /// The pose leaves a tip without freedom.
+    #[error(
+        "at q = {q:?} '{link}' can't move in all directions of the plane (stretched or folded): choose another pose"
+    )]
+    SingularPose {
+        /// The link.
+        link: String,
+        /// The pose.
+        q: Vec<f64>,
+    },
+    /// Given lengths are not those of the chain.
+    #[error(
+        "with links of {lengths:?} m the tip of '{chain}' should be at {target:?}, and is at {found:?}: give the chain's lengths"
+    )]
+    Lengths {
+        /// The chain.
+        chain: String,
+        /// The lengths given, m.
+        lengths: Vec<f64>,
+        /// Where the tip should be, m.
+        target: [f64; 2],
+        /// Where it is, m.
+        found: [f64; 2],
+    },
 }

@@ -6,6 +6,9 @@ use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;
 use std::cell::RefCell;
 
+/// Motions that need more steps than this are refused.
+const MAX_STEPS: usize = 1_000_000;
+
 /// The chain at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
@@ -17,12 +20,12 @@ pub struct Sample {
     pub qd: Vec<f64>,
 }
 
-/// The free motion M q̈ + C q̇ + g = 0 from `(q, qd)` at time 0 to `end` seconds (negative: back in time), sampled at
+/// The free motion M q̈ + C q̇ + g = 0 (no damping, no dry friction) from `(q, qd)` at time 0 to `end` seconds (negative: back in time), sampled at
 /// `samples` ≥ 2 equal steps, both ends included. Dormand–Prince 8(5,3), relative tolerance 1e-12.
 ///
 /// # Errors
 /// [`SimError::Chain`]: a state that does not fit, a floating joint (whose q̇ is not qd), too few samples; or an
-/// integration that fails.
+/// integration that fails or needs over a million steps.
 pub fn free_motion(
     chain: &Chain,
     q: &[f64],
@@ -37,11 +40,12 @@ pub fn free_motion(
         let why = format!("joint '{}' floats: free motion is for joints with q̇ = qd", joint.name);
         return Err(ChainError::NotReducible(why).into());
     }
-    if samples < 2 || !end.is_finite() || end == 0.0 {
-        let why = format!(
-            "free motion to {end} s in {samples} samples: the end must be finite and not 0, samples at least 2"
-        );
-        return Err(ChainError::NotReducible(why).into());
+    if samples < 2 {
+        let rule = "both ends are sampled, so it is 2 or more";
+        return Err(SimError::Setting { what: "number of samples", value: samples as f64, rule });
+    }
+    if !end.is_finite() || end == 0.0 {
+        return Err(SimError::Setting { what: "end of the motion", value: end, rule: "it must be finite and not 0 s" });
     }
     let free = Free { chain, gravity, workspace: RefCell::new(chain.workspace()), failed: RefCell::new(None) };
     let start: Vec<f64> = q.iter().chain(qd).copied().collect();
@@ -50,11 +54,16 @@ pub fn free_motion(
         .method(Method::DOP853)
         .rtol(1e-12)
         .atol(1e-14)
+        .max_steps(MAX_STEPS)
         .t_eval(times)
         .solve()
-        .map_err(|e| ChainError::NotReducible(format!("the free motion can't be integrated: {e:?}")))?;
+        .map_err(|e| SimError::Integration { reason: format!("{e:?}") })?;
     if let Some(error) = free.failed.into_inner() {
         return Err(error.into());
+    }
+    if !solution.status.is_success() || solution.t.len() != samples {
+        let reason = format!("{:?} after {} steps", solution.status, solution.nstep);
+        return Err(SimError::Integration { reason });
     }
     let sample = |(time, state): (f64, &[f64])| {
         let (q, qd) = state.split_at(chain.nq());

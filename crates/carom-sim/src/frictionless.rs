@@ -15,7 +15,7 @@ use num_traits::{One, Zero};
 /// [`crate::Strike`] is what checks.
 ///
 /// # Errors
-/// [`ChainError::WrongLength`]; [`ChainError::NotReducible`] for a chain with mimic joints.
+/// [`ChainError::WrongLength`]; [`ChainError::Coupled`] for a chain with mimic joints.
 pub fn frictionless_jump_into<A: Algebra>(
     kin: &mut Kinematics<A>,
     point: Point<A>,
@@ -27,7 +27,7 @@ pub fn frictionless_jump_into<A: Algebra>(
 ) -> Result<A::Scalar, ChainError> {
     let approach = A::dot(normal, kin.point_velocity(point, qd)?);
     scratch.fill(A::Scalar::zero());
-    kin.add_point_force(point, normal, scratch);
+    kin.add_point_force(point, normal, scratch)?;
     kin.articulate()?.solve_into(scratch, qd_plus)?;
     let mut c = A::Scalar::zero();
     for (j, x) in scratch.iter().zip(qd_plus.iter()) {

@@ -100,8 +100,6 @@ pub struct Contact<'a> {
     /// Contact axes in the world: two tangents, then the normal.
     axes: Matrix3<f64>,
     jacobian: DMatrix<f64>,
-    /// M⁻¹Jᵀ: the joint velocities that unit impulses give.
-    response: DMatrix<f64>,
     inertia: ContactInertia,
     problem: ImpactProblem<f64, 3>,
     energy: f64,
@@ -128,17 +126,12 @@ impl<'a> Contact<'a> {
             return Err(SimError::SingularNormal { link: link(), normal: normal.into() });
         }
         let jacobian = kin.point_jacobian(point);
-        let mut response = DMatrix::zeros(chain.nv(), 3);
-        for k in 0..3 {
-            let unit_impulse: Vec<f64> = jacobian.row(k).iter().copied().collect();
-            response.set_column(k, &kin.solve(&unit_impulse)?);
-        }
         let u = kin.point_velocity(point, qd)?;
         let energy = kin.kinetic_energy(qd)?;
         let axes = z_onto(normal);
         let delassus = Matrix3::from_fn(|i, j| inertia.delassus[(i, j)]);
         let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
-        Ok(Self { chain, q, qd, workspace, axes, jacobian, response, inertia, problem, energy })
+        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem, energy })
     }
 
     /// The numbers that a law sees: contact axes, tangents first, normal last.
@@ -163,7 +156,7 @@ impl<'a> Contact<'a> {
     pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
         let outcome = law.resolve(&self.problem)?;
         let impulse = self.axes * outcome.impulse;
-        let qd_plus = DVector::from_column_slice(self.qd) + &self.response * impulse;
+        let qd_plus = DVector::from_column_slice(self.qd) + &self.inertia.response * impulse;
         let energy_after = self.workspace.update(self.chain, self.q)?.kinetic_energy(qd_plus.as_slice())?;
         Ok(ChainImpact {
             qd_plus: qd_plus.as_slice().to_vec(),

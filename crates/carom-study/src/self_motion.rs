@@ -1,6 +1,7 @@
 //! What a redundant arm can choose while its tip stays where it is.
 
-use carom_chain::{Chain, ChainError, FrameId};
+use carom_chain::{Chain, FrameId};
+use carom_sim::SimError;
 use nalgebra::{DVector, Vector3};
 
 /// One pose of a self-motion.
@@ -21,7 +22,7 @@ pub struct SelfMotionPoint {
 /// robot.
 ///
 /// # Errors
-/// [`ChainError`] of the chain at those poses.
+/// [`SimError`]: lengths that are not the chain's, a singular mass matrix.
 pub fn self_motion(
     chain: &Chain,
     tip: FrameId,
@@ -30,7 +31,7 @@ pub fn self_motion(
     normal: Vector3<f64>,
     tangent: Vector3<f64>,
     samples: usize,
-) -> Result<Vec<SelfMotionPoint>, ChainError> {
+) -> Result<Vec<SelfMotionPoint>, SimError> {
     let point = chain.point(tip, Vector3::zeros());
     let mut workspace = chain.workspace();
     let mut poses = Vec::new();
@@ -38,7 +39,9 @@ pub fn self_motion(
         for k in 0..samples {
             let direction = std::f64::consts::TAU * k as f64 / samples as f64;
             let Some(q) = three_link_pose(lengths, target, direction, elbow) else { continue };
-            let inertia = workspace.update(chain, &q)?.contact_inertia(point)?;
+            let mut kin = workspace.update(chain, &q)?;
+            check_lengths(chain.name(), &lengths, target, kin.position(point).xy().into())?;
+            let inertia = kin.contact_inertia(point)?;
             let effective_mass = inertia.effective_mass(normal.as_slice());
             let hn = &inertia.delassus * DVector::from_column_slice((-normal).as_slice());
             let coupling = effective_mass.map(|m| m * hn.dot(&DVector::from_column_slice(tangent.as_slice())));
@@ -46,6 +49,15 @@ pub fn self_motion(
         }
     }
     Ok(poses)
+}
+
+/// A pose computed from lengths must put the tip where it was asked.
+pub(crate) fn check_lengths(chain: &str, lengths: &[f64], target: [f64; 2], found: [f64; 2]) -> Result<(), SimError> {
+    let off = (found[0] - target[0]).hypot(found[1] - target[1]);
+    if off <= 1e-9 * lengths.iter().sum::<f64>() {
+        return Ok(());
+    }
+    Err(SimError::Lengths { chain: chain.into(), lengths: lengths.to_vec(), target, found })
 }
 
 /// Joint angles of three links with the tip at `target` and the last link pointing along `direction`.

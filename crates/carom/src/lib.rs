@@ -6,6 +6,8 @@ pub use carom_impact as impact;
 pub use carom_record as record;
 pub use carom_sim as sim;
 pub use carom_study as study;
+/// Vectors and matrices of the public interface.
+pub use nalgebra;
 
 pub use carom_chain::{
     Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
@@ -18,6 +20,7 @@ pub use carom_sim::{ChainImpact, Impacts, SimError};
 /// Everything a script needs: `use carom::prelude::*;`
 pub mod prelude {
     pub use crate::{
-        Chain, Energetic, Frictionless, ImpactProblem, Impacts, Law, Newton, Poisson, Whittaker, uniform_chain,
+        Chain, ChainError, ChainImpact, Energetic, FrameId, Frictionless, ImpactError, ImpactProblem, Impacts,
+        Kinematics, Law, Mode, Newton, Poisson, SimError, Whittaker, uniform_chain,
     };
 }

@@ -125,9 +125,11 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn rotate_inertia(a: Self::Rotation, i: Self::Rotational) -> Self::Rotational;
     /// I ω
     fn apply_inertia(i: Self::Rotational, w: Self::Angular) -> Self::Angular;
+    /// The sum of the principal moments: the size of a rotational inertia.
+    fn trace(i: Self::Rotational) -> Self::Scalar;
     /// I⁻¹ n. A thin rod has no inertia about its own axis: what n has along such an axis counts only if it is more than
-    /// rounding, and then the answer is infinite.
-    fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Self::Angular
+    /// rounding, and then there is no answer.
+    fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Option<Self::Angular>
     where
         Self::Scalar: RealField;
     /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h.
@@ -145,8 +147,6 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     ) -> (Self::Rotation, Self::Vector);
     /// The joint's axis in world axes, for the child's rotation.
     fn axis(joint: Self::Joint, rotation: Self::Rotation) -> Axis<Self>;
-    /// How many entries of q the joint owns (a floating joint owns 7 on the first of its six axes).
-    fn coordinates(joint: Self::Joint) -> usize;
     /// Whether the joint's axis is carried by the same body as the previous one's (axes 2 to 6 of a floating joint).
     fn rides_along(joint: Self::Joint) -> bool;
 

@@ -102,11 +102,15 @@ impl<T: Real> Algebra for Planar<T> {
     fn apply_inertia(i: T, w: T) -> T {
         i * w
     }
-    fn solve_inertia(i: T, n: T) -> T
+    #[inline]
+    fn trace(i: T) -> T {
+        i
+    }
+    fn solve_inertia(i: T, n: T) -> Option<T>
     where
         T: RealField,
     {
-        if i == T::zero() && n == T::zero() { n } else { n / i }
+        if n == T::zero() { Some(n) } else { (i > T::zero()).then(|| n / i) }
     }
     #[inline]
     fn parallel_axis(mass: T, h: Vector2<T>, r: Vector2<T>) -> T {
@@ -130,9 +134,6 @@ impl<T: Real> Algebra for Planar<T> {
             PlanarJoint::Revolute => Axis::Turn(T::one()),
             PlanarJoint::Prismatic => Axis::Slide(Vector2::new(rotation.cos, rotation.sin)),
         }
-    }
-    fn coordinates(_: PlanarJoint) -> usize {
-        1
     }
     #[inline]
     fn rides_along(_: PlanarJoint) -> bool {

@@ -135,22 +135,27 @@ impl<T: Real> Algebra for Spatial<T> {
     fn apply_inertia(i: Matrix3<T>, w: Vector3<T>) -> Vector3<T> {
         i * w
     }
-    fn solve_inertia(i: Matrix3<T>, n: Vector3<T>) -> Vector3<T>
+    #[inline]
+    fn trace(i: Matrix3<T>) -> T {
+        i[(0, 0)] + i[(1, 1)] + i[(2, 2)]
+    }
+    fn solve_inertia(i: Matrix3<T>, n: Vector3<T>) -> Option<Vector3<T>>
     where
         T: RealField,
     {
         let principal = i.symmetric_eigen();
-        let rounding: T = nalgebra::convert(64.0 * f64::EPSILON);
+        let rounding: T = nalgebra::convert::<f64, T>(64.0) * T::default_epsilon();
         let mut w = Vector3::zeros();
         for k in 0..3 {
             let axis = column(&principal.eigenvectors, k);
             let (inertia, part) = (principal.eigenvalues[k], Self::dot(axis, n));
-            let no_inertia = inertia <= principal.eigenvalues.amax() * rounding;
-            if !(no_inertia && part.abs() <= n.norm() * rounding) {
-                w += axis * (part / if no_inertia { T::zero() } else { inertia });
+            if inertia > principal.eigenvalues.amax() * rounding {
+                w += axis * (part / inertia);
+            } else if part.abs() > n.norm() * rounding {
+                return None;
             }
         }
-        w
+        Some(w)
     }
     #[inline]
     fn parallel_axis(mass: T, h: Vector3<T>, r: Vector3<T>) -> Matrix3<T> {
@@ -182,13 +187,6 @@ impl<T: Real> Algebra for Spatial<T> {
             SpatialJoint::Prismatic => Axis::Slide(column(&rotation, 2)),
             SpatialJoint::Floating(k @ 0..3) => Axis::Slide(column(&rotation, k.into())),
             SpatialJoint::Floating(k) => Axis::Turn(column(&rotation, usize::from(k) - 3)),
-        }
-    }
-    fn coordinates(joint: SpatialJoint) -> usize {
-        match joint {
-            SpatialJoint::Revolute | SpatialJoint::Prismatic => 1,
-            SpatialJoint::Floating(0) => 7,
-            SpatialJoint::Floating(_) => 0,
         }
     }
     #[inline]

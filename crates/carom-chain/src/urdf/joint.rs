@@ -86,6 +86,10 @@ pub(super) fn joints(
             checked.limits = limits(source, node, kind, warnings)?;
             if let Some(dynamics) = &joint.dynamics {
                 (checked.damping, checked.friction) = (dynamics.damping, dynamics.friction);
+                if dynamics.damping != 0.0 || dynamics.friction != 0.0 {
+                    let forces = "<dynamics> with damping or friction";
+                    warnings.unused(source, own_child(node, "dynamics"), forces.into());
+                }
             }
         }
         joints.push(checked);

@@ -22,6 +22,7 @@ mod warnings;
 mod xml;
 
 use crate::error::ChainError;
+pub(crate) use names::suggestion;
 pub use robot::*;
 use roxmltree::Document;
 use source::Source;

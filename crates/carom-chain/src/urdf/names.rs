@@ -12,7 +12,7 @@ pub(super) fn listed(names: &[&str]) -> String {
 }
 
 /// What to say about a name that is not among `names`: the nearest of them, or the first few.
-pub(super) fn suggestion(wanted: &str, names: &[&str]) -> String {
+pub(crate) fn suggestion(wanted: &str, names: &[&str]) -> String {
     let near = names.iter().map(|name| (edit_distance(wanted, name), name)).min();
     match near {
         Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => format!("did you mean '{name}'?"),
