@@ -1,0 +1,214 @@
+//! The gap of two bodies: signed distance, normal, witness points.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | g | signed distance, m; > 0 open, < 0 overlapping | [`Gap::distance`] |
+//! | n | unit normal, from the environment to the robot | [`Gap::normal`] |
+//! | a, b | nearest points of robot and environment; g = n·(a − b) | [`Gap::on_robot`], [`Gap::on_environment`] |
+//!
+//! Which way a pair goes (sphere and capsule are a point and a segment with a skin):
+//!
+//! | | half-space | point | segment | box | cylinder | hull | mesh |
+//! | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | point | closed form | closed form | closed form | closed form | closed form | search | search |
+//! | segment | closed form | | closed form | closed form | search | search | search |
+//! | box, cylinder, hull | closed form | | | search | search | search | search |
+//!
+//! Closed forms are exact to rounding; the search (`convex.rs`) is to about 1e-14 of the bodies' size. Against a mesh the
+//! pair's triangle with the least gap counts.
+
+use crate::closed_form::{self, Nearest, Segment};
+use crate::convex::{self, Placed};
+use crate::obstacle::{MeshSurface, Obstacle, Surface};
+use crate::parry::Bounds;
+use crate::shape::LinkShape;
+use crate::solid::{Core, Solid};
+use carom_chain::Spatial;
+use carom_chain::algebra::Pose;
+use nalgebra::Vector3;
+
+/// How far a body is from touching, and where. World axes, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gap {
+    /// Signed distance: > 0 open, < 0 overlapping (the least way back out).
+    pub distance: f64,
+    /// Unit normal, from the environment to the robot.
+    pub normal: Vector3<f64>,
+    /// The robot's point nearest to the environment (or deepest in it).
+    pub on_robot: Vector3<f64>,
+    /// The environment's point nearest to the robot.
+    pub on_environment: Vector3<f64>,
+}
+
+/// The gap between a shape of a link, whose frame is at `pose` in the world, and an obstacle.
+///
+/// The normal's rate of change does not enter the gap's: d(gap)/dt = n · velocity of the robot at [`Gap::on_robot`].
+/// Where a whole edge or face is nearest, the points are one fixed choice of it ([`Solid::lowest`] for half-spaces);
+/// [`gap_points`] lists them all.
+///
+/// A mesh is a surface with two sides, but for a closed one, whose inside is solid: what is wholly inside has a negative
+/// gap, measured from its centre.
+pub fn gap(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle) -> Gap {
+    solid_gap(shape.solid(), &pose.then(shape.origin()), obstacle)
+}
+
+/// The gap between two links' shapes. The first is the robot in [`Gap`]'s words, the second its environment: n points
+/// from the second to the first, and d(gap)/dt is n · the difference of their velocities.
+pub fn gap_between(shape: (&LinkShape, &Pose<Spatial<f64>>), other: (&LinkShape, &Pose<Spatial<f64>>)) -> Gap {
+    let place = |(shape, pose): (&LinkShape, &Pose<Spatial<f64>>)| pose.then(shape.origin());
+    solids(shape.0.solid(), &place(shape), other.0.solid(), &place(other))
+}
+
+/// The gaps of all corners ([`LinkShape::corners`]) that are at most `tolerance` (m) wider than the narrowest of them, in
+/// their order: the several points of a body at rest on a face or edge.
+///
+/// A cylinder also has its exact lowest point against a half-space, first. Corners of the *obstacle* that touch a face of
+/// the robot are not among them.
+pub fn gap_points(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle, tolerance: f64) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    if matches!((shape.solid(), obstacle.surface()), (Solid::Cylinder { .. }, Surface::HalfSpace { .. })) {
+        gaps.push(gap(shape, pose, obstacle));
+    }
+    for corner in shape.corners() {
+        let place = Pose { rotation: pose.rotation, translation: pose.point(corner.position) };
+        gaps.push(solid_gap(&Solid::Sphere { radius: corner.radius }, &place, obstacle));
+    }
+    let least = gaps.iter().map(|gap| gap.distance).fold(f64::INFINITY, f64::min);
+    gaps.retain(|gap| gap.distance <= least + tolerance);
+    gaps
+}
+
+pub(crate) fn solid_gap(solid: &Solid, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle) -> Gap {
+    match obstacle.surface() {
+        Surface::HalfSpace { point, normal } => above_plane(solid, pose, point, normal),
+        Surface::Solid { solid: other, .. } => solids(solid, pose, other, obstacle.pose()),
+        Surface::Mesh { .. } => match obstacle.triangles() {
+            Some(surface) => above_mesh(solid, pose, surface, obstacle.pose()),
+            None => unreachable!("a mesh obstacle has triangles"),
+        },
+    }
+}
+
+/// g = n·(x − p) + (height of the body's lowest point along n, in its own axes).
+fn above_plane(solid: &Solid, pose: &Pose<Spatial<f64>>, point: &Vector3<f64>, normal: &Vector3<f64>) -> Gap {
+    let (height, lowest) = solid.lowest(pose.rotation.tr_mul(normal));
+    let distance = normal.dot(&(pose.translation - point)) + height;
+    let on_robot = pose.point(lowest);
+    Gap { distance, normal: *normal, on_robot, on_environment: on_robot - normal * distance }
+}
+
+/// The gap of two bodies: that of their cores, less the skins.
+fn solids(a: &Solid, pose_a: &Pose<Spatial<f64>>, b: &Solid, pose_b: &Pose<Spatial<f64>>) -> Gap {
+    let ((core_a, skin_a), (core_b, skin_b)) = (a.core(), b.core());
+    let nearest = cores(&placed(core_a, a, pose_a), &placed(core_b, b, pose_b));
+    with_skins(nearest, skin_a, skin_b)
+}
+
+fn with_skins(nearest: Nearest, skin_a: f64, skin_b: f64) -> Gap {
+    let Nearest { distance, normal, a, b } = nearest;
+    Gap {
+        distance: distance - (skin_a + skin_b),
+        normal,
+        on_robot: a - normal * skin_a,
+        on_environment: b + normal * skin_b,
+    }
+}
+
+fn placed<'a>(core: Core<'a>, solid: &Solid, pose: &Pose<Spatial<f64>>) -> Placed<'a> {
+    let (centre, radius) = solid.bounding_sphere();
+    Placed { core, pose: *pose, radius: centre.norm() + radius }
+}
+
+/// The way of the table above.
+fn cores(a: &Placed, b: &Placed) -> Nearest {
+    use Core::{Box, Cylinder, Point, Segment as Line};
+    let line = |placed: &Placed, half: f64, origin: &Vector3<f64>| Segment {
+        middle: placed.pose.translation - origin,
+        half: placed.pose.rotation.column(2) * half,
+    };
+    match (a.core, b.core) {
+        (Point, Point) => Nearest::of_points(a.pose.translation, b.pose.translation),
+        (Point, Line(half)) => closed_form::point_segment(a.pose.translation, &line(b, half, &Vector3::zeros())),
+        (Line(half), Line(other)) => {
+            let origin = &b.pose.translation;
+            let nearest = closed_form::segment_segment(&line(a, half, origin), &line(b, other, origin));
+            Nearest { a: nearest.a + origin, b: nearest.b + origin, ..nearest }
+        }
+        (Point, Box(half)) => in_axes_of(b, |p| closed_form::point_box(p(a.pose.translation), half)),
+        (Point, Cylinder { radius, half }) => {
+            in_axes_of(b, |p| closed_form::point_cylinder(p(a.pose.translation), radius, half))
+        }
+        (Line(length), Box(half)) => in_axes_of(b, |p| {
+            let direction = b.pose.rotation.tr_mul(&a.pose.rotation.column(2));
+            let segment = Segment { middle: p(a.pose.translation), half: direction * length };
+            closed_form::segment_box(&segment, half)
+        }),
+        (Line(_), Point) | (Box(_) | Cylinder { .. }, Point) | (Box(_), Line(_)) => cores(b, a).swapped(),
+        _ => convex::nearest(a, b),
+    }
+}
+
+/// Works in the axes of `b`: `work` gets the map of world points into them, and its answer is turned back.
+fn in_axes_of(b: &Placed, work: impl FnOnce(&dyn Fn(Vector3<f64>) -> Vector3<f64>) -> Nearest) -> Nearest {
+    let nearest = work(&|p| b.pose.rotation.tr_mul(&(p - b.pose.translation)));
+    Nearest {
+        normal: b.pose.rotation * nearest.normal,
+        a: b.pose.point(nearest.a),
+        b: b.pose.point(nearest.b),
+        ..nearest
+    }
+}
+
+/// The least gap over the triangles of a mesh, in the mesh's axes.
+fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, place: &Pose<Spatial<f64>>) -> Gap {
+    let (core, skin) = solid.core();
+    let body = placed(core, solid, &place.inverse().then(pose));
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let reach = |sign: f64| {
+        let furthest = |k: usize| {
+            let direction = axes[k] * sign;
+            let support = body.pose.point(core.support(body.pose.rotation.tr_mul(&direction)));
+            support[k] + sign * skin
+        };
+        Vector3::new(furthest(0), furthest(1), furthest(2))
+    };
+    let around = Bounds { lower: reach(-1.0), upper: reach(1.0) };
+    let deepest = -2.0 * (body.radius + skin);
+    let bound = |part: &Bounds| {
+        let distance = around.distance(part);
+        if distance > 0.0 { distance } else { deepest }
+    };
+    let least = surface.triangles().least(bound, |corners| {
+        let nearest = above_triangle(&body, &corners);
+        (nearest.distance - skin, nearest)
+    });
+    let mut nearest = match least {
+        Some((_, nearest)) => nearest,
+        None => unreachable!("a mesh has a triangle, and coordinates are finite"),
+    };
+    if nearest.distance > 0.0 {
+        let (centre, _) = solid.bounding_sphere();
+        let centre = body.pose.point(centre);
+        if let Some(out) = surface.triangles().way_out(centre) {
+            let depth = (out - centre).norm();
+            let normal = (out - centre).try_normalize(0.0).unwrap_or(nearest.normal);
+            nearest = Nearest { distance: -depth, normal, a: centre, b: out };
+        }
+    }
+    let local = with_skins(nearest, skin, 0.0);
+    Gap {
+        distance: local.distance,
+        normal: place.rotation * local.normal,
+        on_robot: place.point(local.on_robot),
+        on_environment: place.point(local.on_environment),
+    }
+}
+
+/// One triangle, counted from its middle.
+fn above_triangle(body: &Placed, corners: &[Vector3<f64>; 3]) -> Nearest {
+    let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+    let corners = corners.map(|corner| corner - middle);
+    let radius = corners.iter().map(Vector3::norm).fold(0.0, f64::max);
+    let pose = Pose { translation: middle, ..Pose::identity() };
+    convex::nearest(body, &Placed { core: Core::Points(&corners), pose, radius })
+}

@@ -1,0 +1,184 @@
+//! COLLADA: geometries, the scene's nodes that place them, the unit and the upward axis.
+//!
+//! A point of a geometry is at U·s·T₁·…·Tₖ x: the transforms of its nodes from the outermost inwards, s the unit in m and U
+//! the turn that brings the file's upward axis to z. (COLLADA 1.4 specification, `<node>`, `<asset>`.)
+
+use super::Soup;
+use nalgebra::{Matrix3, Matrix4, Unit, Vector3};
+use roxmltree::{Document, Node};
+
+/// Nodes may use nodes; a file in which they go round ends here.
+const DEEPEST: usize = 100;
+
+/// Reads the text of a file.
+///
+/// # Errors
+/// What can't be understood.
+pub(super) fn read(text: &str) -> Result<Soup, String> {
+    let document = Document::parse(text).map_err(|error| error.to_string())?;
+    let file = File { root: document.root_element() };
+    let mut soup = Soup::default();
+    let to_metres = file.to_metres()?;
+    match file.scene()? {
+        Some(scene) => file.add_nodes(scene, to_metres, 0, &mut soup)?,
+        // A library without a scene: everything, as it stands.
+        None => {
+            for geometry in file.root.descendants().filter(|node| node.has_tag_name_of("geometry")) {
+                file.add_geometry(geometry, &to_metres, &mut soup)?;
+            }
+        }
+    }
+    Ok(soup)
+}
+
+struct File<'a> {
+    root: Node<'a, 'a>,
+}
+
+impl<'a> File<'a> {
+    /// The element that `#id` means.
+    fn target(&self, url: Option<&str>) -> Result<Node<'a, 'a>, String> {
+        let url = url.ok_or("a reference without a target")?;
+        let id = url.strip_prefix('#').unwrap_or(url);
+        let found = self.root.descendants().find(|node| node.attribute("id") == Some(id));
+        found.ok_or_else(|| format!("nothing has the id '{id}'"))
+    }
+
+    /// Unit and upward axis.
+    fn to_metres(&self) -> Result<Matrix4<f64>, String> {
+        let asset = self.root.child("asset");
+        let unit = asset.and_then(|asset| asset.child("unit")).and_then(|unit| unit.attribute("meter"));
+        let unit: f64 = unit.map_or(Ok(1.0), |word| word.parse().map_err(|_| format!("<unit meter=\"{word}\">")))?;
+        let upward = asset.and_then(|asset| asset.child("up_axis")).and_then(|node| node.text());
+        let turn = match upward.map_or("Y_UP", str::trim) {
+            "Z_UP" => Matrix3::identity(),
+            "Y_UP" => Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
+            // Right is −y, up is x, towards the viewer is z.
+            "X_UP" => Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0),
+            other => return Err(format!("<up_axis>{other}</up_axis>: X_UP, Y_UP and Z_UP are known")),
+        };
+        Ok((turn * unit).to_homogeneous())
+    }
+
+    fn scene(&self) -> Result<Option<Node<'a, 'a>>, String> {
+        let instance = self.root.child("scene").and_then(|scene| scene.child("instance_visual_scene"));
+        instance.map(|instance| self.target(instance.attribute("url"))).transpose()
+    }
+
+    /// What is below a scene or a node that `outer` places.
+    fn add_nodes(&self, node: Node<'a, 'a>, outer: Matrix4<f64>, depth: usize, soup: &mut Soup) -> Result<(), String> {
+        if depth > DEEPEST {
+            return Err(format!("nodes within nodes, {DEEPEST} deep"));
+        }
+        let mut here = outer;
+        for child in node.children().filter(Node::is_element) {
+            match child.tag_name().name() {
+                name @ ("matrix" | "translate" | "rotate" | "scale" | "lookat" | "skew") => {
+                    here *= transform(name, child)?;
+                }
+                "node" => self.add_nodes(child, here, depth + 1, soup)?,
+                "instance_node" => {
+                    self.add_nodes(self.target(child.attribute("url"))?, here, depth + 1, soup)?;
+                }
+                "instance_geometry" => self.add_geometry(self.target(child.attribute("url"))?, &here, soup)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn add_geometry(&self, geometry: Node<'a, 'a>, place: &Matrix4<f64>, soup: &mut Soup) -> Result<(), String> {
+        let Some(mesh) = geometry.child("mesh") else { return Ok(()) };
+        for part in mesh.children().filter(Node::is_element) {
+            let kind = part.tag_name().name();
+            if !["triangles", "polylist", "polygons", "trifans", "tristrips"].contains(&kind) {
+                continue;
+            }
+            let inputs: Vec<_> = part.children().filter(|node| node.has_tag_name_of("input")).collect();
+            let offset = |input: &Node| input.attribute("offset").unwrap_or("0").parse::<usize>();
+            let vertex = inputs.iter().find(|input| input.attribute("semantic") == Some("VERTEX"));
+            let vertex = vertex.ok_or_else(|| format!("<{kind}> without vertices"))?;
+            let offsets: Result<Vec<_>, _> = inputs.iter().map(offset).collect();
+            let stride = offsets.map_err(|error| error.to_string())?.into_iter().max().unwrap_or(0) + 1;
+            let own = offset(vertex).map_err(|error| error.to_string())?;
+
+            let base = soup.vertices.len() as u32;
+            let positions = self.positions(self.target(vertex.attribute("source"))?)?;
+            let count = positions.len() as u32;
+            soup.vertices.extend(positions.iter().map(|p| place.transform_point(&(*p).into()).coords));
+            for list in part.children().filter(|node| node.has_tag_name_of("p")) {
+                let indices: Vec<u32> = numbers(list)?;
+                let corners: Vec<u32> = indices.chunks_exact(stride).map(|chunk| chunk[own]).collect();
+                if let Some(bad) = corners.iter().find(|k| **k >= count) {
+                    return Err(format!("<{kind}> uses vertex {bad} (counted from 0) of {count}"));
+                }
+                let corners: Vec<u32> = corners.into_iter().map(|k| base + k).collect();
+                match kind {
+                    "triangles" => corners.chunks_exact(3).for_each(|corners| soup.add_polygon(corners)),
+                    "polylist" => {
+                        let mut rest = corners.as_slice();
+                        for size in numbers::<usize>(part.child("vcount").ok_or("<polylist> without <vcount>")?)? {
+                            let polygon = rest.split_at_checked(size).ok_or("<polylist> with too few corners")?;
+                            soup.add_polygon(polygon.0);
+                            rest = polygon.1;
+                        }
+                    }
+                    "tristrips" => corners.windows(3).enumerate().for_each(|(k, t)| {
+                        soup.add_polygon(&if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] });
+                    }),
+                    _ => soup.add_polygon(&corners),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The positions of a `<vertices>` element.
+    fn positions(&self, vertices: Node<'a, 'a>) -> Result<Vec<Vector3<f64>>, String> {
+        let input = vertices.children().find(|node| node.attribute("semantic") == Some("POSITION"));
+        let source = self.target(input.ok_or("<vertices> without positions")?.attribute("source"))?;
+        let accessor = source.descendants().find(|node| node.has_tag_name_of("accessor"));
+        let stride = accessor.and_then(|accessor| accessor.attribute("stride")).unwrap_or("3");
+        let stride: usize = stride.parse().map_err(|_| format!("<accessor stride=\"{stride}\">"))?;
+        if stride < 3 {
+            return Err(format!("positions of {stride} numbers"));
+        }
+        let values: Vec<f64> = numbers(source.child("float_array").ok_or("positions without numbers")?)?;
+        Ok(values.chunks_exact(stride).map(|p| Vector3::new(p[0], p[1], p[2])).collect())
+    }
+}
+
+fn transform(name: &str, node: Node) -> Result<Matrix4<f64>, String> {
+    let values: Vec<f64> = numbers(node)?;
+    match (name, values.as_slice()) {
+        ("matrix", values) if values.len() == 16 => Ok(Matrix4::from_row_slice(values)),
+        ("translate", [x, y, z]) => Ok(Matrix4::new_translation(&Vector3::new(*x, *y, *z))),
+        ("scale", [x, y, z]) => Ok(Matrix4::new_nonuniform_scaling(&Vector3::new(*x, *y, *z))),
+        ("rotate", [x, y, z, degrees]) => {
+            let axis = Unit::try_new(Vector3::new(*x, *y, *z), 0.0);
+            Ok(axis.map_or(Matrix4::identity(), |axis| Matrix4::from_axis_angle(&axis, degrees.to_radians())))
+        }
+        _ => Err(format!("<{name}> with {} numbers: matrix, translate, rotate and scale are read", values.len())),
+    }
+}
+
+/// The numbers in an element's text.
+fn numbers<T: std::str::FromStr>(node: Node) -> Result<Vec<T>, String> {
+    let parse = |word: &str| word.parse().map_err(|_| format!("<{}>: '{word}'", node.tag_name().name()));
+    node.text().unwrap_or_default().split_whitespace().map(parse).collect()
+}
+
+/// Elements by their tag, in any namespace: COLLADA has one for each version.
+trait ByTag<'a>: Sized {
+    fn has_tag_name_of(&self, name: &str) -> bool;
+    fn child(&self, name: &str) -> Option<Self>;
+}
+
+impl<'a> ByTag<'a> for Node<'a, 'a> {
+    fn has_tag_name_of(&self, name: &str) -> bool {
+        self.is_element() && self.tag_name().name() == name
+    }
+    fn child(&self, name: &str) -> Option<Self> {
+        self.children().find(|node| node.has_tag_name_of(name))
+    }
+}

@@ -1,0 +1,162 @@
+//! Triangle meshes from files: STL, COLLADA (`.dae`), Wavefront (`.obj`).
+
+mod dae;
+mod obj;
+
+use crate::error::{ContactError, MeshFault};
+use nalgebra::Vector3;
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::path::Path;
+
+/// Triangles in axes of their own; at least one, every coordinate finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    vertices: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
+    closed: bool,
+}
+
+/// What a file holds, before it is checked.
+#[derive(Debug, Default)]
+struct Soup {
+    vertices: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Soup {
+    /// A polygon as a fan of triangles about its first corner.
+    fn add_polygon(&mut self, corners: &[u32]) {
+        for k in 2..corners.len() {
+            self.triangles.push([corners[0], corners[k - 1], corners[k]]);
+        }
+    }
+}
+
+impl Mesh {
+    /// Reads a mesh. `scale` multiplies its coordinates along x, y, z: it turns the file's unit into m (a `.dae` that
+    /// states its unit and its upward axis is turned into m, z upwards, before). `owner` is named in errors:
+    /// `link 'palm'`, `obstacle`.
+    ///
+    /// # Errors
+    /// [`ContactError::Mesh`].
+    pub fn read(file: &Path, scale: Vector3<f64>, owner: &str) -> Result<Self, ContactError> {
+        let refuse = |fault| ContactError::Mesh { owner: owner.into(), file: file.into(), fault };
+        let read = || {
+            let kind = file.extension().and_then(|kind| kind.to_str()).unwrap_or_default().to_lowercase();
+            let unreadable = |error: std::io::Error| MeshFault::Unreadable(error.to_string());
+            let soup = match kind.as_str() {
+                "stl" => stl(&std::fs::read(file).map_err(unreadable)?).map_err(unreadable)?,
+                "dae" => {
+                    dae::read(&std::fs::read_to_string(file).map_err(unreadable)?).map_err(MeshFault::Unreadable)?
+                }
+                "obj" => {
+                    obj::read(&std::fs::read_to_string(file).map_err(unreadable)?).map_err(MeshFault::Unreadable)?
+                }
+                _ => return Err(MeshFault::UnknownKind(kind)),
+            };
+            Self::check(soup, scale)
+        };
+        read().map_err(refuse)
+    }
+
+    /// From vertices and triangles (corners by index, from 0).
+    ///
+    /// # Errors
+    /// [`MeshFault`]: no triangle of non-zero area, a vertex that is not finite, an index out of range.
+    pub fn from_triangles(vertices: Vec<Vector3<f64>>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshFault> {
+        Self::check(Soup { vertices, triangles }, Vector3::repeat(1.0))
+    }
+
+    fn check(soup: Soup, scale: Vector3<f64>) -> Result<Self, MeshFault> {
+        if scale.iter().any(|s| *s == 0.0 || !s.is_finite()) {
+            return Err(MeshFault::Scale(scale.into()));
+        }
+        let scaled: Vec<_> = soup.vertices.iter().map(|v| v.component_mul(&scale)).collect();
+        if let Some(index) = scaled.iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+            return Err(MeshFault::NotFinite { index, at: scaled[index].into() });
+        }
+        let count = scaled.len();
+        if let Some(bad) = soup.triangles.iter().flatten().find(|k| **k as usize >= count) {
+            return Err(MeshFault::Unreadable(format!("a triangle uses vertex {bad} (counted from 0) of {count}")));
+        }
+        let mut weld = Weld::default();
+        let mut triangles = Vec::with_capacity(soup.triangles.len());
+        for triangle in &soup.triangles {
+            let [a, b, c] = triangle.map(|k| scaled[k as usize]);
+            if (b - a).cross(&(c - a)).norm_squared() > 0.0 {
+                triangles.push([a, b, c].map(|v| weld.index(v)));
+            }
+        }
+        if triangles.is_empty() {
+            return Err(MeshFault::NoTriangles(soup.triangles.len()));
+        }
+        let mut mesh = Self { vertices: weld.vertices, triangles, closed: false };
+        mesh.closed = mesh.is_watertight();
+        if mesh.closed && mesh.volume() < 0.0 {
+            mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+        }
+        Ok(mesh)
+    }
+
+    /// Its vertices, m.
+    pub fn vertices(&self) -> &[Vector3<f64>] {
+        &self.vertices
+    }
+
+    /// Its triangles: three vertices each, counter-clockwise seen from outside if the mesh is closed.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Whether it bounds a volume: every edge belongs to two triangles that agree on which side is out.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    pub(crate) fn bounds(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let first = (self.vertices[0], self.vertices[0]);
+        self.vertices.iter().fold(first, |(lower, upper), v| (lower.inf(v), upper.sup(v)))
+    }
+
+    fn is_watertight(&self) -> bool {
+        let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
+        for [a, b, c] in &self.triangles {
+            for edge in [(*a, *b), (*b, *c), (*c, *a)] {
+                *edges.entry(edge).or_default() += 1;
+            }
+        }
+        edges.iter().all(|((a, b), count)| *count == 1 && edges.get(&(*b, *a)) == Some(&1))
+    }
+
+    /// Six times the enclosed volume.
+    fn volume(&self) -> f64 {
+        let at = |k: u32| self.vertices[k as usize];
+        self.triangles.iter().map(|[a, b, c]| at(*a).dot(&at(*b).cross(&at(*c)))).sum()
+    }
+}
+
+/// Vertices at the same place become one.
+#[derive(Default)]
+struct Weld {
+    vertices: Vec<Vector3<f64>>,
+    places: HashMap<[u64; 3], u32>,
+}
+
+impl Weld {
+    fn index(&mut self, v: Vector3<f64>) -> u32 {
+        // + 0.0 makes −0 and 0 the same bits.
+        let place: [u64; 3] = v.map(|x| (x + 0.0).to_bits()).into();
+        *self.places.entry(place).or_insert_with(|| {
+            self.vertices.push(v);
+            self.vertices.len() as u32 - 1
+        })
+    }
+}
+
+fn stl(bytes: &[u8]) -> std::io::Result<Soup> {
+    let mesh = stl_io::read_stl(&mut Cursor::new(bytes))?;
+    let vertices = mesh.vertices.iter().map(|v| Vector3::from(v.0.map(f64::from))).collect();
+    let triangles = mesh.faces.iter().map(|face| face.vertices.map(|k| k as u32)).collect();
+    Ok(Soup { vertices, triangles })
+}

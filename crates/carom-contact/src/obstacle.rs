@@ -1,0 +1,154 @@
+//! What stands still in the world: half-spaces, boxes, balls, meshes.
+
+use crate::error::{ContactError, MeshFault};
+use crate::mesh::Mesh;
+use crate::parry::Triangles;
+use crate::shape::{pose_of, positive};
+use crate::solid::Solid;
+use carom_chain::Spatial;
+use carom_chain::algebra::Pose;
+use nalgebra::{Isometry3, Vector3};
+use std::path::Path;
+
+/// A fixed thing in the world, checked and prepared.
+#[derive(Debug, Clone)]
+pub struct Obstacle {
+    surface: Surface,
+    pose: Pose<Spatial<f64>>,
+    triangles: Option<MeshSurface>,
+}
+
+/// What an [`Obstacle`] is. World axes, m.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Surface {
+    /// All points x with normal · (x − point) ≤ 0.
+    HalfSpace {
+        /// A point of its boundary.
+        point: Vector3<f64>,
+        /// Unit normal, out of the solid.
+        normal: Vector3<f64>,
+    },
+    /// A convex body.
+    Solid {
+        /// Where it is.
+        pose: Isometry3<f64>,
+        /// What it is.
+        solid: Solid,
+    },
+    /// Triangles.
+    Mesh {
+        /// Where it is.
+        pose: Isometry3<f64>,
+        /// The triangles, in axes of their own.
+        mesh: Mesh,
+    },
+}
+
+/// A mesh made ready for questions.
+#[derive(Debug, Clone)]
+pub(crate) struct MeshSurface(Triangles);
+
+impl MeshSurface {
+    pub fn triangles(&self) -> &Triangles {
+        &self.0
+    }
+}
+
+const OWNER: &str = "obstacle";
+
+impl Obstacle {
+    /// A half-space: `point` on its boundary, `normal` out of the solid (any length).
+    ///
+    /// # Errors
+    /// [`ContactError::Vector`] if a coordinate is not finite or the normal has no length.
+    pub fn half_space(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, ContactError> {
+        finite("point", point)?;
+        finite("normal", normal)?;
+        // Divided by its greatest coordinate first: no overflow.
+        let unit = (normal / normal.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+        let normal = unit.ok_or_else(|| refuse("normal", normal, "a direction needs a length"))?;
+        Ok(Self { surface: Surface::HalfSpace { point, normal }, pose: Pose::identity(), triangles: None })
+    }
+
+    /// A box with full sides `size`, centred at `pose`.
+    ///
+    /// # Errors
+    /// [`ContactError::Size`], [`ContactError::Vector`].
+    pub fn cuboid(pose: Isometry3<f64>, size: Vector3<f64>) -> Result<Self, ContactError> {
+        for (what, value) in ["size x", "size y", "size z"].into_iter().zip(size.iter()) {
+            positive(OWNER, what, *value)?;
+        }
+        Self::solid(pose, Solid::Box { half: size / 2.0 })
+    }
+
+    /// A ball.
+    ///
+    /// # Errors
+    /// [`ContactError::Size`], [`ContactError::Vector`].
+    pub fn sphere(centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
+        positive(OWNER, "radius", radius)?;
+        Self::solid(
+            Isometry3::from_parts(centre.into(), nalgebra::UnitQuaternion::identity()),
+            Solid::Sphere { radius },
+        )
+    }
+
+    /// A mesh file (STL, DAE or OBJ) with its scale, at `pose`.
+    ///
+    /// # Errors
+    /// [`ContactError::Mesh`], [`ContactError::Vector`].
+    pub fn mesh_file(file: &Path, scale: Vector3<f64>, pose: Isometry3<f64>) -> Result<Self, ContactError> {
+        let mesh = Mesh::read(file, scale, OWNER)?;
+        Self::mesh(mesh, pose).map_err(|error| match error {
+            ContactError::Mesh { owner, fault, .. } => ContactError::Mesh { owner, file: file.into(), fault },
+            other => other,
+        })
+    }
+
+    /// Triangles at `pose`.
+    ///
+    /// # Errors
+    /// [`ContactError::Vector`] for a pose that is not finite.
+    pub fn mesh(mesh: Mesh, pose: Isometry3<f64>) -> Result<Self, ContactError> {
+        let place = finite_pose(&pose)?;
+        let triangles = Triangles::new(mesh.vertices(), mesh.triangles(), mesh.is_closed());
+        let triangles = triangles.ok_or_else(|| ContactError::Mesh {
+            owner: OWNER.into(),
+            file: "<triangles>".into(),
+            fault: MeshFault::NoTriangles(mesh.triangles().len()),
+        })?;
+        Ok(Self { surface: Surface::Mesh { pose, mesh }, pose: place, triangles: Some(MeshSurface(triangles)) })
+    }
+
+    fn solid(pose: Isometry3<f64>, solid: Solid) -> Result<Self, ContactError> {
+        Ok(Self { pose: finite_pose(&pose)?, surface: Surface::Solid { pose, solid }, triangles: None })
+    }
+
+    /// What it is.
+    pub fn surface(&self) -> &Surface {
+        &self.surface
+    }
+
+    pub(crate) fn pose(&self) -> &Pose<Spatial<f64>> {
+        &self.pose
+    }
+
+    pub(crate) fn triangles(&self) -> Option<&MeshSurface> {
+        self.triangles.as_ref()
+    }
+}
+
+fn refuse(what: &'static str, value: Vector3<f64>, rule: &'static str) -> ContactError {
+    ContactError::Vector { owner: OWNER.into(), what, value: value.into(), rule }
+}
+
+fn finite(what: &'static str, value: Vector3<f64>) -> Result<(), ContactError> {
+    let good = value.iter().all(|x| x.is_finite());
+    if good { Ok(()) } else { Err(refuse(what, value, "every coordinate must be finite")) }
+}
+
+fn finite_pose(pose: &Isometry3<f64>) -> Result<Pose<Spatial<f64>>, ContactError> {
+    finite("position", pose.translation.vector)?;
+    finite("rotation (i, j, k)", pose.rotation.imag())?;
+    Ok(pose_of(pose))
+}

@@ -1,0 +1,103 @@
+//! The one place where parry and its vectors are seen.
+//!
+//! parry gives the convex hull, the tree of boxes over a mesh's triangles, which side of a closed mesh a point is on, and
+//! the first guess of the shortest way out of an overlap. Its distances are not used: they are right to rounding between
+//! polyhedra, but its search stops at a relative 5e-8, which was measured as gaps of cylinders wrong by up to 2e-6 m and
+//! their normals by up to 2e-3 (`tests/against_parry.rs`).
+
+use nalgebra::Vector3;
+use parry3d_f64::math::{Pose, Vector};
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::query::details::contact_support_map_support_map;
+use parry3d_f64::query::gjk::ConstantOrigin;
+use parry3d_f64::shape::{SupportMap, TriMesh, TriMeshFlags};
+use parry3d_f64::transformation::try_convex_hull;
+
+fn out(v: Vector3<f64>) -> Vector {
+    Vector::new(v.x, v.y, v.z)
+}
+
+fn back(v: Vector) -> Vector3<f64> {
+    Vector3::new(v.x, v.y, v.z)
+}
+
+/// The corners of the convex hull; `None` where the points are (nearly) in a plane.
+pub(crate) fn hull_vertices(points: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
+    let points: Vec<Vector> = points.iter().map(|p| out(*p)).collect();
+    let (vertices, _) = try_convex_hull(&points).ok()?;
+    Some(vertices.into_iter().map(back).collect())
+}
+
+/// Given the furthest point of A − B along a direction: the direction from B to A of the shortest way out of their
+/// overlap, roughly (by the expanding-polytope algorithm).
+pub(crate) fn way_out_of(furthest: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Option<Vector3<f64>> {
+    struct Difference<F>(F);
+    impl<F: Fn(Vector3<f64>) -> Vector3<f64>> SupportMap for Difference<F> {
+        fn local_support_point(&self, direction: Vector) -> Vector {
+            out((self.0)(back(direction)))
+        }
+    }
+    let contact = contact_support_map_support_map(&Pose::IDENTITY, &Difference(furthest), &ConstantOrigin, f64::MAX)?;
+    Some(-back(contact.normal1))
+}
+
+/// A box along the axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bounds {
+    pub lower: Vector3<f64>,
+    pub upper: Vector3<f64>,
+}
+
+impl Bounds {
+    /// Distance of two boxes; 0 where they overlap.
+    pub fn distance(&self, other: &Self) -> f64 {
+        let between = (self.lower - other.upper).sup(&(other.lower - self.upper));
+        between.sup(&Vector3::zeros()).norm()
+    }
+}
+
+/// Triangles, found by place.
+#[derive(Debug, Clone)]
+pub(crate) struct Triangles {
+    mesh: TriMesh,
+    closed: bool,
+}
+
+impl Triangles {
+    /// `closed`: the triangles bound a volume and face outwards. `None` if parry refuses them.
+    pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], closed: bool) -> Option<Self> {
+        let flags = if closed { TriMeshFlags::ORIENTED } else { TriMeshFlags::empty() };
+        let vertices = vertices.iter().map(|v| out(*v)).collect();
+        Some(Self { mesh: TriMesh::with_flags(vertices, triangles.to_vec(), flags).ok()?, closed })
+    }
+
+    /// The least value of `gap` over all triangles, and what came with it. `bound` is what any part of the mesh within a
+    /// box must at least give.
+    pub fn least<T>(
+        &self,
+        bound: impl Fn(&Bounds) -> f64,
+        gap: impl Fn([Vector3<f64>; 3]) -> (f64, T),
+    ) -> Option<(f64, T)> {
+        let lower = |aabb: parry3d_f64::bounding_volume::Aabb| {
+            bound(&Bounds { lower: back(aabb.mins), upper: back(aabb.maxs) })
+        };
+        let found = self.mesh.bvh().find_best(
+            f64::MAX,
+            |node, _| lower(node.aabb()),
+            |triangle, _| {
+                let t = self.mesh.triangle(triangle);
+                Some(gap([back(t.a), back(t.b), back(t.c)]))
+            },
+        );
+        found.map(|(_, least)| least)
+    }
+
+    /// The nearest point of a closed mesh's surface, if `point` is inside.
+    pub fn way_out(&self, point: Vector3<f64>) -> Option<Vector3<f64>> {
+        if !self.closed {
+            return None;
+        }
+        let nearest = self.mesh.project_local_point(out(point), false);
+        nearest.is_inside.then(|| back(nearest.point))
+    }
+}

@@ -1,0 +1,193 @@
+//! Convex bodies in axes of their own.
+//!
+//! | symbol | size | meaning |
+//! | --- | --- | --- |
+//! | r | 1 | radius, m |
+//! | l | 1 | half length of a cylinder or of a capsule's cylindrical part, m |
+//! | h | 3 | half sides of a box, m |
+//! | m | 3 | unit direction in the body's axes |
+//!
+//! Each body is a *core* with a skin of constant thickness: a sphere is a point with the skin r, a capsule a segment with
+//! the skin r; the others are all core. The gap between two bodies is the signed distance of their cores less the skins.
+
+use crate::hull::Hull;
+use nalgebra::Vector3;
+
+/// A convex body, in axes of its own: centred, and along z where it has an axis.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Solid {
+    /// A ball.
+    Sphere {
+        /// Radius, m.
+        radius: f64,
+    },
+    /// All points within `radius` of a segment along z.
+    Capsule {
+        /// Radius, m.
+        radius: f64,
+        /// Half the segment's length, m.
+        half_length: f64,
+    },
+    /// A cylinder along z.
+    Cylinder {
+        /// Radius, m.
+        radius: f64,
+        /// Half its length, m.
+        half_length: f64,
+    },
+    /// A box along the axes.
+    Box {
+        /// Half its sides, m.
+        half: Vector3<f64>,
+    },
+    /// The convex hull of a mesh, in the mesh's axes.
+    Hull(Hull),
+}
+
+/// A point that may carry a body at rest, with a skin: a corner of a box, an end of a capsule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Corner {
+    /// Where, in the axes of the body (of the link, from [`crate::LinkShape::corners`]), m.
+    pub position: Vector3<f64>,
+    /// Radius of the ball around it that belongs to the body, m; 0 for sharp corners.
+    pub radius: f64,
+}
+
+/// How many points stand for a cylinder's rim in [`Solid::corners`].
+const RIM: usize = 8;
+
+impl Solid {
+    /// The lowest point along the unit direction `m`, and its height m · x. Of equally low points a fixed one: the corner
+    /// towards the negative axes, a capsule's or cylinder's end at −z, a rim's point on −x, a hull's first vertex.
+    ///
+    /// | body | height of the lowest point |
+    /// | --- | --- |
+    /// | sphere | −r |
+    /// | capsule | −l \|m_z\| − r |
+    /// | cylinder | −l \|m_z\| − r √(m_x² + m_y²) |
+    /// | box | −Σ hᵢ \|mᵢ\| |
+    /// | hull | min m · vᵢ over its vertices |
+    pub fn lowest(&self, m: Vector3<f64>) -> (f64, Vector3<f64>) {
+        match self {
+            Self::Sphere { radius } => (-radius, -m * *radius),
+            Self::Capsule { radius, half_length } => {
+                let end = Vector3::new(0.0, 0.0, against(m.z, *half_length));
+                (-half_length * m.z.abs() - radius, end - m * *radius)
+            }
+            _ => {
+                let (core, _) = self.core();
+                let point = core.support(-m);
+                let height = match self {
+                    // The rim point in one expression: rounding of its direction must not enter the height.
+                    Self::Cylinder { radius, half_length } => -half_length * m.z.abs() - radius * m.x.hypot(m.y),
+                    _ => m.dot(&point),
+                };
+                (height, point)
+            }
+        }
+    }
+
+    /// Centre (in the body's axes) and radius of a ball that holds the body, m.
+    pub fn bounding_sphere(&self) -> (Vector3<f64>, f64) {
+        match self {
+            Self::Sphere { radius } => (Vector3::zeros(), *radius),
+            Self::Capsule { radius, half_length } => (Vector3::zeros(), half_length + radius),
+            Self::Cylinder { radius, half_length } => (Vector3::zeros(), half_length.hypot(*radius)),
+            Self::Box { half } => (Vector3::zeros(), half.norm()),
+            Self::Hull(hull) => hull.bounding_sphere(),
+        }
+    }
+
+    /// The points on which the body can rest: a sphere's centre and a capsule's ends (with their radius), the corners of
+    /// a box, the vertices of a hull. Eight points each stand for the rims of a cylinder, the first on +x; which point of
+    /// a rim is the lowest only [`crate::gap`] says exactly.
+    pub fn corners(&self) -> Vec<Corner> {
+        let sharp = |position| Corner { position, radius: 0.0 };
+        match self {
+            Self::Sphere { radius } => vec![Corner { position: Vector3::zeros(), radius: *radius }],
+            Self::Capsule { radius, half_length } => {
+                let end = |z| Corner { position: Vector3::new(0.0, 0.0, z), radius: *radius };
+                vec![end(-half_length), end(*half_length)]
+            }
+            Self::Cylinder { radius, half_length } => {
+                let at = |z: f64, k: usize| {
+                    let angle = k as f64 * std::f64::consts::TAU / RIM as f64;
+                    sharp(Vector3::new(radius * angle.cos(), radius * angle.sin(), z))
+                };
+                [-half_length, *half_length].into_iter().flat_map(|z| (0..RIM).map(move |k| at(z, k))).collect()
+            }
+            Self::Box { half } => {
+                let side = |bit: usize, h: f64| if bit == 0 { -h } else { h };
+                let corner = |k: usize| Vector3::new(side(k & 1, half.x), side(k & 2, half.y), side(k & 4, half.z));
+                (0..8).map(|k| sharp(corner(k))).collect()
+            }
+            Self::Hull(hull) => hull.vertices().iter().map(|v| sharp(*v)).collect(),
+        }
+    }
+
+    /// Core and skin.
+    pub(crate) fn core(&self) -> (Core<'_>, f64) {
+        match self {
+            Self::Sphere { radius } => (Core::Point, *radius),
+            Self::Capsule { radius, half_length } => (Core::Segment(*half_length), *radius),
+            Self::Cylinder { radius, half_length } => (Core::Cylinder { radius: *radius, half: *half_length }, 0.0),
+            Self::Box { half } => (Core::Box(*half), 0.0),
+            Self::Hull(hull) => (Core::Points(hull.vertices()), 0.0),
+        }
+    }
+}
+
+/// A body without its skin.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Core<'a> {
+    /// The origin.
+    Point,
+    /// Along z, half length.
+    Segment(f64),
+    /// Half sides.
+    Box(Vector3<f64>),
+    /// Along z.
+    Cylinder { radius: f64, half: f64 },
+    /// The convex hull of some points; at least one.
+    Points(&'a [Vector3<f64>]),
+}
+
+impl Core<'_> {
+    /// The point furthest along `d` (any length). Of equally far ones a fixed one, see [`Solid::lowest`].
+    pub fn support(&self, d: Vector3<f64>) -> Vector3<f64> {
+        match *self {
+            Self::Point => Vector3::zeros(),
+            Self::Segment(half) => Vector3::new(0.0, 0.0, against(-d.z, half)),
+            Self::Box(half) => d.zip_map(&half, |d, h| against(-d, h)),
+            Self::Cylinder { radius, half } => {
+                let z = against(-d.z, half);
+                let across = d.x.hypot(d.y);
+                // Along the axis to rounding: every rim point is as far.
+                if across <= 4.0 * f64::EPSILON * d.z.abs() {
+                    return Vector3::new(-radius, 0.0, z);
+                }
+                Vector3::new(radius * d.x / across, radius * d.y / across, z)
+            }
+            Self::Points(points) => {
+                let mut best = (f64::NEG_INFINITY, Vector3::zeros());
+                for p in points {
+                    let height = d.dot(p);
+                    if height > best.0 {
+                        best = (height, *p);
+                    }
+                }
+                best.1
+            }
+        }
+    }
+
+    /// Directions in which it is likely to be left on the shortest way: its faces' normals where they are the axes.
+    pub fn has_axes(&self) -> bool {
+        matches!(self, Self::Box(_) | Self::Cylinder { .. } | Self::Segment(_))
+    }
+}
+
+/// `size` with the sign that is opposite to `m`'s; −`size` for zero of either sign.
+fn against(m: f64, size: f64) -> f64 {
+    if m < 0.0 { size } else { -size }
+}

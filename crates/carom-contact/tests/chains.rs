@@ -1,0 +1,138 @@
+//! Gaps of robots: their rates, what is in reach, meshes from files.
+
+use carom_chain::urdf::LoadOptions;
+use carom_chain::{Chain, uniform_chain};
+use carom_contact::{ContactError, Obstacle, gap, gap_rate, link_shapes, reachable_pairs};
+use nalgebra::{Isometry3, Vector3};
+
+fn robot(name: &str) -> Chain {
+    Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+fn surroundings() -> [Obstacle; 3] {
+    [
+        Obstacle::half_space(Vector3::new(0.9, 0.1, 0.0), Vector3::new(-1.0, 0.2, 0.1)).unwrap(),
+        Obstacle::sphere(Vector3::new(0.7, 0.6, 0.5), 0.15).unwrap(),
+        Obstacle::cuboid(Isometry3::translation(0.6, -0.8, 0.4), Vector3::new(0.2, 0.3, 0.4)).unwrap(),
+    ]
+}
+
+/// d(gap)/dt = n · J qd, against central differences along the motion. Where the nearest feature changes within the step
+/// the derivative has a kink: those are few.
+#[test]
+fn gap_rate_is_the_derivative_of_the_gap() {
+    let mut rng = fastrand::Rng::with_seed(11);
+    for name in ["planar2", "planar3", "arm7"] {
+        let chain = robot(name);
+        let shapes = link_shapes(&chain).unwrap();
+        let mut ws = chain.workspace();
+        let (mut kinks, mut all) = (0, 0);
+        for _ in 0..60 {
+            let mut random =
+                |size: f64| -> Vec<f64> { (0..chain.nv()).map(|_| (rng.f64() * 2.0 - 1.0) * size).collect() };
+            let (q, qd) = (random(1.5), random(1.0));
+            for shape in &shapes {
+                for obstacle in &surroundings() {
+                    let h = 1e-6;
+                    let mut at = |t: f64| {
+                        let moved = chain.integrate(&q, &qd, t).unwrap();
+                        gap(shape, &ws.update(&chain, &moved).unwrap().pose(shape.frame()), obstacle).distance
+                    };
+                    let difference = (at(h) - at(-h)) / (2.0 * h);
+                    let kin = ws.update(&chain, &q).unwrap();
+                    let now = gap(shape, &kin.pose(shape.frame()), obstacle);
+                    let rate = gap_rate(&kin, shape, &now, &qd).unwrap();
+                    all += 1;
+                    kinks += usize::from((rate - difference).abs() > 1e-6);
+                }
+            }
+        }
+        assert!(kinks * 100 < all, "{name}: {kinks} of {all}");
+    }
+}
+
+#[test]
+fn what_random_poses_touch_is_in_reach_and_a_far_wall_is_not() {
+    let chain = robot("planar2");
+    let shapes = link_shapes(&chain).unwrap();
+    let walls = [
+        Obstacle::half_space(Vector3::new(0.6, 0.0, 0.0), -Vector3::x()).unwrap(),
+        Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap(),
+    ];
+    let reach = reachable_pairs(&chain, &shapes, &walls);
+    let in_reach = |s: usize, o: usize| reach.pairs.iter().any(|p| (p.shape, p.obstacle) == (s, o));
+    let mut rng = fastrand::Rng::with_seed(5);
+    let mut ws = chain.workspace();
+    let mut touched = 0;
+    for _ in 0..10_000 {
+        let q = [rng.f64() * 6.2 - 3.1, rng.f64() * 6.2 - 3.1];
+        let kin = ws.update(&chain, &q).unwrap();
+        for (s, shape) in shapes.iter().enumerate() {
+            for (o, wall) in walls.iter().enumerate() {
+                if gap(shape, &kin.pose(shape.frame()), wall).distance <= 0.0 {
+                    touched += 1;
+                    assert!(in_reach(s, o), "{} touches wall {o}", shape.link());
+                }
+            }
+        }
+    }
+    assert!(touched > 100);
+    assert!((0..shapes.len()).all(|s| !in_reach(s, 1)), "nothing of the arm is 2 m long");
+}
+
+#[test]
+fn a_chain_without_shapes_has_none() {
+    let chain = uniform_chain(3, 1.0, 1.0).unwrap();
+    assert!(link_shapes(&chain).unwrap().is_empty());
+}
+
+/// A tetrahedron with a corner at (1, 2, 3) mm-scaled to metres, in three formats.
+#[test]
+fn meshes_are_read_with_their_scale_and_count_as_hulls_against_a_plane() {
+    let folder = std::env::temp_dir().join(format!("carom-meshes-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let corners = [[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [0.0, 2000.0, 0.0], [0.0, 0.0, 3000.0_f32]];
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3_usize]];
+    let mut stl = String::from("solid t\n");
+    for face in faces {
+        stl += "facet normal 0 0 0\nouter loop\n";
+        for k in face {
+            let [x, y, z] = corners[k];
+            stl += &format!("vertex {x} {y} {z}\n");
+        }
+        stl += "endloop\nendfacet\n";
+    }
+    stl += "endsolid t\n";
+    std::fs::write(folder.join("t.stl"), stl).unwrap();
+    let mut obj = String::new();
+    for [x, y, z] in corners {
+        obj += &format!("v {x} {y} {z}\n");
+    }
+    for [a, b, c] in faces {
+        obj += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
+    }
+    std::fs::write(folder.join("t.obj"), obj).unwrap();
+    std::fs::write(folder.join("empty.stl"), "solid e\nendsolid e\n").unwrap();
+
+    let read = |file: &str| {
+        let urdf = format!(
+            r#"<robot name="r"><link name="a"><collision><geometry>
+            <mesh filename="{file}" scale="0.001 0.001 0.001"/></geometry></collision></link></robot>"#
+        );
+        let path = folder.join("r.urdf");
+        std::fs::write(&path, urdf).unwrap();
+        let chain = Chain::from_urdf_file_with(&path, &LoadOptions::default()).unwrap();
+        link_shapes(&chain)
+    };
+    let floor = Obstacle::half_space(Vector3::new(0.0, 0.0, 4.0), -Vector3::z()).unwrap();
+    for file in ["t.stl", "t.obj"] {
+        let shapes = read(file).unwrap();
+        let found = gap(&shapes[0], &carom_chain::algebra::Pose::identity(), &floor);
+        assert!((found.distance - 1.0).abs() < 1e-6, "{file}: {found:?}");
+    }
+    let empty = read("empty.stl").unwrap_err();
+    assert!(matches!(empty, ContactError::Mesh { .. }));
+    let said = empty.to_string();
+    assert!(said.contains("empty.stl") && said.contains('a'), "{said}");
+    std::fs::remove_dir_all(&folder).unwrap();
+}

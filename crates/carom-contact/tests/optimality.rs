@@ -1,0 +1,131 @@
+//! A gap proves itself: its points belong to the bodies and are extreme along its normal, and no other direction separates
+//! more. Nothing outside this crate is needed for that.
+
+mod common;
+
+use carom_contact::{Gap, LinkShape, Obstacle, Solid, gap, gap_between};
+use common::*;
+use nalgebra::{Isometry3, Vector3};
+
+/// Height of a body's lowest point along n, world axes.
+fn lowest(body: &LinkShape, at: &Isometry3<f64>, n: Vector3<f64>) -> f64 {
+    n.dot(&at.translation.vector) + body.solid().lowest(at.rotation.inverse() * n).0
+}
+
+/// max over n of (lowest of a along n) − (highest of b along n), at n.
+fn separation(a: (&LinkShape, &Isometry3<f64>), b: (&LinkShape, &Isometry3<f64>), n: Vector3<f64>) -> f64 {
+    lowest(a.0, a.1, n) + lowest(b.0, b.1, -n)
+}
+
+/// How far a point is outside a body, by the body's definition (0 for hulls, whose points are mixtures of corners).
+fn outside(body: &LinkShape, at: &Isometry3<f64>, x: Vector3<f64>) -> f64 {
+    let p = at.inverse_transform_point(&x.into()).coords;
+    match body.solid() {
+        Solid::Sphere { radius } => p.norm() - radius,
+        Solid::Capsule { radius, half_length } => {
+            (p - Vector3::new(0.0, 0.0, p.z.clamp(-half_length, *half_length))).norm() - radius
+        }
+        Solid::Cylinder { radius, half_length } => (p.x.hypot(p.y) - radius).max(p.z.abs() - half_length),
+        Solid::Box { half } => (p.abs() - half).max(),
+        Solid::Hull(_) => 0.0,
+    }
+}
+
+const ROUNDING: f64 = 2e-13;
+
+#[test]
+fn distances_and_points_of_open_pairs_are_optimal() {
+    let mut rng = fastrand::Rng::with_seed(1);
+    for first in KINDS {
+        for second in KINDS {
+            let (mut open, mut worst) = (0, [0.0_f64; 3]);
+            for _ in 0..400 {
+                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
+                let (at_a, at_b) = (isometry(&mut rng, 0.4), isometry(&mut rng, 0.4));
+                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                if found.distance <= 0.0 {
+                    continue;
+                }
+                open += 1;
+                let Gap { distance, normal, on_robot, on_environment } = found;
+                worst[0] = worst[0].max((distance - (on_robot - on_environment).norm()).abs());
+                worst[1] = worst[1].max((distance - separation((&a, &at_a), (&b, &at_b), normal)).abs());
+                worst[2] = worst[2].max(outside(&a, &at_a, on_robot)).max(outside(&b, &at_b, on_environment));
+            }
+            assert!(open > 100, "{first} and {second}: {open}");
+            assert!(worst.iter().all(|w| *w < ROUNDING), "{first} and {second}: {worst:?}");
+        }
+    }
+}
+
+#[test]
+fn no_direction_leads_out_of_an_overlap_sooner() {
+    let mut rng = fastrand::Rng::with_seed(2);
+    for first in KINDS {
+        for second in KINDS {
+            let mut overlapping = 0;
+            for _ in 0..150 {
+                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
+                let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
+                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                if found.distance >= 0.0 {
+                    continue;
+                }
+                overlapping += 1;
+                let along = |n| separation((&a, &at_a), (&b, &at_b), n);
+                assert!((along(found.normal) - found.distance).abs() < ROUNDING, "{first} and {second}");
+                for _ in 0..300 {
+                    let n = unit(&mut rng);
+                    assert!(along(n) <= found.distance + ROUNDING, "{first} and {second}: {} {found:?}", along(n));
+                }
+            }
+            assert!(overlapping > 30, "{first} and {second}: {overlapping}");
+        }
+    }
+}
+
+/// A gap shifts with the body along its normal, through zero, to rounding. Where a corner comes to lie on a corner or a
+/// rim, the normal of an open gap is the way from point to point, and at the touch there is none, and an overlap
+/// may be left in other ways: there the gap only must be between zero and what it was shifted to.
+#[test]
+fn shifting_along_the_normal_shifts_the_gap() {
+    let mut rng = fastrand::Rng::with_seed(3);
+    let obstacles = |rng: &mut fastrand::Rng| {
+        let at = isometry(rng, 0.1);
+        [
+            half_space(vector(rng, 0.2), unit(rng)),
+            Obstacle::sphere(vector(rng, 0.1), 0.2).unwrap(),
+            Obstacle::cuboid(at, Vector3::new(0.3, 0.4, 0.2)).unwrap(),
+            Obstacle::mesh(box_mesh(Vector3::new(0.3, 0.4, 0.2)), at).unwrap(),
+        ]
+    };
+    let (mut all, mut sharp) = (0, 0);
+    for kind in KINDS {
+        for _ in 0..150 {
+            for (which, obstacle) in obstacles(&mut rng).iter().enumerate() {
+                let (body, mut at) = (body(kind, &mut rng), isometry(&mut rng, 1.0));
+                let start = gap(&body, &pose(&at), obstacle);
+                if start.distance < 0.01 {
+                    continue;
+                }
+                for target in [0.1, 1e-3, 1e-5, 1e-6, 1e-8, 1e-12, 0.0, -1e-12, -1e-8, -1e-5, -1e-3] {
+                    let now = gap(&body, &pose(&at), obstacle).distance;
+                    at.translation.vector += start.normal * (target - now);
+                    let found = gap(&body, &pose(&at), obstacle);
+                    let (off, turned) = (found.distance - target, (found.normal - start.normal).norm());
+                    all += 1;
+                    if turned < 1e-9 || (target >= 1e-6 && turned < 1e-4) {
+                        assert!(off.abs() < ROUNDING, "{kind} {which}: {found:?} {target}");
+                    } else {
+                        sharp += 1;
+                        let (low, high) = (target.min(0.0) - ROUNDING, target.max(0.0) + ROUNDING);
+                        assert!(target < 1e-6, "{kind} {which}: {found:?} {target} {turned:e}");
+                        assert!((low..high).contains(&found.distance), "{kind} {which}: {found:?} {target}");
+                    }
+                    at.translation.vector -= start.normal * (target - now);
+                }
+            }
+        }
+    }
+    assert!(sharp * 3 < all, "{sharp} of {all}");
+}
