@@ -10,6 +10,17 @@ pub enum CliError {
     /// The robot's file, which names itself in its message.
     #[error(transparent)]
     Robot(ChainError),
+    /// A scene, or its simulation; a scene names its file itself.
+    #[error("{0}")]
+    Scene(String),
+    /// A file that can't be written.
+    #[error("{file}: cannot be written: {reason}")]
+    Unwritable {
+        /// The file.
+        file: String,
+        /// What the system said.
+        reason: io::Error,
+    },
     /// An option, with the file it speaks of.
     #[error("{0}")]
     Option(String),

@@ -11,6 +11,7 @@ mod input;
 mod inspect;
 mod law;
 mod output;
+mod simulate;
 
 use clap::{Args, Parser, Subcommand};
 use std::io::{self, Write};
@@ -39,6 +40,8 @@ enum Command {
     Impact(impact::Impact),
     /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
     Law(law::LawCommand),
+    /// The motion before, through and after the impacts of a scene
+    Simulate(simulate::Simulate),
 }
 
 /// Options of every command that reads a robot.
@@ -64,6 +67,7 @@ fn main() -> ExitCode {
         Command::Dynamics(command) => command.run(stdout),
         Command::Impact(command) => command.run(stdout),
         Command::Law(command) => command.run(stdout),
+        Command::Simulate(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

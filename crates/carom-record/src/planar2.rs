@@ -5,7 +5,7 @@
 
 use crate::RecordError;
 use carom_chain::{Chain, ChainError, Spatial, Workspace};
-use carom_sim::Sample;
+use carom_sim::Moment;
 use carom_study::MapPoint;
 use carom_study::paper::{NORMAL, Run, TANGENT};
 use nalgebra::{Vector2, Vector3};
@@ -20,9 +20,9 @@ pub struct Side {
     /// The impact.
     pub run: Run,
     /// Free motion into the impact, times from the first to 0.
-    pub before: Vec<Sample>,
+    pub before: Vec<Moment>,
     /// Free motion out of it, times from 0 to the last.
-    pub after: Vec<Sample>,
+    pub after: Vec<Moment>,
     /// v_t⁺/v_t⁻ over the workspace.
     pub map: Vec<MapPoint>,
 }
@@ -190,7 +190,7 @@ impl Pen<'_> {
     }
 
     /// The arm and its velocities at one time.
-    fn moment(&mut self, elbow: &str, sample: &Sample) -> Result<(), Trouble> {
+    fn moment(&mut self, elbow: &str, sample: &Moment) -> Result<(), Trouble> {
         let arm = self.joints(&sample.q)?.map(screen);
         let tip = self.chain.point(self.chain.frame("tip")?, Vector3::zeros());
         let mut kin = self.workspace.update(self.chain, &sample.q)?;

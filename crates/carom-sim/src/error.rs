@@ -39,8 +39,10 @@ pub enum SimError {
         normal: [f64; 3],
     },
     /// The motion can't be integrated.
-    #[error("the motion can't be integrated: {reason}")]
+    #[error("from t = {time} s the motion can't be integrated: {reason}")]
     Integration {
+        /// Start of the leg, s.
+        time: f64,
         /// What the integrator said.
         reason: String,
     },
@@ -78,4 +80,48 @@ pub enum SimError {
         /// Where it is, m.
         found: [f64; 2],
     },
+    /// The chain starts inside something.
+    #[error("at the start {touch} overlaps by {depth} m: move the start apart")]
+    Overlap {
+        /// What touches.
+        touch: String,
+        /// How deep, m.
+        depth: f64,
+    },
+    /// Two contacts at one time.
+    #[error(
+        "at t = {time} s {second} touches while {first} does: one contact at a time is simulated, several at once are not yet"
+    )]
+    SeveralContacts {
+        /// Time, s.
+        time: f64,
+        /// The contact that lasts.
+        first: String,
+        /// The contact that comes.
+        second: String,
+    },
+    /// Rigid sliding has no consistent acceleration (Painlevé).
+    #[error(
+        "at t = {time} s {touch} slides into a jam: with friction {friction} no rigid acceleration is consistent (Painlevé); \
+         lower the friction"
+    )]
+    Jam {
+        /// Time, s.
+        time: f64,
+        /// What touches.
+        touch: String,
+        /// Coefficient of friction.
+        friction: f64,
+    },
+    /// The scene file breaks a rule.
+    #[error("{file}: {rule}")]
+    Scene {
+        /// The file.
+        file: String,
+        /// Key, value, rule, and what to do.
+        rule: String,
+    },
+    /// A shape can't be made.
+    #[error(transparent)]
+    Shape(#[from] carom_contact::ContactError),
 }

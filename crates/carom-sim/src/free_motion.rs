@@ -1,6 +1,7 @@
 //! Motion with the motors off, between impacts.
 
 use crate::error::SimError;
+use crate::trajectory::Moment;
 use carom_chain::{Chain, ChainError, Coordinates};
 use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;
@@ -8,17 +9,6 @@ use std::cell::RefCell;
 
 /// Motions that need more steps than this are refused.
 const MAX_STEPS: usize = 1_000_000;
-
-/// The chain at one time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
-    /// Time, s.
-    pub time: f64,
-    /// Configuration.
-    pub q: Vec<f64>,
-    /// Joint velocities.
-    pub qd: Vec<f64>,
-}
 
 /// The free motion M q̈ + C q̇ + g = 0 (no damping, no dry friction) from `(q, qd)` at time 0 to `end` seconds (negative: back in time), sampled at
 /// `samples` ≥ 2 equal steps, both ends included. Dormand–Prince 8(5,3), relative tolerance 1e-12.
@@ -33,7 +23,7 @@ pub fn free_motion(
     gravity: Vector3<f64>,
     end: f64,
     samples: usize,
-) -> Result<Vec<Sample>, SimError> {
+) -> Result<Vec<Moment>, SimError> {
     chain.check_state(q, qd)?;
     let floats = |c: &Coordinates| matches!(c, Coordinates::Own { q, v } if q.len() != v.len());
     if let Some(joint) = chain.joints().iter().find(|j| floats(&j.coordinates)) {
@@ -57,17 +47,17 @@ pub fn free_motion(
         .max_steps(MAX_STEPS)
         .t_eval(times)
         .solve()
-        .map_err(|e| SimError::Integration { reason: format!("{e:?}") })?;
+        .map_err(|e| SimError::Integration { time: 0.0, reason: format!("{e:?}") })?;
     if let Some(error) = free.failed.into_inner() {
         return Err(error.into());
     }
     if !solution.status.is_success() || solution.t.len() != samples {
         let reason = format!("{:?} after {} steps", solution.status, solution.nstep);
-        return Err(SimError::Integration { reason });
+        return Err(SimError::Integration { time: 0.0, reason });
     }
     let sample = |(time, state): (f64, &[f64])| {
         let (q, qd) = state.split_at(chain.nq());
-        Sample { time, q: q.to_vec(), qd: qd.to_vec() }
+        Moment { time, q: q.to_vec(), qd: qd.to_vec() }
     };
     Ok(solution.iter().map(|(t, y)| sample((t, y))).collect())
 }

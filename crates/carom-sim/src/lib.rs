@@ -1,9 +1,10 @@
-//! Where chain and impact law meet: **one impact of a chain**, from state and surface normal to joint velocities after.
+//! Where chain, contact and impact law meet: **one impact of a chain, and the motion before, through and after many**.
 //!
-//! `carom-chain` knows nothing of impacts and `carom-impact` nothing of robots; this crate forms the
-//! [`ImpactProblem`](carom_impact::ImpactProblem) of a chain at a state and carries the law's impulse back into the
-//! joints. [`Strike`] is the checked way for any law, [`frictionless_jump_into`] the kernel for sweeps, [`free_motion`]
-//! what happens before and after with the motors off.
+//! `carom-chain` knows nothing of impacts and `carom-impact` nothing of robots. [`Strike`] forms the
+//! [`ImpactProblem`](carom_impact::ImpactProblem) of a chain at a state and carries the law's impulse back into the joints;
+//! [`frictionless_jump_into`] is the kernel of it for sweeps. [`Scene`] reads a robot among surfaces from TOML,
+//! [`Simulation`] runs it from event to event, and the [`Trajectory`] tells what happened. [`free_motion`] is motion with
+//! the motors off and nothing in the way, forward or back in time.
 //!
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
@@ -11,9 +12,18 @@
 mod error;
 mod free_motion;
 mod frictionless;
+mod leg;
+mod scene;
+mod simulate;
 mod strike;
+mod touch;
+mod trajectory;
 
 pub use error::SimError;
-pub use free_motion::{Sample, free_motion};
+pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
+pub use scene::Scene;
+pub use simulate::{ContactRule, Drive, Simulation};
 pub use strike::{ChainImpact, Contact, Impacts, Strike};
+pub use touch::Touch;
+pub use trajectory::{ContactMode, EnergyBooks, Event, EventKind, Moment, Statistics, StopReason, Trajectory};

@@ -1,6 +1,7 @@
 #![doc = include_str!("../../../README.md")]
 
 pub use carom_chain as chain;
+pub use carom_contact as contact;
 pub use carom_impact as impact;
 #[cfg(feature = "rerun")]
 pub use carom_record as record;

@@ -1,0 +1,294 @@
+//! One smooth leg of motion: integrated until its end or until a witness reaches zero.
+//!
+//! **Trigger rule.** A witness w is a function of the state. It is *armed* once it has been positive at the start of the
+//! leg or at the end of a step. An armed witness fires at the first time t at which w(t) ≤ 0. A zero exactly at the end
+//! of a step fires there, once: the next leg starts with that witness not armed. Between the ends of a step an armed
+//! witness that dips (rate negative at the start, positive at the end) is looked at in its lowest point, so that a short
+//! or grazing touch is not stepped over.
+//!
+//! **Exact time.** The dense output of the step brackets the root; the state there is then computed by integrating to it
+//! anew from the start of the step, and the time corrected by w/ẇ until the witness is rounding. So an event is as exact
+//! as the integration, not as its interpolation.
+
+use crate::error::SimError;
+use crate::trajectory::Statistics;
+use ivp::dense::StepInterpolant;
+use ivp::ivp::FirstOrderSystem;
+use ivp::methods::DOP853;
+use ivp::solout::{ControlFlag, SolOut};
+use std::cell::RefCell;
+
+/// A smooth vector field with witnesses: one mode of contact of one chain.
+pub(crate) trait Flow {
+    /// ẏ at (t, y).
+    fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The witnesses at (t, y), each with its rate in time if it may dip within a step.
+    fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
+    /// Puts a state that drifted off its constraint back on it; says whether it changed anything.
+    fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
+}
+
+/// The value of a witness function.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Witness {
+    pub value: f64,
+    pub rate: Option<f64>,
+}
+
+/// How a leg ended.
+#[derive(Debug, Clone)]
+pub(crate) struct LegEnd {
+    pub time: f64,
+    pub y: Vec<f64>,
+    /// The witness that fired.
+    pub fired: Option<usize>,
+}
+
+/// How to integrate.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Accuracy {
+    pub tolerance: f64,
+    pub max_step: f64,
+}
+
+/// Hands out states at multiples of an interval.
+pub(crate) struct Sampler<'a> {
+    /// Seconds between samples; `None` for none.
+    pub every: Option<f64>,
+    /// How many were handed out.
+    pub count: usize,
+    /// Who gets them.
+    pub watch: &'a mut dyn FnMut(f64, &[f64]),
+}
+
+impl Sampler<'_> {
+    /// Hands out what is due up to `time`, from the states that `at` computes.
+    fn until(&mut self, time: f64, mut at: impl FnMut(f64, &mut dyn FnMut(f64, &[f64]))) {
+        let Some(every) = self.every else { return };
+        while self.count as f64 * every <= time {
+            at(self.count as f64 * every, self.watch);
+            self.count += 1;
+        }
+    }
+}
+
+/// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires. The sampler sees its times on the
+/// way.
+pub(crate) fn leg(
+    flow: &mut dyn Flow,
+    start: f64,
+    y: &[f64],
+    end: f64,
+    accuracy: Accuracy,
+    statistics: &mut Statistics,
+    sampler: &mut Sampler,
+) -> Result<LegEnd, SimError> {
+    let mut now = Vec::new();
+    flow.witnesses(start, y, &mut now)?;
+    let armed = now.iter().map(|w| w.value > 0.0).collect();
+    let system = System(RefCell::new(Inner { flow, error: None }));
+    let mut observer = Observer {
+        system: &system,
+        before: now,
+        armed,
+        y_before: y.to_vec(),
+        buffer: vec![0.0; y.len()],
+        found: None,
+        sampler: Some(sampler),
+    };
+    integrate(&system, start, y, end, accuracy, statistics, &mut observer)?;
+    let Observer { found, y_before, .. } = observer;
+    match found {
+        None => Ok(LegEnd { time: end, y: y_before, fired: None }),
+        Some(found) => refine(&system, found, accuracy, statistics),
+    }
+}
+
+/// The state at the exact time of an event: from the start of its step anew, the time corrected until the witness is
+/// rounding.
+fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
+    let Found { witness, start, y, mut time } = found;
+    let mut values = Vec::new();
+    let mut exact = y.clone();
+    for _ in 0..8 {
+        let mut observer = Observer {
+            system,
+            before: Vec::new(),
+            armed: Vec::new(),
+            y_before: y.clone(),
+            buffer: Vec::new(),
+            found: None,
+            sampler: None,
+        };
+        if time > start {
+            integrate(system, start, &y, time, accuracy, statistics, &mut observer)?;
+        }
+        statistics.refinements += 1;
+        exact = observer.y_before;
+        system.0.borrow_mut().flow.witnesses(time, &exact, &mut values)?;
+        let Witness { value, rate: Some(rate) } = values[witness] else { break };
+        let correction = -value / rate;
+        let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
+        if negligible || !correction.is_finite() || time + correction < start {
+            break;
+        }
+        time += correction;
+    }
+    Ok(LegEnd { time, y: exact, fired: Some(witness) })
+}
+
+fn integrate(
+    system: &System,
+    start: f64,
+    y: &[f64],
+    end: f64,
+    accuracy: Accuracy,
+    statistics: &mut Statistics,
+    observer: &mut Observer,
+) -> Result<(), SimError> {
+    let failed = |reason: String| SimError::Integration { time: start, reason };
+    let solved = DOP853::builder()
+        .max_step(accuracy.max_step.min((end - start).abs()))
+        .max_steps(usize::MAX)
+        .build()
+        .solve(system, start, y, end, accuracy.tolerance.into(), (accuracy.tolerance * 1e-3).into(), Some(observer))
+        .map_err(|e| failed(format!("{e:?}")))?;
+    statistics.steps += solved.steps.accepted;
+    statistics.rejections += solved.steps.rejected;
+    statistics.evaluations += solved.evals.ode;
+    if let Some(error) = system.0.borrow_mut().error.take() {
+        return Err(error);
+    }
+    if solved.status.is_success() { Ok(()) } else { Err(failed(format!("{:?}", solved.status))) }
+}
+
+/// The flow as the integrator sees it. It can't hand errors through, so they wait here.
+struct System<'a>(RefCell<Inner<'a>>);
+
+struct Inner<'a> {
+    flow: &'a mut dyn Flow,
+    error: Option<SimError>,
+}
+
+impl System<'_> {
+    fn ask<T: Default>(&self, question: impl FnOnce(&mut dyn Flow) -> Result<T, SimError>) -> T {
+        let inner = &mut *self.0.borrow_mut();
+        question(inner.flow).unwrap_or_else(|error| {
+            inner.error.get_or_insert(error);
+            T::default()
+        })
+    }
+}
+
+impl FirstOrderSystem for System<'_> {
+    fn derivative(&self, t: f64, y: &[f64], rate: &mut [f64]) {
+        rate.fill(0.0);
+        self.ask(|flow| flow.rate(t, y, rate));
+    }
+}
+
+/// A witness that fired within a step.
+struct Found {
+    witness: usize,
+    /// Start of the step, and the state there.
+    start: f64,
+    y: Vec<f64>,
+    /// The root on the dense output.
+    time: f64,
+}
+
+/// Looks at every accepted step.
+struct Observer<'a, 'b, 'c> {
+    system: &'a System<'b>,
+    before: Vec<Witness>,
+    armed: Vec<bool>,
+    y_before: Vec<f64>,
+    buffer: Vec<f64>,
+    found: Option<Found>,
+    /// `None`: only the last state is wanted.
+    sampler: Option<&'a mut Sampler<'c>>,
+}
+
+impl SolOut for Observer<'_, '_, '_> {
+    fn solout(&mut self, start: f64, end: &mut f64, y: &mut [f64], dense: Option<&StepInterpolant<'_>>) -> ControlFlag {
+        let end = *end;
+        if self.system.0.borrow().error.is_some() {
+            return ControlFlag::Interrupt;
+        }
+        let (Some(dense), true) = (dense, self.sampler.is_some()) else {
+            self.y_before.copy_from_slice(y);
+            return ControlFlag::Continue;
+        };
+        let mut after = Vec::new();
+        self.system.ask(|flow| flow.witnesses(end, y, &mut after));
+        let first = (0..after.len())
+            .filter_map(|k| Some((self.root(k, start, end, after[k], dense)?, k)))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        let until = first.map_or(end, |(time, _)| time);
+        if let Some(sampler) = &mut self.sampler {
+            let buffer = &mut self.buffer;
+            sampler.until(until, |time, watch| {
+                dense.interpolate(time, buffer);
+                watch(time, buffer);
+            });
+        }
+        if let Some((time, witness)) = first {
+            self.found = Some(Found { witness, start, y: self.y_before.clone(), time });
+            return ControlFlag::Interrupt;
+        }
+        let settled = self.system.ask(|flow| flow.settle(end, y));
+        if settled {
+            self.system.ask(|flow| flow.witnesses(end, y, &mut after));
+        }
+        for (armed, witness) in self.armed.iter_mut().zip(&after) {
+            *armed |= witness.value > 0.0;
+        }
+        self.before = after;
+        self.y_before.copy_from_slice(y);
+        if settled { ControlFlag::ModifiedSolution } else { ControlFlag::Continue }
+    }
+}
+
+impl Observer<'_, '_, '_> {
+    /// The first time in the step at which an armed witness is not positive.
+    fn root(&mut self, k: usize, start: f64, end: f64, after: Witness, dense: &StepInterpolant) -> Option<f64> {
+        if !self.armed[k] {
+            return None;
+        }
+        let crossed = after.value <= 0.0;
+        let dips = matches!((self.before[k].rate, after.rate), (Some(a), Some(b)) if a < 0.0 && b > 0.0);
+        let reached = if crossed {
+            end
+        } else if dips {
+            let lowest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate >= 0.0));
+            if self.at(lowest, dense)[k].value > 0.0 {
+                return None;
+            }
+            lowest
+        } else {
+            return None;
+        };
+        Some(self.bisect(start, reached, dense, |w| w[k].value <= 0.0))
+    }
+
+    /// The time from which on `holds` holds: it does at `end`, and not at `start`.
+    fn bisect(&mut self, start: f64, end: f64, dense: &StepInterpolant, holds: impl Fn(&[Witness]) -> bool) -> f64 {
+        let (mut low, mut high) = (start, end);
+        // 60 halvings exhaust the digits of any step.
+        for _ in 0..60 {
+            let middle = low + (high - low) / 2.0;
+            if middle <= low || middle >= high {
+                break;
+            }
+            if holds(&self.at(middle, dense)) { high = middle } else { low = middle }
+        }
+        high
+    }
+
+    fn at(&mut self, time: f64, dense: &StepInterpolant) -> Vec<Witness> {
+        dense.interpolate(time, &mut self.buffer);
+        let mut values = Vec::new();
+        self.system.ask(|flow| flow.witnesses(time, &self.buffer, &mut values));
+        values
+    }
+}

@@ -1,0 +1,276 @@
+//! Event-driven simulation against closed forms.
+
+use carom::Chain;
+use carom::sim::{ContactMode, ContactRule, Drive, EventKind, Scene, Simulation, StopReason, Touch};
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use nalgebra::Vector3;
+
+const G: f64 = 9.81;
+
+fn rule(law: &'static str, restitution: f64, friction: f64) -> ContactRule {
+    ContactRule { law, restitution, friction, limit_restitution: restitution }
+}
+
+fn simulation(chain: Chain, floor: Obstacle, contact: ContactRule) -> Simulation {
+    Simulation {
+        touches: Touch::all(&chain, vec![("floor".into(), floor)]).unwrap(),
+        chain,
+        contact,
+        gravity: Vector3::new(0.0, 0.0, -G),
+        drive: Drive::Off,
+        tolerance: 1e-10,
+        max_step: 0.1,
+        zeno_time: 1e-5,
+        max_events: 100_000,
+    }
+}
+
+fn level() -> Obstacle {
+    Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap()
+}
+
+/// A ball of radius 0.1 m on a vertical slider, or free.
+fn ball(joint: &str) -> Chain {
+    let text = format!(
+        r#"<robot name="ball"><link name="world"/>
+        <link name="ball">
+          <inertial><mass value="2"/><inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision>
+        </link>
+        <joint name="fall" type="{joint}"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
+          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
+    );
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+/// Apex heights e^{2k} h, and the end of the bouncing at t₁ (1+e)/(1−e).
+#[test]
+fn ball_bounces_to_e_squared_heights_and_comes_to_rest_when_it_should() {
+    for (e, zeno) in [(0.5, 1.354570923), (0.8, 4.063712769), (0.9, 8.578949179)] {
+        let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.3));
+        let run = sim.run(&[1.1], &[0.0], zeno + 1.0, None, &mut |_| {}).unwrap();
+        let impacts: Vec<_> = run.events.iter().filter(|e| matches!(e.kind, EventKind::Impact { .. })).collect();
+        let first = (2.0 / G).sqrt();
+        assert!((impacts[0].time - first).abs() < 1e-13 * first);
+        for (k, impact) in impacts.iter().enumerate() {
+            let apex = impact.qd_plus[0] * impact.qd_plus[0] / (2.0 * G);
+            let exact = e.powi(2 * (k as i32 + 1));
+            // Heights are differences of positions near 0.1 m, known to 1e-17 m: that is what tiny bounces are made of.
+            let tolerance = 1e-9_f64.max(1e-16 / exact);
+            assert!((apex / exact - 1.0).abs() < tolerance, "e {e}, bounce {k}: {apex} against {exact}");
+        }
+        let end = run.events.iter().find(|e| matches!(e.kind, EventKind::Zeno { .. })).unwrap();
+        assert!((end.time - zeno).abs() < 1e-9, "e {e}: {} against {zeno}", end.time);
+        // It rests on the floor ever after, and has lost what it fell.
+        assert_eq!(run.mode.name(), "sticking");
+        assert!((run.last.q[0] - 0.1).abs() < 1e-12 && run.last.qd[0].abs() < 1e-12);
+        assert!((run.energy.impacts - 2.0 * G).abs() < 1e-9);
+        assert_eq!(run.stop, StopReason::Duration);
+    }
+}
+
+/// No event is lost, and none comes twice, over ten thousand bounces: e = 1, every 2√(2h/g).
+#[test]
+fn ten_thousand_elastic_bounces_come_one_by_one() {
+    let mut sim = simulation(ball("prismatic"), level(), rule("newton", 1.0, 0.0));
+    sim.max_events = 10_000;
+    let h = 0.02_f64;
+    let run = sim.run(&[0.1 + h], &[0.0], 1e4, None, &mut |_| {}).unwrap();
+    assert_eq!((run.stop, run.events.len()), (StopReason::Events, 10_000));
+    assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })));
+    let half = (2.0 * h / G).sqrt();
+    let last = half * (2.0 * 9_999.0 + 1.0);
+    // Each bounce rounds position and time; the errors add up like a random walk, and the period follows the energy.
+    assert!((run.last.time / last - 1.0).abs() < 1e-8, "{} against {last}", run.last.time);
+    assert!((run.energy.end / run.energy.start - 1.0).abs() < 1e-8);
+}
+
+/// A ball thrown obliquely: no friction, so its course over ground is straight through all bounces.
+#[test]
+fn free_ball_keeps_its_horizontal_velocity_without_friction() {
+    let sim = simulation(ball("floating"), level(), rule("frictionless", 0.7, 0.0));
+    let q = [0.0, 0.0, 1.1, 0.0, 0.0, 0.0, 1.0];
+    let qd = [0.3, -0.2, 0.0, 0.0, 0.0, 0.0];
+    let run = sim.run(&q, &qd, 4.0, None, &mut |_| {}).unwrap();
+    assert!(run.events.iter().any(|e| matches!(e.kind, EventKind::Zeno { .. })));
+    assert!((run.last.q[0] - 1.2).abs() < 1e-11 && (run.last.q[1] + 0.8).abs() < 1e-11, "{:?}", run.last);
+    assert!((run.last.q[2] - 0.1).abs() < 1e-11);
+    assert_eq!(run.mode, ContactMode::Sliding { touch: 0 });
+}
+
+/// A solid ball put down with slip: Coulomb friction μ m g decelerates it and spins it up, until it rolls at 5/7 of its
+/// speed, after t = 2 v/(7 μ g).
+#[test]
+fn sliding_ball_begins_to_roll_when_it_should() {
+    let sim = simulation(ball("floating"), level(), rule("frictionless", 0.0, 0.2));
+    let (q, v) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], 1.4);
+    let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 2.0, None, &mut |_| {}).unwrap();
+    let rolls =
+        run.events.iter().find(|e| matches!(e.kind, EventKind::Mode { mode: ContactMode::Sticking { .. } })).unwrap();
+    let time = 2.0 * v / (7.0 * 0.2 * G);
+    assert!((rolls.time - time).abs() < 1e-7, "{} against {time}", rolls.time);
+    let speed = |m: &carom::sim::Moment| {
+        // World velocity of the centre: child axes turn with the ball.
+        let kin_q = &m.q;
+        let mut rate = vec![0.0; 7];
+        sim.chain.q_rate_into(kin_q, &m.qd, &mut rate);
+        rate[0]
+    };
+    assert!((speed(&run.last) - v * 5.0 / 7.0).abs() < 1e-7, "{}", speed(&run.last));
+    assert!(run.last.q[2] - 0.1 < 1e-10);
+}
+
+fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
+    let mut sim = simulation(chain, wall, rule("energetic", e, 0.0));
+    sim.gravity = Vector3::zeros();
+    let q = [0.7854, -1.5708];
+    let mut ws = sim.chain.workspace();
+    let point = sim.chain.point(sim.chain.frame("tip").unwrap(), Vector3::zeros());
+    let j = ws.update(&sim.chain, &q).unwrap().point_jacobian(point);
+    let u = nalgebra::Vector2::new(speed, -speed) * 0.5_f64.sqrt();
+    let qd = nalgebra::Matrix2::from_fn(|a, b| j[(a, b)]).lu().solve(&u).unwrap();
+    (sim, q, qd.as_slice().to_vec())
+}
+
+/// Restitution comes out as it went in, at every speed: no threshold anywhere.
+#[test]
+fn restitution_comes_out_as_it_went_in_from_a_millimetre_to_metres_a_second() {
+    for speed in [0.001, 0.01, 0.2, 3.0] {
+        for e in [0.0, 0.35, 1.0] {
+            let (sim, q, qd) = wall_scene(speed, e);
+            let run = sim.run(&q, &qd, 0.05 / speed, None, &mut |_| {}).unwrap();
+            let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
+            assert!(((hit.u_plus.x / hit.u_minus.x) + e).abs() < 1e-12, "{speed} {e}");
+            // The whole jump is that of the closed form at the pose of the event.
+            let law = carom::Frictionless { restitution: e };
+            let tip = sim.chain.frame("tip").unwrap();
+            let event = &run.events[0];
+            use carom::Impacts;
+            let exact =
+                sim.chain.impact(&event.q, &event.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
+            for (a, b) in event.qd_plus.iter().zip(&exact.qd_plus) {
+                assert!((a - b).abs() <= 1e-5 * b.abs(), "the ball's radius apart: {a} {b}");
+            }
+            // The tip is on the wall to rounding.
+            let mut ws = sim.chain.workspace();
+            let x = ws.update(&sim.chain, &event.q).unwrap().position(sim.chain.point(tip, Vector3::zeros())).x;
+            assert!((x + 1e-6 - 0.6464).abs() < 1e-14, "{x}");
+        }
+    }
+}
+
+/// A pendulum that swings into a wall at its lowest point: impacts for ever, every half period, each e times slower.
+#[test]
+fn false_zeno_pendulum_never_comes_to_rest() {
+    let text = r#"<robot name="pendulum"><link name="top"/>
+        <link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
+          <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
+          <collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+        <joint name="hinge" type="continuous"><parent link="top"/><child link="bob"/><axis xyz="0 1 0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let wall = Obstacle::half_space(Vector3::new(-0.05, 0.0, 0.0), Vector3::x()).unwrap();
+    let sim = simulation(chain, wall, rule("newton", 0.5, 0.0));
+    // Small swings: 1e-3 rad.
+    let run = sim.run(&[-1e-3], &[0.0], 30.0, None, &mut |_| {}).unwrap();
+    assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })), "{:?}", run.events.last());
+    let half = std::f64::consts::PI / (G / 1.1_f64).sqrt();
+    for pair in run.events.windows(2) {
+        assert!((pair[1].time - pair[0].time - half).abs() < 1e-6 * half);
+        assert!((pair[1].qd_plus[0] / pair[0].qd_plus[0] - 0.5).abs() < 1e-9);
+    }
+    // A quarter period to the first, then one every half period.
+    assert_eq!(run.events.len(), 1 + ((30.0 - half / 2.0) / half) as usize);
+}
+
+/// A block on a slope as a ball that can't turn: sticks below the friction angle, slides above with g (sin θ − μ cos θ).
+#[test]
+fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
+    let text = r#"<robot name="block"><link name="world"/><link name="a"/>
+        <link name="block"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
+        <joint name="z" type="prismatic"><parent link="a"/><child link="block"/><axis xyz="0 0 1"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let mu = 0.3_f64;
+    for (angle, slides) in [(mu.atan() - 0.01, false), (mu.atan() + 0.1, true)] {
+        let (s, c) = angle.sin_cos();
+        let slope = Obstacle::half_space(Vector3::zeros(), Vector3::new(s, 0.0, c)).unwrap();
+        let sim = simulation(chain.clone(), slope, rule("newton", 0.0, mu));
+        let start = [0.1 * s, 0.1 * c];
+        let run = sim.run(&start, &[0.0, 0.0], 1.0, None, &mut |_| {}).unwrap();
+        let way = (run.last.q[0] - start[0]).hypot(run.last.q[1] - start[1]);
+        let expected = if slides { 0.5 * G * (s - mu * c) } else { 0.0 };
+        assert!((way - expected).abs() < 1e-9, "{way} against {expected}");
+        assert_eq!(run.mode.name(), if slides { "sliding" } else { "sticking" });
+    }
+}
+
+/// A dropped chain keeps its energy between impacts, over a minute and thousands of steps.
+#[test]
+fn energy_is_conserved_between_impacts() {
+    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
+    let mut sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
+    sim.gravity = Vector3::new(0.0, -G, 0.0);
+    sim.tolerance = 1e-12;
+    let mut moments = 0;
+    let run = sim.run(&[1.0, 0.5], &[0.0, 0.0], 60.0, Some(0.004), &mut |_| moments += 1).unwrap();
+    assert_eq!(moments, 15_001);
+    assert!((run.energy.end - run.energy.start).abs() < 1e-8, "{:?}", run.energy);
+    assert!(run.statistics.steps > 500 && run.events.is_empty());
+}
+
+/// A limit is an impact of the joint, and all joints jump.
+#[test]
+fn joint_limits_are_impacts() {
+    let text = r#"<robot name="r"><link name="a"/>
+        <link name="b"><inertial><mass value="1"/><origin xyz="0.5 0 0"/>
+          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+        <link name="c"><inertial><mass value="1"/><origin xyz="0.5 0 0"/>
+          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+        <joint name="one" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint>
+        <joint name="two" type="revolute"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>
+          <limit lower="-1" upper="1" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let mut sim = simulation(chain, level(), rule("newton", 0.6, 0.0));
+    sim.gravity = Vector3::zeros();
+    let run = sim.run(&[0.0, 0.0], &[0.1, 2.0], 2.0, None, &mut |_| {}).unwrap();
+    let event = &run.events[0];
+    assert!(matches!(&event.kind, EventKind::Limit { joint, .. } if joint == "two"), "{:?}", event.kind);
+    assert!((event.q[1] - 1.0).abs() < 1e-13);
+    assert!((event.qd_plus[1] + 0.6 * event.qd_minus[1]).abs() < 1e-13);
+    // −(1+e) q̇ᵢ M⁻¹eᵢ/(M⁻¹)ᵢᵢ: the momentum of the first joint is untouched.
+    let mut ws = sim.chain.workspace();
+    let m = ws.update(&sim.chain, &event.q).unwrap().mass_matrix();
+    let momentum = |v: &[f64]| m[(0, 0)] * v[0] + m[(0, 1)] * v[1];
+    assert!((momentum(&event.qd_plus) - momentum(&event.qd_minus)).abs() < 1e-13);
+}
+
+#[test]
+fn scene_file_of_the_design_runs() {
+    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/planar2.toml")).unwrap();
+    let mut samples = 0;
+    let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration, Some(0.004), &mut |_| samples += 1).unwrap();
+    assert_eq!(samples, 126);
+    let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
+    assert!((hit.u_plus.x + 0.35 * hit.u_minus.x).abs() < 1e-15);
+    assert!((hit.u_minus.norm() - 0.2).abs() < 1e-5);
+}
+
+#[test]
+fn what_can_not_be_simulated_is_refused_with_the_reason() {
+    let sim = simulation(ball("prismatic"), level(), rule("newton", 0.5, 0.0));
+    let said = |q: f64, tolerance: f64, duration: f64| {
+        let mut sim = sim.clone();
+        sim.tolerance = tolerance;
+        sim.run(&[q], &[0.0], duration, None, &mut |_| {}).unwrap_err().to_string()
+    };
+    assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: move the start apart");
+    assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
+    assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
+}
