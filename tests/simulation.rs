@@ -126,7 +126,7 @@ fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let mut sim = simulation(chain, wall, rule("energetic", e, 0.0));
     sim.gravity = Vector3::zeros();
-    let q = [0.7854, -1.5708];
+    let q = [45_f64.to_radians(), -90_f64.to_radians()];
     let mut ws = sim.chain.workspace();
     let point = sim.chain.point(sim.chain.frame("tip").unwrap(), Vector3::zeros());
     let j = ws.update(&sim.chain, &q).unwrap().point_jacobian(point);
@@ -208,6 +208,34 @@ fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
         assert!((way - expected).abs() < 1e-9, "{way} against {expected}");
         assert_eq!(run.mode.name(), if slides { "sliding" } else { "sticking" });
     }
+}
+
+/// A bead sliding down a smooth sphere from the top leaves it where it has fallen a third of the radius (and flies on): with a
+/// start at cos θ₀ and speed v₀, at cos θ = ⅔ (cos θ₀ + v₀²/2gR).
+#[test]
+fn bead_leaves_a_smooth_sphere_where_it_should() {
+    let text = r#"<robot name="bead"><link name="world"/><link name="a"/>
+        <link name="bead"><inertial><mass value="0.3"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
+        <joint name="z" type="prismatic"><parent link="a"/><child link="bead"/><axis xyz="0 0 1"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let dome = Obstacle::sphere(Vector3::zeros(), 0.9).unwrap();
+    let sim = simulation(chain, dome, rule("newton", 0.3, 0.0));
+    let (theta, v) = (0.2_f64, 0.5);
+    let (q, qd) = ([theta.sin(), theta.cos()], [v * theta.cos(), -v * theta.sin()]);
+    let run = sim.run(&q, &qd, 1.2, None, &mut |_| {}).unwrap();
+    let leaves = run.events.iter().find(|e| matches!(e.kind, EventKind::LiftOff { .. })).unwrap();
+    let height = 2.0 / 3.0 * (theta.cos() + v * v / (2.0 * G));
+    assert!((leaves.q[1] - height).abs() < 1e-8, "{} against {height}", leaves.q[1]);
+    // On the sphere until then, by energy too, and never in it afterwards.
+    assert!((leaves.q[0].hypot(leaves.q[1]) - 1.0).abs() < 1e-11);
+    let speed = leaves.qd_plus[0].hypot(leaves.qd_plus[1]);
+    assert!((speed * speed - G * height).abs() < 1e-8);
+    assert_eq!(run.mode, ContactMode::Free);
+    assert!((run.energy.end - run.energy.start).abs() < 1e-9);
 }
 
 /// A dropped chain keeps its energy between impacts, over a minute and thousands of steps.

@@ -13,6 +13,7 @@ mod error;
 mod free_motion;
 mod frictionless;
 mod leg;
+mod motion;
 mod scene;
 mod simulate;
 mod strike;
