@@ -301,4 +301,10 @@ fn what_can_not_be_simulated_is_refused_with_the_reason() {
     assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: move the start apart");
     assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
+    let hertz = simulation(ball("prismatic"), level(), rule("hertz", 0.5, 0.0));
+    let said = hertz.run(&[1.0], &[0.0], 1.0, None, &mut |_| {}).unwrap_err().to_string();
+    assert_eq!(said, "no law is named 'hertz': the laws are frictionless, whittaker, newton, poisson, energetic");
+    // A wall that nothing reaches is left out, and nothing happens.
+    let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    assert!(Touch::all(&arm, vec![("floor".into(), level())]).unwrap().is_empty(), "it has no shapes");
 }

@@ -113,6 +113,14 @@ pub enum SimError {
         /// Coefficient of friction.
         friction: f64,
     },
+    /// No law of that name.
+    #[error("no law is named '{name}': the laws are {known}")]
+    UnknownLaw {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
     /// The scene file breaks a rule.
     #[error("{file}: {rule}")]
     Scene {

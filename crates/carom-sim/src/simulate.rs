@@ -21,7 +21,7 @@ use crate::strike::Impacts;
 use crate::touch::{At, Touch, TouchKind};
 use crate::trajectory::{ContactMode, EnergyBooks, Event, EventKind, Moment, Statistics, StopReason, Trajectory};
 use carom_chain::{Chain, ChainError};
-use carom_impact::law_by_name;
+use carom_impact::{LAW_NAMES, law_by_name};
 use nalgebra::Vector3;
 
 /// What drives the joints.
@@ -152,6 +152,9 @@ impl Simulation {
         };
         share("restitution", self.contact.restitution)?;
         share("limit restitution", self.contact.limit_restitution)?;
+        if law_by_name::<3>(self.contact.law, 0.0, 0.0).is_none() {
+            return Err(SimError::UnknownLaw { name: self.contact.law.into(), known: LAW_NAMES.join(", ") });
+        }
         let mu = self.contact.friction;
         if !(mu >= 0.0 && mu.is_finite()) {
             let rule = "a coefficient of friction is finite and not negative";
@@ -287,7 +290,7 @@ impl Motion<'_> {
                     (kin.pose(shape.frame()).inverse().point(kin.position(point)), normal)
                 };
                 let law = law_by_name::<3>(sim.contact.law, sim.contact.restitution, sim.contact.friction);
-                let law = law.unwrap_or_else(|| unreachable!("the law's name is one of LAW_NAMES"));
+                let law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
                 let strike = sim.chain.impact(q, qd).at(shape.frame()).offset(offset.into()).normal(normal.into());
                 let hit = Box::new(strike.resolve(law.as_ref())?);
                 y[nq..].copy_from_slice(&hit.qd_plus);

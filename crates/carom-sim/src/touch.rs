@@ -9,7 +9,7 @@
 
 use crate::error::SimError;
 use carom_chain::{Chain, Coordinates, Kinematics, Spatial};
-use carom_contact::{LinkShape, Obstacle, gap, link_shapes};
+use carom_contact::{LinkShape, Obstacle, gap, link_shapes, reachable_pairs};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// A pair that may touch.
@@ -49,24 +49,23 @@ impl Touch {
         touches
     }
 
-    /// Every shape of every link that moves against every surface, and every joint limit.
+    /// Every shape of a link with every surface that it can reach at some pose, and every joint limit. What is out of reach
+    /// is left out once, and exactly.
     ///
     /// # Errors
     /// A mesh that can't be used.
     pub fn all(chain: &Chain, surfaces: Vec<(String, Obstacle)>) -> Result<Vec<Self>, SimError> {
-        let mut touches = Vec::new();
-        for shape in link_shapes(chain)? {
-            if chain.point(shape.frame(), Vector3::zeros()).body.is_none() {
-                continue; // fixed to the world
+        let shapes = link_shapes(chain)?;
+        let (names, obstacles): (Vec<String>, Vec<Obstacle>) = surfaces.into_iter().unzip();
+        let reachable = reachable_pairs(chain, &shapes, &obstacles).pairs.into_iter().map(|pair| {
+            let (shape, obstacle) = (&shapes[pair.shape], &obstacles[pair.obstacle]);
+            let name = format!("{} on {}", shape.link(), names[pair.obstacle]);
+            Self {
+                name,
+                kind: TouchKind::Surface { shape: Box::new(shape.clone()), obstacle: Box::new(obstacle.clone()) },
             }
-            for (surface, obstacle) in &surfaces {
-                let name = format!("{} on {surface}", shape.link());
-                let kind = TouchKind::Surface { shape: Box::new(shape.clone()), obstacle: Box::new(obstacle.clone()) };
-                touches.push(Self { name, kind });
-            }
-        }
-        touches.extend(Self::limits(chain));
-        Ok(touches)
+        });
+        Ok(reachable.chain(Self::limits(chain)).collect())
     }
 
     /// Gap and place at a configuration.
