@@ -86,7 +86,7 @@ fn a_chain_without_shapes_has_none() {
     assert!(link_shapes(&chain).unwrap().is_empty());
 }
 
-/// A tetrahedron with a corner at (1, 2, 3) mm-scaled to metres, in three formats.
+/// A tetrahedron with corners at 1, 2 and 3 m on the axes, written in mm, in three formats.
 #[test]
 fn meshes_are_read_with_their_scale_and_count_as_hulls_against_a_plane() {
     let folder = std::env::temp_dir().join(format!("carom-meshes-{}", std::process::id()));
@@ -130,6 +130,34 @@ fn meshes_are_read_with_their_scale_and_count_as_hulls_against_a_plane() {
         let found = gap(&shapes[0], &carom_chain::algebra::Pose::identity(), &floor);
         assert!((found.distance - 1.0).abs() < 1e-6, "{file}: {found:?}");
     }
+    // COLLADA: the corner that points up is z in one file and y in the other; units of mm and of m, one moved by a node.
+    let dae = |up: &str, unit: &str, tip: &str, node: &str| {
+        format!(
+            r##"<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+            <asset><unit name="u" meter="{unit}"/><up_axis>{up}</up_axis></asset>
+            <library_geometries><geometry id="g"><mesh>
+              <source id="p"><float_array id="a" count="12">0 0 0 1000 0 0 {tip}</float_array><technique_common>
+                <accessor source="#a" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+                <param name="Z" type="float"/></accessor></technique_common></source>
+              <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+              <triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+                <p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+            <library_visual_scenes><visual_scene id="s"><node>{node}<instance_geometry url="#g"/></node></visual_scene>
+            </library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"##
+        )
+    };
+    std::fs::write(folder.join("z.dae"), dae("Z_UP", "1", "0 2000 0 0 0 3000", "")).unwrap();
+    std::fs::write(folder.join("y.dae"), dae("Y_UP", "1", "0 0 2000 0 3000 0", "")).unwrap();
+    let moved = "<translate>0 0 -1000</translate>";
+    std::fs::write(folder.join("moved.dae"), dae("Z_UP", "1", "0 2000 0 0 0 3000", moved)).unwrap();
+    let halved = "<scale>1 1 0.5</scale>";
+    std::fs::write(folder.join("unit.dae"), dae("Z_UP", "2", "0 2000 0 0 0 3000", halved)).unwrap();
+    for (file, distance) in [("z.dae", 1.0), ("y.dae", 1.0), ("moved.dae", 2.0), ("unit.dae", 1.0)] {
+        let shapes = read(file).unwrap();
+        let found = gap(&shapes[0], &carom_chain::algebra::Pose::identity(), &floor);
+        assert!((found.distance - distance).abs() < 1e-6, "{file}: {found:?}");
+    }
+
     let empty = read("empty.stl").unwrap_err();
     assert!(matches!(empty, ContactError::Mesh { .. }));
     let said = empty.to_string();
