@@ -1,7 +1,7 @@
 //! Event-driven simulation against closed forms.
 
 use carom::Chain;
-use carom::sim::{ContactMode, ContactRule, Drive, EventKind, Scene, Simulation, StopReason, Touch};
+use carom::sim::{ContactMode, ContactRule, EventKind, Sampling, Scene, Seen, Simulation, StopReason, Surface, Touch};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
@@ -9,20 +9,20 @@ use nalgebra::Vector3;
 const G: f64 = 9.81;
 
 fn rule(law: &'static str, restitution: f64, friction: f64) -> ContactRule {
-    ContactRule { law, restitution, friction, limit_restitution: restitution }
+    ContactRule { law, restitution, friction, latch: false }
+}
+
+fn surface(obstacle: Obstacle, contact: ContactRule) -> Surface {
+    Surface { name: "floor".into(), obstacle, contact, motion: None }
 }
 
 fn simulation(chain: Chain, floor: Obstacle, contact: ContactRule) -> Simulation {
+    let touches = Touch::all(&chain, &[surface(floor, contact)], contact.restitution).unwrap().touches;
     Simulation {
-        touches: Touch::all(&chain, vec![("floor".into(), floor)]).unwrap(),
-        chain,
-        contact,
         gravity: Vector3::new(0.0, 0.0, -G),
-        drive: Drive::Off,
         tolerance: 1e-10,
-        max_step: 0.1,
-        zeno_time: 1e-5,
         max_events: 100_000,
+        ..Simulation::new(chain, touches)
     }
 }
 
@@ -49,7 +49,7 @@ fn ball(joint: &str) -> Chain {
 fn ball_bounces_to_e_squared_heights_and_comes_to_rest_when_it_should() {
     for (e, zeno) in [(0.5, 1.354570923), (0.8, 4.063712769), (0.9, 8.578949179)] {
         let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.3));
-        let run = sim.run(&[1.1], &[0.0], zeno + 1.0, None, &mut |_| {}).unwrap();
+        let run = sim.run(&[1.1], &[0.0], zeno + 1.0).unwrap();
         let impacts: Vec<_> = run.events.iter().filter(|e| matches!(e.kind, EventKind::Impact { .. })).collect();
         let first = (2.0 / G).sqrt();
         assert!((impacts[0].time - first).abs() < 1e-13 * first);
@@ -63,10 +63,10 @@ fn ball_bounces_to_e_squared_heights_and_comes_to_rest_when_it_should() {
         let end = run.events.iter().find(|e| matches!(e.kind, EventKind::Zeno { .. })).unwrap();
         assert!((end.time - zeno).abs() < 1e-9, "e {e}: {} against {zeno}", end.time);
         // It rests on the floor ever after, and has lost what it fell.
-        assert_eq!(run.mode.name(), "sticking");
-        assert!((run.last.q[0] - 0.1).abs() < 1e-12 && run.last.qd[0].abs() < 1e-12);
-        assert!((run.energy.impacts - 2.0 * G).abs() < 1e-9);
-        assert_eq!(run.stop, StopReason::Duration);
+        assert_eq!(run.summary.mode.name(), "sticking");
+        assert!((run.summary.last.q[0] - 0.1).abs() < 1e-12 && run.summary.last.qd[0].abs() < 1e-12);
+        assert!((run.summary.energy.impacts - 2.0 * G).abs() < 1e-9);
+        assert_eq!(run.summary.stop, StopReason::Duration);
     }
 }
 
@@ -76,14 +76,14 @@ fn ten_thousand_elastic_bounces_come_one_by_one() {
     let mut sim = simulation(ball("prismatic"), level(), rule("newton", 1.0, 0.0));
     sim.max_events = 10_000;
     let h = 0.02_f64;
-    let run = sim.run(&[0.1 + h], &[0.0], 1e4, None, &mut |_| {}).unwrap();
-    assert_eq!((run.stop, run.events.len()), (StopReason::Events, 10_000));
+    let run = sim.run(&[0.1 + h], &[0.0], 1e4).unwrap();
+    assert_eq!((run.summary.stop, run.events.len()), (StopReason::Events, 10_000));
     assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })));
     let half = (2.0 * h / G).sqrt();
     let last = half * (2.0 * 9_999.0 + 1.0);
     // Each bounce rounds position and time; the errors add up like a random walk, and the period follows the energy.
-    assert!((run.last.time / last - 1.0).abs() < 1e-8, "{} against {last}", run.last.time);
-    assert!((run.energy.end / run.energy.start - 1.0).abs() < 1e-8);
+    assert!((run.summary.last.time / last - 1.0).abs() < 1e-8, "{} against {last}", run.summary.last.time);
+    assert!((run.summary.energy.end / run.summary.energy.start - 1.0).abs() < 1e-8);
 }
 
 /// A ball thrown obliquely: no friction, so its course over ground is straight through all bounces.
@@ -92,11 +92,15 @@ fn free_ball_keeps_its_horizontal_velocity_without_friction() {
     let sim = simulation(ball("floating"), level(), rule("frictionless", 0.7, 0.0));
     let q = [0.0, 0.0, 1.1, 0.0, 0.0, 0.0, 1.0];
     let qd = [0.3, -0.2, 0.0, 0.0, 0.0, 0.0];
-    let run = sim.run(&q, &qd, 4.0, None, &mut |_| {}).unwrap();
+    let run = sim.run(&q, &qd, 4.0).unwrap();
     assert!(run.events.iter().any(|e| matches!(e.kind, EventKind::Zeno { .. })));
-    assert!((run.last.q[0] - 1.2).abs() < 1e-11 && (run.last.q[1] + 0.8).abs() < 1e-11, "{:?}", run.last);
-    assert!((run.last.q[2] - 0.1).abs() < 1e-11);
-    assert_eq!(run.mode, ContactMode::Sliding { touch: 0 });
+    assert!(
+        (run.summary.last.q[0] - 1.2).abs() < 1e-11 && (run.summary.last.q[1] + 0.8).abs() < 1e-11,
+        "{:?}",
+        run.summary.last
+    );
+    assert!((run.summary.last.q[2] - 0.1).abs() < 1e-11);
+    assert_eq!(run.summary.mode, ContactMode::Sliding { touch: 0 });
 }
 
 /// A solid ball put down with slip: Coulomb friction μ m g decelerates it and spins it up, until it rolls at 5/7 of its
@@ -105,7 +109,7 @@ fn free_ball_keeps_its_horizontal_velocity_without_friction() {
 fn sliding_ball_begins_to_roll_when_it_should() {
     let sim = simulation(ball("floating"), level(), rule("frictionless", 0.0, 0.2));
     let (q, v) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], 1.4);
-    let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 2.0, None, &mut |_| {}).unwrap();
+    let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 2.0).unwrap();
     let rolls =
         run.events.iter().find(|e| matches!(e.kind, EventKind::Mode { mode: ContactMode::Sticking { .. } })).unwrap();
     let time = 2.0 * v / (7.0 * 0.2 * G);
@@ -117,8 +121,8 @@ fn sliding_ball_begins_to_roll_when_it_should() {
         sim.chain.q_rate_into(kin_q, &m.qd, &mut rate);
         rate[0]
     };
-    assert!((speed(&run.last) - v * 5.0 / 7.0).abs() < 1e-7, "{}", speed(&run.last));
-    assert!(run.last.q[2] - 0.1 < 1e-10);
+    assert!((speed(&run.summary.last) - v * 5.0 / 7.0).abs() < 1e-7, "{}", speed(&run.summary.last));
+    assert!(run.summary.last.q[2] - 0.1 < 1e-10);
 }
 
 fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
@@ -141,7 +145,7 @@ fn restitution_comes_out_as_it_went_in_from_a_millimetre_to_metres_a_second() {
     for speed in [0.001, 0.01, 0.2, 3.0] {
         for e in [0.0, 0.35, 1.0] {
             let (sim, q, qd) = wall_scene(speed, e);
-            let run = sim.run(&q, &qd, 0.05 / speed, None, &mut |_| {}).unwrap();
+            let run = sim.run(&q, &qd, 0.05 / speed).unwrap();
             let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
             assert!(((hit.u_plus.x / hit.u_minus.x) + e).abs() < 1e-12, "{speed} {e}");
             // The whole jump is that of the closed form at the pose of the event.
@@ -174,7 +178,7 @@ fn false_zeno_pendulum_never_comes_to_rest() {
     let wall = Obstacle::half_space(Vector3::new(-0.05, 0.0, 0.0), Vector3::x()).unwrap();
     let sim = simulation(chain, wall, rule("newton", 0.5, 0.0));
     // Small swings: 1e-3 rad.
-    let run = sim.run(&[-1e-3], &[0.0], 30.0, None, &mut |_| {}).unwrap();
+    let run = sim.run(&[-1e-3], &[0.0], 30.0).unwrap();
     assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })), "{:?}", run.events.last());
     let half = std::f64::consts::PI / (G / 1.1_f64).sqrt();
     for pair in run.events.windows(2) {
@@ -202,11 +206,11 @@ fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
         let slope = Obstacle::half_space(Vector3::zeros(), Vector3::new(s, 0.0, c)).unwrap();
         let sim = simulation(chain.clone(), slope, rule("newton", 0.0, mu));
         let start = [0.1 * s, 0.1 * c];
-        let run = sim.run(&start, &[0.0, 0.0], 1.0, None, &mut |_| {}).unwrap();
-        let way = (run.last.q[0] - start[0]).hypot(run.last.q[1] - start[1]);
+        let run = sim.run(&start, &[0.0, 0.0], 1.0).unwrap();
+        let way = (run.summary.last.q[0] - start[0]).hypot(run.summary.last.q[1] - start[1]);
         let expected = if slides { 0.5 * G * (s - mu * c) } else { 0.0 };
         assert!((way - expected).abs() < 1e-9, "{way} against {expected}");
-        assert_eq!(run.mode.name(), if slides { "sliding" } else { "sticking" });
+        assert_eq!(run.summary.mode.name(), if slides { "sliding" } else { "sticking" });
     }
 }
 
@@ -226,7 +230,7 @@ fn bead_leaves_a_smooth_sphere_where_it_should() {
     let sim = simulation(chain, dome, rule("newton", 0.3, 0.0));
     let (theta, v) = (0.2_f64, 0.5);
     let (q, qd) = ([theta.sin(), theta.cos()], [v * theta.cos(), -v * theta.sin()]);
-    let run = sim.run(&q, &qd, 1.2, None, &mut |_| {}).unwrap();
+    let run = sim.run(&q, &qd, 1.2).unwrap();
     let leaves = run.events.iter().find(|e| matches!(e.kind, EventKind::LiftOff { .. })).unwrap();
     let height = 2.0 / 3.0 * (theta.cos() + v * v / (2.0 * G));
     assert!((leaves.q[1] - height).abs() < 1e-8, "{} against {height}", leaves.q[1]);
@@ -234,8 +238,8 @@ fn bead_leaves_a_smooth_sphere_where_it_should() {
     assert!((leaves.q[0].hypot(leaves.q[1]) - 1.0).abs() < 1e-11);
     let speed = leaves.qd_plus[0].hypot(leaves.qd_plus[1]);
     assert!((speed * speed - G * height).abs() < 1e-8);
-    assert_eq!(run.mode, ContactMode::Free);
-    assert!((run.energy.end - run.energy.start).abs() < 1e-9);
+    assert_eq!(run.summary.mode, ContactMode::Free);
+    assert!((run.summary.energy.end - run.summary.energy.start).abs() < 1e-9);
 }
 
 /// A dropped chain keeps its energy between impacts, over a minute and thousands of steps.
@@ -247,10 +251,14 @@ fn energy_is_conserved_between_impacts() {
     sim.gravity = Vector3::new(0.0, -G, 0.0);
     sim.tolerance = 1e-12;
     let mut moments = 0;
-    let run = sim.run(&[1.0, 0.5], &[0.0, 0.0], 60.0, Some(0.004), &mut |_| moments += 1).unwrap();
+    let sampling = Sampling { every: Some(0.004), dense: false };
+    let run = sim.stream(&[1.0, 0.5], &[0.0, 0.0], 60.0, sampling, &mut |seen| {
+        moments += usize::from(matches!(seen, Seen::Moment(_)));
+    });
+    let run = run.unwrap();
     assert_eq!(moments, 15_001);
     assert!((run.energy.end - run.energy.start).abs() < 1e-8, "{:?}", run.energy);
-    assert!(run.statistics.steps > 500 && run.events.is_empty());
+    assert!(run.statistics.steps > 500 && run.events == 0);
 }
 
 /// A limit is an impact of the joint, and all joints jump.
@@ -267,7 +275,7 @@ fn joint_limits_are_impacts() {
     let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
     let mut sim = simulation(chain, level(), rule("newton", 0.6, 0.0));
     sim.gravity = Vector3::zeros();
-    let run = sim.run(&[0.0, 0.0], &[0.1, 2.0], 2.0, None, &mut |_| {}).unwrap();
+    let run = sim.run(&[0.0, 0.0], &[0.1, 2.0], 2.0).unwrap();
     let event = &run.events[0];
     assert!(matches!(&event.kind, EventKind::Limit { joint, .. } if joint == "two"), "{:?}", event.kind);
     assert!((event.q[1] - 1.0).abs() < 1e-13);
@@ -282,9 +290,7 @@ fn joint_limits_are_impacts() {
 #[test]
 fn scene_file_of_the_design_runs() {
     let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/planar2.toml")).unwrap();
-    let mut samples = 0;
-    let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration, Some(0.004), &mut |_| samples += 1).unwrap();
-    assert_eq!(samples, 126);
+    let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
     let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
     assert!((hit.u_plus.x + 0.35 * hit.u_minus.x).abs() < 1e-15);
     assert!((hit.u_minus.norm() - 0.2).abs() < 1e-5);
@@ -296,15 +302,18 @@ fn what_can_not_be_simulated_is_refused_with_the_reason() {
     let said = |q: f64, tolerance: f64, duration: f64| {
         let mut sim = sim.clone();
         sim.tolerance = tolerance;
-        sim.run(&[q], &[0.0], duration, None, &mut |_| {}).unwrap_err().to_string()
+        sim.run(&[q], &[0.0], duration).unwrap_err().to_string()
     };
     assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: move the start apart");
     assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
     let hertz = simulation(ball("prismatic"), level(), rule("hertz", 0.5, 0.0));
-    let said = hertz.run(&[1.0], &[0.0], 1.0, None, &mut |_| {}).unwrap_err().to_string();
+    let said = hertz.run(&[1.0], &[0.0], 1.0).unwrap_err().to_string();
     assert_eq!(said, "no law is named 'hertz': the laws are frictionless, whittaker, newton, poisson, energetic");
     // A wall that nothing reaches is left out, and nothing happens.
     let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
-    assert!(Touch::all(&arm, vec![("floor".into(), level())]).unwrap().is_empty(), "it has no shapes");
+    assert!(
+        Touch::all(&arm, &[surface(level(), rule("newton", 0.5, 0.0))], 0.0).unwrap().touches.is_empty(),
+        "it has no shapes"
+    );
 }

@@ -44,6 +44,10 @@ pub struct PlanarChain {
     pub plane: Plane,
     /// World rotation of every frame while all joints are at zero.
     frame_rotations: Vec<Matrix3<f64>>,
+    /// Height of every frame's origin over the plane: no joint changes it.
+    frame_heights: Vec<f64>,
+    /// The greatest angle by which an axis was off, rad: 0 but for rounding unless a tolerance was given.
+    pub tilt: f64,
 }
 
 impl PlanarChain {
@@ -51,6 +55,17 @@ impl PlanarChain {
     pub fn point(&self, frame: FrameId, offset: Vector3<f64>) -> Point<Planar<f64>> {
         // A frame's planar axes are the plane's while the joints are at zero.
         self.chain.point(frame, self.plane.project(self.frame_rotations[frame.0] * offset))
+    }
+
+    /// The pose in space of a frame whose shadow has the pose `shadow`.
+    pub fn lift_pose(&self, frame: FrameId, shadow: &Pose<Planar<f64>>) -> Pose<Spatial<f64>> {
+        let Plane { x, y, normal } = self.plane;
+        let (cos, sin) = (shadow.rotation.cos, shadow.rotation.sin);
+        // x' = x cos + y sin, y' = y cos − x sin, and the normal stays: R = x'xᵀ + y'yᵀ + nnᵀ.
+        let turn =
+            (x * cos + y * sin) * x.transpose() + (y * cos - x * sin) * y.transpose() + normal * normal.transpose();
+        let translation = self.plane.lift(shadow.translation) + normal * self.frame_heights[frame.0];
+        Pose { rotation: turn * self.frame_rotations[frame.0], translation }
     }
 }
 
@@ -60,13 +75,31 @@ impl Chain {
     /// # Errors
     /// [`ChainError::NotReducible`] naming the joint that leaves the plane.
     pub fn to_planar(&self) -> Result<PlanarChain, ChainError> {
+        self.to_planar_within(0.0)
+    }
+
+    /// The same for a chain whose axes are off by up to `tolerance` (rad): its axes are straightened, its pose at zero stays.
+    ///
+    /// Straightening an axis by δ turns the rotation of its joint by at most 2δ, whatever its angle: with R its rotation and
+    /// Q the straightening, ‖QRQᵀ − R‖ = ‖(Q−1)R − R(Q−1)‖ ≤ 2‖Q − 1‖ ≤ 2δ. So no point is displaced by more than the sum
+    /// over the joints below it of 2δ times its greatest distance from them. [`PlanarChain::tilt`] is the largest δ.
+    ///
+    /// # Errors
+    /// [`ChainError::NotReducible`] naming the joint that leaves the plane.
+    pub fn to_planar_within(&self, tolerance: f64) -> Result<PlanarChain, ChainError> {
+        let aligned = ALIGNED.max(tolerance.sin());
         // World poses while every joint is at zero.
         let mut zero: Vec<Pose<Spatial<f64>>> = Vec::with_capacity(self.bodies.len());
         for body in &self.bodies {
             zero.push(body.parent.map_or(body.placement, |p| zero[p].then(&body.placement)));
         }
         let axes: Vec<Vector3<f64>> = zero.iter().map(|pose| pose.rotation.column(2).into_owned()).collect();
-        let plane = self.plane_of(&axes)?;
+        let plane = self.plane_of(&axes, aligned)?;
+        let off = self.bodies.iter().zip(&axes).map(|(body, axis)| match body.joint {
+            SpatialJoint::Prismatic => axis.dot(&plane.normal).abs(),
+            _ => axis.cross(&plane.normal).norm(),
+        });
+        let tilt = off.fold(0.0, f64::max).min(1.0).asin();
 
         let shadow = |pose: &Pose<Spatial<f64>>, x: Vector2<f64>| Pose::<Planar<f64>> {
             rotation: crate::algebra::Turn { cos: x.x, sin: x.y },
@@ -109,11 +142,12 @@ impl Chain {
         });
         let chain = Chain { about: self.about.clone(), bodies, frames: frames.collect(), nq: self.nq, nv: self.nv };
         let frame_rotations = self.frames.iter().map(|f| in_world(f).rotation).collect();
-        Ok(PlanarChain { chain, plane, frame_rotations })
+        let frame_heights = self.frames.iter().map(|f| plane.normal.dot(&in_world(f).translation)).collect();
+        Ok(PlanarChain { chain, plane, frame_rotations, frame_heights, tilt })
     }
 
     /// The plane that all joints keep to.
-    fn plane_of(&self, axes: &[Vector3<f64>]) -> Result<Plane, ChainError> {
+    fn plane_of(&self, axes: &[Vector3<f64>], aligned: f64) -> Result<Plane, ChainError> {
         let leaves = |i: usize, why: String| {
             Err(ChainError::NotReducible(format!("joint '{}' leaves the plane: {why}", self.joint_of_body(i))))
         };
@@ -131,17 +165,17 @@ impl Chain {
             // Sliders only: the normal of the first two that are not parallel, or any normal of one direction.
             None => sliders()
                 .map(|i| axes[first].cross(&axes[i]))
-                .find(|n| n.norm() > ALIGNED)
+                .find(|n| n.norm() > aligned)
                 .map_or_else(|| z_onto(axes[first]).column(1).into_owned(), |n| n.normalize()),
         };
         // The normal's own sign is nobody's choice: make its largest component positive.
         let normal = normal * normal[normal.iamax()].signum();
-        if let Some(i) = hinges().find(|&i| axes[i].cross(&normal).norm() > ALIGNED) {
+        if let Some(i) = hinges().find(|&i| axes[i].cross(&normal).norm() > aligned) {
             let [x, y, z] = axes[i].into();
             let hinge = self.joint_of_body(first);
             return leaves(i, format!("its axis ({x:.6}, {y:.6}, {z:.6}) is not parallel to that of '{hinge}'"));
         }
-        if let Some(i) = sliders().find(|&i| axes[i].dot(&normal).abs() > ALIGNED) {
+        if let Some(i) = sliders().find(|&i| axes[i].dot(&normal).abs() > aligned) {
             let [x, y, z] = normal.into();
             return leaves(i, format!("its direction is not square to the plane's normal ({x:.6}, {y:.6}, {z:.6})"));
         }

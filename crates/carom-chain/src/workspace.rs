@@ -201,6 +201,20 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(velocity)
     }
 
+    /// Angular velocity of a frame for joint rates `qd` (length nv), world axes, rad/s.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    pub fn angular_velocity(&self, frame: FrameId, qd: &[A::Scalar]) -> Result<A::Angular, ChainError> {
+        self.chain.check_nv("qd", qd.len())?;
+        let frame = &self.chain.frames[frame.0];
+        let mut velocity = A::Angular::zero();
+        self.for_each_mover(Point { body: frame.body, position: frame.pose.translation }, |i, _| {
+            velocity += self.ws.axis[i].at_rate(qd[self.chain.bodies[i].v_index]).angular;
+        });
+        Ok(velocity)
+    }
+
     /// Jᵀf: the joint forces that a force on a point amounts to. Adds them to `out` (length nv).
     ///
     /// # Errors

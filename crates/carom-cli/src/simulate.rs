@@ -4,7 +4,7 @@ use crate::error::CliError;
 use crate::input::Refused;
 use crate::output::{answer, say, short};
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{Event, EventKind, Moment, Scene, SimError, Simulation, Statistics, Trajectory};
+use carom_sim::{Event, EventKind, Moment, Sampling, Scene, Seen, SimError, Simulation, Statistics};
 use clap::Args;
 use serde::Serialize;
 use std::fs::File;
@@ -101,16 +101,23 @@ impl Simulate {
         let sim = &scene.simulation;
         let mut table = self.csv.as_deref().map(|path| Table::begin(path, &sim.chain)).transpose()?;
         let every = table.is_some().then(|| scene.sample.unwrap_or(SAMPLE));
-        let run = sim.run(&scene.q, &scene.qd, scene.duration, every, &mut |moment| {
-            if let Some(table) = &mut table {
-                table.row(&moment);
+        let mut events = Vec::new();
+        let sampling = Sampling { every, dense: false };
+        let run = sim.stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| match seen {
+            Seen::Moment(moment) => {
+                if let Some(table) = &mut table {
+                    table.row(moment);
+                }
             }
+            Seen::Event(event) => events.push(event.clone()),
+            Seen::Segment(_) => {}
         });
         let run = run.map_err(refuse)?;
         if let Some(table) = table {
             table.finish()?;
         }
-        let written = answer(out, &summary(sim, &run), self.json, |_, out| for_people(sim, &run, out));
+        let written =
+            answer(out, &summary(sim, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
         written.map_err(|refused| match refused {
             Refused::Output(e) => CliError::Output(e),
             Refused::Input(e) => CliError::Scene(format!("{}: {e}", self.scene.display())),
@@ -118,7 +125,7 @@ impl Simulate {
     }
 }
 
-fn summary<'a>(sim: &'a Simulation, run: &'a Trajectory) -> Summary<'a> {
+fn summary<'a>(sim: &'a Simulation, events: &'a [Event], run: &'a carom_sim::Summary) -> Summary<'a> {
     let happened = |e: &'a Event| Happened {
         time: e.time,
         kind: e.kind.name(),
@@ -127,8 +134,8 @@ fn summary<'a>(sim: &'a Simulation, run: &'a Trajectory) -> Summary<'a> {
         qd_minus: &e.qd_minus,
         qd_plus: &e.qd_plus,
         impact: match &e.kind {
-            EventKind::Impact { hit, .. } => Some(Impact {
-                law: sim.contact.law,
+            EventKind::Impact { touch, hit } => Some(Impact {
+                law: sim.touches[*touch].contact.law,
                 impulse: hit.impulse.into(),
                 u_minus: hit.u_minus.into(),
                 u_plus: hit.u_plus.into(),
@@ -142,11 +149,11 @@ fn summary<'a>(sim: &'a Simulation, run: &'a Trajectory) -> Summary<'a> {
             _ => None,
         },
     };
-    let Statistics { steps, rejections, evaluations, refinements } = run.statistics;
+    let Statistics { steps, rejections, evaluations, refinements, .. } = run.statistics;
     Summary {
         stop_reason: run.stop.name(),
         mode: run.mode.name(),
-        events: run.events.iter().map(happened).collect(),
+        events: events.iter().map(happened).collect(),
         r#final: Last { time: run.last.time, q: &run.last.q, qd: &run.last.qd },
         energy: Energy { start: run.energy.start, end: run.energy.end, lost_in_impacts: run.energy.impacts },
         statistics: Cost { steps, rejections, evaluations, refinements },
@@ -160,8 +167,8 @@ fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
     }
 }
 
-fn for_people(sim: &Simulation, run: &Trajectory, out: &mut dyn Write) -> io::Result<()> {
-    for event in &run.events {
+fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out: &mut dyn Write) -> io::Result<()> {
+    for event in events {
         write!(
             out,
             "{:>14} s  {:10} {}",
@@ -193,14 +200,7 @@ fn for_people(sim: &Simulation, run: &Trajectory, out: &mut dyn Write) -> io::Re
         short(e.end),
         short(e.impacts)
     )?;
-    writeln!(
-        out,
-        "{} events, {} steps, {} rejected, {} evaluations",
-        run.events.len(),
-        s.steps,
-        s.rejections,
-        s.evaluations
-    )
+    writeln!(out, "{} events, {} steps, {} rejected, {} evaluations", run.events, s.steps, s.rejections, s.evaluations)
 }
 
 /// A CSV file, written beside its place and moved there when it is whole.

@@ -88,17 +88,17 @@ pub enum SimError {
         /// How deep, m.
         depth: f64,
     },
-    /// Two contacts at one time.
-    #[error(
-        "at t = {time} s {second} touches while {first} does: one contact at a time is simulated, several at once are not yet"
-    )]
-    SeveralContacts {
-        /// Time, s.
-        time: f64,
-        /// The contact that lasts.
-        first: String,
-        /// The contact that comes.
-        second: String,
+    /// The rule of a contact can't be followed.
+    #[error("{touch}: {what} is {value}: {rule}")]
+    Contact {
+        /// What touches.
+        touch: String,
+        /// What it is.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The rule.
+        rule: &'static str,
     },
     /// Rigid sliding has no consistent acceleration (Painlevé).
     #[error(

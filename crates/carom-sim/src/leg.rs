@@ -11,7 +11,7 @@
 //! as the integration, not as its interpolation.
 
 use crate::error::SimError;
-use crate::trajectory::Statistics;
+use crate::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
 use ivp::methods::DOP853;
@@ -51,23 +51,33 @@ pub(crate) struct Accuracy {
     pub max_step: f64,
 }
 
-/// Hands out states at multiples of an interval.
+/// Hands out moments at multiples of an interval, and segments.
 pub(crate) struct Sampler<'a> {
-    /// Seconds between samples; `None` for none.
-    pub every: Option<f64>,
-    /// How many were handed out.
+    pub sampling: Sampling,
+    /// Lengths of q and qd.
+    pub sizes: (usize, usize),
+    /// How many moments were handed out.
     pub count: usize,
     /// Who gets them.
-    pub watch: &'a mut dyn FnMut(f64, &[f64]),
+    pub watch: &'a mut dyn FnMut(Seen),
 }
 
 impl Sampler<'_> {
-    /// Hands out what is due up to `time`, from the states that `at` computes.
-    fn until(&mut self, time: f64, mut at: impl FnMut(f64, &mut dyn FnMut(f64, &[f64]))) {
-        let Some(every) = self.every else { return };
-        while self.count as f64 * every <= time {
-            at(self.count as f64 * every, self.watch);
-            self.count += 1;
+    /// Hands out what is due of the stretch from `start` to `end`, from the states that `at` computes; `points` make up
+    /// a segment.
+    pub fn stretch(&mut self, start: f64, end: f64, points: usize, mut at: impl FnMut(f64) -> Vec<f64>) {
+        let (nq, nv) = self.sizes;
+        if let Some(every) = self.sampling.every {
+            while self.count as f64 * every <= end {
+                let time = self.count as f64 * every;
+                let y = at(time);
+                (self.watch)(Seen::Moment(&Moment { time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }));
+                self.count += 1;
+            }
+        }
+        if self.sampling.dense && end > start {
+            let states = Segment::times(start, end, points).map(|time| at(time)[..nq + nv].to_vec()).collect();
+            (self.watch)(Seen::Segment(&Segment { start, end, states }));
         }
     }
 }
@@ -227,9 +237,9 @@ impl SolOut for Observer<'_, '_, '_> {
         let until = first.map_or(end, |(time, _)| time);
         if let Some(sampler) = &mut self.sampler {
             let buffer = &mut self.buffer;
-            sampler.until(until, |time, watch| {
+            sampler.stretch(start, until, Segment::POINTS, |time| {
                 dense.interpolate(time, buffer);
-                watch(time, buffer);
+                buffer.clone()
             });
         }
         if let Some((time, witness)) = first {

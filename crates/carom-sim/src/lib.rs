@@ -9,22 +9,30 @@
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
 
+mod drive;
 mod error;
 mod free_motion;
 mod frictionless;
 mod leg;
 mod motion;
 mod scene;
+mod scene_file;
+mod several;
 mod simulate;
+mod space;
 mod strike;
 mod touch;
 mod trajectory;
 
+pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
 pub use scene::Scene;
-pub use simulate::{ContactRule, Drive, Simulation};
+pub use simulate::Simulation;
 pub use strike::{ChainImpact, Contact, Impacts, Strike};
-pub use touch::Touch;
-pub use trajectory::{ContactMode, EnergyBooks, Event, EventKind, Moment, Statistics, StopReason, Trajectory};
+pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
+pub use trajectory::{
+    Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
+    Trajectory,
+};

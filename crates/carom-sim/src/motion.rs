@@ -1,42 +1,78 @@
-//! The smooth motion of a chain in one mode of contact: free, sliding or sticking, and what is watched in it.
+//! The smooth motion of a chain in one mode of contact, and what is watched in it.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | g̈₀, u̇₀ | 1, 3 | accelerations of gap and touching point without contact force | `gap_free`, `u_free` |
-//! | λ | 3 | contact force, world, N | `force` |
+//! | q̈₀ | nv | acceleration without constraint forces | `free` |
+//! | R, F | m×nv | rows of the constraints; directions in which their forces act | `rows`, `forces` |
+//! | K | m×m | R M⁻¹ Fᵀ | `delassus` |
+//! | λ | m | constraint forces | `lambda` |
 //! | d | 3 | unit direction of slip | `slip` |
 //!
-//! Sliding: λ = λₙ(n − μ d), λₙ = −g̈₀/(nᵀHn − μ nᵀHd). Sticking: λ = −H⁺u̇₀.
+//! All constraints at once: R q̈ + drift = 0 with q̈ = q̈₀ + M⁻¹Fᵀλ, so K λ = −(R q̈₀ + drift). A sticking contact has three
+//! rows (R = F = J); a sliding one has the normal row, and its force acts along n − μ d; a joint held by its dry friction
+//! has its own.
+//!
+//! State vectors are (q, qd, work of the drive, work of resistance): the energy's books are integrated with the motion.
 
+use crate::drive::Asked;
 use crate::error::SimError;
 use crate::leg::{Flow, Witness};
-use crate::simulate::{Drive, Simulation};
-use crate::touch::TouchKind;
+use crate::simulate::Simulation;
+use crate::space::{Space, View};
 use crate::trajectory::ContactMode;
-use carom_chain::{Coordinates, Kinematics, Spatial, Workspace};
+use carom_chain::{Coordinates, Workspace};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// State vectors are (q, qd).
-pub(crate) struct Motion<'a> {
+/// A chain in motion.
+pub(crate) struct Motion<'a, A: Space> {
     pub sim: &'a Simulation,
-    pub workspace: Workspace<Spatial<f64>>,
+    pub model: &'a A::Model,
+    pub workspace: Workspace<A>,
     pub mode: ContactMode,
     /// Direction of slip while the slip itself is too small to show it.
     pub slip: Vector3<f64>,
-    /// A touch whose witness sleeps, and until when.
-    pub asleep: Option<(usize, f64)>,
+    /// Touches whose witnesses sleep, and until when.
+    pub asleep: Vec<(usize, f64)>,
+    /// Joints with dry friction.
+    pub dry: Vec<DryJoint>,
+    /// Impacts so far, by touch.
+    pub impacts: Vec<usize>,
 }
 
-/// A lasting contact's acceleration and force.
+/// A joint with dry friction.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DryJoint {
+    pub v: usize,
+    /// N m or N.
+    pub friction: f64,
+    pub state: Dry,
+}
+
+/// What a joint's dry friction does.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Dry {
+    /// It holds the joint.
+    Holds,
+    /// The joint moves in this direction (1 or −1), against it.
+    Brakes(f64),
+}
+
+/// Accelerations and constraint forces at one state.
 pub(crate) struct Held {
     pub qdd: DVector<f64>,
+    /// Force of the lasting contact on the robot, world.
     pub force: Vector3<f64>,
     pub normal: Vector3<f64>,
+    /// Its part that must not pull (a limit's whole force).
     pub normal_force: f64,
+    /// Forces of the joints that dry friction holds, in the order of `dry`; 0 for the others.
+    pub joints: Vec<f64>,
+    /// Power of the drive, and of everything that resists.
+    pub power: [f64; 2],
 }
 
 /// Slip slower than this share of the joints' speed has no direction of its own.
-const STILL: f64 = 1e-9;
+pub(crate) const STILL: f64 = 1e-9;
 
 /// What a witness watches.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,12 +84,23 @@ pub(crate) enum Watch {
     SlipStops,
     /// Friction no longer holds.
     Cone,
+    /// A joint braked by dry friction comes to rest (index into `dry`).
+    JointStops(usize),
+    /// Dry friction no longer holds a joint.
+    JointBreaksLoose(usize),
+}
+
+/// How a touch takes part in a constraint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Hold {
+    Slides,
+    Sticks,
 }
 
 impl Simulation {
     /// Makes the quaternions in q unit again: stages and steps of the integration leave the sphere by their error. Says
     /// whether any was off.
-    fn normalise(&self, q: &mut [f64]) -> bool {
+    pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
         let mut changed = false;
         for joint in self.chain.joints() {
             if let Coordinates::Own { q: own, v } = &joint.coordinates
@@ -69,135 +116,253 @@ impl Simulation {
     }
 }
 
-impl<'a> Motion<'a> {
+impl<'a, A: Space> Motion<'a, A> {
     /// Free motion of a simulation's chain.
-    pub fn new(sim: &'a Simulation) -> Self {
-        let workspace = sim.chain.workspace();
-        Self { sim, workspace, mode: ContactMode::Free, slip: Vector3::zeros(), asleep: None }
+    pub fn new(sim: &'a Simulation, model: &'a A::Model) -> Self {
+        let mut dry = Vec::new();
+        for joint in sim.chain.joints() {
+            if let Coordinates::Own { v, .. } = &joint.coordinates
+                && joint.friction > 0.0
+            {
+                dry.extend(v.clone().map(|v| DryJoint { v, friction: joint.friction, state: Dry::Holds }));
+            }
+        }
+        Self {
+            sim,
+            model,
+            workspace: A::chain(model).workspace(),
+            mode: ContactMode::Free,
+            slip: Vector3::zeros(),
+            asleep: Vec::new(),
+            dry,
+            impacts: vec![0; sim.touches.len()],
+        }
     }
 
     pub fn split<'y>(&self, y: &'y [f64]) -> (&'y [f64], &'y [f64]) {
-        y.split_at(self.sim.chain.nq())
+        let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
+        (&y[..nq], &y[nq..nq + nv])
+    }
+
+    pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {
+        View::new(self.model, &mut self.workspace, q)
     }
 
     pub fn energy(&mut self, y: &[f64]) -> Result<f64, SimError> {
         let (q, qd) = self.split(y);
-        let mut kin = self.workspace.update(&self.sim.chain, q)?;
-        Ok(kin.kinetic_energy(qd)? + kin.potential_energy(self.sim.gravity))
+        let gravity = self.sim.gravity;
+        self.view(q)?.energy(qd, gravity)
     }
 
-    /// q̈ without contact force.
-    fn free_acceleration(
-        sim: &Simulation,
-        kin: &mut Kinematics<Spatial<f64>>,
-        q: &[f64],
-        qd: &[f64],
-    ) -> Result<DVector<f64>, SimError> {
-        let mut tau = match &sim.drive {
-            Drive::Off => vec![0.0; qd.len()],
-            Drive::Constant(tau) => tau.clone(),
-            Drive::Pd { kp, kd, target } => (0..qd.len()).map(|i| kp * (target[i] - q[i]) - kd * qd[i]).collect(),
-            Drive::GravityCompensation => kin.gravity_force(sim.gravity).as_slice().to_vec(),
-        };
+    /// Forces of drive, damping and braking joints, and the powers of the drive and of the others.
+    pub fn applied(&mut self, time: f64, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, [f64; 2]), SimError> {
+        let sim = self.sim;
+        let hit = self.impacts.iter().any(|&count| count > 0);
+        let drive = if hit { sim.after_impact.as_ref().unwrap_or(&sim.drive) } else { &sim.drive };
+        let asked = Asked { chain: &sim.chain, time, gravity: sim.gravity, hit };
+        let mut tau = drive.forces(asked, &mut View::<A>::new(self.model, &mut self.workspace, q)?, q, qd)?;
+        let driven: f64 = tau.iter().zip(qd).map(|(f, v)| f * v).sum();
+        let mut resisted = 0.0;
         for joint in sim.chain.joints() {
             if let Coordinates::Own { v, .. } = &joint.coordinates {
                 for i in v.clone() {
                     tau[i] -= joint.damping * qd[i];
+                    resisted -= joint.damping * qd[i] * qd[i];
                 }
             }
         }
-        Ok(kin.forward_dynamics(qd, &tau, sim.gravity)?)
+        for joint in &self.dry {
+            if let Dry::Brakes(direction) = joint.state {
+                tau[joint.v] -= joint.friction * direction;
+                resisted -= joint.friction * direction * qd[joint.v];
+            }
+        }
+        Ok((tau, [driven, resisted]))
     }
 
-    /// Gap, its rate and the touching point's velocity at one state.
-    pub fn closing(&mut self, touch: usize, q: &[f64], qd: &[f64]) -> Result<(f64, f64, Vector3<f64>), SimError> {
+    /// Gap, its rate and the touching point's velocity over the surface at one state.
+    pub fn closing(
+        &mut self,
+        touch: usize,
+        q: &[f64],
+        qd: &[f64],
+        time: f64,
+    ) -> Result<(f64, f64, Vector3<f64>), SimError> {
+        let touch = &self.sim.touches[touch];
+        let view = self.view(q)?;
+        let at = touch.at(&view, q, time);
+        let u = at.surface.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
+        Ok((at.gap, touch.rate(&at, &view, qd, time)?, u))
+    }
+
+    /// dġ/dt and du/dt while no joint accelerates: what curvature of paths and surfaces does. In closed form where there
+    /// is one; else central differences of fourth order along the motion: with steps of 1e-3 of the joints' own time
+    /// their error is about 1e-12 of the terms.
+    fn drift(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, Vector3<f64>), SimError> {
         let sim = self.sim;
-        let kin = self.workspace.update(&sim.chain, q)?;
-        let at = sim.touches[touch].at(&kin, q);
-        let rate = sim.touches[touch].gap_rate(&at, &kin, qd)?;
-        let u = match at.surface {
-            Some((point, _)) => kin.point_velocity(point, qd)?,
-            None => Vector3::zeros(),
-        };
-        Ok((at.gap, rate, u))
-    }
-
-    /// dġ/dt and du/dt while no joint accelerates: what curvature of paths and surfaces does. Central differences of
-    /// fourth order along the motion; with steps of 1e-3 of the joints' own time their error is about 1e-12 of the terms.
-    fn drift(&mut self, touch: usize, q: &[f64], qd: &[f64]) -> Result<(f64, Vector3<f64>), SimError> {
-        let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        {
+            let mut view = self.view(q)?;
+            let at = sim.touches[touch].at(&view, q, time);
+            if let Some(closed) = sim.touches[touch].drift(&at, &mut view, qd, time) {
+                return closed;
+            }
+        }
+        let shake = sim.touches[touch].motion.map_or(0.0, |motion| motion.frequency);
+        let speed = qd.iter().fold(shake.abs(), |m, x| m.max(x.abs()));
         if speed == 0.0 {
             return Ok((0.0, Vector3::zeros()));
         }
         let h = 1e-3 / speed.max(1e-3);
         let (mut rate, mut u) = (0.0, Vector3::zeros());
         let mut unit = q.to_vec();
-        self.sim.normalise(&mut unit);
+        sim.normalise(&mut unit);
         for (steps, weight) in [(1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)] {
-            let moved = self.sim.chain.integrate(&unit, qd, steps * h)?;
-            let (_, rate_there, u_there) = self.closing(touch, &moved, qd)?;
+            let moved = sim.chain.integrate(&unit, qd, steps * h)?;
+            let (_, rate_there, u_there) = self.closing(touch, &moved, qd, time + steps * h)?;
             rate += weight * rate_there;
             u += u_there * weight;
         }
         Ok((rate / (12.0 * h), u / (12.0 * h)))
     }
 
-    /// The acceleration of the gap in free motion.
-    pub fn gap_free(&mut self, touch: usize, y: &[f64]) -> Result<f64, SimError> {
+    /// The acceleration of a gap in the present mode.
+    pub fn gap_acceleration(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let (q, qd) = self.split(y);
-        let (drift, _) = self.drift(touch, q, qd)?;
+        let (drift, _) = self.drift(touch, q, qd, time)?;
+        let qdd = self.in_mode(time, y)?.qdd;
         let sim = self.sim;
-        let mut kin = self.workspace.update(&sim.chain, q)?;
-        let qdd = Self::free_acceleration(sim, &mut kin, q, qd)?;
-        let at = sim.touches[touch].at(&kin, q);
-        Ok(sim.touches[touch].normal_row(&at, &kin)?.dot(&qdd) + drift)
+        let view = self.view(q)?;
+        let at = sim.touches[touch].at(&view, q, time);
+        Ok(sim.touches[touch].row(&at, &view)?.dot(&qdd) + drift)
     }
 
-    /// A lasting contact's force and acceleration.
-    pub fn held(&mut self, time: f64, y: &[f64], touch: usize, sticking: bool) -> Result<Held, SimError> {
-        let (q, qd) = self.split(y);
-        let (gap_drift, u_drift) = self.drift(touch, q, qd)?;
-        let (sim, slip) = (self.sim, self.slip);
-        let mut kin = self.workspace.update(&sim.chain, q)?;
-        let qdd = Self::free_acceleration(sim, &mut kin, q, qd)?;
-        let at = sim.touches[touch].at(&kin, q);
-        let Some((j, (_, n))) = sim.touches[touch].jacobian(&at, &kin).zip(at.surface) else {
-            let row = sim.touches[touch].normal_row(&at, &kin)?;
-            let response = kin.solve(row.as_slice())?;
-            let force = -(row.dot(&qdd) + gap_drift) / row.dot(&response);
-            let normal = Vector3::zeros();
-            return Ok(Held { qdd: qdd + response * force, force: normal, normal, normal_force: force });
+    /// Accelerations and forces in the present mode.
+    pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
+        let lasting = match self.mode {
+            ContactMode::Free | ContactMode::Several => None,
+            ContactMode::Sliding { touch } => Some((touch, Hold::Slides)),
+            ContactMode::Sticking { touch } | ContactMode::Latched { touch } => Some((touch, Hold::Sticks)),
         };
-        let response = responses(&mut kin, &j)?;
-        let h = Matrix3::from_fn(|a, b| j.row(a).dot(&response.column(b).transpose()));
-        let mu = sim.contact.friction;
-        let force = if sticking {
-            let u_free = Vector3::from_iterator((&j * &qdd).iter().copied()) + u_drift;
-            -(pseudo_inverse(h) * u_free)
-        } else {
-            let u = Vector3::from_iterator((&j * DVector::from_column_slice(qd)).iter().copied());
-            let d = direction_of_slip(u, n, qd).unwrap_or(slip) * if mu > 0.0 { 1.0 } else { 0.0 };
-            let c = n.dot(&(h * n));
-            let inverse_mass = c - mu * n.dot(&(h * d));
-            if inverse_mass <= c * 1e-12 {
+        self.held(time, y, lasting)
+    }
+
+    /// Accelerations and forces with (or without) a lasting contact.
+    pub fn held(&mut self, time: f64, y: &[f64], lasting: Option<(usize, Hold)>) -> Result<Held, SimError> {
+        let (q, qd) = self.split(y);
+        let drift = lasting.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
+        let (tau, mut power) = self.applied(time, q, qd)?;
+        let (sim, slip, dry) = (self.sim, self.slip, self.dry.clone());
+        let mut view = self.view(q)?;
+        let free = view.acceleration(qd, &tau, sim.gravity)?;
+
+        let (mut rows, mut forces, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut contact, mut normal, mut along) = (0, Vector3::zeros(), Vector3::zeros());
+        let mut point_velocity = Vector3::zeros();
+        if let (Some((touch, hold)), Some((gap_drift, u_drift))) = (lasting, drift) {
+            let touch = &sim.touches[touch];
+            let at = touch.at(&view, q, time);
+            match (at.surface, hold) {
+                (Some(place), Hold::Sticks) => {
+                    let jacobian = view.jacobian(place.point);
+                    rows.extend((0..3).map(|k| jacobian.row(k).transpose()));
+                    forces.extend(rows.iter().cloned());
+                    drifts.extend(u_drift.iter());
+                    normal = place.normal;
+                }
+                (Some(place), Hold::Slides) => {
+                    let mu = touch.contact.friction;
+                    let u = touch.u(&place, &view, qd, time)?;
+                    let d = direction_of_slip(u, place.normal, qd).unwrap_or(slip);
+                    normal = place.normal;
+                    along = if mu > 0.0 { normal - d * mu } else { normal };
+                    rows.push(touch.row(&at, &view)?);
+                    forces.push(view.row(place.point, along)?);
+                    drifts.push(gap_drift);
+                }
+                (None, _) => {
+                    rows.push(touch.row(&at, &view)?);
+                    forces.push(rows[0].clone());
+                    drifts.push(gap_drift);
+                }
+            }
+            contact = rows.len();
+            if let Some(place) = at.surface {
+                point_velocity = view.velocity(place.point, qd)?;
+            }
+        }
+        for joint in dry.iter().filter(|joint| joint.state == Dry::Holds) {
+            let mut row = DVector::zeros(qd.len());
+            row[joint.v] = 1.0;
+            rows.push(row.clone());
+            forces.push(row);
+            drifts.push(0.0);
+        }
+
+        let mut held =
+            Held { qdd: free, force: Vector3::zeros(), normal, normal_force: 0.0, joints: vec![0.0; dry.len()], power };
+        if rows.is_empty() {
+            return Ok(held);
+        }
+        let responses: Vec<DVector<f64>> =
+            forces.iter().map(|force| view.kin.solve(force.as_slice())).collect::<Result<_, _>>()?;
+        let delassus = DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i].dot(&responses[j]));
+        let wanted = DVector::from_fn(rows.len(), |i, _| -(rows[i].dot(&held.qdd) + drifts[i]));
+        let slides = matches!(lasting, Some((_, Hold::Slides)));
+        if let (true, Some((touch, _))) = (slides, lasting) {
+            // The unit force against the rest held: sliding is consistent if it opens the gap.
+            let mut unit = DVector::zeros(rows.len());
+            unit[0] = 1.0;
+            let opens = solve(&delassus, &unit)[0];
+            let mu = sim.touches[touch].contact.friction;
+            if opens.is_nan()
+                || opens <= 0.0
+                || 1.0 / opens <= 1e-12 * rows[0].dot(&view.kin.solve(rows[0].as_slice())?)
+            {
                 return Err(SimError::Jam { time, touch: sim.touches[touch].name.clone(), friction: mu });
             }
-            let gap_free = n.dot(&Vector3::from_iterator((&j * &qdd).iter().copied())) + gap_drift;
-            (n - d * mu) * (-gap_free / inverse_mass)
-        };
-        Ok(Held { qdd: qdd + &response * force, force, normal: n, normal_force: n.dot(&force) })
+        }
+        let lambda = solve(&delassus, &wanted);
+        for (response, force) in responses.iter().zip(lambda.iter()) {
+            held.qdd.axpy(*force, response, 1.0);
+        }
+        match contact {
+            0 => {}
+            1 if slides || normal != Vector3::zeros() => {
+                held.force = along * lambda[0];
+                held.normal_force = lambda[0];
+            }
+            1 => held.normal_force = lambda[0],
+            _ => {
+                held.force = Vector3::new(lambda[0], lambda[1], lambda[2]);
+                held.normal_force = normal.dot(&held.force);
+            }
+        }
+        power[1] += held.force.dot(&point_velocity);
+        held.power = power;
+        let stuck = dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds).map(|(k, _)| k);
+        for (k, force) in stuck.zip(lambda.iter().skip(contact)) {
+            held.joints[k] = *force;
+        }
+        Ok(held)
     }
 
     pub fn watches(&self) -> Vec<Watch> {
-        let asleep = self.asleep.map(|(touch, _)| touch);
-        let gaps = (0..self.sim.touches.len()).filter(|&k| Some(k) != self.mode.touch() && Some(k) != asleep);
+        let sim = self.sim;
+        let asleep = |touch: usize| self.asleep.iter().any(|(k, _)| *k == touch);
+        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch() && !asleep(k));
         let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
         match self.mode {
-            ContactMode::Free => {}
-            ContactMode::Sliding { .. } if self.sim.contact.friction == 0.0 => watches.push(Watch::NormalForce),
+            ContactMode::Free | ContactMode::Several | ContactMode::Latched { .. } => {}
+            ContactMode::Sliding { touch } if sim.touches[touch].contact.friction == 0.0 => {
+                watches.push(Watch::NormalForce);
+            }
             ContactMode::Sliding { .. } => watches.extend([Watch::NormalForce, Watch::SlipStops]),
             ContactMode::Sticking { .. } => watches.extend([Watch::NormalForce, Watch::Cone]),
         }
+        watches.extend(self.dry.iter().enumerate().map(|(k, joint)| match joint.state {
+            Dry::Holds => Watch::JointBreaksLoose(k),
+            Dry::Brakes(_) => Watch::JointStops(k),
+        }));
         watches
     }
 
@@ -207,21 +372,48 @@ impl<'a> Motion<'a> {
         self.slip = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     }
 
+    /// Which joints does their dry friction hold? Those at rest, if it can.
+    pub fn settle_joints(&mut self, time: f64, y: &mut [f64]) -> Result<(), SimError> {
+        let nq = self.sim.chain.nq();
+        let speed = self.split(y).1.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for joint in &mut self.dry {
+            let rate = &mut y[nq + joint.v];
+            joint.state = if rate.abs() > STILL * speed { Dry::Brakes(rate.signum()) } else { Dry::Holds };
+            if joint.state == Dry::Holds {
+                *rate = 0.0;
+            }
+        }
+        // The one that is overloaded most breaks loose first; what is left is asked again.
+        for _ in 0..self.dry.len() {
+            let held = self.in_mode(time, y)?;
+            let over = |k: &usize| held.joints[*k].abs() - self.dry[*k].friction;
+            let Some(k) = (0..self.dry.len()).filter(|k| over(k) > 0.0).max_by(|a, b| over(a).total_cmp(&over(b)))
+            else {
+                break;
+            };
+            self.dry[k].state = Dry::Brakes(-held.joints[k].signum());
+        }
+        Ok(())
+    }
+
+    /// What a contact that lasts does: hold, stick or slide.
     pub fn lasting_mode(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<ContactMode, SimError> {
         let (q, qd) = self.split(y);
-        let (_, _, u) = self.closing(touch, q, qd)?;
-        let mu = self.sim.contact.friction;
-        let surface = matches!(self.sim.touches[touch].kind, TouchKind::Surface { .. });
-        if mu == 0.0 || !surface {
+        let (_, _, u) = self.closing(touch, q, qd, time)?;
+        let rule = self.sim.touches[touch].contact;
+        if rule.latch {
+            return Ok(ContactMode::Latched { touch });
+        }
+        if rule.friction == 0.0 || self.sim.touches[touch].link().is_none() {
             return Ok(ContactMode::Sliding { touch });
         }
-        let held = self.held(time, y, touch, true)?;
+        let held = self.held(time, y, Some((touch, Hold::Sticks)))?;
         if let Some(direction) = direction_of_slip(u, held.normal, qd) {
             self.slip = direction;
             return Ok(ContactMode::Sliding { touch });
         }
         let tangential = held.force - held.normal * held.normal_force;
-        if tangential.norm() <= mu * held.normal_force {
+        if tangential.norm() <= rule.friction * held.normal_force {
             return Ok(ContactMode::Sticking { touch });
         }
         self.slide_off(&held);
@@ -231,7 +423,8 @@ impl<'a> Motion<'a> {
     /// Goes through `span` seconds of lasting contact at once, to second order: the span is below the Zeno time.
     pub fn pass(&mut self, touch: usize, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let mode = self.lasting_mode(touch, time, y)?;
-        let held = self.held(time, y, touch, matches!(mode, ContactMode::Sticking { .. }))?;
+        let hold = if matches!(mode, ContactMode::Sliding { .. }) { Hold::Slides } else { Hold::Sticks };
+        let held = self.held(time, y, Some((touch, hold)))?;
         let nq = self.sim.chain.nq();
         let (q, qd) = self.split(y);
         let mean: Vec<f64> = qd.iter().zip(held.qdd.iter()).map(|(v, a)| v + a * span / 2.0).collect();
@@ -244,18 +437,19 @@ impl<'a> Motion<'a> {
     }
 
     /// Takes the normal velocity out by a normal impulse, and the gap by a step along its response.
-    pub fn stop_normal(&mut self, touch: usize, y: &mut [f64]) -> Result<bool, SimError> {
+    pub fn stop_normal(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        let (q, qd) = self.split(y);
+        let (q, qd) = (q.to_vec(), qd.to_vec());
         let sim = self.sim;
         let nq = sim.chain.nq();
-        let (q, qd) = y.split_at(nq);
-        let mut kin = self.workspace.update(&sim.chain, q)?;
-        let at = sim.touches[touch].at(&kin, q);
-        let row = sim.touches[touch].normal_row(&at, &kin)?;
-        let rate = sim.touches[touch].gap_rate(&at, &kin, qd)?;
-        let response = kin.solve(row.as_slice())?;
+        let mut view = self.view(&q)?;
+        let at = sim.touches[touch].at(&view, &q, time);
+        let row = sim.touches[touch].row(&at, &view)?;
+        let rate = sim.touches[touch].rate(&at, &view, &qd, time)?;
+        let response = view.kin.solve(row.as_slice())?;
         let inverse_mass = row.dot(&response);
         let back: Vec<f64> = response.iter().map(|x| -x * at.gap / inverse_mass).collect();
-        let moved = sim.chain.integrate(q, &back, 1.0)?;
+        let moved = sim.chain.integrate(&q, &back, 1.0)?;
         let changed = at.gap != 0.0 || rate != 0.0;
         y[..nq].copy_from_slice(&moved);
         for (v, x) in y[nq..].iter_mut().zip(response.iter()) {
@@ -264,19 +458,20 @@ impl<'a> Motion<'a> {
         Ok(changed)
     }
 
-    /// Takes all velocity of the touching point out.
-    pub fn stop_slip(&mut self, touch: usize, y: &mut [f64]) -> Result<(), SimError> {
+    /// Takes all velocity of the touching point over its surface out.
+    pub fn stop_slip(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<(), SimError> {
+        let (q, qd) = self.split(y);
+        let (q, qd) = (q.to_vec(), qd.to_vec());
         let sim = self.sim;
-        let nq = sim.chain.nq();
-        let (q, qd) = y.split_at(nq);
-        let mut kin = self.workspace.update(&sim.chain, q)?;
-        let at = sim.touches[touch].at(&kin, q);
-        let Some(j) = sim.touches[touch].jacobian(&at, &kin) else { return Ok(()) };
-        let response = responses(&mut kin, &j)?;
-        let h = Matrix3::from_fn(|a, b| j.row(a).dot(&response.column(b).transpose()));
-        let u = Vector3::from_iterator((&j * DVector::from_column_slice(qd)).iter().copied());
+        let mut view = self.view(&q)?;
+        let at = sim.touches[touch].at(&view, &q, time);
+        let Some(place) = at.surface else { return Ok(()) };
+        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
+        let jacobian = view.jacobian(place.point);
+        let response = responses(&mut view, &jacobian)?;
+        let h: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
         let jump = &response * (pseudo_inverse(h) * u);
-        for (v, x) in y[nq..].iter_mut().zip(jump.iter()) {
+        for (v, x) in y[sim.chain.nq()..].iter_mut().zip(jump.iter()) {
             *v -= x;
         }
         Ok(())
@@ -284,21 +479,31 @@ impl<'a> Motion<'a> {
 }
 
 /// M⁻¹Jᵀ.
-fn responses(kin: &mut Kinematics<Spatial<f64>>, j: &DMatrix<f64>) -> Result<DMatrix<f64>, SimError> {
-    let mut response = DMatrix::zeros(j.ncols(), 3);
-    for k in 0..3 {
+pub(crate) fn responses<A: Space>(view: &mut View<A>, j: &DMatrix<f64>) -> Result<DMatrix<f64>, SimError> {
+    let mut response = DMatrix::zeros(j.ncols(), j.nrows());
+    for k in 0..j.nrows() {
         let row: Vec<f64> = j.row(k).iter().copied().collect();
-        response.set_column(k, &kin.solve(&row)?);
+        response.set_column(k, &view.kin.solve(&row)?);
     }
     Ok(response)
 }
 
 /// H⁺: a planar arm moves its tip in two directions only.
-fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
+pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
     let eigen = h.symmetric_eigen();
     let least = eigen.eigenvalues.max() * 1e-12;
     let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
     eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
+}
+
+/// K⁺b: directions that no joint moves need no force.
+fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
+    if k.nrows() == 1 {
+        return b / k[(0, 0)];
+    }
+    let svd = k.clone().svd(true, true);
+    let least = svd.singular_values.max() * 1e-12;
+    svd.solve(b, least).unwrap_or_else(|_| DVector::from_element(b.len(), f64::NAN))
 }
 
 /// Unit direction of the tangential part of u; `None` if that is still.
@@ -307,62 +512,68 @@ fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vec
     (u - n * n.dot(&u)).try_normalize(STILL * speed)
 }
 
-impl Flow for Motion<'_> {
+impl<A: Space> Flow for Motion<'_, A> {
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        let (sim, (q, qd)) = (self.sim, self.split(y));
-        let qdd = match self.mode {
-            ContactMode::Free => {
-                let mut kin = self.workspace.update(&sim.chain, q)?;
-                Self::free_acceleration(sim, &mut kin, q, qd)?
-            }
-            ContactMode::Sliding { touch } => self.held(time, y, touch, false)?.qdd,
-            ContactMode::Sticking { touch } => self.held(time, y, touch, true)?.qdd,
-        };
-        let (q_rate, qd_rate) = out.split_at_mut(sim.chain.nq());
-        sim.chain.q_rate_into(q, qd, q_rate);
-        qd_rate.copy_from_slice(qdd.as_slice());
+        let (q, qd) = self.split(y);
+        let held = self.in_mode(time, y)?;
+        let (nq, nv) = (q.len(), qd.len());
+        self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
+        out[nq..nq + nv].copy_from_slice(held.qdd.as_slice());
+        out[nq + nv..].copy_from_slice(&held.power);
         Ok(())
     }
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
         out.clear();
         let (q, qd) = self.split(y);
-        let held = match self.mode {
-            ContactMode::Free => None,
-            ContactMode::Sliding { touch } => Some((touch, self.held(time, y, touch, false)?)),
-            ContactMode::Sticking { touch } => Some((touch, self.held(time, y, touch, true)?)),
-        };
-        for watch in self.watches() {
+        let watches = self.watches();
+        // Forces only where one of them is watched.
+        let forces = watches.iter().any(|w| !matches!(w, Watch::Gap(_) | Watch::SlipStops | Watch::JointStops(_)));
+        let held = if forces { Some(self.in_mode(time, y)?) } else { None };
+        let sim = self.sim;
+        let (mode, slip, dry) = (self.mode, self.slip, self.dry.clone());
+        let view = self.view(q)?;
+        for watch in watches {
             let witness = match (watch, &held) {
                 (Watch::Gap(touch), _) => {
-                    let (gap, rate, _) = self.closing(touch, q, qd)?;
-                    Witness { value: gap, rate: Some(rate) }
+                    let touch = &sim.touches[touch];
+                    let at = touch.at(&view, q, time);
+                    Witness { value: at.gap, rate: Some(touch.rate(&at, &view, qd, time)?) }
                 }
-                (Watch::NormalForce, Some((_, held))) => Witness { value: held.normal_force, rate: None },
-                (Watch::SlipStops, Some((touch, _))) => {
-                    let (_, _, u) = self.closing(*touch, q, qd)?;
-                    Witness { value: u.dot(&self.slip), rate: None }
+                (Watch::SlipStops, _) => {
+                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
+                    let place = touch.at(&view, q, time).surface;
+                    let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
+                    Witness { value: u.dot(&slip), rate: None }
                 }
-                (Watch::Cone, Some((_, held))) => {
+                (Watch::JointStops(k), _) => {
+                    let Dry::Brakes(direction) = dry[k].state else { unreachable!("it was listed as moving") };
+                    Witness { value: qd[dry[k].v] * direction, rate: None }
+                }
+                (Watch::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
+                (Watch::Cone, Some(held)) => {
                     let tangential = held.force - held.normal * held.normal_force;
-                    let value = self.sim.contact.friction * held.normal_force - tangential.norm();
-                    Witness { value, rate: None }
+                    let mu = sim.touches[mode.touch().unwrap_or(0)].contact.friction;
+                    Witness { value: mu * held.normal_force - tangential.norm(), rate: None }
                 }
-                (_, None) => Witness { value: 1.0, rate: None },
+                (Watch::JointBreaksLoose(k), Some(held)) => {
+                    Witness { value: dry[k].friction - held.joints[k].abs(), rate: None }
+                }
+                (_, None) => unreachable!("forces are there when they are watched"),
             };
             out.push(witness);
         }
         Ok(())
     }
 
-    fn settle(&mut self, _: f64, y: &mut [f64]) -> Result<bool, SimError> {
+    fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let changed = self.sim.normalise(y);
         match self.mode {
-            ContactMode::Free => Ok(changed),
-            ContactMode::Sliding { touch } => Ok(self.stop_normal(touch, y)? || changed),
-            ContactMode::Sticking { touch } => {
-                let moved = self.stop_normal(touch, y)?;
-                self.stop_slip(touch, y)?;
+            ContactMode::Free | ContactMode::Several => Ok(changed),
+            ContactMode::Sliding { touch } => Ok(self.stop_normal(touch, time, y)? || changed),
+            ContactMode::Sticking { touch } | ContactMode::Latched { touch } => {
+                let moved = self.stop_normal(touch, time, y)?;
+                self.stop_slip(touch, time, y)?;
                 Ok(moved || changed)
             }
         }

@@ -20,22 +20,32 @@
 //!
 //! A half-space's normal points out of it, to the robot's side. `angle_deg` is the angle between the tip's path and the
 //! first surface, `along` the direction of the path's shadow on it.
+//!
+//! | table | keys, with what they are without being given |
+//! | --- | --- |
+//! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
+//! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
+//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false` |
+//! | `[[contact.pair]]` | `link` and/or `surface`, or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
+//! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `model = "auto"` or `"full"`, `neglect` |
+//! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
 
+use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::error::SimError;
-use crate::simulate::{ContactRule, Drive, Simulation};
-use crate::touch::Touch;
+use crate::scene_file::{self, Controller, File, Model, Robot, Run, Shape, TipVelocity};
+use crate::simulate::Simulation;
+use crate::touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError};
-use carom_contact::Obstacle;
+use carom_contact::{LeftOut, Obstacle};
 use carom_impact::LAW_NAMES;
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
-use serde::Deserialize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// A scene as the file says it, with everything it names loaded.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The chain among its surfaces.
+    /// The whole chain among its surfaces; [`Scene::plan`] makes it as small as it may be.
     pub simulation: Simulation,
     /// Configuration at the start.
     pub q: Vec<f64>,
@@ -45,139 +55,16 @@ pub struct Scene {
     pub duration: f64,
     /// Interval between samples, s.
     pub sample: Option<f64>,
-    /// What looks odd, or is left out.
+    /// The surfaces.
+    pub surfaces: Vec<Surface>,
+    /// The link whose path is shown, if the robot has it.
+    pub tip: Option<String>,
+    /// Pairs that can't touch, each with its reason.
+    pub out_of_reach: Vec<(String, LeftOut)>,
+    /// `model = "full"`: nothing is left out.
+    pub full: bool,
+    /// What looks odd.
     pub warnings: Vec<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    robot: Robot,
-    #[serde(default)]
-    surface: Vec<Surface>,
-    #[serde(default)]
-    contact: Contact,
-    run: Run,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Robot {
-    urdf: PathBuf,
-    q: Vec<f64>,
-    qd: Option<Vec<f64>>,
-    tip_velocity: Option<TipVelocity>,
-    #[serde(default = "tip")]
-    tip: String,
-    #[serde(default)]
-    floating: bool,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct TipVelocity {
-    speed: f64,
-    angle_deg: f64,
-    along: [f64; 3],
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Surface {
-    name: Option<String>,
-    shape: Shape,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "lowercase")]
-enum Shape {
-    Halfspace {
-        point: [f64; 3],
-        normal: [f64; 3],
-    },
-    Box {
-        centre: [f64; 3],
-        size: [f64; 3],
-        #[serde(default)]
-        rpy: [f64; 3],
-    },
-    Sphere {
-        centre: [f64; 3],
-        radius: f64,
-    },
-    Mesh {
-        file: PathBuf,
-        #[serde(default = "unscaled")]
-        scale: [f64; 3],
-        #[serde(default)]
-        position: [f64; 3],
-        #[serde(default)]
-        rpy: [f64; 3],
-    },
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Contact {
-    law: String,
-    restitution: f64,
-    friction: f64,
-    limit_restitution: f64,
-}
-
-impl Default for Contact {
-    fn default() -> Self {
-        Self { law: "frictionless".into(), restitution: 0.0, friction: 0.0, limit_restitution: 0.0 }
-    }
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Run {
-    duration: f64,
-    #[serde(default = "tolerance")]
-    tolerance: f64,
-    #[serde(default)]
-    gravity: [f64; 3],
-    sample: Option<f64>,
-    max_step: Option<f64>,
-    #[serde(default = "zeno_time")]
-    zeno_time: f64,
-    #[serde(default = "max_events")]
-    max_events: usize,
-    #[serde(default)]
-    controller: Controller,
-    target: Option<Vec<f64>>,
-    kp: Option<f64>,
-    kd: Option<f64>,
-    torque: Option<Vec<f64>>,
-}
-
-#[derive(Deserialize, Default, PartialEq)]
-#[serde(rename_all = "kebab-case")]
-enum Controller {
-    #[default]
-    Off,
-    Pd,
-    Constant,
-    GravityCompensation,
-}
-
-fn unscaled() -> [f64; 3] {
-    [1.0; 3]
-}
-fn tip() -> String {
-    "tip".into()
-}
-fn tolerance() -> f64 {
-    1e-9
-}
-/// Above it the formula would be off where the acceleration changes, below it heights of bounces drown in rounding.
-fn zeno_time() -> f64 {
-    1e-5
-}
-fn max_events() -> usize {
-    100_000
 }
 
 impl Scene {
@@ -197,13 +84,15 @@ impl Scene {
 
         let options = LoadOptions { floating_base: file.robot.floating, meshes: Meshes::Required };
         let chain = Chain::from_urdf_file_with(folder.join(&file.robot.urdf), &options)?;
-        let surfaces =
-            file.surface.iter().enumerate().map(|(k, surface)| obstacle(folder, k, surface).map_err(&refuse));
-        let surfaces: Vec<(String, Obstacle)> = surfaces.collect::<Result<_, _>>()?;
-        let law = LAW_NAMES.into_iter().find(|&name| name == file.contact.law).ok_or_else(|| {
-            refuse(format!("[contact] law = \"{}\": the laws are {}", file.contact.law, LAW_NAMES.join(", ")))
-        })?;
-        let drive = drive(&file.run).map_err(&refuse)?;
+        let rule = ContactRule {
+            law: law(&file.contact.law).map_err(|why| refuse(format!("[contact] {why}")))?,
+            restitution: file.contact.restitution,
+            friction: file.contact.friction,
+            latch: file.contact.latch,
+        };
+        let surfaces = file.surface.iter().enumerate();
+        let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, rule).map_err(&refuse));
+        let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
         chain.check_state(&file.robot.q, &vec![0.0; chain.nv()])?;
         let qd = match (&file.robot.qd, &file.robot.tip_velocity) {
             (Some(qd), None) => qd.clone(),
@@ -211,32 +100,43 @@ impl Scene {
             (Some(_), Some(_)) => return Err(refuse("[robot] has both qd and tip_velocity: give one of them".into())),
             (None, Some(tip)) => tip_velocity(&chain, &file.robot, tip, surfaces.first()).map_err(&refuse)?,
         };
+        chain.check_state(&file.robot.q, &qd)?;
 
-        let mut warnings: Vec<String> = chain.outside_limits(&file.robot.q).iter().map(ToString::to_string).collect();
-        let dry = chain.joints().iter().filter(|j| j.friction > 0.0).map(|j| format!("'{}'", j.name));
-        let dry: Vec<String> = dry.collect();
-        if !dry.is_empty() {
-            warnings.push(format!("dry friction of the joints {} is not simulated", dry.join(", ")));
+        let warnings = chain.outside_limits(&file.robot.q).iter().map(ToString::to_string).collect();
+        let full = file.run.model == Model::Full;
+        let limits = file.contact.limit_restitution;
+        let Touches { mut touches, left_out } = if full {
+            Touches { touches: Touch::every(&chain, &surfaces, limits)?, left_out: Vec::new() }
+        } else {
+            Touch::all(&chain, &surfaces, limits)?
+        };
+        for pair in &file.contact.pair {
+            apply(pair, &chain, &surfaces, &mut touches).map_err(|why| refuse(format!("[[contact.pair]] {why}")))?;
         }
-        let touches = Touch::all(&chain, surfaces)?;
-        let duration = file.run.duration;
+        let drives = Drives { folder, file: &file, chain: &chain, surfaces: &surfaces, qd: &qd };
+        let drive = drives.drive(file.run.controller).map_err(&refuse)?;
+        let after_impact = file.run.after_impact.map(|c| drives.drive(c)).transpose().map_err(&refuse)?;
+        drives.check_unused().map_err(&refuse)?;
+        if file.run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
+            let share = file.run.neglect.unwrap_or_default();
+            return Err(refuse(format!("[run] neglect = {share}: it is a share, above 0 and below 1")));
+        }
+        let tip = chain.frame(&file.robot.tip).is_ok().then(|| file.robot.tip.clone());
         let simulation = Simulation {
-            touches,
-            chain,
-            contact: ContactRule {
-                law,
-                restitution: file.contact.restitution,
-                friction: file.contact.friction,
-                limit_restitution: file.contact.limit_restitution,
-            },
             gravity: file.run.gravity.into(),
             drive,
+            after_impact,
             tolerance: file.run.tolerance,
             max_step: file.run.max_step.unwrap_or(0.1),
             zeno_time: file.run.zeno_time,
+            contact_step: file.run.contact_step,
             max_events: file.run.max_events,
+            planar: !full,
+            neglect: if full { None } else { file.run.neglect },
+            ..Simulation::new(chain, touches)
         };
-        Ok(Self { simulation, q: file.robot.q, qd, duration, sample: file.run.sample, warnings })
+        let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
+        Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, warnings })
     }
 }
 
@@ -252,7 +152,12 @@ fn suggest(message: &str) -> String {
     }
 }
 
-fn obstacle(folder: &Path, k: usize, surface: &Surface) -> Result<(String, Obstacle), String> {
+fn law(name: &str) -> Result<&'static str, String> {
+    let found = LAW_NAMES.into_iter().find(|&known| known == name);
+    found.ok_or_else(|| format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", ")))
+}
+
+fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: ContactRule) -> Result<Surface, String> {
     let name = surface.name.clone().unwrap_or_else(|| format!("surface {}", k + 1));
     let placed = |centre: [f64; 3], rpy: [f64; 3]| {
         let turn = UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]);
@@ -267,30 +172,177 @@ fn obstacle(folder: &Path, k: usize, surface: &Surface) -> Result<(String, Obsta
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-    Ok((name, obstacle))
+    let own = &surface.contact;
+    let contact = overridden(rule, own.law.as_deref(), own.restitution, own.friction, own.latch)
+        .map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
+    let motion = surface.motion.as_ref().map(|motion| Oscillation {
+        amplitude: motion.amplitude.into(),
+        frequency: motion.frequency * std::f64::consts::TAU,
+        phase: motion.phase,
+    });
+    if let Some(Oscillation { amplitude, frequency, phase }) = &motion
+        && !(amplitude.iter().all(|x| x.is_finite()) && frequency.is_finite() && phase.is_finite())
+    {
+        return Err(format!("[[surface]] '{name}': motion has numbers that are not finite"));
+    }
+    Ok(Surface { name, obstacle, contact, motion })
 }
 
-fn drive(run: &Run) -> Result<Drive, String> {
-    let needs = |key: &str| format!("[run] controller needs the key {key}");
-    let unused = |given: bool, key: &str, controller: &str| {
-        if given { Err(format!("[run] {key} belongs to controller = \"{controller}\"")) } else { Ok(()) }
-    };
-    if run.controller != Controller::Pd {
-        unused(run.target.is_some() || run.kp.is_some() || run.kd.is_some(), "target, kp or kd", "pd")?;
-    }
-    if run.controller != Controller::Constant {
-        unused(run.torque.is_some(), "torque", "constant")?;
-    }
-    Ok(match run.controller {
-        Controller::Off => Drive::Off,
-        Controller::GravityCompensation => Drive::GravityCompensation,
-        Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
-        Controller::Pd => Drive::Pd {
-            kp: run.kp.ok_or_else(|| needs("kp"))?,
-            kd: run.kd.ok_or_else(|| needs("kd"))?,
-            target: run.target.clone().ok_or_else(|| needs("target"))?,
-        },
+fn overridden(
+    rule: ContactRule,
+    named: Option<&str>,
+    restitution: Option<f64>,
+    friction: Option<f64>,
+    latch: Option<bool>,
+) -> Result<ContactRule, String> {
+    Ok(ContactRule {
+        law: named.map(law).transpose()?.unwrap_or(rule.law),
+        restitution: restitution.unwrap_or(rule.restitution),
+        friction: friction.unwrap_or(rule.friction),
+        latch: latch.unwrap_or(rule.latch),
     })
+}
+
+/// One `[[contact.pair]]`.
+fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: &mut [Touch]) -> Result<(), String> {
+    let scene_file::Pair { link, surface, joint, law, restitution, friction, latch } = pair;
+    if joint.is_some() == (link.is_some() || surface.is_some()) {
+        return Err("names a link and/or a surface, or else a joint (for its limits)".into());
+    }
+    if let Some(link) = link {
+        chain.frame(link).map_err(|e| e.to_string())?;
+    }
+    if let Some(name) = surface.as_ref().filter(|name| !surfaces.iter().any(|it| it.name == **name)) {
+        let known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).collect();
+        return Err(format!("surface = \"{name}\": the surfaces are {}", known.join(", ")));
+    }
+    if let Some(joint) = joint {
+        chain.joint(joint).map_err(|e| e.to_string())?;
+    }
+    for touch in touches {
+        let meant = match joint {
+            Some(joint) => touch.limit_of() == Some(joint),
+            None => {
+                touch.limit_of().is_none()
+                    && link.as_deref().is_none_or(|link| touch.link() == Some(link))
+                    && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface))
+            }
+        };
+        if meant {
+            touch.contact = overridden(touch.contact, law.as_deref(), *restitution, *friction, *latch)?;
+        }
+    }
+    Ok(())
+}
+
+/// What a controller is made from.
+struct Drives<'a> {
+    folder: &'a Path,
+    file: &'a File,
+    chain: &'a Chain,
+    surfaces: &'a [Surface],
+    qd: &'a [f64],
+}
+
+impl Drives<'_> {
+    fn drive(&self, controller: Controller) -> Result<Drive, String> {
+        let run = &self.file.run;
+        let needs = |key: &str| format!("[run] controller needs the key {key}");
+        let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
+        Ok(match controller {
+            Controller::Off => Drive::Off,
+            Controller::GravityCompensation => Drive::GravityCompensation,
+            Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
+            Controller::TorqueFile => {
+                torque_table(&self.folder.join(run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?))?
+            }
+            Controller::Pd => Drive::Pd {
+                kp: number("kp", run.kp)?,
+                kd: number("kd", run.kd)?,
+                target: run.target.clone().ok_or_else(|| needs("target"))?,
+            },
+            Controller::ImpactInvariant => Drive::ImpactInvariant(ImpactInvariant {
+                tip: self.file.robot.tip.clone(),
+                normal: self.normal("impact-invariant")?,
+                kp: number("kp", run.kp)?,
+                kd: number("kd", run.kd)?,
+                target: run.target.clone().ok_or_else(|| needs("target"))?,
+                velocity: vec![0.0; self.chain.nv()],
+            }),
+            Controller::Transition => Drive::Transition(Transition {
+                tip: self.file.robot.tip.clone(),
+                normal: self.normal("transition")?,
+                velocity: self.velocity().map_err(|e| e.to_string())?,
+                gain: number("gain", run.gain)?,
+                press: run.press.unwrap_or(0.0),
+                compensate: run.compensate.unwrap_or(true),
+                restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.restitution),
+            }),
+        })
+    }
+
+    /// A key that no chosen controller reads is a mistake.
+    fn check_unused(&self) -> Result<(), String> {
+        let run: &Run = &self.file.run;
+        use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Transition};
+        let readers: [(&str, bool, &[Controller], &str); 8] = [
+            ("target", run.target.is_some(), &[Pd, ImpactInvariant], "pd"),
+            ("kp", run.kp.is_some(), &[Pd, ImpactInvariant], "pd"),
+            ("kd", run.kd.is_some(), &[Pd, ImpactInvariant], "pd"),
+            ("torque", run.torque.is_some(), &[Constant], "constant"),
+            ("torque_file", run.torque_file.is_some(), &[TorqueFile], "torque-file"),
+            ("gain", run.gain.is_some(), &[Transition], "transition"),
+            ("press", run.press.is_some(), &[Transition], "transition"),
+            ("compensate", run.compensate.is_some(), &[Transition], "transition"),
+        ];
+        for (key, given, controllers, name) in readers {
+            let read = controllers.iter().any(|&c| run.controller == c || run.after_impact == Some(c));
+            if given && !read {
+                return Err(format!("[run] {key} belongs to controller = \"{name}\""));
+            }
+        }
+        Ok(())
+    }
+
+    fn normal(&self, controller: &str) -> Result<Vector3<f64>, String> {
+        half_space(self.surfaces.first()).ok_or_else(|| {
+            format!("[run] controller = \"{controller}\" works at the first surface, which must be a halfspace")
+        })
+    }
+
+    /// Velocity of the tip at the start.
+    fn velocity(&self) -> Result<Vector3<f64>, ChainError> {
+        let point = self.chain.point(self.chain.frame(&self.file.robot.tip)?, Vector3::zeros());
+        self.chain.workspace().update(self.chain, &self.file.robot.q)?.point_velocity(point, self.qd)
+    }
+}
+
+/// Times in the first column, joint forces in the others; the first line may be a header.
+fn torque_table(path: &Path) -> Result<Drive, String> {
+    let refuse = |why: String| format!("[run] torque_file {}: {why}", path.display());
+    let text = std::fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
+    let (mut times, mut forces) = (Vec::new(), Vec::new());
+    for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let numbers: Result<Vec<f64>, _> = line.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
+        match numbers {
+            Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => {
+                times.push(numbers[0]);
+                forces.push(numbers[1..].to_vec());
+            }
+            Err(_) if k == 0 => {}
+            _ => {
+                return Err(refuse(format!("line {}: every cell must be a finite number, separated by commas", k + 1)));
+            }
+        }
+    }
+    Ok(Drive::Table { times, forces })
+}
+
+fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
+    match surface.map(|surface| surface.obstacle.surface()) {
+        Some(carom_contact::Surface::HalfSpace { normal, .. }) => Some(*normal),
+        _ => None,
+    }
 }
 
 /// Joint velocities that give the tip its velocity with the least kinetic energy: qd = M⁻¹Jᵀ H⁺ u.
@@ -298,10 +350,10 @@ fn tip_velocity(
     chain: &Chain,
     robot: &Robot,
     tip: &TipVelocity,
-    surface: Option<&(String, Obstacle)>,
+    surface: Option<&Surface>,
 ) -> Result<Vec<f64>, String> {
     let say = |e: ChainError| e.to_string();
-    let Some(carom_contact::Surface::HalfSpace { normal, .. }) = surface.map(|(_, obstacle)| obstacle.surface()) else {
+    let Some(normal) = half_space(surface) else {
         return Err(
             "[robot] tip_velocity speaks of the first surface, which must be a halfspace: give qd instead".into()
         );

@@ -13,126 +13,116 @@
 //!
 //! A lasting contact slides or sticks under the constraint force that keeps g̈ = 0 (and, sticking, u̇ = 0). It opens where
 //! that force would have to pull, slides where it would leave the friction cone, and may stick where slip comes to rest.
+//! A latch holds for ever.
+//!
+//! **Several contacts** at one time go through `several.rs`: their impact is one problem for all of them. If one contact
+//! or none is left after it, events go on; if more are, time steps take over until all are open again.
 
+use crate::drive::Drive;
 use crate::error::SimError;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
-use crate::motion::{Motion, Watch};
-use crate::strike::Impacts;
-use crate::touch::{At, Touch, TouchKind};
-use crate::trajectory::{ContactMode, EnergyBooks, Event, EventKind, Moment, Statistics, StopReason, Trajectory};
-use carom_chain::{Chain, ChainError};
-use carom_impact::{LAW_NAMES, law_by_name};
-use nalgebra::Vector3;
-
-/// What drives the joints.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Drive {
-    /// Motors off.
-    Off,
-    /// Constant joint forces, N m or N.
-    Constant(Vec<f64>),
-    /// `kp (target − q) − kd qd`, for chains whose q̇ is qd.
-    Pd {
-        /// Stiffness, N m/rad or N/m.
-        kp: f64,
-        /// Damping, N m s/rad or N s/m.
-        kd: f64,
-        /// Target configuration.
-        target: Vec<f64>,
-    },
-    /// Exactly what holds the chain against gravity.
-    GravityCompensation,
-}
-
-/// The law of all contacts.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ContactRule {
-    /// Name of the impact law, one of [`carom_impact::LAW_NAMES`].
-    pub law: &'static str,
-    /// Its coefficient of restitution.
-    pub restitution: f64,
-    /// Coefficient of friction, of impacts and of lasting contact.
-    pub friction: f64,
-    /// Newton's coefficient of the joints' limits.
-    pub limit_restitution: f64,
-}
+use crate::motion::{Dry, Motion, Watch};
+use crate::space::Space;
+use crate::strike::carry;
+use crate::touch::{ContactRule, Touch};
+use crate::trajectory::{
+    Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
+    Trajectory,
+};
+use carom_chain::algebra::z_onto;
+use carom_chain::{Chain, Planar, PlanarChain, Spatial};
+use carom_impact::{Frictionless, ImpactProblem, law_by_name};
+use nalgebra::{Matrix3, Vector3};
 
 /// A chain among surfaces.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     /// The chain.
     pub chain: Chain,
-    /// What may touch.
+    /// What may touch, and how.
     pub touches: Vec<Touch>,
-    /// How it touches.
-    pub contact: ContactRule,
     /// Acceleration of free fall, world, m/s².
     pub gravity: Vector3<f64>,
-    /// What drives the joints. Their viscous damping acts besides; their dry friction does not.
+    /// What drives the joints. Their damping and dry friction act besides.
     pub drive: Drive,
+    /// What drives them from the first impact on; `None`: the same.
+    pub after_impact: Option<Drive>,
     /// Relative tolerance of the integration.
     pub tolerance: f64,
     /// Longest step, s.
     pub max_step: f64,
     /// Impacts that would all happen within this time are gone through at once, s.
     pub zeno_time: f64,
+    /// Step while several contacts last at once, s.
+    pub contact_step: f64,
     /// Stop after so many events.
     pub max_events: usize,
+    /// Compute in the plane what keeps to a plane: the same motion for less. `false`: always in space.
+    pub planar: bool,
+    /// Leave friction out of an impact if that changes the velocity of the touching point by less than this share of it;
+    /// treat a chain as planar whose axes are off by less than this (rad). `None`: leave out nothing that is not zero.
+    pub neglect: Option<f64>,
 }
 
 impl Simulation {
-    /// Runs from `(q, qd)` for `duration` seconds. `watch` gets the moments at multiples of `every` seconds.
+    /// A simulation without gravity, motors off, with a tolerance of 1e-9; every field can be set.
+    pub fn new(chain: Chain, touches: Vec<Touch>) -> Self {
+        Self {
+            chain,
+            touches,
+            gravity: Vector3::zeros(),
+            drive: Drive::Off,
+            after_impact: None,
+            tolerance: 1e-9,
+            max_step: 0.1,
+            zeno_time: 1e-5,
+            contact_step: 1e-3,
+            max_events: usize::MAX,
+            planar: true,
+            neglect: None,
+        }
+    }
+
+    /// Runs from `(q, qd)` for `duration` seconds and keeps everything.
     ///
     /// # Errors
-    /// [`SimError`]: states and settings that do not fit, an overlap at the start, two contacts at once, jam.
-    pub fn run(
+    /// [`SimError`]: states and settings that do not fit, an overlap at the start.
+    pub fn run(&self, q: &[f64], qd: &[f64], duration: f64) -> Result<Trajectory, SimError> {
+        let (mut events, mut segments) = (Vec::new(), Vec::new());
+        let summary = self.stream(q, qd, duration, Sampling { every: None, dense: true }, &mut |seen| match seen {
+            Seen::Event(event) => events.push(event.clone()),
+            Seen::Segment(segment) => segments.push(segment.clone()),
+            Seen::Moment(_) => {}
+        })?;
+        Ok(Trajectory { events, segments, summary })
+    }
+
+    /// Runs from `(q, qd)` for `duration` seconds and hands everything to `watch` as it comes: memory does not grow with
+    /// the simulated time.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`].
+    pub fn stream(
         &self,
         q: &[f64],
         qd: &[f64],
         duration: f64,
-        every: Option<f64>,
-        watch: &mut dyn FnMut(Moment),
-    ) -> Result<Trajectory, SimError> {
-        self.check(q, qd, duration, every)?;
-        let nq = self.chain.nq();
-        let mut hand = |time: f64, y: &[f64]| watch(Moment { time, q: y[..nq].to_vec(), qd: y[nq..].to_vec() });
-        let mut sampler = Sampler { every, count: 0, watch: &mut hand };
-        let mut motion = Motion::new(self);
-        let mut y: Vec<f64> = q.iter().chain(qd).copied().collect();
-        let mut trajectory = Trajectory {
-            events: Vec::new(),
-            last: Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() },
-            mode: ContactMode::Free,
-            stop: StopReason::Duration,
-            statistics: Statistics::default(),
-            energy: EnergyBooks { start: motion.energy(&y)?, ..Default::default() },
-        };
-        let mut time = 0.0;
-        motion.begin(&mut time, &mut y, &mut trajectory)?;
-        while time < duration {
-            if trajectory.events.len() >= self.max_events {
-                trajectory.stop = StopReason::Events;
-                break;
-            }
-            let accuracy = Accuracy { tolerance: self.tolerance, max_step: self.max_step };
-            let end = motion.asleep.map_or(duration, |(_, wake)| wake.min(duration));
-            let LegEnd { time: t, y: state, fired } =
-                leg(&mut motion, time, &y, end, accuracy, &mut trajectory.statistics, &mut sampler)?;
-            (time, y) = (t, state);
-            match fired {
-                Some(witness) => motion.event(witness, &mut time, &mut y, &mut trajectory)?,
-                None => motion.wake(&mut time, &mut y, &mut trajectory)?,
-            }
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<Summary, SimError> {
+        self.check(q, qd, duration, sampling)?;
+        match self.in_plane() {
+            Some(model) => Run::<Planar<f64>>::go(self, &model, (q, qd), duration, sampling, watch),
+            None => Run::<Spatial<f64>>::go(self, &self.chain, (q, qd), duration, sampling, watch),
         }
-        trajectory.energy.end = motion.energy(&y)?;
-        trajectory.mode = motion.mode;
-        trajectory.last = Moment { time, q: y[..nq].to_vec(), qd: y[nq..].to_vec() };
-        Ok(trajectory)
     }
-}
 
-impl Simulation {
-    fn check(&self, q: &[f64], qd: &[f64], duration: f64, every: Option<f64>) -> Result<(), SimError> {
+    /// The chain in the plane, if it is to be computed there.
+    pub(crate) fn in_plane(&self) -> Option<PlanarChain> {
+        self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
+    }
+
+    fn check(&self, q: &[f64], qd: &[f64], duration: f64, sampling: Sampling) -> Result<(), SimError> {
         self.chain.check_state(q, qd)?;
         let positive = |what, value: f64| {
             let fine = value > 0.0 && value.is_finite();
@@ -143,236 +133,397 @@ impl Simulation {
         positive("tolerance", self.tolerance)?;
         positive("longest step", self.max_step)?;
         positive("Zeno time", self.zeno_time)?;
-        if let Some(every) = every {
+        positive("contact step", self.contact_step)?;
+        if let Some(every) = sampling.every {
             positive("sampling interval", every)?;
         }
-        let share = |what, value: f64| {
-            let rule = "a coefficient of restitution lies between 0 and 1";
-            if (0.0..=1.0).contains(&value) { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
-        };
-        share("restitution", self.contact.restitution)?;
-        share("limit restitution", self.contact.limit_restitution)?;
-        if law_by_name::<3>(self.contact.law, 0.0, 0.0).is_none() {
-            return Err(SimError::UnknownLaw { name: self.contact.law.into(), known: LAW_NAMES.join(", ") });
+        for touch in &self.touches {
+            touch.contact.check(&touch.name)?;
         }
-        let mu = self.contact.friction;
-        if !(mu >= 0.0 && mu.is_finite()) {
-            let rule = "a coefficient of friction is finite and not negative";
-            return Err(SimError::Setting { what: "friction", value: mu, rule });
-        }
-        match &self.drive {
-            Drive::Constant(tau) => self.chain.check_v("tau", tau)?,
-            Drive::Pd { .. } if self.chain.nq() != self.chain.nv() => {
-                let why = format!("a PD drive needs joints with q̇ = qd; '{}' floats", self.chain.name());
-                return Err(ChainError::NotReducible(why).into());
-            }
-            Drive::Pd { target, .. } => self.chain.check_v("target", target)?,
-            Drive::Off | Drive::GravityCompensation => {}
-        }
-        Ok(())
+        self.drive.check(&self.chain)?;
+        self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
     }
 }
 
-impl Motion<'_> {
-    /// What touches at the start.
-    fn begin(&mut self, time: &mut f64, y: &mut [f64], trajectory: &mut Trajectory) -> Result<(), SimError> {
-        for touch in 0..self.sim.touches.len() {
-            let (q, qd) = self.split(y);
-            let (gap, rate, _) = self.closing(touch, q, qd)?;
-            if gap < -TOUCHING {
-                let name = self.sim.touches[touch].name.clone();
-                return Err(SimError::Overlap { touch: name, depth: -gap });
+/// A run on its way.
+pub(crate) struct Run<'a, 'w, A: Space> {
+    pub motion: Motion<'a, A>,
+    pub time: f64,
+    pub y: Vec<f64>,
+    pub end: f64,
+    pub sampler: Sampler<'w>,
+    pub events: usize,
+    pub statistics: Statistics,
+    pub lost: f64,
+    /// Times of the last events, to see when they crowd.
+    pub recent: std::collections::VecDeque<f64>,
+}
+
+impl<'a, 'w, A: Space> Run<'a, 'w, A> {
+    fn go(
+        sim: &'a Simulation,
+        model: &'a A::Model,
+        (q, qd): (&[f64], &[f64]),
+        end: f64,
+        sampling: Sampling,
+        watch: &'w mut dyn FnMut(Seen),
+    ) -> Result<Summary, SimError> {
+        let sizes = (sim.chain.nq(), sim.chain.nv());
+        let mut run = Self {
+            motion: Motion::new(sim, model),
+            time: 0.0,
+            y: [q, qd, &[0.0, 0.0]].concat(),
+            end,
+            sampler: Sampler { sampling, sizes, count: 0, watch },
+            events: 0,
+            statistics: Statistics::default(),
+            lost: 0.0,
+            recent: std::collections::VecDeque::new(),
+        };
+        let start = run.motion.energy(&run.y)?;
+        run.begin()?;
+        let mut stop = StopReason::Duration;
+        while run.time < end {
+            if run.events >= sim.max_events {
+                stop = StopReason::Events;
+                break;
             }
-            if gap > TOUCHING {
-                continue;
-            }
-            self.alone(touch, *time)?;
-            if rate < 0.0 {
-                self.impact(touch, time, y, trajectory)?;
+            if run.motion.mode == ContactMode::Several {
+                run.several_contacts()?;
             } else {
-                self.leave(touch, 0.0, rate, time, y, trajectory)?;
+                run.one_leg()?;
+            }
+        }
+        let energy = run.motion.energy(&run.y)?;
+        let (nq, nv) = sizes;
+        Ok(Summary {
+            last: Moment { time: run.time, q: run.y[..nq].to_vec(), qd: run.y[nq..nq + nv].to_vec() },
+            mode: run.motion.mode,
+            stop,
+            events: run.events,
+            statistics: run.statistics,
+            energy: EnergyBooks {
+                start,
+                end: energy,
+                drive: run.y[nq + nv],
+                resistance: run.y[nq + nv + 1],
+                impacts: run.lost,
+            },
+        })
+    }
+
+    fn one_leg(&mut self) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        let accuracy = Accuracy { tolerance: sim.tolerance, max_step: sim.max_step };
+        let wake = self.motion.asleep.iter().map(|(_, wake)| *wake).fold(f64::INFINITY, f64::min);
+        let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
+        let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
+        let until = wake.min(kink).min(self.end);
+        let before = self.y.clone();
+        match leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler) {
+            Ok(LegEnd { time, y, fired }) => {
+                (self.time, self.y) = (time, y);
+                match fired {
+                    Some(witness) => self.event(witness),
+                    None => self.wake(),
+                }
+            }
+            // Rigid sliding has no consistent acceleration here; impulses of a time step always have an answer.
+            Err(SimError::Jam { .. }) => self.enter(ContactMode::Several),
+            Err(error) => Err(error),
+        }
+    }
+
+    pub fn q_qd(&self) -> (Vec<f64>, Vec<f64>) {
+        let (q, qd) = self.motion.split(&self.y);
+        (q.to_vec(), qd.to_vec())
+    }
+
+    /// Gap and gap rate of a touch now.
+    pub fn gap(&mut self, touch: usize) -> Result<(f64, f64), SimError> {
+        let (q, qd) = self.q_qd();
+        let (gap, rate, _) = self.motion.closing(touch, &q, &qd, self.time)?;
+        Ok((gap, rate))
+    }
+
+    /// What touches at the start.
+    fn begin(&mut self) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        let (mut hits, mut rests) = (Vec::new(), Vec::new());
+        for touch in 0..sim.touches.len() {
+            let (gap, rate) = self.gap(touch)?;
+            if gap < -TOUCHING {
+                return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth: -gap });
+            }
+            if gap <= TOUCHING {
+                if rate < 0.0 { hits.push(touch) } else { rests.push((touch, rate)) }
+            }
+        }
+        let points = |touches: &[usize]| touches.iter().all(|&k| sim.touches[k].is_point());
+        match (hits.len(), rests.len()) {
+            (0, 0) => self.motion.settle_joints(self.time, &mut self.y),
+            (1, 0) if points(&hits) => self.impact(hits[0]),
+            (0, 1) if points(&[rests[0].0]) => self.leave(rests[0].0, 0.0, rests[0].1),
+            _ => self.enter(ContactMode::Several),
+        }
+    }
+
+    /// Sleeping witnesses wake; one whose gap is not open by then has touched.
+    fn wake(&mut self) -> Result<(), SimError> {
+        let time = self.time;
+        let (awake, asleep): (Vec<_>, Vec<_>) = self.motion.asleep.iter().partition(|(_, wake)| *wake <= time);
+        self.motion.asleep = asleep;
+        for (touch, _) in awake {
+            let (gap, rate) = self.gap(touch)?;
+            if gap <= 0.0 {
+                return if rate < 0.0 { self.touch(touch) } else { self.leave(touch, 0.0, rate) };
             }
         }
         Ok(())
     }
 
-    /// A sleeping witness wakes; if its gap is not open by then, it has touched.
-    fn wake(&mut self, time: &mut f64, y: &mut [f64], trajectory: &mut Trajectory) -> Result<(), SimError> {
-        let Some((touch, wake)) = self.asleep else { return Ok(()) };
-        if *time < wake {
-            return Ok(()); // the end of the simulation came first
-        }
-        self.asleep = None;
-        let (q, qd) = self.split(y);
-        let (gap, rate, _) = self.closing(touch, q, qd)?;
-        if gap > 0.0 {
-            Ok(())
-        } else if rate < 0.0 {
-            self.impact(touch, time, y, trajectory)
-        } else {
-            self.leave(touch, 0.0, rate, time, y, trajectory)
-        }
-    }
-
-    /// Only one contact at a time.
-    fn alone(&self, touch: usize, time: f64) -> Result<(), SimError> {
-        match self.mode.touch() {
-            Some(other) if other != touch => Err(SimError::SeveralContacts {
-                time,
-                first: self.sim.touches[other].name.clone(),
-                second: self.sim.touches[touch].name.clone(),
-            }),
-            _ => Ok(()),
-        }
-    }
-
-    fn event(
-        &mut self,
-        witness: usize,
-        time: &mut f64,
-        y: &mut [f64],
-        trajectory: &mut Trajectory,
-    ) -> Result<(), SimError> {
-        let (watch, touch) = (self.watches()[witness], self.mode.touch());
-        match (watch, touch) {
-            (Watch::Gap(touch), _) => {
-                self.alone(touch, *time)?;
-                self.impact(touch, time, y, trajectory)
-            }
+    fn event(&mut self, witness: usize) -> Result<(), SimError> {
+        let time = self.time;
+        match (self.motion.watches()[witness], self.motion.mode.touch()) {
+            (Watch::Gap(touch), _) => self.touch(touch),
             (Watch::NormalForce, Some(touch)) => {
-                self.mode = ContactMode::Free;
-                self.asleep = Some((touch, *time + BAND));
-                self.note(EventKind::LiftOff { touch }, *time, y, y, trajectory);
-                Ok(())
+                self.motion.mode = ContactMode::Free;
+                self.motion.asleep.push((touch, time + BAND));
+                let y = self.y.clone();
+                self.note(EventKind::LiftOff { touch }, &y, Vec::new());
+                self.motion.settle_joints(time, &mut self.y)
             }
             (Watch::SlipStops, Some(touch)) => {
-                let before = y.to_vec();
-                self.stop_slip(touch, y)?;
-                self.last(touch, *time, &before, y, trajectory)
+                let before = self.y.clone();
+                self.motion.stop_slip(touch, time, &mut self.y)?;
+                self.last(touch, &before)
             }
             (Watch::Cone, Some(touch)) => {
-                let held = self.held(*time, y, touch, true)?;
-                self.slide_off(&held);
-                self.mode = ContactMode::Sliding { touch };
-                self.note(EventKind::Mode { mode: self.mode }, *time, y, y, trajectory);
+                let held = self.motion.in_mode(time, &self.y)?;
+                self.motion.slide_off(&held);
+                self.enter(ContactMode::Sliding { touch })
+            }
+            (Watch::JointStops(k) | Watch::JointBreaksLoose(k), _) => {
+                let (before, nq) = (self.y.clone(), self.motion.sim.chain.nq());
+                let v = self.motion.dry[k].v;
+                if self.motion.dry[k].state != Dry::Holds {
+                    self.y[nq + v] = 0.0;
+                }
+                self.motion.settle_joints(time, &mut self.y)?;
+                let holds = self.motion.dry[k].state == Dry::Holds;
+                let joint = self.motion.sim.joint_of(v);
+                self.note(EventKind::Joint { joint, holds }, &before, Vec::new());
                 Ok(())
             }
             (_, None) => Ok(()),
         }
     }
 
-    fn note(&self, kind: EventKind, time: f64, before: &[f64], after: &[f64], trajectory: &mut Trajectory) {
-        let (q, qd_plus) = self.split(after);
-        let (_, qd_minus) = self.split(before);
-        let (q, qd_minus, qd_plus) = (q.to_vec(), qd_minus.to_vec(), qd_plus.to_vec());
-        trajectory.events.push(Event { time, kind, q, qd_minus, qd_plus });
+    /// Hands out an event that led from `before` to the present state.
+    pub fn note(&mut self, kind: EventKind, before: &[f64], blows: Vec<Blow>) {
+        let (q, qd_plus) = self.q_qd();
+        let qd_minus = self.motion.split(before).1.to_vec();
+        (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
+        self.events += 1;
+        self.recent.push_back(self.time);
+        if self.recent.len() > CROWD {
+            self.recent.pop_front();
+        }
     }
 
-    fn impact(
-        &mut self,
-        touch: usize,
-        time: &mut f64,
-        y: &mut [f64],
-        trajectory: &mut Trajectory,
-    ) -> Result<(), SimError> {
-        let before = y.to_vec();
-        let (q, qd) = self.split(&before);
-        let (_, approach, _) = self.closing(touch, q, qd)?;
-        let sim = self.sim;
-        let nq = sim.chain.nq();
-        let energy = self.energy(&before)?;
-        let kind = match &sim.touches[touch].kind {
-            TouchKind::Surface { shape, .. } => {
-                let (offset, normal) = {
-                    let kin = self.workspace.update(&sim.chain, q)?;
-                    let At { surface, .. } = sim.touches[touch].at(&kin, q);
-                    let (point, normal) = surface.unwrap_or_else(|| unreachable!("a surface has a touching point"));
-                    (kin.pose(shape.frame()).inverse().point(kin.position(point)), normal)
-                };
-                let law = law_by_name::<3>(sim.contact.law, sim.contact.restitution, sim.contact.friction);
-                let law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
-                let strike = sim.chain.impact(q, qd).at(shape.frame()).offset(offset.into()).normal(normal.into());
-                let hit = Box::new(strike.resolve(law.as_ref())?);
-                y[nq..].copy_from_slice(&hit.qd_plus);
-                EventKind::Impact { touch, hit }
-            }
-            TouchKind::Limit { joint, .. } => {
-                let mut kin = self.workspace.update(&sim.chain, q)?;
-                let at = sim.touches[touch].at(&kin, q);
-                let row = sim.touches[touch].normal_row(&at, &kin)?;
-                let response = kin.solve(row.as_slice())?;
-                let impulse = -(1.0 + sim.contact.limit_restitution) * approach / row.dot(&response);
-                for (v, x) in y[nq..].iter_mut().zip(response.iter()) {
-                    *v += x * impulse;
+    pub fn enter(&mut self, mode: ContactMode) -> Result<(), SimError> {
+        self.motion.mode = mode;
+        let y = self.y.clone();
+        self.note(EventKind::Mode { mode }, &y, Vec::new());
+        if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
+    }
+
+    /// A touch has closed. Alone, or with others?
+    fn touch(&mut self, touch: usize) -> Result<(), SimError> {
+        let mut together = vec![touch];
+        for other in 0..self.motion.sim.touches.len() {
+            let asleep = self.motion.asleep.iter().any(|(k, _)| *k == other);
+            if other != touch && Some(other) != self.motion.mode.touch() && !asleep {
+                let (gap, rate) = self.gap(other)?;
+                if gap <= TOUCHING && rate <= 0.0 {
+                    together.push(other);
                 }
-                EventKind::Limit { joint: joint.clone(), impulse }
+            }
+        }
+        together.extend(self.motion.mode.touch());
+        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
+        if crowd {
+            return self.enter(ContactMode::Several);
+        }
+        if together.len() > 1 { self.several_impacts(&together) } else { self.impact(touch) }
+    }
+
+    /// One touch closes, alone.
+    fn impact(&mut self, touch: usize) -> Result<(), SimError> {
+        let before = self.y.clone();
+        let (q, qd) = self.q_qd();
+        let (sim, time) = (self.motion.sim, self.time);
+        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
+        let energy = self.motion.energy(&before)?;
+        let nq = sim.chain.nq();
+        let one = &sim.touches[touch];
+        if one.contact.latch {
+            self.latch(touch)?;
+            self.lost += energy - self.motion.energy(&self.y)?;
+            return self.last(touch, &before);
+        }
+        let mut view = self.motion.view(&q)?;
+        let at = one.at(&view, &q, time);
+        let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
+            (Some(place), _) => {
+                let ContactRule { law, restitution, friction, .. } = one.contact;
+                let law = law_by_name::<3>(law, restitution, friction);
+                let mut law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
+                let Some((delassus, response)) = view.inertia(place.point, place.normal)? else {
+                    let link = one.link().unwrap_or_default().to_owned();
+                    return Err(SimError::SingularNormal { link, normal: place.normal.into() });
+                };
+                let axes = z_onto(place.normal);
+                let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
+                let bound = friction_bound(&delassus, &place.normal, -approach, restitution, friction) / u.norm();
+                if friction > 0.0 && sim.neglect.is_some_and(|share| bound <= share) {
+                    law = Box::new(Frictionless { restitution });
+                    self.statistics.neglected += 1;
+                    self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
+                }
+                let energy = &mut |qd: &[f64]| Ok(view.kin.kinetic_energy(qd)?);
+                let hit = Box::new(carry(law.as_ref(), &problem, &axes, &response, &qd, energy)?);
+                let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
+                (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
+            }
+            (None, joint) => {
+                let row = one.row(&at, &view)?;
+                let response = view.kin.solve(row.as_slice())?;
+                let impulse = -(1.0 + one.contact.restitution) * approach / row.dot(&response);
+                let qd_plus = qd.iter().zip(response.iter()).map(|(v, x)| v + x * impulse).collect();
+                (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())
             }
         };
-        self.note(kind, *time, &before, y, trajectory);
-        trajectory.energy.impacts += energy - self.energy(y)?;
-        let (q, qd) = self.split(y);
-        let (_, rebound, _) = self.closing(touch, q, qd)?;
-        self.leave(touch, approach, rebound, time, y, trajectory)
+        self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
+        self.motion.impacts[touch] += 1;
+        self.note(kind, &before, blows);
+        self.lost += energy - self.motion.energy(&self.y)?;
+        let (_, rebound) = self.gap(touch)?;
+        self.leave(touch, approach, rebound)
     }
 
-    /// What follows when a touch has, or gets, the velocity `rebound` off the surface.
-    fn leave(
-        &mut self,
-        touch: usize,
-        approach: f64,
-        rebound: f64,
-        time: &mut f64,
-        y: &mut [f64],
-        trajectory: &mut Trajectory,
-    ) -> Result<(), SimError> {
-        let toward = -self.gap_free(touch, y)?;
+    /// A latch closes: all velocity of the touching point over the surface goes.
+    fn latch(&mut self, touch: usize) -> Result<(), SimError> {
+        let before = self.y.clone();
+        self.motion.stop_normal(touch, self.time, &mut self.y)?;
+        self.motion.stop_slip(touch, self.time, &mut self.y)?;
+        self.motion.impacts[touch] += 1;
+        self.note(EventKind::Latch { touch }, &before, Vec::new());
+        Ok(())
+    }
+
+    /// Whether a touch with the velocity `rebound` off the surface stays: at once, or after infinitely many impacts
+    /// within the time that is returned.
+    pub fn stays(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<Stays, SimError> {
+        let toward = -self.motion.gap_acceleration(touch, self.time, &self.y)?;
         let share = if approach < 0.0 { rebound / -approach } else { 0.0 };
         // Rebounds below the rounding of the approach are none.
-        let stays = rebound <= 1e-14 * approach.abs();
+        let rests = rebound <= 1e-14 * approach.abs();
         let left = 2.0 * rebound / (toward * (1.0 - share));
-        self.mode = ContactMode::Free;
-        if toward > 0.0 && (stays || (share < 1.0 && left < self.sim.zeno_time)) {
-            let before = y.to_vec();
-            self.stop_normal(touch, y)?;
-            if !stays {
-                let impacts = trajectory
-                    .events
-                    .iter()
-                    .filter(|e| {
-                        matches!(e.kind, EventKind::Impact { .. } | EventKind::Limit { .. })
-                            && e.kind.touch().is_none_or(|t| t == touch)
-                    })
-                    .count();
-                self.pass(touch, left, *time, y)?;
-                *time += left;
-                self.note(EventKind::Zeno { touch, impacts }, *time, &before, y, trajectory);
-            }
-            return self.last(touch, *time, &before, y, trajectory);
+        if toward > 0.0 && rests {
+            return Ok(Stays::Rests);
+        }
+        if toward > 0.0 && share < 1.0 && left < self.motion.sim.zeno_time {
+            return Ok(Stays::Zeno(left));
         }
         // Half of the flight, during which the gap is open: the contact just left can't fire again.
         let wake = if toward > 0.0 { rebound / toward } else { BAND };
         // (And never so short that the integrator can't step.)
-        self.asleep =
-            Some((touch, *time + wake.clamp(1e-11 * (1.0 + *time), self.sim.max_step.max(1e-11 * (1.0 + *time)))));
-        Ok(())
+        let least = 1e-11 * (1.0 + self.time);
+        Ok(Stays::Leaves { wake: self.time + wake.clamp(least, self.motion.sim.max_step.max(least)) })
+    }
+
+    /// What follows when a touch has, or gets, the velocity `rebound` off the surface.
+    fn leave(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<(), SimError> {
+        self.motion.mode = ContactMode::Free;
+        self.motion.settle_joints(self.time, &mut self.y)?;
+        match self.stays(touch, approach, rebound)? {
+            Stays::Leaves { wake } => {
+                self.motion.asleep.push((touch, wake));
+                Ok(())
+            }
+            Stays::Rests => {
+                let before = self.y.clone();
+                self.motion.stop_normal(touch, self.time, &mut self.y)?;
+                self.last(touch, &before)
+            }
+            Stays::Zeno(left) => {
+                let before = self.y.clone();
+                let energy = self.motion.energy(&before)?;
+                self.motion.stop_normal(touch, self.time, &mut self.y)?;
+                self.motion.pass(touch, left, self.time, &mut self.y)?;
+                self.lost += energy - self.motion.energy(&self.y)?;
+                let (start, y) = (self.time, self.y.clone());
+                self.time += left;
+                self.sampler.stretch(start, self.time, 2, |_| y.clone());
+                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts[touch] }, &before, Vec::new());
+                self.last(touch, &before)
+            }
+        }
     }
 
     /// The contact lasts: does it stick or slide?
-    fn last(
-        &mut self,
-        touch: usize,
-        time: f64,
-        before: &[f64],
-        y: &[f64],
-        trajectory: &mut Trajectory,
-    ) -> Result<(), SimError> {
-        self.mode = self.lasting_mode(touch, time, y)?;
-        self.note(EventKind::Mode { mode: self.mode }, time, before, y, trajectory);
-        Ok(())
+    pub fn last(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
+        if !self.motion.sim.touches[touch].is_point() {
+            return self.enter(ContactMode::Several);
+        }
+        let mode = match self.motion.lasting_mode(touch, self.time, &self.y) {
+            Err(SimError::Jam { .. }) => ContactMode::Several,
+            mode => mode?,
+        };
+        self.motion.mode = mode;
+        self.note(EventKind::Mode { mode }, before, Vec::new());
+        if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
     }
 }
 
-/// Gaps this small at the start count as touching, m.
-const TOUCHING: f64 = 1e-9;
+/// By how much friction can change the velocity after an impact, m/s.
+///
+/// While p grows, vₙ does at a rate between C − μb and C + μb (b = |H_tn|; a stuck contact's rate is one of them too, as it
+/// sticks for μ ≥ b/a only). So pₙ is between (1+e)|uₙ|/(C ± μb) for every law, and without friction it is (1+e)|uₙ|/C:
+/// `|Δu| ≤ |Hn| Δpₙ + max‖Ht‖ μ pₙ` with the greatest such pₙ. Infinite from μb ≥ C on.
+pub(crate) fn friction_bound(delassus: &Matrix3<f64>, n: &Vector3<f64>, approach: f64, e: f64, mu: f64) -> f64 {
+    let column = delassus * n;
+    let c = n.dot(&column);
+    let across = Matrix3::identity() - n * n.transpose();
+    let b = (across * column).norm();
+    if mu * b >= c {
+        return f64::INFINITY;
+    }
+    let (plain, most) = ((1.0 + e) * approach / c, (1.0 + e) * approach / (c - mu * b));
+    column.norm() * (most - plain) + (delassus * across).norm() * mu * most
+}
+
+/// What a touch does that has just been hit.
+pub(crate) enum Stays {
+    Rests,
+    /// After this time, s.
+    Zeno(f64),
+    Leaves {
+        wake: f64,
+    },
+}
+
+impl Simulation {
+    fn joint_of(&self, index: usize) -> String {
+        let own = |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, carom_chain::Coordinates::Own { v, .. } if v.contains(&index));
+        self.chain.joints().iter().find(own).map_or_else(String::new, |joint| joint.name.clone())
+    }
+}
+
+/// Gaps this small count as touching when something else touches, m.
+pub(crate) const TOUCHING: f64 = 1e-9;
 /// A contact that opens without a velocity may not fire again for this long, s.
-const BAND: f64 = 1e-4;
+pub(crate) const BAND: f64 = 1e-4;
+/// So many events within one contact step are handed to time stepping.
+const CROWD: usize = 100;

@@ -102,7 +102,6 @@ pub struct Contact<'a> {
     jacobian: DMatrix<f64>,
     inertia: ContactInertia,
     problem: ImpactProblem<f64, 3>,
-    energy: f64,
 }
 
 impl<'a> Contact<'a> {
@@ -127,11 +126,10 @@ impl<'a> Contact<'a> {
         }
         let jacobian = kin.point_jacobian(point);
         let u = kin.point_velocity(point, qd)?;
-        let energy = kin.kinetic_energy(qd)?;
         let axes = z_onto(normal);
         let delassus = Matrix3::from_fn(|i, j| inertia.delassus[(i, j)]);
         let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
-        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem, energy })
+        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem })
     }
 
     /// The numbers that a law sees: contact axes, tangents first, normal last.
@@ -154,22 +152,36 @@ impl<'a> Contact<'a> {
     /// # Errors
     /// What the law refuses.
     pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
-        let outcome = law.resolve(&self.problem)?;
-        let impulse = self.axes * outcome.impulse;
-        let qd_plus = DVector::from_column_slice(self.qd) + &self.inertia.response * impulse;
-        let energy_after = self.workspace.update(self.chain, self.q)?.kinetic_energy(qd_plus.as_slice())?;
-        Ok(ChainImpact {
-            qd_plus: qd_plus.as_slice().to_vec(),
-            impulse,
-            u_minus: self.axes * outcome.u_minus,
-            u_plus: self.axes * outcome.u_plus,
-            energy_before: self.energy,
-            energy_after,
-            mode: outcome.mode,
-            flags: outcome.flags,
-            contact: outcome,
+        let Self { chain, q, qd, workspace, axes, inertia, problem, .. } = self;
+        carry(law, problem, axes, &inertia.response, qd, &mut |qd| {
+            Ok(workspace.update(chain, q)?.kinetic_energy(qd)?)
         })
     }
+}
+
+/// A law's impulse, carried back into the joints: qd⁺ = qd⁻ + M⁻¹Jᵀp, where `response` is M⁻¹Jᵀ in world axes.
+pub(crate) fn carry(
+    law: &dyn Law<f64, 3>,
+    problem: &ImpactProblem<f64, 3>,
+    axes: &Matrix3<f64>,
+    response: &DMatrix<f64>,
+    qd: &[f64],
+    kinetic_energy: &mut dyn FnMut(&[f64]) -> Result<f64, SimError>,
+) -> Result<ChainImpact, SimError> {
+    let outcome = law.resolve(problem)?;
+    let impulse = axes * outcome.impulse;
+    let qd_plus = DVector::from_column_slice(qd) + response * impulse;
+    Ok(ChainImpact {
+        impulse,
+        u_minus: axes * outcome.u_minus,
+        u_plus: axes * outcome.u_plus,
+        energy_before: kinetic_energy(qd)?,
+        energy_after: kinetic_energy(qd_plus.as_slice())?,
+        mode: outcome.mode,
+        flags: outcome.flags,
+        contact: outcome,
+        qd_plus: qd_plus.as_slice().to_vec(),
+    })
 }
 
 /// What an impact does to a chain.

@@ -3,79 +3,288 @@
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | g, ġ | 1 | gap (> 0 open) and its rate | `gap`, `gap_rate` |
-//! | j | nv | ġ = j·qd | `normal_row` |
+//! | g, ġ | 1 | gap (> 0 open) and its rate | `gap`, `rate` |
+//! | j | nv | ġ = j·qd − n·ṡ | `row` |
 //! | J | 3×nv | velocity of the touching point (surfaces only) | `jacobian` |
+//! | s | 3 | displacement of a surface that moves | [`Oscillation`] |
+//! | u | 3 | velocity of the touching point over the surface, J qd − ṡ | `u` |
 
 use crate::error::SimError;
-use carom_chain::{Chain, Coordinates, Kinematics, Spatial};
-use carom_contact::{LinkShape, Obstacle, gap, link_shapes, reachable_pairs};
+use crate::space::{Space, View};
+use carom_chain::{Chain, Coordinates, FrameId, Point};
+use carom_contact::{
+    LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_points, link_shapes, reachable_pairs,
+};
+use carom_impact::{LAW_NAMES, law_by_name};
 use nalgebra::{DMatrix, DVector, Vector3};
+
+/// The law of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactRule {
+    /// Name of the impact law, one of [`carom_impact::LAW_NAMES`].
+    pub law: &'static str,
+    /// Its coefficient of restitution.
+    pub restitution: f64,
+    /// Coefficient of friction, of impacts and of lasting contact.
+    pub friction: f64,
+    /// What touches is held from then on: a latch, a grasp. The impact takes all of the velocity out.
+    pub latch: bool,
+}
+
+impl Default for ContactRule {
+    /// Frictionless, and no rebound.
+    fn default() -> Self {
+        Self { law: LAW_NAMES[0], restitution: 0.0, friction: 0.0, latch: false }
+    }
+}
+
+impl ContactRule {
+    /// # Errors
+    /// [`SimError::Contact`], [`SimError::UnknownLaw`].
+    pub(crate) fn check(&self, touch: &str) -> Result<(), SimError> {
+        let refuse = |what, value, rule| Err(SimError::Contact { touch: touch.into(), what, value, rule });
+        if law_by_name::<3>(self.law, 0.0, 0.0).is_none() {
+            return Err(SimError::UnknownLaw { name: self.law.into(), known: LAW_NAMES.join(", ") });
+        }
+        if !(0.0..=1.0).contains(&self.restitution) {
+            return refuse("restitution", self.restitution, "a coefficient of restitution lies between 0 and 1");
+        }
+        if !(self.friction >= 0.0 && self.friction.is_finite()) {
+            return refuse("friction", self.friction, "a coefficient of friction is finite and not negative");
+        }
+        Ok(())
+    }
+}
+
+/// Harmonic motion of a surface: displaced by `amplitude · sin(ω t + phase)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Oscillation {
+    /// Direction and size, world, m.
+    pub amplitude: Vector3<f64>,
+    /// Angular frequency ω, rad/s.
+    pub frequency: f64,
+    /// Phase, rad.
+    pub phase: f64,
+}
+
+impl Oscillation {
+    /// s, ṡ, s̈ at a time.
+    pub fn at(&self, time: f64) -> [Vector3<f64>; 3] {
+        let Self { amplitude, frequency, phase } = *self;
+        let (sin, cos) = (frequency * time + phase).sin_cos();
+        [amplitude * sin, amplitude * (frequency * cos), amplitude * (-frequency * frequency * sin)]
+    }
+}
+
+/// A surface of the surroundings.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// What people call it.
+    pub name: String,
+    /// Its form and place.
+    pub obstacle: Obstacle,
+    /// What happens where it is touched.
+    pub contact: ContactRule,
+    /// How it moves, if it does.
+    pub motion: Option<Oscillation>,
+}
 
 /// A pair that may touch.
 #[derive(Debug, Clone)]
 pub struct Touch {
     /// What people call it: `tip on surface 1`, `upper limit of elbow`.
     pub name: String,
+    /// What happens when it does.
+    pub contact: ContactRule,
     pub(crate) kind: TouchKind,
+    /// Name of the surface; of a limit, none.
+    pub(crate) surface: Option<String>,
+    pub(crate) motion: Option<Oscillation>,
 }
 
 #[derive(Debug, Clone)]
 pub(crate) enum TouchKind {
-    Surface { shape: Box<LinkShape>, obstacle: Box<Obstacle> },
+    /// A ball (a corner is one of radius 0) that a link carries, before a plane.
+    Ball { shape: Box<LinkShape>, centre: Vector3<f64>, radius: f64, point: Vector3<f64>, normal: Vector3<f64> },
+    /// Any other pair of a shape and an obstacle, at its nearest points.
+    Pair { shape: Box<LinkShape>, obstacle: Box<Obstacle> },
+    /// A joint's limit.
     Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
 }
 
-/// A touch at one configuration.
-#[derive(Debug, Clone)]
-pub(crate) struct At {
+/// Hulls with more vertices than this are watched at their lowest point only.
+const MANY_CORNERS: usize = 32;
+
+/// The pairs that may touch, and those that can't, each with its reason.
+#[derive(Debug, Clone, Default)]
+pub struct Touches {
+    /// What may touch.
+    pub touches: Vec<Touch>,
+    /// What can't: name and reason.
+    pub left_out: Vec<(String, LeftOut)>,
+}
+
+/// A touch at one state.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct At<A: Space> {
     pub gap: f64,
     /// Touching point on the robot, and unit normal from the environment to the robot, world (surfaces only).
-    pub surface: Option<(carom_chain::Point<Spatial<f64>>, Vector3<f64>)>,
+    pub surface: Option<Place<A>>,
+}
+
+/// Where a surface is touched.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place<A: Space> {
+    pub point: Point<A>,
+    pub position: Vector3<f64>,
+    pub normal: Vector3<f64>,
 }
 
 impl Touch {
-    /// The limits of all joints that have some.
-    pub(crate) fn limits(chain: &Chain) -> Vec<Self> {
+    /// Every shape of a link with every surface that it can reach at some pose, and every joint limit, whose Newton's
+    /// coefficient is `limit_restitution`. What is out of reach is left out, and exactly.
+    ///
+    /// Before a half-space every corner, ball or capsule end is a touch of its own.
+    ///
+    /// # Errors
+    /// A mesh that can't be used.
+    pub fn all(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Touches, SimError> {
+        let shapes = link_shapes(chain)?;
+        // What moves, moves by no more than its amplitude; it is not worth a reach of its own.
+        let (moving, still): (Vec<_>, Vec<_>) = surfaces.iter().partition(|surface| surface.motion.is_some());
+        let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
+        let found = reachable_pairs(chain, &shapes, &obstacles);
+        let name = |shape: &LinkShape, surface: &Surface| format!("{} on {}", shape.link(), surface.name);
+        let left_out = found.left_out.iter();
+        let left_out = left_out.map(|(pair, why)| (name(&shapes[pair.shape], still[pair.obstacle]), *why)).collect();
+        let mut touches = Vec::new();
+        for pair in &found.pairs {
+            Self::add(&mut touches, &shapes[pair.shape], still[pair.obstacle]);
+        }
+        for surface in moving {
+            shapes.iter().for_each(|shape| Self::add(&mut touches, shape, surface));
+        }
+        touches.extend(Self::limits(chain, limit_restitution));
+        Ok(Touches { touches, left_out })
+    }
+
+    /// Every shape with every surface, whether it can get there or not, and every joint limit.
+    ///
+    /// # Errors
+    /// A mesh that can't be used.
+    pub fn every(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Vec<Self>, SimError> {
+        let mut touches = Vec::new();
+        for shape in &link_shapes(chain)? {
+            surfaces.iter().for_each(|surface| Self::add(&mut touches, shape, surface));
+        }
+        touches.extend(Self::limits(chain, limit_restitution));
+        Ok(touches)
+    }
+
+    fn add(touches: &mut Vec<Self>, shape: &LinkShape, surface: &Surface) {
+        let Surface { name, obstacle, contact, motion } = surface;
+        let surface = Some(name.clone());
+        let mut push = |name, kind| {
+            touches.push(Self { name, contact: *contact, kind, surface: surface.clone(), motion: *motion });
+        };
+        let name = format!("{} on {name}", shape.link());
+        let corners = shape.corners();
+        match obstacle.surface() {
+            Form::HalfSpace { point, normal }
+                if corners.len() <= MANY_CORNERS && !matches!(shape.solid(), Solid::Cylinder { .. }) =>
+            {
+                for (k, corner) in corners.iter().enumerate() {
+                    let name = if corners.len() == 1 { name.clone() } else { format!("{name}, corner {}", k + 1) };
+                    let (shape, centre, radius) = (Box::new(shape.clone()), corner.position, corner.radius);
+                    push(name, TouchKind::Ball { shape, centre, radius, point: *point, normal: *normal });
+                }
+            }
+            _ => {
+                push(name, TouchKind::Pair { shape: Box::new(shape.clone()), obstacle: Box::new(obstacle.clone()) });
+            }
+        }
+    }
+
+    fn limits(chain: &Chain, restitution: f64) -> Vec<Self> {
         let mut touches = Vec::new();
         for joint in chain.joints() {
             let Coordinates::Own { q, v } = &joint.coordinates else { continue };
             for (bound, upper, side) in [(joint.limits.lower, false, "lower"), (joint.limits.upper, true, "upper")] {
                 let Some(bound) = bound else { continue };
                 let kind = TouchKind::Limit { joint: joint.name.clone(), q: q.start, v: v.start, bound, upper };
-                touches.push(Self { name: format!("{side} limit of {}", joint.name), kind });
+                let contact = ContactRule { restitution, ..ContactRule::default() };
+                let name = format!("{side} limit of {}", joint.name);
+                touches.push(Self { name, contact, kind, surface: None, motion: None });
             }
         }
         touches
     }
 
-    /// Every shape of a link with every surface that it can reach at some pose, and every joint limit. What is out of reach
-    /// is left out once, and exactly.
-    ///
-    /// # Errors
-    /// A mesh that can't be used.
-    pub fn all(chain: &Chain, surfaces: Vec<(String, Obstacle)>) -> Result<Vec<Self>, SimError> {
-        let shapes = link_shapes(chain)?;
-        let (names, obstacles): (Vec<String>, Vec<Obstacle>) = surfaces.into_iter().unzip();
-        let reachable = reachable_pairs(chain, &shapes, &obstacles).pairs.into_iter().map(|pair| {
-            let (shape, obstacle) = (&shapes[pair.shape], &obstacles[pair.obstacle]);
-            let name = format!("{} on {}", shape.link(), names[pair.obstacle]);
-            Self {
-                name,
-                kind: TouchKind::Surface { shape: Box::new(shape.clone()), obstacle: Box::new(obstacle.clone()) },
-            }
-        });
-        Ok(reachable.chain(Self::limits(chain)).collect())
+    /// The link that touches; `None` for a limit.
+    pub fn link(&self) -> Option<&str> {
+        match &self.kind {
+            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } => Some(shape.link()),
+            TouchKind::Limit { .. } => None,
+        }
     }
 
-    /// Gap and place at a configuration.
-    pub(crate) fn at(&self, kin: &Kinematics<Spatial<f64>>, q: &[f64]) -> At {
+    /// The surface that is touched; `None` for a limit.
+    pub fn surface(&self) -> Option<&str> {
+        self.surface.as_deref()
+    }
+
+    /// The joint whose limit this is.
+    pub fn limit_of(&self) -> Option<&str> {
         match &self.kind {
-            TouchKind::Surface { shape, obstacle } => {
-                let pose = kin.pose(shape.frame());
-                let found = gap(shape, &pose, obstacle);
-                let point = carom_contact::contact_point(kin, shape, &found);
-                At { gap: found.distance, surface: Some((point, found.normal)) }
+            TouchKind::Limit { joint, .. } => Some(joint),
+            _ => None,
+        }
+    }
+
+    /// How many points of this pair can touch at once: one, but where faces and edges may lie on each other.
+    pub(crate) fn is_point(&self) -> bool {
+        match &self.kind {
+            TouchKind::Pair { shape, obstacle } => {
+                let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
+                round(shape.solid()) || matches!(obstacle.surface(), Form::Solid { solid, .. } if round(solid))
+            }
+            _ => true,
+        }
+    }
+
+    /// Displacement, velocity and acceleration of the surface.
+    pub(crate) fn shift(&self, time: f64) -> [Vector3<f64>; 3] {
+        self.motion.map_or([Vector3::zeros(); 3], |motion| motion.at(time))
+    }
+
+    /// The pose of a link's frame as the surface sees it.
+    fn seen<A: Space>(
+        &self,
+        view: &View<A>,
+        frame: FrameId,
+        shift: Vector3<f64>,
+    ) -> carom_chain::algebra::Pose<carom_chain::Spatial<f64>> {
+        let mut pose = view.pose(frame);
+        pose.translation -= shift;
+        pose
+    }
+
+    /// Gap and place at a state.
+    pub(crate) fn at<A: Space>(&self, view: &View<A>, q: &[f64], time: f64) -> At<A> {
+        let [shift, ..] = self.shift(time);
+        match &self.kind {
+            TouchKind::Ball { shape, centre, radius, point, normal } => {
+                let centre = self.seen(view, shape.frame(), shift).point(*centre);
+                let height = normal.dot(&(centre - point));
+                let position = centre - normal * *radius + shift;
+                let place = Place { point: view.point(shape.frame(), position), position, normal: *normal };
+                At { gap: height - radius, surface: Some(place) }
+            }
+            TouchKind::Pair { shape, obstacle } => {
+                let found = gap(shape, &self.seen(view, shape.frame(), shift), obstacle);
+                let position = found.on_robot + shift;
+                let place = Place { point: view.point(shape.frame(), position), position, normal: found.normal };
+                At { gap: found.distance, surface: Some(place) }
             }
             TouchKind::Limit { q: at, bound, upper, .. } => {
                 At { gap: if *upper { bound - q[*at] } else { q[*at] - bound }, surface: None }
@@ -83,28 +292,88 @@ impl Touch {
         }
     }
 
-    /// ġ = j·qd.
-    pub(crate) fn gap_rate(&self, at: &At, kin: &Kinematics<Spatial<f64>>, qd: &[f64]) -> Result<f64, SimError> {
+    /// All points of the pair with gaps of at most `within`.
+    pub(crate) fn points<A: Space>(&self, view: &View<A>, q: &[f64], time: f64, within: f64) -> Vec<At<A>> {
+        let mut points = match &self.kind {
+            TouchKind::Pair { shape, obstacle } if !self.is_point() => {
+                let [shift, ..] = self.shift(time);
+                let corners = gap_points(shape, &self.seen(view, shape.frame(), shift), obstacle, f64::INFINITY);
+                let place = |found: carom_contact::Gap| {
+                    let position = found.on_robot + shift;
+                    let place = Place { point: view.point(shape.frame(), position), position, normal: found.normal };
+                    At { gap: found.distance, surface: Some(place) }
+                };
+                let mut points: Vec<At<A>> = corners.into_iter().map(place).collect();
+                points.push(self.at(view, q, time));
+                points
+            }
+            _ => vec![self.at(view, q, time)],
+        };
+        points.retain(|at| at.gap <= within);
+        points
+    }
+
+    /// ġ.
+    pub(crate) fn rate<A: Space>(&self, at: &At<A>, view: &View<A>, qd: &[f64], time: f64) -> Result<f64, SimError> {
         match (&self.kind, at.surface) {
             (TouchKind::Limit { v, upper, .. }, _) => Ok(if *upper { -qd[*v] } else { qd[*v] }),
-            (_, Some((point, normal))) => Ok(normal.dot(&kin.point_velocity(point, qd)?)),
+            (_, Some(place)) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
             (_, None) => Ok(0.0),
         }
     }
 
-    /// The row j.
-    pub(crate) fn normal_row(&self, at: &At, kin: &Kinematics<Spatial<f64>>) -> Result<DVector<f64>, SimError> {
-        let mut row = DVector::zeros(kin.chain().nv());
-        match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, upper, .. }, _) => row[*v] = if *upper { -1.0 } else { 1.0 },
-            (_, Some((point, normal))) => kin.add_point_force(point, normal, row.as_mut_slice())?,
-            (_, None) => {}
-        }
-        Ok(row)
+    /// u.
+    pub(crate) fn u<A: Space>(
+        &self,
+        place: &Place<A>,
+        view: &View<A>,
+        qd: &[f64],
+        time: f64,
+    ) -> Result<Vector3<f64>, SimError> {
+        Ok(view.velocity(place.point, qd)? - self.shift(time)[1])
     }
 
-    /// The Jacobian of the touching point; `None` for a limit, which has no tangents.
-    pub(crate) fn jacobian(&self, at: &At, kin: &Kinematics<Spatial<f64>>) -> Option<DMatrix<f64>> {
-        at.surface.map(|(point, _)| kin.point_jacobian(point))
+    /// The row j.
+    pub(crate) fn row<A: Space>(&self, at: &At<A>, view: &View<A>) -> Result<DVector<f64>, SimError> {
+        match (&self.kind, at.surface) {
+            (TouchKind::Limit { v, upper, .. }, _) => {
+                let mut row = DVector::zeros(view.kin.chain().nv());
+                row[*v] = if *upper { -1.0 } else { 1.0 };
+                Ok(row)
+            }
+            (_, Some(place)) => view.row(place.point, place.normal),
+            (_, None) => Ok(DVector::zeros(view.kin.chain().nv())),
+        }
+    }
+
+    /// J; `None` for a limit, which has no tangents.
+    pub(crate) fn jacobian<A: Space>(&self, at: &At<A>, view: &View<A>) -> Option<DMatrix<f64>> {
+        at.surface.map(|place| view.jacobian(place.point))
+    }
+
+    /// (g̈, u̇) while no joint accelerates, in closed form; `None` where only differences help.
+    ///
+    /// The centre c of a ball on a plane has g̈ = n·(c̈ − s̈). The touching point is always the one below the centre, so
+    /// its u̇ leaves out ω × (ω × r), what the point that touches now would do when it has turned away; r = −n radius.
+    pub(crate) fn drift<A: Space>(
+        &self,
+        at: &At<A>,
+        view: &mut View<A>,
+        qd: &[f64],
+        time: f64,
+    ) -> Option<Result<(f64, Vector3<f64>), SimError>> {
+        match (&self.kind, at.surface) {
+            (TouchKind::Limit { .. }, _) => Some(Ok((0.0, Vector3::zeros()))),
+            (TouchKind::Ball { shape, radius, normal, .. }, Some(place)) => {
+                let mut closed = || {
+                    let turning = view.angular_velocity(shape.frame(), qd)?;
+                    let arm = -normal * *radius;
+                    let u = view.drift(place.point, qd)? - turning.cross(&turning.cross(&arm)) - self.shift(time)[2];
+                    Ok((normal.dot(&u), u))
+                };
+                Some(closed())
+            }
+            _ => None,
+        }
     }
 }
