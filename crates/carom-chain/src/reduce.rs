@@ -69,16 +69,16 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         Ok(self.rebuilt(bodies, frames, numbering))
     }
 
-    /// Leaves out every body that no impulse at `point` can reach: what hangs on the fixed base by another joint.
-    /// (Mimic joints tie across the base; what they tie is kept.)
-    pub fn prune(&self, point: Point<A>) -> Reduced<A> {
+    /// Leaves out every body that no impulse at any of the `points` can reach: what hangs on the fixed base by another
+    /// joint. (Mimic joints tie across the base; what they tie is kept.)
+    pub fn prune(&self, points: &[Point<A>]) -> Reduced<A> {
         let mut root: Vec<usize> = Vec::with_capacity(self.bodies.len());
         for (i, body) in self.bodies.iter().enumerate() {
             root.push(body.parent.map_or(i, |p| root[p]));
         }
         let mut reached = vec![false; self.bodies.len()]; // by root
         let mut active = vec![false; self.nv];
-        if let Some(body) = point.body {
+        for body in points.iter().filter_map(|point| point.body) {
             reached[root[body]] = true;
         }
         loop {

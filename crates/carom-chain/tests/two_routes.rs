@@ -296,7 +296,7 @@ proptest! {
         let pick = s.rng.usize(0..s.chain.frames().len());
         let name = s.chain.frames()[pick].name.clone();
         let tip = s.chain.point(s.chain.frame(&name).unwrap(), f);
-        let less = s.chain.prune(tip);
+        let less = s.chain.prune(&[tip]);
         let tip_less = less.chain.point(less.chain.frame(&name).unwrap(), f);
         let q_less: Vec<f64> = less.q.iter().map(|&i| q[i]).collect();
         let mut ws = s.chain.workspace();

@@ -1,8 +1,10 @@
 //! One line for everything that is refused.
 
+use crate::input::Refused;
 use carom_chain::ChainError;
 use carom_sim::SimError;
 use std::io;
+use std::path::Path;
 
 /// Why a command stopped.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +47,24 @@ pub enum CliError {
     /// Output that can't be written.
     #[error("cannot write the answer: {0}")]
     Output(#[from] io::Error),
+}
+
+impl CliError {
+    /// What a scene is refused for, with its file; some errors name theirs.
+    pub fn scene(file: &Path, error: SimError) -> Self {
+        match error {
+            SimError::Scene { .. } | SimError::Chain(ChainError::Urdf { .. }) => Self::Scene(error.to_string()),
+            other => Self::Scene(format!("{}: {other}", file.display())),
+        }
+    }
+
+    /// An answer about a scene that can't be given.
+    pub fn refused(file: &Path, refused: Refused) -> Self {
+        match refused {
+            Refused::Output(e) => Self::Output(e),
+            Refused::Input(e) => Self::Scene(format!("{}: {e}", file.display())),
+        }
+    }
 }
 
 /// Why one line can't be answered; the reader of lines adds file and number.

@@ -11,6 +11,7 @@ mod input;
 mod inspect;
 mod law;
 mod output;
+mod plan;
 mod simulate;
 
 use clap::{Args, Parser, Subcommand};
@@ -40,6 +41,8 @@ enum Command {
     Impact(impact::Impact),
     /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
     Law(law::LawCommand),
+    /// What a scene needs, what it leaves out exactly, and what within which bound
+    Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
     Simulate(simulate::Simulate),
 }
@@ -67,6 +70,7 @@ fn main() -> ExitCode {
         Command::Dynamics(command) => command.run(stdout),
         Command::Impact(command) => command.run(stdout),
         Command::Law(command) => command.run(stdout),
+        Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {

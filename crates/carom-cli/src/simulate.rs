@@ -1,10 +1,9 @@
 //! `carom simulate`: a scene, from its file to its events.
 
 use crate::error::CliError;
-use crate::input::Refused;
 use crate::output::{answer, say, short};
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{Event, EventKind, Moment, Sampling, Scene, Seen, SimError, Simulation, Statistics};
+use carom_sim::{Event, EventKind, Moment, Sampling, Scene, Seen, Simulation, Statistics};
 use clap::Args;
 use serde::Serialize;
 use std::fs::File;
@@ -88,22 +87,18 @@ struct Cost {
 
 impl Simulate {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let refuse = |e: SimError| match e {
-            SimError::Scene { .. } | SimError::Chain(carom_chain::ChainError::Urdf { .. }) => {
-                CliError::Scene(e.to_string())
-            }
-            other => CliError::Scene(format!("{}: {other}", self.scene.display())),
-        };
+        let refuse = |e| CliError::scene(&self.scene, e);
         let scene = Scene::from_file(&self.scene).map_err(refuse)?;
         for warning in &scene.warnings {
             say(&format!("warning: {}: {warning}", self.scene.display()));
         }
-        let sim = &scene.simulation;
+        let plan = scene.plan().map_err(refuse)?;
+        let sim = &plan.simulation;
         let mut table = self.csv.as_deref().map(|path| Table::begin(path, &sim.chain)).transpose()?;
         let every = table.is_some().then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
-        let run = sim.stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| match seen {
+        let run = sim.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| match seen {
             Seen::Moment(moment) => {
                 if let Some(table) = &mut table {
                     table.row(moment);
@@ -118,10 +113,7 @@ impl Simulate {
         }
         let written =
             answer(out, &summary(sim, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
-        written.map_err(|refused| match refused {
-            Refused::Output(e) => CliError::Output(e),
-            Refused::Input(e) => CliError::Scene(format!("{}: {e}", self.scene.display())),
-        })
+        written.map_err(|refused| CliError::refused(&self.scene, refused))
     }
 }
 

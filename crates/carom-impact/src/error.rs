@@ -113,4 +113,46 @@ pub enum ImpactError {
         /// Largest coupling taken for rounding (1/kg).
         allowed: f64,
     },
+
+    /// The parts of an impact at several places do not fit one another.
+    #[error(
+        "{what} has {found} rows, but the constraints take {expected}: a contact takes three (tangents first, normal \
+         last), every other constraint one"
+    )]
+    Sizes {
+        /// What has the wrong size: `delassus`, `u_minus`, `u_free`, `warm_start`.
+        what: &'static str,
+        /// Rows that the constraints take together.
+        expected: usize,
+        /// Rows found.
+        found: usize,
+    },
+
+    /// A matrix that is not square.
+    #[error("delassus is {rows} x {columns}: it must be square; build it as J M^-1 J^T")]
+    NotSquare {
+        /// Rows found.
+        rows: usize,
+        /// Columns found.
+        columns: usize,
+    },
+
+    /// A constraint's coefficient is out of its range.
+    #[error("constraint {index}: {reason}")]
+    Constraint {
+        /// Its place in the list.
+        index: usize,
+        /// What is wrong with it.
+        reason: Box<ImpactError>,
+    },
+
+    /// A negative or infinite bound of dry friction.
+    #[error(
+        "bound {value} is not a finite number >= 0: give the largest impulse of dry friction, the joint's \
+         friction force times the time it acts; 0 for an impact in no time, `Held` for one without a bound"
+    )]
+    Bound {
+        /// The value given (N s or N m s).
+        value: f64,
+    },
 }

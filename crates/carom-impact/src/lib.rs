@@ -58,9 +58,11 @@ mod outcome;
 mod plane;
 mod problem;
 mod routh;
+mod several;
 
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use laws::{Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name};
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
+pub use several::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};

@@ -8,7 +8,7 @@
 //! | μ_stick | 1 | `\|B\|/A`, least friction that holds a stuck contact | `mu_stick` |
 //! | μ_jam | 1 | `C/\|B\|`, Painlevé's threshold | `mu_jam` |
 
-use nalgebra::{RealField, SMatrix, SVector, convert};
+use nalgebra::{Dim, Matrix, RealField, SMatrix, SVector, StorageMut, convert};
 
 use crate::ImpactError;
 
@@ -47,30 +47,9 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// semidefinite within 1024 ε of its largest entry.
     pub fn new(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         const { assert!(D > 0, "a contact has at least its normal direction") };
-        check_finite(&delassus, &u_minus)?;
-
-        let largest = delassus.amax();
-        let allowed = largest * convert(SYMMETRY);
         let mut h = delassus;
-        for i in 0..D {
-            for j in i + 1..D {
-                let (upper, lower) = (h[(i, j)], h[(j, i)]);
-                if (upper - lower).abs() > allowed {
-                    return Err(ImpactError::NotSymmetric {
-                        row: i,
-                        column: j,
-                        upper: plain(upper),
-                        lower: plain(lower),
-                        allowed: plain(allowed),
-                    });
-                }
-                // Halving the difference, not the sum, cannot overflow and leaves equals alone.
-                let mean = lower + (upper - lower) * convert(0.5);
-                h[(i, j)] = mean;
-                h[(j, i)] = mean;
-            }
-        }
-        check_positive(h, largest * rounding(NULL_PIVOT))?;
+        check_delassus(&mut h)?;
+        check_velocity("u_minus", u_minus.as_slice())?;
         Ok(Self::trusted(h, u_minus))
     }
 
@@ -214,43 +193,80 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
     }
 }
 
-fn check_finite<T: RealField + Copy, const D: usize>(
-    delassus: &SMatrix<T, D, D>,
-    u_minus: &SVector<T, D>,
-) -> Result<(), ImpactError> {
-    for i in 0..D {
-        for j in 0..D {
-            let value = delassus[(i, j)];
+/// Finite, symmetric (averaged where it is nearly so), positive semidefinite: for any size.
+pub(crate) fn check_delassus<T, D, S>(h: &mut Matrix<T, D, D, S>) -> Result<(), ImpactError>
+where
+    T: RealField + Copy,
+    D: Dim,
+    S: StorageMut<T, D, D> + Clone,
+{
+    let size = h.nrows();
+    for i in 0..size {
+        for j in 0..size {
+            let value = h[(i, j)];
             if !value.is_finite() {
                 let entry = format!("delassus[{i}][{j}]");
                 return Err(ImpactError::NotFinite { entry, value: plain(value) });
             }
         }
-        let value = u_minus[i];
-        if !value.is_finite() {
-            let entry = format!("u_minus[{i}]");
-            return Err(ImpactError::NotFinite { entry, value: plain(value) });
+    }
+    let largest = h.amax();
+    let allowed = largest * convert(SYMMETRY);
+    for i in 0..size {
+        for j in i + 1..size {
+            let (upper, lower) = (h[(i, j)], h[(j, i)]);
+            if (upper - lower).abs() > allowed {
+                return Err(ImpactError::NotSymmetric {
+                    row: i,
+                    column: j,
+                    upper: plain(upper),
+                    lower: plain(lower),
+                    allowed: plain(allowed),
+                });
+            }
+            // Halving the difference, not the sum, cannot overflow and leaves equals alone.
+            let mean = lower + (upper - lower) * convert(0.5);
+            h[(i, j)] = mean;
+            h[(j, i)] = mean;
         }
     }
-    Ok(())
+    check_positive(h, largest * rounding(NULL_PIVOT))
+}
+
+/// Every entry of the velocity called `name` is finite.
+pub(crate) fn check_velocity<T: RealField + Copy>(name: &str, u: &[T]) -> Result<(), ImpactError> {
+    match u.iter().position(|value| !value.is_finite()) {
+        Some(i) => Err(ImpactError::NotFinite { entry: format!("{name}[{i}]"), value: plain(u[i]) }),
+        None => Ok(()),
+    }
 }
 
 /// `H + allowed 1` has positive pivots exactly when no eigenvalue of H lies below `-allowed`
 /// (Sylvester's law of inertia).
-fn check_positive<T: RealField + Copy, const D: usize>(h: SMatrix<T, D, D>, allowed: T) -> Result<(), ImpactError> {
-    let Some(found) = negative_pivot(h, allowed) else {
+fn check_positive<T, D, S>(h: &Matrix<T, D, D, S>, allowed: T) -> Result<(), ImpactError>
+where
+    T: RealField + Copy,
+    D: Dim,
+    S: StorageMut<T, D, D> + Clone,
+{
+    let Some(found) = negative_pivot(h.clone(), allowed) else {
         return Ok(());
     };
-    let (row, pivot) = negative_pivot(h, T::zero()).unwrap_or(found);
+    let (row, pivot) = negative_pivot(h.clone(), T::zero()).unwrap_or(found);
     Err(ImpactError::NotPositive { row, pivot: plain(pivot), allowed: plain(allowed) })
 }
 
 /// First negative pivot of `H + shift 1`, from the normal upwards.
-fn negative_pivot<T: RealField + Copy, const D: usize>(mut h: SMatrix<T, D, D>, shift: T) -> Option<(usize, T)> {
-    for i in 0..D {
+fn negative_pivot<T, D, S>(mut h: Matrix<T, D, D, S>, shift: T) -> Option<(usize, T)>
+where
+    T: RealField + Copy,
+    D: Dim,
+    S: StorageMut<T, D, D>,
+{
+    for i in 0..h.nrows() {
         h[(i, i)] += shift;
     }
-    for k in (0..D).rev() {
+    for k in (0..h.nrows()).rev() {
         let pivot = h[(k, k)];
         if pivot < T::zero() {
             return Some((k, pivot));
@@ -264,7 +280,12 @@ fn negative_pivot<T: RealField + Copy, const D: usize>(mut h: SMatrix<T, D, D>, 
 }
 
 /// Schur complement of pivot k in the rows above it; column k is left holding what it was.
-fn eliminate<T: RealField + Copy, const D: usize>(h: &mut SMatrix<T, D, D>, k: usize) {
+fn eliminate<T, D, S>(h: &mut Matrix<T, D, D, S>, k: usize)
+where
+    T: RealField + Copy,
+    D: Dim,
+    S: StorageMut<T, D, D>,
+{
     for i in 0..k {
         let l = h[(i, k)] / h[(k, k)];
         for j in 0..=i {

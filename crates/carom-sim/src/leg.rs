@@ -11,10 +11,12 @@
 //! as the integration, not as its interpolation.
 
 use crate::error::SimError;
+use crate::simulate::Integrator;
 use crate::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
-use ivp::methods::DOP853;
+use ivp::matrix::MatrixStorage;
+use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
 
@@ -49,6 +51,7 @@ pub(crate) struct LegEnd {
 pub(crate) struct Accuracy {
     pub tolerance: f64,
     pub max_step: f64,
+    pub integrator: Integrator,
 }
 
 /// Hands out moments at multiples of an interval, and segments.
@@ -157,12 +160,19 @@ fn integrate(
     observer: &mut Observer,
 ) -> Result<(), SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
-    let solved = DOP853::builder()
-        .max_step(accuracy.max_step.min((end - start).abs()))
-        .max_steps(usize::MAX)
-        .build()
-        .solve(system, start, y, end, accuracy.tolerance.into(), (accuracy.tolerance * 1e-3).into(), Some(observer))
-        .map_err(|e| failed(format!("{e:?}")))?;
+    let longest = accuracy.max_step.min((end - start).abs());
+    let (relative, absolute) = (accuracy.tolerance.into(), (accuracy.tolerance * 1e-3).into());
+    let solved = match accuracy.integrator {
+        Integrator::DormandPrince => {
+            let method = DOP853::builder().max_step(longest).max_steps(usize::MAX).build();
+            method.solve(system, start, y, end, relative, absolute, Some(observer))
+        }
+        Integrator::Radau => {
+            let method = RADAU::builder().max_step(longest).max_steps(usize::MAX).mass_storage(MatrixStorage::Identity).build();
+            method.solve(system, start, y, end, relative, absolute, Some(observer))
+        }
+    };
+    let solved = solved.map_err(|e| failed(format!("{e:?}")))?;
     statistics.steps += solved.steps.accepted;
     statistics.rejections += solved.steps.rejected;
     statistics.evaluations += solved.evals.ode;

@@ -15,6 +15,7 @@ mod free_motion;
 mod frictionless;
 mod leg;
 mod motion;
+mod plan;
 mod scene;
 mod scene_file;
 mod several;
@@ -29,7 +30,8 @@ pub use error::SimError;
 pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
 pub use scene::Scene;
-pub use simulate::Simulation;
+pub use plan::{Bounded, Decision, Plan};
+pub use simulate::{Integrator, Simulation};
 pub use strike::{ChainImpact, Contact, Impacts, Strike};
 pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{

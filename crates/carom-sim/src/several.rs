@@ -1,11 +1,316 @@
+//! Several contacts at once: their impact in one problem, and Moreau–Jean time stepping while they last.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | h | 1 | step | `step` |
+//! | R | m×nv | rows of all constraints in contact axes, tangents first, normal last | `rows` |
+//! | G | m×m | R M⁻¹ Rᵀ | `delassus` |
+//! | p | m | impulses | `impulse` |
+//!
+//! One step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; all contacts that are closed
+//! at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, where p follows Newton's restitution and Coulomb's cone ([`carom_impact::SeveralProblem`]);
+//! the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts; positions
+//! overlap by O(h), and are put back along M⁻¹Rᵀ.
+//!
+//! Which law several contacts follow is decided here and nowhere else: [`Run::solve`].
+
 use crate::error::SimError;
-use crate::simulate::Run;
-use crate::space::Space;
-impl<A: Space> Run<'_, '_, A> {
-    pub fn several_contacts(&mut self) -> Result<(), SimError> {
-        unimplemented!()
+use crate::motion::Dry;
+use crate::simulate::{BAND, Run, Stays, TOUCHING};
+use crate::space::{Space, View};
+use crate::touch::{At, Touch};
+use crate::trajectory::{Blow, ContactMode, EventKind};
+use carom_chain::algebra::z_onto;
+use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+
+/// How well a problem with several contacts is solved: beside the errors of stepping, nothing.
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
+/// So many steps without motion are rest.
+const STILL_STEPS: usize = 20;
+/// Joint velocities below this are none, rad/s or m/s.
+const STILL: f64 = 1e-10;
+
+/// The constraints of one instant.
+struct Rows {
+    rows: Vec<DVector<f64>>,
+    constraints: Vec<Constraint>,
+    /// Velocity of the surface along each row.
+    surface: Vec<f64>,
+    /// Index of the touch, its gap, its axes and point, and its first row.
+    contacts: Vec<(usize, f64, Option<(Matrix3<f64>, Vector3<f64>)>, usize)>,
+}
+
+impl Rows {
+    fn new() -> Self {
+        Self { rows: Vec::new(), constraints: Vec::new(), surface: Vec::new(), contacts: Vec::new() }
     }
-    pub fn several_impacts(&mut self, _: &[usize]) -> Result<(), SimError> {
-        unimplemented!()
+
+    /// The rows of one closed touch.
+    fn add<A: Space>(&mut self, k: usize, touch: &Touch, at: &At<A>, view: &View<A>, time: f64) -> Result<(), SimError> {
+        let first = self.rows.len();
+        let rule = touch.contact;
+        let (restitution, friction) = (rule.restitution, rule.friction);
+        let Some(place) = at.surface else {
+            self.rows.push(touch.row(at, view)?);
+            self.surface.push(0.0);
+            self.constraints.push(if rule.latch { Constraint::Held } else { Constraint::Stop { restitution } });
+            self.contacts.push((k, at.gap, None, first));
+            return Ok(());
+        };
+        let velocity = touch.shift(time)[1];
+        let axes = z_onto(place.normal);
+        let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
+        for k in directions {
+            let direction = axes.column(k).into_owned();
+            self.rows.push(view.row(place.point, direction)?);
+            self.surface.push(direction.dot(&velocity));
+        }
+        if rule.latch {
+            self.constraints.extend([Constraint::Held, Constraint::Held, Constraint::Held]);
+        } else if friction > 0.0 {
+            self.constraints.push(Constraint::Contact { restitution, friction });
+        } else {
+            self.constraints.push(Constraint::Stop { restitution });
+        }
+        self.contacts.push((k, at.gap, Some((axes, place.position)), first));
+        Ok(())
+    }
+
+    fn responses<A: Space>(&self, view: &mut View<A>) -> Result<Vec<DVector<f64>>, SimError> {
+        self.rows.iter().map(|row| Ok(view.kin.solve(row.as_slice())?)).collect()
+    }
+
+    /// R v − velocity of the surfaces.
+    fn velocities(&self, v: &DVector<f64>) -> DVector<f64> {
+        DVector::from_fn(self.rows.len(), |i, _| self.rows[i].dot(v) - self.surface[i])
+    }
+
+    /// The impulses as arrows in the world.
+    fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
+        let blow = |(touch, _, place, first): &(usize, f64, Option<(Matrix3<f64>, Vector3<f64>)>, usize)| {
+            let (axes, point) = place.as_ref()?;
+            // One row is the normal's alone.
+            let next = self.contacts.iter().map(|contact| contact.3).find(|row| row > first);
+            let length = next.unwrap_or(self.rows.len().min(first + 3)) - first;
+            let skip = if length >= 3 { 0 } else { 2 };
+            let parts = (skip..3).map(|k| axes.column(k) * impulse[first + k - skip]);
+            Some(Blow { touch: *touch, point: *point, impulse: parts.fold(Vector3::zeros(), |sum, part| sum + part) })
+        };
+        self.contacts.iter().filter_map(blow).collect()
     }
 }
+
+impl<A: Space> Run<'_, '_, A> {
+    /// The law of several contacts: Newton's restitution for all of them at once, and Coulomb's cone.
+    fn solve(
+        &mut self,
+        rows: &Rows,
+        responses: &[DVector<f64>],
+        u_minus: DVector<f64>,
+        u_free: DVector<f64>,
+    ) -> Result<SeveralOutcome, SimError> {
+        let m = rows.rows.len();
+        let delassus = DMatrix::from_fn(m, m, |i, j| {
+            // Both halves from one product: symmetric to the bit.
+            let (i, j) = (i.min(j), i.max(j));
+            rows.rows[i].dot(&responses[j])
+        });
+        let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
+        let outcome = problem.simultaneous(&ACCURACY, None)?;
+        self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
+        Ok(outcome)
+    }
+
+    /// Touches that come together at one time, with what lasts already.
+    pub fn several_impacts(&mut self, together: &[usize]) -> Result<(), SimError> {
+        let before = self.y.clone();
+        let (q, qd) = self.q_qd();
+        let (sim, time, nq) = (self.motion.sim, self.time, self.motion.sim.chain.nq());
+        let energy = self.motion.energy(&before)?;
+        let mut rows = Rows::new();
+        let mut view = self.motion.view(&q)?;
+        let mut approach = Vec::new();
+        for &touch in together {
+            let one = &sim.touches[touch];
+            let at = one.at(&view, &q, time);
+            approach.push(one.rate(&at, &view, &qd, time)?);
+            rows.add(touch, one, &at, &view, time)?;
+        }
+        let responses = rows.responses(&mut view)?;
+        let v = DVector::from_column_slice(&qd);
+        let u_minus = rows.velocities(&v);
+        let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus)?;
+        let qd_plus = responses.iter().zip(outcome.impulse.iter()).fold(v, |v, (response, p)| v + response * *p);
+        self.y[nq..nq + qd.len()].copy_from_slice(qd_plus.as_slice());
+        together.iter().for_each(|&touch| self.motion.impacts[touch] += 1);
+        let kind = EventKind::Several { touches: together.to_vec(), residual: outcome.residual };
+        self.note(kind, &before, rows.blows(&outcome.impulse));
+        self.lost += energy - self.motion.energy(&self.y)?;
+        self.sort_out(together, &approach)
+    }
+
+    /// After several touches were hit: which leave, which stay?
+    fn sort_out(&mut self, together: &[usize], approach: &[f64]) -> Result<(), SimError> {
+        self.motion.mode = ContactMode::Free;
+        self.motion.settle_joints(self.time, &mut self.y)?;
+        let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let mut still = Vec::new();
+        let mut leaving = Vec::new();
+        for (&touch, &approach) in together.iter().zip(approach) {
+            let (_, rebound) = self.gap(touch)?;
+            // The solver's own error is no rebound.
+            if rebound <= scale * 1e-9 { still.push(touch) } else { leaving.push((touch, approach, rebound)) }
+        }
+        let points = still.iter().all(|&touch| self.motion.sim.touches[touch].is_point());
+        match (still.as_slice(), points) {
+            ([], _) => {}
+            (&[touch], true) if matches!(self.stays(touch, 0.0, 0.0)?, Stays::Rests) => {
+                let before = self.y.clone();
+                self.motion.stop_normal(touch, self.time, &mut self.y)?;
+                self.last(touch, &before)?;
+            }
+            (&[touch], true) => self.motion.asleep.push((touch, self.time + BAND)),
+            _ => return self.enter(ContactMode::Several),
+        }
+        if self.motion.mode == ContactMode::Several {
+            return Ok(());
+        }
+        for (touch, approach, rebound) in leaving {
+            match self.stays(touch, approach, rebound)? {
+                Stays::Leaves { wake } => self.motion.asleep.push((touch, wake)),
+                // It would chatter to rest beside one that rests, or beside others that do the same.
+                Stays::Rests | Stays::Zeno(_) => return self.enter(ContactMode::Several),
+            }
+        }
+        Ok(())
+    }
+
+    /// Time steps until all contacts are open, nothing moves any more, or the end.
+    pub fn several_contacts(&mut self) -> Result<(), SimError> {
+        self.motion.asleep.clear();
+        let mut still_steps = 0;
+        while self.time < self.end {
+            let (open, still) = self.contact_step()?;
+            if open {
+                let opened = (0..self.motion.sim.touches.len()).map(|touch| Ok(self.gap(touch)?.0 > 0.0));
+                let opened: Vec<bool> = opened.collect::<Result<_, SimError>>()?;
+                if opened.into_iter().all(|open| open) {
+                    return self.enter(ContactMode::Free);
+                }
+            }
+            still_steps = if still { still_steps + 1 } else { 0 };
+            if still_steps == STILL_STEPS && self.is_steady() {
+                let y = self.y.clone();
+                self.note(EventKind::Rest, &y, Vec::new());
+                let start = std::mem::replace(&mut self.time, self.end);
+                self.sampler.stretch(start, self.end, 2, |_| y.clone());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether what is at rest stays so.
+    fn is_steady(&self) -> bool {
+        let sim = self.motion.sim;
+        let drive = sim.after_impact.as_ref().unwrap_or(&sim.drive);
+        drive.is_steady() && sim.drive.is_steady() && sim.touches.iter().all(|touch| touch.motion.is_none())
+    }
+
+    /// One step; says whether nothing touched, and whether nothing moves.
+    fn contact_step(&mut self) -> Result<(bool, bool), SimError> {
+        let sim = self.motion.sim;
+        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let step = sim.contact_step.min(self.end - self.time);
+        let (q, qd) = self.q_qd();
+        let (start, middle_time) = (self.time, self.time + step / 2.0);
+        let energy = self.motion.energy(&self.y)?;
+
+        let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
+        // All dry friction is in the problem: none of it brakes beforehand.
+        self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
+        let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
+        let dry = self.motion.dry.clone();
+        let mut view = self.motion.view(&middle)?;
+        let acceleration = view.acceleration(&qd, &tau, sim.gravity)?;
+        let v = DVector::from_column_slice(&qd);
+        let free = &v + acceleration * step;
+
+        let mut rows = Rows::new();
+        for (k, touch) in sim.touches.iter().enumerate() {
+            for at in touch.points(&view, &middle, middle_time, TOUCHING) {
+                rows.add(k, touch, &at, &view, middle_time)?;
+            }
+        }
+        let open = rows.rows.is_empty();
+        for joint in &dry {
+            let mut row = DVector::zeros(nv);
+            row[joint.v] = 1.0;
+            rows.rows.push(row);
+            rows.surface.push(0.0);
+            rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
+        }
+        let mut next = free.clone();
+        if !rows.rows.is_empty() {
+            let responses = rows.responses(&mut view)?;
+            let outcome = self.solve(&rows, &responses, rows.velocities(&v), rows.velocities(&free))?;
+            next = responses.iter().zip(outcome.impulse.iter()).fold(next, |v, (response, p)| v + response * *p);
+        }
+        let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
+        self.y[..nq].copy_from_slice(&moved);
+        self.y[nq..nq + nv].copy_from_slice(next.as_slice());
+        sim.normalise(&mut self.y);
+        self.time = start + step;
+        self.put_back()?;
+
+        self.statistics.contact_steps += 1;
+        self.y[nq + nv] += power[0] * step;
+        self.y[nq + nv + 1] += power[1] * step;
+        self.lost += energy - self.motion.energy(&self.y)? + (power[0] + power[1]) * step;
+        let (y, still) = (self.y.clone(), next.amax() < STILL);
+        let chain = &sim.chain;
+        self.sampler.stretch(start, self.time, 2, |time| {
+            // Positions of the step are its two halves.
+            let half = step / 2.0;
+            let (from, rate, span) =
+                if time <= start + half { (&q, qd.as_slice(), time - start) } else { (&middle, next.as_slice(), time - start - half) };
+            let mut state = y.clone();
+            if let Ok(there) = chain.integrate(from, rate, span) {
+                state[..nq].copy_from_slice(&there);
+            }
+            state
+        });
+        Ok((open, still))
+    }
+
+    /// Puts overlaps back, the least way in the metric of kinetic energy: 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
+    fn put_back(&mut self) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        let (q, _) = self.q_qd();
+        let time = self.time;
+        let mut rows = Rows::new();
+        let mut view = self.motion.view(&q)?;
+        let mut gaps = Vec::new();
+        for touch in &sim.touches {
+            for at in touch.points(&view, &q, time, 0.0) {
+                rows.rows.push(touch.row(&at, &view)?);
+                rows.constraints.push(Constraint::Stop { restitution: 0.0 });
+                gaps.push(at.gap);
+            }
+        }
+        if gaps.iter().all(|gap| *gap > -OVERLAP) {
+            return Ok(());
+        }
+        let responses = rows.responses(&mut view)?;
+        let gaps = DVector::from_vec(gaps);
+        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps)?;
+        let back = DVector::zeros(sim.chain.nv());
+        let back = responses.iter().zip(outcome.impulse.iter()).fold(back, |sum, (response, p)| sum + response * *p);
+        let moved = sim.chain.integrate(&q, back.as_slice(), 1.0)?;
+        self.y[..q.len()].copy_from_slice(&moved);
+        Ok(())
+    }
+}
+
+/// Overlaps up to this much are left alone, m.
+const OVERLAP: f64 = 1e-12;

@@ -59,9 +59,21 @@ pub struct Simulation {
     pub max_events: usize,
     /// Compute in the plane what keeps to a plane: the same motion for less. `false`: always in space.
     pub planar: bool,
+    /// What integrates the smooth motion.
+    pub integrator: Integrator,
     /// Leave friction out of an impact if that changes the velocity of the touching point by less than this share of it;
     /// treat a chain as planar whose axes are off by less than this (rad). `None`: leave out nothing that is not zero.
     pub neglect: Option<f64>,
+}
+
+/// Integrators of smooth motion, both with dense output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integrator {
+    /// Dormand & Prince's explicit method of order 8 with error estimates of orders 5 and 3.
+    #[default]
+    DormandPrince,
+    /// Radau IIA of order 5, implicit: for stiff regulators and damping.
+    Radau,
 }
 
 impl Simulation {
@@ -79,6 +91,7 @@ impl Simulation {
             contact_step: 1e-3,
             max_events: usize::MAX,
             planar: true,
+            integrator: Integrator::DormandPrince,
             neglect: None,
         }
     }
@@ -214,11 +227,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     fn one_leg(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
-        let accuracy = Accuracy { tolerance: sim.tolerance, max_step: sim.max_step };
+        let Simulation { tolerance, max_step, integrator, .. } = *sim;
+        let accuracy = Accuracy { tolerance, max_step, integrator };
         let wake = self.motion.asleep.iter().map(|(_, wake)| *wake).fold(f64::INFINITY, f64::min);
         let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
         let until = wake.min(kink).min(self.end);
+        if until - self.time <= 1e-13 * (1.0 + until) {
+            self.time = until; // no step is that short
+            return self.wake();
+        }
         let before = self.y.clone();
         match leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler) {
             Ok(LegEnd { time, y, fired }) => {
@@ -309,7 +327,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 if self.motion.dry[k].state != Dry::Holds {
                     self.y[nq + v] = 0.0;
                 }
-                self.motion.settle_joints(time, &mut self.y)?;
+                if self.motion.dry[k].state == Dry::Holds {
+                    // It breaks loose the way it is pushed.
+                    let held = self.motion.in_mode(time, &self.y)?;
+                    self.motion.dry[k].state = Dry::Brakes(-held.joints[k].signum());
+                } else {
+                    self.motion.settle_joints(time, &mut self.y)?;
+                }
                 let holds = self.motion.dry[k].state == Dry::Holds;
                 let joint = self.motion.sim.joint_of(v);
                 self.note(EventKind::Joint { joint, holds }, &before, Vec::new());

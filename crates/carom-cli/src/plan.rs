@@ -1,0 +1,98 @@
+//! `carom plan`: what a scene needs, and what it does not.
+
+use crate::error::CliError;
+use crate::output::{answer, say, short};
+use carom_sim::{Bounded, Decision, Plan, Scene};
+use clap::Args;
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct PlanCommand {
+    /// The scene, TOML
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// One line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A plan as JSON.
+#[derive(Serialize)]
+pub struct Account<'a> {
+    joints: Vec<&'a str>,
+    kept: Vec<Line<'a>>,
+    left_out: Vec<Line<'a>>,
+    bounded: Vec<Within<'a>>,
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    what: &'static str,
+    choice: &'a str,
+    why: &'a str,
+}
+
+#[derive(Serialize)]
+struct Within<'a> {
+    what: &'static str,
+    choice: &'a str,
+    bound: f64,
+    of: &'a str,
+}
+
+impl<'a> Account<'a> {
+    pub fn of(plan: &'a Plan) -> Self {
+        let line = |it: &'a Decision| Line { what: it.what, choice: &it.choice, why: &it.why };
+        let within = |it: &'a Bounded| Within { what: it.what, choice: &it.choice, bound: it.bound, of: &it.of };
+        Self {
+            joints: moving_joints(plan),
+            kept: plan.kept.iter().map(line).collect(),
+            left_out: plan.left_out.iter().map(line).collect(),
+            bounded: plan.bounded.iter().map(within).collect(),
+        }
+    }
+}
+
+/// The joints that q and qd of a plan go by.
+pub fn moving_joints(plan: &Plan) -> Vec<&str> {
+    let own = |joint: &&carom_chain::JointInfo| matches!(joint.coordinates, carom_chain::Coordinates::Own { .. });
+    plan.simulation.chain.joints().iter().filter(own).map(|joint| joint.name.as_str()).collect()
+}
+
+impl PlanCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let refuse = |e| CliError::scene(&self.scene, e);
+        let scene = Scene::from_file(&self.scene).map_err(refuse)?;
+        for warning in &scene.warnings {
+            say(&format!("warning: {}: {warning}", self.scene.display()));
+        }
+        let plan = scene.plan().map_err(refuse)?;
+        let written = answer(out, &Account::of(&plan), self.json, |_, out| for_people(&plan, out));
+        written.map_err(|refused| CliError::refused(&self.scene, refused))
+    }
+}
+
+fn for_people(plan: &Plan, out: &mut dyn Write) -> io::Result<()> {
+    let section = |title: &str, lines: &[Decision], out: &mut dyn Write| -> io::Result<()> {
+        writeln!(out, "{title}")?;
+        if lines.is_empty() {
+            writeln!(out, "  nothing")?;
+        }
+        for Decision { what, choice, why } in lines {
+            writeln!(out, "  {what:11} {choice}\n              {why}")?;
+        }
+        Ok(())
+    };
+    section("modelled", &plan.kept, out)?;
+    section("left out, without any error", &plan.left_out, out)?;
+    writeln!(out, "left out within a bound")?;
+    if plan.bounded.is_empty() {
+        writeln!(out, "  nothing ([run] neglect = … allows it)")?;
+    }
+    for Bounded { what, choice, bound, of } in &plan.bounded {
+        writeln!(out, "  {what:11} {choice}\n              at most {} ({of})", short(*bound))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,139 @@
+//! The iteration: sweeps over the constraints find the modes, Newton steps finish.
+//!
+//! A sweep (block Gauss–Seidel) solves each constraint exactly with the others' impulses as they stand. It is
+//! sturdy, but near the solution it gains a fixed factor per sweep, and next to none for badly conditioned or
+//! redundant contacts. So from time to time Newton's method tries from where the sweeps stand, with least squares
+//! of least norm, since redundant contacts leave F' singular. What it finds is kept only if it is better.
+
+use nalgebra::{DVector, Vector3};
+
+use super::natural_map::NaturalMap;
+use super::{Accuracy, Constraint, SeveralProblem};
+
+/// Sweeps before Newton's method first tries; after each failure twice as many.
+const FIRST_SWEEPS: usize = 8;
+
+/// Newton steps in one try.
+const NEWTON_STEPS: usize = 24;
+
+/// Singular values below this share of the largest count as none.
+const RANK: f64 = 1e-12;
+
+/// Impulses and how good they are.
+pub(super) struct Found {
+    pub impulse: DVector<f64>,
+    pub residual: f64,
+    pub iterations: usize,
+}
+
+pub(super) fn solve(problem: &SeveralProblem, accuracy: &Accuracy, warm_start: Option<&DVector<f64>>) -> Found {
+    let map = NaturalMap::new(problem);
+    let start = map.admissible(warm_start.cloned().unwrap_or_else(|| DVector::zeros(map.offset.len())));
+    let mut search = Search { best: start.clone(), residual: f64::INFINITY, left: accuracy.max_iterations, accuracy };
+    search.keep(&map, &start);
+    let mut p = start;
+    let mut sweeps = FIRST_SWEEPS;
+    while search.goes_on() {
+        for _ in 0..sweeps {
+            if !search.goes_on() || !search.step() {
+                break;
+            }
+            sweep(&map, &mut p);
+            search.keep(&map, &p);
+        }
+        search.newton(&map, &map, &mut p.clone());
+        search.proximal(&map, &p);
+        sweeps *= 2;
+    }
+    Found { impulse: search.best, residual: search.residual, iterations: accuracy.max_iterations - search.left }
+}
+
+/// The best impulses so far, and how many iterations are left.
+struct Search<'a> {
+    best: DVector<f64>,
+    residual: f64,
+    left: usize,
+    accuracy: &'a Accuracy,
+}
+
+impl Search<'_> {
+    fn goes_on(&self) -> bool {
+        self.residual > self.accuracy.tolerance && self.left > 0
+    }
+
+    /// Counts one iteration; false if there was none left.
+    fn step(&mut self) -> bool {
+        let any = self.left > 0;
+        self.left -= usize::from(any);
+        any
+    }
+
+    /// Remembers what the cones allow of `p`, if it is the best so far.
+    fn keep(&mut self, map: &NaturalMap, p: &DVector<f64>) {
+        let p = map.admissible(p.clone());
+        let residual = map.residual(&map.value(&p));
+        // Impulses without bound (nothing ends the impact) would be no answer.
+        if residual < self.residual && p.iter().all(|p| p.is_finite()) {
+            self.best = p;
+            self.residual = residual;
+        }
+    }
+
+    /// Newton's method with halved steps on `near`, a problem that is `map` or resembles it; moves `p`.
+    fn newton(&mut self, map: &NaturalMap, near: &NaturalMap, p: &mut DVector<f64>) {
+        let mut f = near.value(p);
+        for _ in 0..NEWTON_STEPS {
+            if !self.goes_on() || f.norm() == 0.0 || !self.step() {
+                return;
+            }
+            // Bounded, lest numbers near overflow keep it from an end.
+            let Some(svd) = near.derivative(p).try_svd(true, true, f64::EPSILON, 50 * p.len()) else { return };
+            let Ok(step) = svd.solve(&f, svd.singular_values.amax() * RANK) else { return };
+            let shares = (0..12).map(|halvings| 0.5_f64.powi(halvings));
+            let next = shares.map(|share| (share, &*p - &step * share)).find_map(|(share, next)| {
+                let f_next = near.value(&next);
+                (f_next.norm() < f.norm() * (1.0 - 1e-4 * share)).then_some((next, f_next))
+            });
+            let Some(next) = next else { return };
+            (*p, f) = next;
+            self.keep(map, p);
+        }
+    }
+
+    /// A sequence of regular problems that each start at the solution of the one before and lean on it less.
+    fn proximal(&mut self, map: &NaturalMap, start: &DVector<f64>) {
+        let mut p = start.clone();
+        for decade in 1..=8 {
+            let near = map.regularised(0.1_f64.powi(decade), &p);
+            for _ in 0..3 {
+                if !self.goes_on() || !self.step() {
+                    return;
+                }
+                sweep(&near, &mut p);
+            }
+            self.newton(map, &near, &mut p);
+            self.newton(map, map, &mut p.clone());
+        }
+    }
+}
+
+/// Every constraint once, with the others' impulses as they stand.
+fn sweep(map: &NaturalMap, p: &mut DVector<f64>) {
+    // H is symmetric: its columns lie together in memory, its rows do not.
+    let without = |p: &DVector<f64>, row: usize| map.offset[row] + map.delassus.column(row).dot(p);
+    let size = |p: &DVector<f64>, row: usize| {
+        map.delassus.column(row).iter().zip(p.iter()).fold(map.offset[row].abs(), |sum, (h, p)| sum + (h * p).abs())
+    };
+    for block in &map.blocks {
+        let i = block.row;
+        if let Constraint::Contact { friction, .. } = block.constraint {
+            p.fixed_rows_mut::<3>(i).fill(0.0);
+            let c = Vector3::new(without(p, i), without(p, i + 1), without(p, i + 2));
+            let size = size(p, i).max(size(p, i + 1)).max(size(p, i + 2));
+            p.fixed_rows_mut::<3>(i).copy_from(&block.solve_contact(friction, c, size));
+        } else {
+            p[i] = 0.0;
+            p[i] = block.solve_one(without(p, i));
+        }
+    }
+}

@@ -1,0 +1,395 @@
+//! The plan: what a scene needs, and what it does not.
+//!
+//! A scene is analysed before it runs. What is left out exactly changes no digit beyond rounding:
+//!
+//! - **The plane**, where every joint keeps to one ([`Chain::to_planar`]); corners that only differ square to the plane
+//!   count once.
+//! - **Branches** that no contact reaches: what hangs on the fixed base by another joint than what touches.
+//! - **Pairs** out of reach, decided once ([`carom_contact::reachable_pairs`]).
+//! - **Friction** where it is zero: one row instead of three, no cone, no slip.
+//!
+//! What is not exactly zero is left out only with the user's tolerance ([`Simulation::neglect`]), and with a bound.
+
+use crate::drive::Drive;
+use crate::error::SimError;
+use crate::motion::responses;
+use crate::scene::Scene;
+use crate::simulate::{Integrator, Simulation, friction_bound};
+use crate::space::View;
+use crate::touch::{Touch, TouchKind};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, Coordinates, PlanarChain, Reduced, Spatial};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// A scene made as small as it may be, and the account of it.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// What runs.
+    pub simulation: Simulation,
+    /// Configuration at the start, of what runs.
+    pub q: Vec<f64>,
+    /// Joint velocities at the start, of what runs.
+    pub qd: Vec<f64>,
+    /// What is modelled, and how.
+    pub kept: Vec<Decision>,
+    /// What is left out without any error.
+    pub left_out: Vec<Decision>,
+    /// What is left out within a bound.
+    pub bounded: Vec<Bounded>,
+}
+
+/// One decision of a plan.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Decision {
+    /// `space`, `joints`, `contacts` …
+    pub what: &'static str,
+    /// What was decided.
+    pub choice: String,
+    /// Why.
+    pub why: String,
+}
+
+/// An effect left out within a bound.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounded {
+    /// `friction` or `tilt`.
+    pub what: &'static str,
+    /// What is done instead.
+    pub choice: String,
+    /// The bound, in its own unit.
+    pub bound: f64,
+    /// Of what it is a bound.
+    pub of: String,
+}
+
+/// From this many steps on that only stability asks for, the implicit integrator is taken.
+const STIFF: f64 = 1e5;
+/// Dormand–Prince 8(5,3) is stable up to about this much of step times rate.
+const STABLE: f64 = 6.0;
+
+impl Scene {
+    /// Analyses the scene: what runs, what is left out, and why.
+    ///
+    /// # Errors
+    /// [`SimError`]: a mesh that can't be used, a state without inertia.
+    pub fn plan(&self) -> Result<Plan, SimError> {
+        let mut plan = Plan {
+            simulation: self.simulation.clone(),
+            q: self.q.clone(),
+            qd: self.qd.clone(),
+            kept: Vec::new(),
+            left_out: Vec::new(),
+            bounded: Vec::new(),
+        };
+        if self.full {
+            plan.keep("model", "everything, in space", "model = \"full\"");
+        } else {
+            plan.prune(self)?;
+        }
+        plan.space(self.full);
+        plan.contacts(self);
+        plan.friction(self)?;
+        plan.gravity();
+        plan.integrator(self.duration)?;
+        Ok(plan)
+    }
+}
+
+impl Plan {
+    fn keep(&mut self, what: &'static str, choice: impl Into<String>, why: impl Into<String>) {
+        self.kept.push(Decision { what, choice: choice.into(), why: why.into() });
+    }
+
+    fn leave_out(&mut self, what: &'static str, choice: impl Into<String>, why: impl Into<String>) {
+        self.left_out.push(Decision { what, choice: choice.into(), why: why.into() });
+    }
+
+    /// Branches that nothing touches.
+    fn prune(&mut self, scene: &Scene) -> Result<(), SimError> {
+        let whole = &scene.simulation;
+        let links = whole.touches.iter().filter_map(Touch::link).chain(scene.tip.as_deref());
+        let frames = links.filter_map(|link| whole.chain.frame(link).ok());
+        let points: Vec<_> = frames.map(|frame| whole.chain.point(frame, Vector3::zeros())).collect();
+        let touched = whole.touches.iter().any(|touch| touch.link().is_some());
+        let less = whole.chain.prune(&points);
+        if !touched || less.v.is_empty() || less.v.len() == whole.chain.nv() {
+            return Ok(());
+        }
+        let moves = |joint: &&carom_chain::JointInfo| !matches!(joint.coordinates, Coordinates::None);
+        let kept: Vec<&str> = less.chain.joints().iter().filter(moves).map(|joint| joint.name.as_str()).collect();
+        let gone = whole.chain.joints().iter().filter(moves).map(|joint| joint.name.as_str());
+        let gone: Vec<&str> = gone.filter(|name| !kept.contains(name)).collect();
+        self.leave_out(
+            "joints",
+            gone.join(", "),
+            "they hang on the fixed base beside all that touches: no contact moves them, and they move no contact",
+        );
+        let mut touches = Touch::all(&less.chain, &scene.surfaces, 0.0)?.touches;
+        for touch in &mut touches {
+            if let Some(same) = whole.touches.iter().find(|same| same.name == touch.name) {
+                touch.contact = same.contact;
+            }
+        }
+        let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
+        (self.q, self.qd) = (pick(&self.q, &less.q), pick(&self.qd, &less.v));
+        let reduced = |drive: &Drive| drive.reduced(&less);
+        self.simulation = Simulation {
+            drive: reduced(&whole.drive),
+            after_impact: whole.after_impact.as_ref().map(reduced),
+            chain: less.chain.clone(),
+            touches,
+            ..whole.clone()
+        };
+        Ok(())
+    }
+
+    /// In the plane or in space?
+    fn space(&mut self, full: bool) {
+        let chain = &self.simulation.chain;
+        let joints = chain.nv();
+        let welded = chain.joints().iter().filter(|joint| joint.kind == JointType::Fixed).count();
+        match self.simulation.in_plane() {
+            Some(flat) => {
+                let [x, y, z] = flat.plane.normal.into();
+                let choice = format!("the plane with the normal ({}, {}, {})", tidy(x), tidy(y), tidy(z));
+                let before = self.simulation.touches.len();
+                merge(&mut self.simulation.touches, &flat);
+                let merged = before - self.simulation.touches.len();
+                let reach = reach(chain_of(&self.simulation));
+                self.keep("space", choice, format!("all {joints} moving joints keep to it"));
+                self.leave_out("space", "motion square to the plane", "no joint allows it; the hinges bear what acts that way");
+                if merged > 0 {
+                    let choice = format!("{merged} corners beside others");
+                    self.leave_out("corners", choice, "they differ from another one only square to the plane");
+                }
+                if flat.tilt > 1e-9 {
+                    let bound = 2.0 * flat.tilt * reach;
+                    let choice = format!("axes straightened by up to {} rad", tidy(flat.tilt));
+                    let of = "displacement of any point, m: 2 × tilt × the joints' reaches".to_owned();
+                    self.bounded.push(Bounded { what: "tilt", choice, bound, of });
+                }
+            }
+            None if full => {}
+            None => {
+                let why = chain.to_planar().err().map_or_else(String::new, |why| why.to_string());
+                self.keep("space", format!("space, {joints} velocities"), why);
+            }
+        }
+        if welded > 0 {
+            self.leave_out("joints", format!("{welded} fixed joints"), "what they hold is one body");
+        }
+    }
+
+    /// What may touch, and how many at once.
+    fn contacts(&mut self, scene: &Scene) {
+        let touches = &self.simulation.touches;
+        let (limits, pairs): (Vec<&Touch>, Vec<&Touch>) = touches.iter().partition(|touch| touch.limit_of().is_some());
+        let plane = pairs.iter().filter(|touch| matches!(touch.kind, TouchKind::Ball { .. })).count();
+        let (count, search) = (pairs.len(), pairs.len() - plane);
+        let names: Vec<&str> = pairs.iter().take(8).map(|touch| touch.name.as_str()).collect();
+        let more = if count > 8 { format!(" and {} more", count - 8) } else { String::new() };
+        let several = touches.len() > 1 || pairs.iter().any(|touch| !touch.is_point());
+        let step = self.simulation.contact_step;
+        let choice = match count {
+            0 => "none".to_owned(),
+            _ => format!("{}{more}", names.join("; ")),
+        };
+        let none = touches.is_empty();
+        let why = format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
+        self.keep("contacts", choice, why);
+        if several {
+            let choice = format!("events one contact at a time; steps of {step} s while several last");
+            self.keep("several", choice, "more than one of them may touch at once");
+        } else if !none {
+            self.keep("several", "events, one contact at a time", "only one point can touch");
+        }
+        for (pair, why) in &scene.out_of_reach {
+            self.leave_out("pair", pair.clone(), why.to_string());
+        }
+        if count == 0 && !scene.surfaces.is_empty() {
+            self.keep("surface", "no surface can be touched", "none is within reach of a link that has a shape");
+        }
+    }
+
+    /// The law, and friction.
+    fn friction(&mut self, scene: &Scene) -> Result<(), SimError> {
+        let sim = &self.simulation;
+        let surfaces: Vec<&Touch> = sim.touches.iter().filter(|touch| touch.link().is_some()).collect();
+        let Some(first) = surfaces.first() else { return Ok(()) };
+        let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
+        let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
+        let choice = if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
+        let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
+        let bound = match sim.neglect {
+            Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
+            _ => None,
+        };
+        let why = if uniform { "the same for all contacts" } else { "[[contact.pair]] or a surface says so" };
+        self.keep("law", choice, why);
+        if largest == 0.0 {
+            let why = "friction is 0 everywhere: all laws are then Newton's impulse −(1+e) uₙ/(nᵀHn) along the normal";
+            self.leave_out("friction", "tangential impulses and forces", why);
+        }
+        if let Some((bound, share)) = bound {
+            let choice = format!("left out of every impact whose bound is below {share}; the run says how often, and the worst");
+            let of = "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
+            self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
+        }
+        let _ = scene;
+        Ok(())
+    }
+
+    /// The friction bound of the touch that is nearest, as if it were hit with the velocity of now.
+    fn bound_at_start(&self, mu: f64, e: f64) -> Result<Option<f64>, SimError> {
+        let sim = &self.simulation;
+        let mut workspace = sim.chain.workspace();
+        let mut view = View::<Spatial<f64>>::new(&sim.chain, &mut workspace, &self.q)?;
+        let near = sim.touches.iter().map(|touch| touch.at(&view, &self.q, 0.0)).filter(|at| at.surface.is_some());
+        let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else { return Ok(None) };
+        let jacobian = view.jacobian(place.point);
+        let response = responses(&mut view, &jacobian)?;
+        let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+        let u = view.velocity(place.point, &self.qd)?;
+        let approach = (-place.normal.dot(&u)).max(0.0);
+        let speed = u.norm();
+        Ok((speed > 0.0).then(|| friction_bound(&delassus, &place.normal, approach, e, mu) / speed))
+    }
+
+    fn gravity(&mut self) {
+        let gravity = self.simulation.gravity;
+        if gravity == Vector3::zeros() {
+            self.keep("gravity", "none", "the scene gives none");
+            return;
+        }
+        let square = self.simulation.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
+        let [x, y, z] = gravity.into();
+        if square {
+            self.leave_out("gravity", format!("({x}, {y}, {z}) m/s²"), "it acts square to the plane: the hinges bear it");
+        } else {
+            self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "the scene gives it");
+        }
+    }
+
+    /// How stiff, and what integrates.
+    fn integrator(&mut self, duration: f64) -> Result<(), SimError> {
+        let rate = fastest_rate(&self.simulation, &self.q)?;
+        let steps = rate * duration / STABLE;
+        let tolerance = self.simulation.tolerance;
+        if steps > STIFF {
+            self.simulation.integrator = Integrator::Radau;
+            let why = format!("regulator and damping are stiff ({rate:.3e} 1/s): an explicit method would need {steps:.0} steps");
+            self.keep("integrator", format!("Radau IIA, order 5, tolerance {tolerance}"), why);
+        } else {
+            let why = if rate > 0.0 { format!("not stiff: regulator and damping act at {rate:.3e} 1/s") } else { "nothing is stiff".to_owned() };
+            self.keep("integrator", format!("Dormand–Prince 8(5,3), tolerance {tolerance}"), why);
+        }
+        Ok(())
+    }
+}
+
+fn chain_of(simulation: &Simulation) -> &Chain {
+    &simulation.chain
+}
+
+/// A number without the rounding of a rotation in its last digits.
+fn tidy(x: f64) -> String {
+    let rounded = (x * 1e9).round() / 1e9;
+    let shown = if (rounded - x).abs() < 1e-12 { rounded + 0.0 } else { x };
+    format!("{shown}")
+}
+
+/// Σ over the joints of the greatest distance of any point of a link beyond them.
+fn reach(chain: &Chain) -> f64 {
+    let bodies = chain.bodies();
+    let mut beyond = vec![0.0_f64; bodies.len()];
+    for frame in chain.frames() {
+        if let Some(body) = frame.body {
+            beyond[body] = beyond[body].max(frame.pose.translation.norm());
+        }
+    }
+    for i in (0..bodies.len()).rev() {
+        if let Some(parent) = bodies[i].parent {
+            beyond[parent] = beyond[parent].max(bodies[i].placement.translation.norm() + beyond[i]);
+        }
+    }
+    beyond.iter().sum()
+}
+
+/// Corners that differ from another only square to the plane.
+fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
+    let normal = flat.plane.normal;
+    let mut kept: Vec<Touch> = Vec::new();
+    for touch in touches.drain(..) {
+        let shadow = |touch: &Touch| match &touch.kind {
+            TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < 1e-12 => {
+                Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius))
+            }
+            _ => None,
+        };
+        let own = shadow(&touch);
+        let twin = |other: &Touch| {
+            let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
+            a.0 == b.0 && (a.1 - b.1).norm() < 1e-12 && a.2 == b.2 && other.surface == touch.surface && other.contact == touch.contact
+        };
+        if !kept.iter().any(twin) {
+            kept.push(touch);
+        }
+    }
+    *touches = kept;
+}
+
+/// The fastest rate of the linear part of drive and damping, 1/s: of M ẍ + D ẋ + K x = 0 it is at most the largest
+/// eigenvalue of M⁻¹D or the root of that of M⁻¹K.
+fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
+    let chain = &simulation.chain;
+    let gains = |drive: &Drive| match drive {
+        Drive::Pd { kp, kd, .. } => (*kp, *kd),
+        Drive::ImpactInvariant(invariant) => (invariant.kp, invariant.kd),
+        _ => (0.0, 0.0),
+    };
+    let rate_of = |drive: &Drive| match drive {
+        Drive::Transition(transition) => transition.gain,
+        _ => 0.0,
+    };
+    let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
+    let stiffness = drives().map(|drive| gains(drive).0).fold(0.0, f64::max);
+    let regulated = drives().map(|drive| gains(drive).1).fold(0.0, f64::max);
+    let tracked = drives().map(rate_of).fold(0.0, f64::max);
+    let mut damping = vec![regulated; chain.nv()];
+    for joint in chain.joints() {
+        if let Coordinates::Own { v, .. } = &joint.coordinates {
+            v.clone().for_each(|i| damping[i] += joint.damping);
+        }
+    }
+    if stiffness == 0.0 && damping.iter().all(|d| *d == 0.0) {
+        return Ok(tracked);
+    }
+    let mut workspace = chain.workspace();
+    let mut mass = workspace.update(chain, q)?.mass_matrix();
+    mass.fill_upper_triangle_with_lower_triangle();
+    let largest = |diagonal: &[f64]| {
+        let root = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(diagonal.len(), diagonal.iter().map(|d| d.sqrt())));
+        let Some(inverse) = mass.clone().cholesky().map(|cholesky| cholesky.inverse()) else { return 0.0 };
+        (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
+    };
+    Ok(largest(&damping).max(largest(&vec![stiffness; chain.nv()]).sqrt()).max(tracked))
+}
+
+impl Drive {
+    /// The same for a reduced chain.
+    fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Self {
+        let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
+        let mut drive = self.clone();
+        match &mut drive {
+            Self::Constant(forces) => *forces = pick(forces, &less.v),
+            Self::Table { forces, .. } => forces.iter_mut().for_each(|row| *row = pick(row, &less.v)),
+            Self::Pd { target, .. } => *target = pick(target, &less.q),
+            Self::ImpactInvariant(invariant) => {
+                invariant.target = pick(&invariant.target, &less.q);
+                invariant.velocity = pick(&invariant.velocity, &less.v);
+            }
+            Self::Off | Self::GravityCompensation | Self::Transition(_) => {}
+        }
+        drive
+    }
+}

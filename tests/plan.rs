@@ -1,0 +1,291 @@
+//! Exact reductions change no digit beyond rounding; the others stay within their bound.
+
+use carom::Chain;
+use carom::sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use nalgebra::Vector3;
+use std::path::PathBuf;
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// A scene from its text, with a robot's text or file beside it.
+fn scene(name: &str, robot: &str, text: &str) -> Scene {
+    let folder = std::env::temp_dir().join(format!("carom-plan-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path: PathBuf = folder.join("scene.toml");
+    std::fs::write(folder.join("robot.urdf"), robot).unwrap();
+    std::fs::write(&path, text).unwrap();
+    let scene = Scene::from_file(&path).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    scene
+}
+
+fn planar2() -> String {
+    std::fs::read_to_string(format!("{ROOT}/robots/planar2.urdf")).unwrap()
+}
+
+/// Runs the plan of a scene and of the same scene with `model = "full"`, and compares events and motion of the joints
+/// `kept` (indices in the full q) to 1e-11 of the largest number.
+fn same_motion(name: &str, robot: &str, text: &str, kept: &[usize]) -> [Simulation; 2] {
+    let auto = scene(name, robot, text);
+    let full = scene(name, robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+    let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
+    assert!(less.bounded.is_empty() && !less.left_out.is_empty());
+    let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
+    let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
+    let pick = |numbers: &[f64]| kept.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
+    let close = |a: &[f64], b: &[f64], what: &str| {
+        let scale = b.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() <= 1e-11 * scale, "{name}, {what}: {a} against {b}");
+        }
+    };
+    let of_kept: Vec<_> = b.events.iter().filter(|e| less_touches(&less.simulation, &all.simulation, e)).collect();
+    assert_eq!(a.events.len(), of_kept.len(), "{name}");
+    for (a, b) in a.events.iter().zip(&of_kept) {
+        close(&[a.time], &[b.time], "time of an event");
+        close(&a.q, &pick(&b.q), "q at an event");
+        close(&a.qd_plus, &pick(&b.qd_plus), "qd after an event");
+    }
+    for k in 0..=200 {
+        let time = auto.duration * f64::from(k) / 200.0;
+        let (a, b): (Moment, Moment) = (a.at(&less.simulation.chain, time), b.at(&all.simulation.chain, time));
+        close(&a.q, &pick(&b.q), &format!("q at {time} s"));
+        close(&a.qd, &pick(&b.qd), &format!("qd at {time} s"));
+    }
+    [less.simulation, all.simulation]
+}
+
+/// Whether an event of the full model is one of a touch that the smaller model has too.
+fn less_touches(less: &Simulation, all: &Simulation, event: &carom::sim::Event) -> bool {
+    event.kind.touch().is_none_or(|k| less.touches.iter().any(|touch| touch.name == all.touches[k].name))
+}
+
+const WALL: &str = r#"
+[robot]
+urdf = "robot.urdf"
+q = [0.7854, -1.5708]
+qd = [0.3, -0.9]
+[[surface]]
+shape = { halfspace = { point = [0.65, 0, 0], normal = [-1, 0, 0] } }
+[contact]
+law = "energetic"
+restitution = 0.5
+friction = 0.2
+[run]
+duration = 1.5
+tolerance = 1e-12
+gravity = [0, -9.81, 0]
+"#;
+
+#[test]
+fn the_plane_gives_the_motion_of_space() {
+    let [less, all] = same_motion("plane", &planar2(), WALL, &[0, 1]);
+    assert!(less.planar && !all.planar);
+}
+
+#[test]
+fn frictionless_walls_need_no_tangents() {
+    same_motion("frictionless", &planar2(), &WALL.replace("friction = 0.2", "friction = 0"), &[0, 1]);
+}
+
+#[test]
+fn what_is_out_of_reach_changes_nothing() {
+    let far = r#"
+[[surface]]
+name = "far wall"
+shape = { halfspace = { point = [-3, 0, 0], normal = [1, 0, 0] } }
+[[surface]]
+name = "ball overhead"
+shape = { sphere = { centre = [0, 0, 2], radius = 0.5 } }
+[contact]"#;
+    let [less, all] = same_motion("reach", &planar2(), &WALL.replace("[contact]", far), &[0, 1]);
+    let pairs = |sim: &Simulation| sim.touches.iter().filter(|touch| touch.link().is_some()).count();
+    assert!(pairs(&less) < pairs(&all));
+}
+
+/// Two arms on one base; one of them is at the wall.
+#[test]
+fn a_branch_that_nothing_touches_is_not_computed() {
+    let link = |name: &str, tip: bool| {
+        let ball = r#"<collision><origin xyz="0.3 0 0"/><geometry><sphere radius="0.02"/></geometry></collision>"#;
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
+            <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>{}</link>"#,
+            if tip { ball } else { "" }
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, at: &str| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+            <origin xyz="{at}"/><axis xyz="0 0 1"/></joint>"#
+        )
+    };
+    let robot = format!(
+        r#"<robot name="two arms"><link name="base"/>{}{}{}{}{}{}{}{}</robot>"#,
+        link("left1", false),
+        link("left2", false),
+        link("right1", false),
+        link("right2", true),
+        joint("l1", "base", "left1", "-1 0 0"),
+        joint("l2", "left1", "left2", "0.3 0 0"),
+        joint("r1", "base", "right1", "0.2 0 0"),
+        joint("r2", "right1", "right2", "0.3 0 0"),
+    );
+    let text = r#"
+[robot]
+urdf = "robot.urdf"
+q = [0.3, 0.4, 0.9, -1.2]
+qd = [1, 0, -0.5, 0.2]
+[[surface]]
+shape = { halfspace = { point = [0.75, 0, 0], normal = [-1, 0, 0] } }
+[contact]
+law = "poisson"
+restitution = 0.6
+friction = 0.1
+[run]
+duration = 1.0
+tolerance = 1e-12
+gravity = [0, -9.81, 0]
+"#;
+    let [less, all] = same_motion("branch", &robot, text, &[2, 3]);
+    assert_eq!((less.chain.nv(), all.chain.nv()), (2, 4));
+}
+
+/// An arm with a box for a hand: in space two corners hit at once, in the plane one.
+#[test]
+fn corners_beside_each_other_count_once() {
+    let robot = r#"<robot name="hand"><link name="base"/>
+        <link name="arm"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
+          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+        <link name="hand"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial>
+          <collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.1 0.06"/></geometry></collision></link>
+        <joint name="shoulder" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+        <joint name="wrist" type="continuous"><parent link="arm"/><child link="hand"/><origin xyz="0.6 0 0"/>
+          <axis xyz="0 0 1"/></joint></robot>"#;
+    let text = r#"
+[robot]
+urdf = "robot.urdf"
+q = [0.5, -0.7]
+qd = [-0.6, 0.3]
+[[surface]]
+shape = { halfspace = { point = [0, -0.1, 0], normal = [0, 1, 0] } }
+[contact]
+law = "newton"
+restitution = 0.6
+[run]
+duration = 1.2
+tolerance = 1e-12
+"#;
+    // In space the two corners are one problem of several contacts, in the plane one contact: without friction, one law.
+    let [less, all] = {
+        let auto = scene("corners", robot, text);
+        let full = scene("corners", robot, &text.replace("[run]", "[run]\nmodel = \"full\""));
+        let (less, all) = (auto.plan().unwrap(), full.plan().unwrap());
+        let a = less.simulation.run(&less.q, &less.qd, auto.duration).unwrap();
+        let b = all.simulation.run(&all.q, &all.qd, full.duration).unwrap();
+        assert_eq!((a.events[0].kind.name(), b.events[0].kind.name()), ("impact", "several"));
+        for (a, b) in a.events.iter().zip(&b.events) {
+            assert!((a.time - b.time).abs() < 1e-11);
+            assert!(a.qd_plus.iter().zip(&b.qd_plus).all(|(a, b)| (a - b).abs() < 1e-11), "{a:?} {b:?}");
+        }
+        [less.simulation, all.simulation]
+    };
+    assert_eq!((less.touches.len(), all.touches.len()), (4, 8));
+}
+
+/// The bound of what friction can do holds against the full law, over poses, speeds, laws and coefficients.
+#[test]
+fn neglected_friction_stays_within_its_bound() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let mut worst = 0.0_f64;
+    for case in 0..60 {
+        let mu = 10_f64.powf(-4.0 + 3.0 * rng.f64());
+        let e = rng.f64();
+        let law = ["newton", "poisson", "energetic"][case % 3];
+        let (q, qd) = ([0.3 + rng.f64(), -2.4 + 1.8 * rng.f64()], [rng.f64() - 0.5, rng.f64() - 0.5]);
+        let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
+        let tip = chain.frame("tip").unwrap();
+        let mut ws = chain.workspace();
+        let kin = ws.update(&chain, &q).unwrap();
+        let place = kin.position(chain.point(tip, Vector3::zeros()));
+        let u = kin.point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
+        // The wall stands where the tip is going, a little before it.
+        let toward = if u.x > 0.0 { 1.0 } else { -1.0 };
+        let wall = Obstacle::half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward).unwrap();
+        let rule = carom::sim::ContactRule { law, restitution: e, friction: mu, latch: false };
+        let surface = Surface { name: "wall".into(), obstacle: wall, contact: rule, motion: None };
+        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+        let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
+        let exact = Simulation { max_events: 1, ..Simulation::new(chain, touches) };
+        let less = Simulation { neglect: Some(0.5), ..exact.clone() };
+        let Ok(a) = less.run(&q, &qd, 2.0) else { continue };
+        let Ok(b) = exact.run(&q, &qd, 2.0) else { continue };
+        let (Some(a_hit), Some(b_hit)) = (a.events.first(), b.events.first()) else { continue };
+        let [a_hit, b_hit] = [a_hit, b_hit].map(|event| match &event.kind {
+            carom::sim::EventKind::Impact { hit, .. } => hit.clone(),
+            other => panic!("{other:?}"),
+        });
+        let change = (a_hit.u_plus - b_hit.u_plus).norm() / b_hit.u_minus.norm();
+        if a.summary.statistics.neglected > 0 {
+            let bound = a.summary.statistics.neglected_bound;
+            assert!(change <= bound * (1.0 + 1e-9), "case {case}: {change} above its bound {bound}");
+            worst = worst.max(change / bound);
+        } else {
+            assert_eq!(change, 0.0);
+        }
+    }
+    assert!(worst > 0.1, "a bound that is never nearly reached says little: {worst}");
+}
+
+/// A chain whose axes are off by the rounding of 1.5708: straightened on demand, and displaced by no more than 2 δ Σ reach.
+#[test]
+fn straightened_axes_displace_no_point_beyond_the_bound() {
+    let robot = |tilt: f64| {
+        format!(
+            r#"<robot name="tilted"><link name="base"/>
+            <link name="one"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <link name="two"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+            <link name="tip"/>
+            <joint name="a" type="continuous"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/></joint>
+            <joint name="b" type="continuous"><parent link="one"/><child link="two"/><origin xyz="0.5 0 0"/>
+              <axis xyz="{} 0 {}"/></joint>
+            <joint name="c" type="fixed"><parent link="two"/><child link="tip"/><origin xyz="0.4 0 0"/></joint></robot>"#,
+            tilt.sin(),
+            tilt.cos()
+        )
+    };
+    for tilt in [4e-6, 1e-3, 0.1] {
+        let chain = Chain::from_urdf_str(&robot(tilt), &LoadOptions::default()).unwrap();
+        assert!(chain.to_planar().is_err());
+        assert!(chain.to_planar_within(tilt * 0.9).is_err());
+        let flat = chain.to_planar_within(tilt * 1.1).unwrap();
+        assert!((flat.tilt - tilt).abs() < 1e-9 + tilt * 1e-6, "{} {tilt}", flat.tilt);
+        let bound = 2.0 * tilt * (0.9 + 0.4);
+        let tip = chain.frame("tip").unwrap();
+        let mut worst = 0.0_f64;
+        for k in 0..50 {
+            let q = [0.3 * f64::from(k), 1.0 - 0.17 * f64::from(k)];
+            let (mut ws, mut flat_ws) = (chain.workspace(), flat.chain.workspace());
+            let exact = ws.update(&chain, &q).unwrap().pose(tip).translation;
+            let shadow = flat_ws.update(&flat.chain, &q).unwrap().pose(tip);
+            let straight = flat.lift_pose(tip, &shadow).translation;
+            worst = worst.max((exact - straight).norm());
+        }
+        assert!(worst <= bound && worst > bound * 0.1, "{tilt}: {worst} against {bound}");
+    }
+}
+
+/// A moving surface is watched everywhere: its reach is not decided once.
+#[test]
+fn moving_surfaces_are_never_out_of_reach() {
+    let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
+    let obstacle = Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap();
+    let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 });
+    let surface = |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
+    let count = |motion| Touch::all(&chain, &[surface(motion)], 0.0).unwrap().touches.iter().filter(|t| t.link().is_some()).count();
+    assert_eq!(count(None), 0);
+    assert!(count(motion) > 0);
+}
