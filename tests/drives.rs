@@ -55,7 +55,10 @@ fn a_torque_table_breaks_a_joint_loose_when_it_exceeds_its_friction() {
     sim.drive = Drive::Table { times: vec![0.0, 2.0, 3.0], forces: vec![vec![0.0], vec![6.0], vec![6.0]] };
     let run = sim.run(&[0.0], &[0.0], 3.0).unwrap();
     let loose = &run.events[0];
-    assert!(matches!(loose.kind, EventKind::Joint { holds: false, .. }) && (loose.time - 1.0).abs() < 1e-9, "{loose:?}");
+    assert!(
+        matches!(loose.kind, EventKind::Joint { holds: false, .. }) && (loose.time - 1.0).abs() < 1e-9,
+        "{loose:?}"
+    );
     // v(2) = ∫₁² (3t − 3)/2 dt = ¾; then ẍ = 3/2 for a second.
     let v = 0.75 + 1.5;
     assert!((run.summary.last.qd[0] - v).abs() < 1e-8, "{}", run.summary.last.qd[0]);
@@ -129,12 +132,7 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_where_it_should() {
             let phase = cos.acos();
             // Start at the table just after the bounce, slightly off.
             let mut shifted = sim.clone();
-            shifted.touches = touching(
-                &sim.chain,
-                level(),
-                rule,
-                Some(Oscillation { phase, ..motion }),
-            );
+            shifted.touches = touching(&sim.chain, level(), rule, Some(Oscillation { phase, ..motion }));
             let start = amplitude * phase.sin() + 0.1;
             let run = shifted.run(&[start], &[v * (1.0 + 1e-4)], 400.0 * period).unwrap();
             let hits: Vec<f64> = run.events.iter().filter(|e| e.kind.name() == "impact").map(|e| e.time).collect();
@@ -244,7 +242,9 @@ fn impact_invariant_feedback_is_the_same_on_both_sides_of_the_jump() {
         let mut ws = chain.workspace();
         let mut kin = ws.update(chain, &event.q).unwrap();
         let m = kin.mass_matrix();
-        let bias = |qd: &[f64], kin: &mut carom::Kinematics<carom_chain::Spatial<f64>>| kin.bias(qd, Vector3::zeros()).unwrap();
+        let bias = |qd: &[f64], kin: &mut carom::Kinematics<carom_chain::Spatial<f64>>| {
+            kin.bias(qd, Vector3::zeros()).unwrap()
+        };
         let (c_minus, c_plus) = (bias(&event.qd_minus, &mut kin), bias(&event.qd_plus, &mut kin));
         let tau = |slope: [f64; 2], c: &nalgebra::DVector<f64>| &m * nalgebra::DVector::from_column_slice(&slope) + c;
         (tau(after, &c_plus) - tau(before, &c_minus)).norm()

@@ -284,8 +284,11 @@ fn moving_surfaces_are_never_out_of_reach() {
     let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
     let obstacle = Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap();
     let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 });
-    let surface = |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
-    let count = |motion| Touch::all(&chain, &[surface(motion)], 0.0).unwrap().touches.iter().filter(|t| t.link().is_some()).count();
+    let surface =
+        |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
+    let count = |motion| {
+        Touch::all(&chain, &[surface(motion)], 0.0).unwrap().touches.iter().filter(|t| t.link().is_some()).count()
+    };
     assert_eq!(count(None), 0);
     assert!(count(motion) > 0);
 }

@@ -48,6 +48,13 @@
 //! | [`Poisson`] | a ratio of impulses | never gains | always for regular H |
 //! | [`Energetic`] | a ratio of works (root) | never gains | always for regular H |
 //!
+//! These answer one contact. Several at once, with joint limits, dry joints and held directions among them, are a
+//! [`SeveralProblem`]:
+//!
+//! | law | restitution is | energy | exists |
+//! |---|---|---|---|
+//! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | always for regular H; for e = 0 nearly always |
+//!
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.
 

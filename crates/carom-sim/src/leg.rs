@@ -168,7 +168,8 @@ fn integrate(
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
         Integrator::Radau => {
-            let method = RADAU::builder().max_step(longest).max_steps(usize::MAX).mass_storage(MatrixStorage::Identity).build();
+            let method =
+                RADAU::builder().max_step(longest).max_steps(usize::MAX).mass_storage(MatrixStorage::Identity).build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
     };

@@ -157,7 +157,11 @@ impl Plan {
                 let merged = before - self.simulation.touches.len();
                 let reach = reach(chain_of(&self.simulation));
                 self.keep("space", choice, format!("all {joints} moving joints keep to it"));
-                self.leave_out("space", "motion square to the plane", "no joint allows it; the hinges bear what acts that way");
+                self.leave_out(
+                    "space",
+                    "motion square to the plane",
+                    "no joint allows it; the hinges bear what acts that way",
+                );
                 if merged > 0 {
                     let choice = format!("{merged} corners beside others");
                     self.leave_out("corners", choice, "they differ from another one only square to the plane");
@@ -195,7 +199,8 @@ impl Plan {
             _ => format!("{}{more}", names.join("; ")),
         };
         let none = touches.is_empty();
-        let why = format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
+        let why =
+            format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
         self.keep("contacts", choice, why);
         if several {
             let choice = format!("events one contact at a time; steps of {step} s while several last");
@@ -218,7 +223,8 @@ impl Plan {
         let Some(first) = surfaces.first() else { return Ok(()) };
         let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
         let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
-        let choice = if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
+        let choice =
+            if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
         let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
         let bound = match sim.neglect {
             Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
@@ -231,8 +237,10 @@ impl Plan {
             self.leave_out("friction", "tangential impulses and forces", why);
         }
         if let Some((bound, share)) = bound {
-            let choice = format!("left out of every impact whose bound is below {share}; the run says how often, and the worst");
-            let of = "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
+            let choice =
+                format!("left out of every impact whose bound is below {share}; the run says how often, and the worst");
+            let of =
+                "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
             self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
         }
         let _ = scene;
@@ -245,7 +253,9 @@ impl Plan {
         let mut workspace = sim.chain.workspace();
         let mut view = View::<Spatial<f64>>::new(&sim.chain, &mut workspace, &self.q)?;
         let near = sim.touches.iter().map(|touch| touch.at(&view, &self.q, 0.0)).filter(|at| at.surface.is_some());
-        let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else { return Ok(None) };
+        let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
+            return Ok(None);
+        };
         let jacobian = view.jacobian(place.point);
         let response = responses(&mut view, &jacobian)?;
         let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
@@ -264,7 +274,11 @@ impl Plan {
         let square = self.simulation.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
         let [x, y, z] = gravity.into();
         if square {
-            self.leave_out("gravity", format!("({x}, {y}, {z}) m/s²"), "it acts square to the plane: the hinges bear it");
+            self.leave_out(
+                "gravity",
+                format!("({x}, {y}, {z}) m/s²"),
+                "it acts square to the plane: the hinges bear it",
+            );
         } else {
             self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "the scene gives it");
         }
@@ -277,10 +291,16 @@ impl Plan {
         let tolerance = self.simulation.tolerance;
         if steps > STIFF {
             self.simulation.integrator = Integrator::Radau;
-            let why = format!("regulator and damping are stiff ({rate:.3e} 1/s): an explicit method would need {steps:.0} steps");
+            let why = format!(
+                "regulator and damping are stiff ({rate:.3e} 1/s): an explicit method would need {steps:.0} steps"
+            );
             self.keep("integrator", format!("Radau IIA, order 5, tolerance {tolerance}"), why);
         } else {
-            let why = if rate > 0.0 { format!("not stiff: regulator and damping act at {rate:.3e} 1/s") } else { "nothing is stiff".to_owned() };
+            let why = if rate > 0.0 {
+                format!("not stiff: regulator and damping act at {rate:.3e} 1/s")
+            } else {
+                "nothing is stiff".to_owned()
+            };
             self.keep("integrator", format!("Dormand–Prince 8(5,3), tolerance {tolerance}"), why);
         }
         Ok(())
@@ -329,7 +349,11 @@ fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
         let own = shadow(&touch);
         let twin = |other: &Touch| {
             let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
-            a.0 == b.0 && (a.1 - b.1).norm() < 1e-12 && a.2 == b.2 && other.surface == touch.surface && other.contact == touch.contact
+            a.0 == b.0
+                && (a.1 - b.1).norm() < 1e-12
+                && a.2 == b.2
+                && other.surface == touch.surface
+                && other.contact == touch.contact
         };
         if !kept.iter().any(twin) {
             kept.push(touch);
@@ -368,7 +392,10 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let mut mass = workspace.update(chain, q)?.mass_matrix();
     mass.fill_upper_triangle_with_lower_triangle();
     let largest = |diagonal: &[f64]| {
-        let root = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(diagonal.len(), diagonal.iter().map(|d| d.sqrt())));
+        let root = DMatrix::from_diagonal(&nalgebra::DVector::from_iterator(
+            diagonal.len(),
+            diagonal.iter().map(|d| d.sqrt()),
+        ));
         let Some(inverse) = mass.clone().cholesky().map(|cholesky| cholesky.inverse()) else { return 0.0 };
         (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
     };

@@ -9,8 +9,9 @@
 //!
 //! One step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; all contacts that are closed
 //! at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, where p follows Newton's restitution and Coulomb's cone ([`carom_impact::SeveralProblem`]);
-//! the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts; positions
-//! overlap by O(h), and are put back along M⁻¹Rᵀ.
+//! the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts. Positions
+//! overlap by O(h v). They are put back along M⁻¹Rᵀ, but for what one step's fall makes: a contact that was put back to a
+//! gap of zero would open and close every other step for ever, and never come to rest.
 //!
 //! Which law several contacts follow is decided here and nowhere else: [`Run::solve`].
 
@@ -26,6 +27,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// How well a problem with several contacts is solved: beside the errors of stepping, nothing.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
+/// So many steps without contact are flight.
+const OPEN_STEPS: usize = 10;
 /// So many steps without motion are rest.
 const STILL_STEPS: usize = 20;
 /// Joint velocities below this are none, rad/s or m/s.
@@ -47,7 +50,14 @@ impl Rows {
     }
 
     /// The rows of one closed touch.
-    fn add<A: Space>(&mut self, k: usize, touch: &Touch, at: &At<A>, view: &View<A>, time: f64) -> Result<(), SimError> {
+    fn add<A: Space>(
+        &mut self,
+        k: usize,
+        touch: &Touch,
+        at: &At<A>,
+        view: &View<A>,
+        time: f64,
+    ) -> Result<(), SimError> {
         let first = self.rows.len();
         let rule = touch.contact;
         let (restitution, friction) = (rule.restitution, rule.friction);
@@ -189,10 +199,11 @@ impl<A: Space> Run<'_, '_, A> {
     /// Time steps until all contacts are open, nothing moves any more, or the end.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
         self.motion.asleep.clear();
-        let mut still_steps = 0;
+        let (mut still_steps, mut open_steps) = (0, 0);
         while self.time < self.end {
             let (open, still) = self.contact_step()?;
-            if open {
+            open_steps = if open { open_steps + 1 } else { 0 };
+            if open_steps >= OPEN_STEPS {
                 let opened = (0..self.motion.sim.touches.len()).map(|touch| Ok(self.gap(touch)?.0 > 0.0));
                 let opened: Vec<bool> = opened.collect::<Result<_, SimError>>()?;
                 if opened.into_iter().all(|open| open) {
@@ -201,6 +212,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             still_steps = if still { still_steps + 1 } else { 0 };
             if still_steps == STILL_STEPS && self.is_steady() {
+                self.put_back(0.0)?;
                 let y = self.y.clone();
                 self.note(EventKind::Rest, &y, Vec::new());
                 let start = std::mem::replace(&mut self.time, self.end);
@@ -251,9 +263,12 @@ impl<A: Space> Run<'_, '_, A> {
             rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
         }
         let mut next = free.clone();
+        let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
             let responses = rows.responses(&mut view)?;
-            let outcome = self.solve(&rows, &responses, rows.velocities(&v), rows.velocities(&free))?;
+            let (u_minus, u_free) = (rows.velocities(&v), rows.velocities(&free));
+            fall = (&u_minus - &u_free).amax() * step;
+            let outcome = self.solve(&rows, &responses, u_minus, u_free)?;
             next = responses.iter().zip(outcome.impulse.iter()).fold(next, |v, (response, p)| v + response * *p);
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
@@ -261,7 +276,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
         sim.normalise(&mut self.y);
         self.time = start + step;
-        self.put_back()?;
+        self.put_back(2.0 * fall)?;
 
         self.statistics.contact_steps += 1;
         self.y[nq + nv] += power[0] * step;
@@ -272,8 +287,11 @@ impl<A: Space> Run<'_, '_, A> {
         self.sampler.stretch(start, self.time, 2, |time| {
             // Positions of the step are its two halves.
             let half = step / 2.0;
-            let (from, rate, span) =
-                if time <= start + half { (&q, qd.as_slice(), time - start) } else { (&middle, next.as_slice(), time - start - half) };
+            let (from, rate, span) = if time <= start + half {
+                (&q, qd.as_slice(), time - start)
+            } else {
+                (&middle, next.as_slice(), time - start - half)
+            };
             let mut state = y.clone();
             if let Ok(there) = chain.integrate(from, rate, span) {
                 state[..nq].copy_from_slice(&there);
@@ -283,8 +301,9 @@ impl<A: Space> Run<'_, '_, A> {
         Ok((open, still))
     }
 
-    /// Puts overlaps back, the least way in the metric of kinetic energy: 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
-    fn put_back(&mut self) -> Result<(), SimError> {
+    /// Puts overlaps beyond `allowed` (m) back, the least way in the metric of kinetic energy: with the gaps g + allowed,
+    /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
+    fn put_back(&mut self, allowed: f64) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let (q, _) = self.q_qd();
         let time = self.time;
@@ -295,7 +314,7 @@ impl<A: Space> Run<'_, '_, A> {
             for at in touch.points(&view, &q, time, 0.0) {
                 rows.rows.push(touch.row(&at, &view)?);
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });
-                gaps.push(at.gap);
+                gaps.push(at.gap + allowed);
             }
         }
         if gaps.iter().all(|gap| *gap > -OVERLAP) {

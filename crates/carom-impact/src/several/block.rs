@@ -108,8 +108,9 @@ impl Block {
             let tangent = self.axes * along;
             Vector3::new(tangent.x, tangent.y, normal)
         };
+        // Infinite where A is singular and b out of its range: what nothing moves does not stick.
         let stick = impulse(0.0);
-        if stick.0.norm() <= mu * stick.1 {
+        if stick.0.norm().is_finite() && stick.0.norm() <= mu * stick.1 {
             return lift(stick);
         }
 
