@@ -53,7 +53,7 @@
 //!
 //! | law | restitution is | energy | exists |
 //! |---|---|---|---|
-//! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | always for regular H; for e = 0 nearly always |
+//! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | always for regular H; in the tests' census also for singular H with e = 0 |
 //!
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.

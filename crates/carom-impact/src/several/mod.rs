@@ -207,8 +207,10 @@ impl SeveralProblem {
     /// [`Whittaker`](crate::Whittaker). Where contacts are redundant there are many sets of impulses; without friction
     /// all of them give the same `u_plus`.
     ///
-    /// **Fails** where no impulses satisfy the law (friction wedges what restitution drives apart), and rarely
-    /// where the iteration finds none: that is no error here, and `residual` says so.
+    /// **Fails** where no impulses satisfy the law, which takes e > 0 and a singular H: friction wedges what
+    /// restitution drives apart, or obstacles grip the robot from both sides, where the contact that recedes
+    /// (target 0, not -e u⁻) forbids the rebound from the other. It fails rarely where the iteration finds none. Neither
+    /// is an error here: `residual` says so.
     ///
     /// # Errors
     ///
