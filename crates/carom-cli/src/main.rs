@@ -13,6 +13,7 @@ mod law;
 mod output;
 mod plan;
 mod simulate;
+mod tosses;
 
 use clap::{Args, Parser, Subcommand};
 use std::io::{self, Write};
@@ -45,6 +46,8 @@ enum Command {
     Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
     Simulate(simulate::Simulate),
+    /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
+    Tosses(tosses::TossesCommand),
 }
 
 /// Options of every command that reads a robot.
@@ -72,6 +75,7 @@ fn main() -> ExitCode {
         Command::Law(command) => command.run(stdout),
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
+        Command::Tosses(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,7 +4,8 @@
 //! leg or at the end of a step. An armed witness fires at the first time t at which w(t) ≤ 0. A zero exactly at the end
 //! of a step fires there, once: the next leg starts with that witness not armed. Between the ends of a step an armed
 //! witness that dips (rate negative at the start, positive at the end) is looked at in its lowest point, so that a short
-//! or grazing touch is not stepped over.
+//! or grazing touch is not stepped over. A gap that is not armed should open; if it closes instead, by [`HYSTERESIS`]
+//! below where it was, it fires there: nothing falls through.
 //!
 //! **Exact time.** The dense output of the step brackets the root; the state there is then computed by integrating to it
 //! anew from the start of the step, and the time corrected by w/ẇ until the witness is rounding. So an event is as exact
@@ -19,6 +20,11 @@ use ivp::matrix::MatrixStorage;
 use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
+
+/// How far a gap that should open may close, m.
+const HYSTERESIS: f64 = 1e-10;
+/// Legs that need more steps than this are given up.
+const MAX_STEPS: usize = 10_000_000;
 
 /// A smooth vector field with witnesses: one mode of contact of one chain.
 pub(crate) trait Flow {
@@ -52,6 +58,8 @@ pub(crate) struct Accuracy {
     pub tolerance: f64,
     pub max_step: f64,
     pub integrator: Integrator,
+    /// Whether a leg that turns out to be stiff fails: there is another way then.
+    pub gives_up: bool,
 }
 
 /// Hands out moments at multiples of an interval, and segments.
@@ -98,12 +106,18 @@ pub(crate) fn leg(
 ) -> Result<LegEnd, SimError> {
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
-    let armed = now.iter().map(|w| w.value > 0.0).collect();
+    // Witnesses without a rate are no gaps: one that is not positive waits until it is.
+    let level = |w: &Witness| match (w.value > 0.0, w.rate) {
+        (true, _) => Some(0.0),
+        (false, Some(_)) => Some(w.value - HYSTERESIS),
+        (false, None) => None,
+    };
+    let levels = now.iter().map(level).collect();
     let system = System(RefCell::new(Inner { flow, error: None }));
     let mut observer = Observer {
         system: &system,
         before: now,
-        armed,
+        levels,
         y_before: y.to_vec(),
         buffer: vec![0.0; y.len()],
         found: None,
@@ -120,27 +134,28 @@ pub(crate) fn leg(
 /// The state at the exact time of an event: from the start of its step anew, the time corrected until the witness is
 /// rounding.
 fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
-    let Found { witness, start, y, mut time } = found;
+    let Found { witness, level, start, y, mut time } = found;
     let mut values = Vec::new();
     let mut exact = y.clone();
     for _ in 0..8 {
         let mut observer = Observer {
             system,
             before: Vec::new(),
-            armed: Vec::new(),
+            levels: Vec::new(),
             y_before: y.clone(),
             buffer: Vec::new(),
             found: None,
             sampler: None,
         };
-        if time > start {
+        // No step is shorter than the clock's own grain.
+        if time - start > 1e-14 * (1.0 + time.abs()) {
             integrate(system, start, &y, time, accuracy, statistics, &mut observer)?;
         }
         statistics.refinements += 1;
         exact = observer.y_before;
         system.0.borrow_mut().flow.witnesses(time, &exact, &mut values)?;
         let Witness { value, rate: Some(rate) } = values[witness] else { break };
-        let correction = -value / rate;
+        let correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
         if negligible || !correction.is_finite() || time + correction < start {
             break;
@@ -164,12 +179,16 @@ fn integrate(
     let (relative, absolute) = (accuracy.tolerance.into(), (accuracy.tolerance * 1e-3).into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
-            let method = DOP853::builder().max_step(longest).max_steps(usize::MAX).build();
+            let method = DOP853::builder()
+                .max_step(longest)
+                .stiff_test(if accuracy.gives_up { 1000 } else { usize::MAX })
+                .max_steps(MAX_STEPS)
+                .build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
         Integrator::Radau => {
             let method =
-                RADAU::builder().max_step(longest).max_steps(usize::MAX).mass_storage(MatrixStorage::Identity).build();
+                RADAU::builder().max_step(longest).max_steps(MAX_STEPS).mass_storage(MatrixStorage::Identity).build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
     };
@@ -211,6 +230,8 @@ impl FirstOrderSystem for System<'_> {
 /// A witness that fired within a step.
 struct Found {
     witness: usize,
+    /// Its level.
+    level: f64,
     /// Start of the step, and the state there.
     start: f64,
     y: Vec<f64>,
@@ -222,7 +243,8 @@ struct Found {
 struct Observer<'a, 'b, 'c> {
     system: &'a System<'b>,
     before: Vec<Witness>,
-    armed: Vec<bool>,
+    /// The level at which each witness fires; `None` while it is not armed.
+    levels: Vec<Option<f64>>,
     y_before: Vec<f64>,
     buffer: Vec<f64>,
     found: Option<Found>,
@@ -244,8 +266,8 @@ impl SolOut for Observer<'_, '_, '_> {
         self.system.ask(|flow| flow.witnesses(end, y, &mut after));
         let first = (0..after.len())
             .filter_map(|k| Some((self.root(k, start, end, after[k], dense)?, k)))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        let until = first.map_or(end, |(time, _)| time);
+            .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
             let buffer = &mut self.buffer;
             sampler.stretch(start, until, Segment::POINTS, |time| {
@@ -253,16 +275,18 @@ impl SolOut for Observer<'_, '_, '_> {
                 buffer.clone()
             });
         }
-        if let Some((time, witness)) = first {
-            self.found = Some(Found { witness, start, y: self.y_before.clone(), time });
+        if let Some(((time, level), witness)) = first {
+            self.found = Some(Found { witness, level, start, y: self.y_before.clone(), time });
             return ControlFlag::Interrupt;
         }
         let settled = self.system.ask(|flow| flow.settle(end, y));
         if settled {
             self.system.ask(|flow| flow.witnesses(end, y, &mut after));
         }
-        for (armed, witness) in self.armed.iter_mut().zip(&after) {
-            *armed |= witness.value > 0.0;
+        for (level, witness) in self.levels.iter_mut().zip(&after) {
+            if witness.value > 0.0 {
+                *level = Some(0.0);
+            }
         }
         self.before = after;
         self.y_before.copy_from_slice(y);
@@ -271,25 +295,30 @@ impl SolOut for Observer<'_, '_, '_> {
 }
 
 impl Observer<'_, '_, '_> {
-    /// The first time in the step at which an armed witness is not positive.
-    fn root(&mut self, k: usize, start: f64, end: f64, after: Witness, dense: &StepInterpolant) -> Option<f64> {
-        if !self.armed[k] {
-            return None;
+    /// The first time in the step at which a witness fires, and the level at which it does.
+    fn root(&mut self, k: usize, start: f64, end: f64, after: Witness, dense: &StepInterpolant) -> Option<(f64, f64)> {
+        let level = self.levels[k]?;
+        let before = self.before[k];
+        let rates = before.rate.zip(after.rate);
+        if before.value <= 0.0 && after.value <= 0.0 && rates.is_some_and(|(a, b)| a > 0.0 && b < 0.0) {
+            // It opened and closed again, all within this step.
+            let highest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate <= 0.0));
+            if self.at(highest, dense)[k].value > 0.0 {
+                return Some((self.bisect(highest, end, dense, |w| w[k].value <= 0.0), 0.0));
+            }
         }
-        let crossed = after.value <= 0.0;
-        let dips = matches!((self.before[k].rate, after.rate), (Some(a), Some(b)) if a < 0.0 && b > 0.0);
-        let reached = if crossed {
+        let reached = if after.value <= level {
             end
-        } else if dips {
+        } else if rates.is_some_and(|(a, b)| a < 0.0 && b > 0.0) {
             let lowest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate >= 0.0));
-            if self.at(lowest, dense)[k].value > 0.0 {
+            if self.at(lowest, dense)[k].value > level {
                 return None;
             }
             lowest
         } else {
             return None;
         };
-        Some(self.bisect(start, reached, dense, |w| w[k].value <= 0.0))
+        Some((self.bisect(start, reached, dense, |w| w[k].value <= level), level))
     }
 
     /// The time from which on `holds` holds: it does at `end`, and not at `start`.

@@ -31,8 +31,6 @@ pub(crate) struct Motion<'a, A: Space> {
     pub mode: ContactMode,
     /// Direction of slip while the slip itself is too small to show it.
     pub slip: Vector3<f64>,
-    /// Touches whose witnesses sleep, and until when.
-    pub asleep: Vec<(usize, f64)>,
     /// Joints with dry friction.
     pub dry: Vec<DryJoint>,
     /// Impacts so far, by touch.
@@ -133,7 +131,6 @@ impl<'a, A: Space> Motion<'a, A> {
             workspace: A::chain(model).workspace(),
             mode: ContactMode::Free,
             slip: Vector3::zeros(),
-            asleep: Vec::new(),
             dry,
             impacts: vec![0; sim.touches.len()],
         }
@@ -348,8 +345,7 @@ impl<'a, A: Space> Motion<'a, A> {
 
     pub fn watches(&self) -> Vec<Watch> {
         let sim = self.sim;
-        let asleep = |touch: usize| self.asleep.iter().any(|(k, _)| *k == touch);
-        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch() && !asleep(k));
+        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch());
         let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
         match self.mode {
             ContactMode::Free | ContactMode::Several | ContactMode::Latched { .. } => {}

@@ -17,7 +17,7 @@
 
 use crate::error::SimError;
 use crate::motion::Dry;
-use crate::simulate::{BAND, Run, Stays, TOUCHING};
+use crate::simulate::{Run, Stays, TOUCHING};
 use crate::space::{Space, View};
 use crate::touch::{At, Touch};
 use crate::trajectory::{Blow, ContactMode, EventKind};
@@ -180,7 +180,7 @@ impl<A: Space> Run<'_, '_, A> {
                 self.motion.stop_normal(touch, self.time, &mut self.y)?;
                 self.last(touch, &before)?;
             }
-            (&[touch], true) => self.motion.asleep.push((touch, self.time + BAND)),
+            (&[_], true) => {}
             _ => return self.enter(ContactMode::Several),
         }
         if self.motion.mode == ContactMode::Several {
@@ -188,7 +188,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         for (touch, approach, rebound) in leaving {
             match self.stays(touch, approach, rebound)? {
-                Stays::Leaves { wake } => self.motion.asleep.push((touch, wake)),
+                Stays::No => {}
                 // It would chatter to rest beside one that rests, or beside others that do the same.
                 Stays::Rests | Stays::Zeno(_) => return self.enter(ContactMode::Several),
             }
@@ -198,7 +198,6 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Time steps until all contacts are open, nothing moves any more, or the end.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
-        self.motion.asleep.clear();
         let (mut still_steps, mut open_steps) = (0, 0);
         while self.time < self.end {
             let (open, still) = self.contact_step()?;

@@ -4,8 +4,7 @@
 //! the law; what follows is decided by the numbers just after it, with u⁺ the velocity off the surface, r = u⁺/|u⁻| and
 //! −a the acceleration towards the surface in free motion:
 //!
-//! - u⁺ > 0 and not Zeno: free motion. The gap's witness sleeps for half of the predicted flight 2u⁺/a, so that the
-//!   contact just left does not fire again.
+//! - u⁺ > 0 and not Zeno: free motion.
 //! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`]: infinitely many impacts fit into that
 //!   time; they are gone through at once (`zeno`), after which the contact lasts. A pendulum that swings into a wall at its
 //!   lowest point has a = 0 there: its impacts never accumulate, and none of them is skipped.
@@ -22,7 +21,7 @@ use crate::drive::Drive;
 use crate::error::SimError;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
 use crate::motion::{Dry, Motion, Watch};
-use crate::space::Space;
+use crate::space::{Space, View};
 use crate::strike::carry;
 use crate::touch::{ContactRule, Touch};
 use crate::trajectory::{
@@ -130,6 +129,16 @@ impl Simulation {
         }
     }
 
+    /// The smallest gap of all touches at a configuration, surfaces where they are at time 0; infinite without touches.
+    ///
+    /// # Errors
+    /// A configuration that does not fit.
+    pub fn smallest_gap(&self, q: &[f64]) -> Result<f64, SimError> {
+        let mut workspace = self.chain.workspace();
+        let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
+        Ok(self.touches.iter().map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
+    }
+
     /// The chain in the plane, if it is to be computed there.
     pub(crate) fn in_plane(&self) -> Option<PlanarChain> {
         self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
@@ -228,26 +237,25 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     fn one_leg(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
-        let accuracy = Accuracy { tolerance, max_step, integrator };
-        let wake = self.motion.asleep.iter().map(|(_, wake)| *wake).fold(f64::INFINITY, f64::min);
+        let gives_up = self.motion.mode.touch().is_some();
+        let accuracy = Accuracy { tolerance, max_step, integrator, gives_up };
         let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
-        let until = wake.min(kink).min(self.end);
+        let until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // no step is that short
-            return self.wake();
+            return Ok(());
         }
         let before = self.y.clone();
         match leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler) {
             Ok(LegEnd { time, y, fired }) => {
                 (self.time, self.y) = (time, y);
-                match fired {
-                    Some(witness) => self.event(witness),
-                    None => self.wake(),
-                }
+                fired.map_or(Ok(()), |witness| self.event(witness))
             }
-            // Rigid sliding has no consistent acceleration here; impulses of a time step always have an answer.
+            // Rigid sliding has no consistent acceleration here, or slip turns ever faster on its way to zero; impulses of
+            // a time step always have an answer.
             Err(SimError::Jam { .. }) => self.enter(ContactMode::Several),
+            Err(SimError::Integration { .. }) if self.motion.mode.touch().is_some() => self.enter(ContactMode::Several),
             Err(error) => Err(error),
         }
     }
@@ -286,27 +294,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// Sleeping witnesses wake; one whose gap is not open by then has touched.
-    fn wake(&mut self) -> Result<(), SimError> {
-        let time = self.time;
-        let (awake, asleep): (Vec<_>, Vec<_>) = self.motion.asleep.iter().partition(|(_, wake)| *wake <= time);
-        self.motion.asleep = asleep;
-        for (touch, _) in awake {
-            let (gap, rate) = self.gap(touch)?;
-            if gap <= 0.0 {
-                return if rate < 0.0 { self.touch(touch) } else { self.leave(touch, 0.0, rate) };
-            }
-        }
-        Ok(())
-    }
-
     fn event(&mut self, witness: usize) -> Result<(), SimError> {
         let time = self.time;
         match (self.motion.watches()[witness], self.motion.mode.touch()) {
             (Watch::Gap(touch), _) => self.touch(touch),
             (Watch::NormalForce, Some(touch)) => {
                 self.motion.mode = ContactMode::Free;
-                self.motion.asleep.push((touch, time + BAND));
                 let y = self.y.clone();
                 self.note(EventKind::LiftOff { touch }, &y, Vec::new());
                 self.motion.settle_joints(time, &mut self.y)
@@ -366,8 +359,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     fn touch(&mut self, touch: usize) -> Result<(), SimError> {
         let mut together = vec![touch];
         for other in 0..self.motion.sim.touches.len() {
-            let asleep = self.motion.asleep.iter().any(|(k, _)| *k == other);
-            if other != touch && Some(other) != self.motion.mode.touch() && !asleep {
+            if other != touch && Some(other) != self.motion.mode.touch() {
                 let (gap, rate) = self.gap(other)?;
                 if gap <= TOUCHING && rate <= 0.0 {
                     together.push(other);
@@ -460,11 +452,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if toward > 0.0 && share < 1.0 && left < self.motion.sim.zeno_time {
             return Ok(Stays::Zeno(left));
         }
-        // Half of the flight, during which the gap is open: the contact just left can't fire again.
-        let wake = if toward > 0.0 { rebound / toward } else { BAND };
-        // (And never so short that the integrator can't step.)
-        let least = 1e-11 * (1.0 + self.time);
-        Ok(Stays::Leaves { wake: self.time + wake.clamp(least, self.motion.sim.max_step.max(least)) })
+        Ok(Stays::No)
     }
 
     /// What follows when a touch has, or gets, the velocity `rebound` off the surface.
@@ -472,10 +460,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.motion.mode = ContactMode::Free;
         self.motion.settle_joints(self.time, &mut self.y)?;
         match self.stays(touch, approach, rebound)? {
-            Stays::Leaves { wake } => {
-                self.motion.asleep.push((touch, wake));
-                Ok(())
-            }
+            Stays::No => Ok(()),
             Stays::Rests => {
                 let before = self.y.clone();
                 self.motion.stop_normal(touch, self.time, &mut self.y)?;
@@ -533,9 +518,7 @@ pub(crate) enum Stays {
     Rests,
     /// After this time, s.
     Zeno(f64),
-    Leaves {
-        wake: f64,
-    },
+    No,
 }
 
 impl Simulation {
@@ -547,7 +530,5 @@ impl Simulation {
 
 /// Gaps this small count as touching when something else touches, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
-/// A contact that opens without a velocity may not fire again for this long, s.
-pub(crate) const BAND: f64 = 1e-4;
 /// So many events within one contact step are handed to time stepping.
 const CROWD: usize = 100;

@@ -6,6 +6,8 @@
 mod impact_map;
 pub mod paper;
 mod self_motion;
+mod tosses;
 
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use self_motion::{SelfMotionPoint, self_motion};
+pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};

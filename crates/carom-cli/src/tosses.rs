@@ -1,0 +1,171 @@
+//! `carom tosses`: measured tosses, rolled out.
+
+use crate::error::CliError;
+use crate::output::{answer, say, short};
+use carom_impact::LAW_NAMES;
+use carom_sim::ContactRule;
+use carom_study::{PoseError, RollOut, TossError, Tosses};
+use clap::{Args, builder::PossibleValuesParser};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct TossesCommand {
+    /// Folder with tosses.csv and a URDF
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+    /// The robot's file in the folder, if there are several
+    #[arg(long, value_name = "ROBOT.urdf")]
+    robot: Option<String>,
+    /// Impact law
+    #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES), default_value = "whittaker")]
+    law: String,
+    /// Coefficient of restitution
+    #[arg(long, value_name = "E", default_value_t = 0.0)]
+    restitution: f64,
+    /// Coefficient of friction
+    #[arg(long, value_name = "MU", default_value_t = 0.3)]
+    friction: f64,
+    /// Relative tolerance of the integration
+    #[arg(long, default_value_t = 1e-9)]
+    tolerance: f64,
+    /// Step while several contacts last, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 5e-4)]
+    contact_step: f64,
+    /// One line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    tosses: usize,
+    failures: Vec<String>,
+    at_rest: usize,
+    deepest_overlap: f64,
+    last: Spread,
+    mean: Spread,
+    each: Vec<One>,
+}
+
+/// Mean and median over the tosses.
+#[derive(Serialize)]
+struct Spread {
+    position_mean: f64,
+    position_median: f64,
+    rotation_mean: f64,
+    rotation_median: f64,
+    joint_mean: f64,
+    joint_median: f64,
+}
+
+#[derive(Serialize)]
+struct One {
+    toss: i64,
+    samples: usize,
+    events: usize,
+    position: f64,
+    rotation: f64,
+    joint: f64,
+    final_speed: f64,
+    deepest_overlap: f64,
+}
+
+/// Slower than this is at rest, m/s.
+const REST: f64 = 1e-3;
+
+impl TossesCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let refuse = |e: TossError| CliError::Scene(e.to_string());
+        let tosses = Tosses::read(&self.folder, self.robot.as_deref()).map_err(refuse)?;
+        for warning in tosses.chain.warnings() {
+            say(&format!("warning: {warning}"));
+        }
+        let law = LAW_NAMES.into_iter().find(|name| *name == self.law).unwrap_or(LAW_NAMES[0]);
+        let rule = ContactRule { law, restitution: self.restitution, friction: self.friction, latch: false };
+        let all = tosses.roll_out(rule, self.tolerance, self.contact_step);
+        let (mut rolled, mut failures) = (Vec::new(), Vec::new());
+        for one in all {
+            match one {
+                Ok(one) => rolled.push(one),
+                Err(error) => failures.push(error.to_string()),
+            }
+        }
+        if rolled.is_empty() {
+            let first = failures.first().cloned().unwrap_or_default();
+            return Err(CliError::Scene(format!("{}: {first}", self.folder.display())));
+        }
+        let report = report(&rolled, failures);
+        answer(out, &report, self.json, for_people).map_err(|refused| CliError::refused(&self.folder, refused))
+    }
+}
+
+fn report(rolled: &[RollOut], failures: Vec<String>) -> Report {
+    let spread = |of: fn(&RollOut) -> &PoseError| {
+        let sorted = |part: fn(&PoseError) -> f64| {
+            let mut values: Vec<f64> = rolled.iter().map(|one| part(of(one))).collect();
+            values.sort_by(f64::total_cmp);
+            (values.iter().sum::<f64>() / values.len() as f64, values[values.len() / 2])
+        };
+        let (position, rotation, joint) = (sorted(|e| e.position), sorted(|e| e.rotation), sorted(|e| e.joint));
+        Spread {
+            position_mean: position.0,
+            position_median: position.1,
+            rotation_mean: rotation.0,
+            rotation_median: rotation.1,
+            joint_mean: joint.0,
+            joint_median: joint.1,
+        }
+    };
+    let one = |one: &RollOut| One {
+        toss: one.number,
+        samples: one.samples,
+        events: one.events,
+        position: one.last.position,
+        rotation: one.last.rotation,
+        joint: one.last.joint,
+        final_speed: one.final_speed,
+        deepest_overlap: one.deepest,
+    };
+    Report {
+        tosses: rolled.len() + failures.len(),
+        failures,
+        at_rest: rolled.iter().filter(|one| one.final_speed < REST).count(),
+        deepest_overlap: rolled.iter().map(|one| one.deepest).fold(0.0, f64::max),
+        last: spread(|one| &one.last),
+        mean: spread(|one| &one.mean),
+        each: rolled.iter().map(one).collect(),
+    }
+}
+
+fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        out,
+        "{} tosses rolled out, {} refused, {} at rest at their last sample, deepest overlap {} m",
+        report.tosses - report.failures.len(),
+        report.failures.len(),
+        report.at_rest,
+        short(report.deepest_overlap)
+    )?;
+    for failure in &report.failures {
+        writeln!(out, "  {failure}")?;
+    }
+    let degrees = |x: f64| short(x.to_degrees());
+    writeln!(out, "{:26} {:>12} {:>12} {:>12}", "error of the pose", "position m", "rotation °", "joint °")?;
+    for (name, s) in [("at the last sample", &report.last), ("mean over the samples", &report.mean)] {
+        writeln!(
+            out,
+            "{:26} {:>12} {:>12} {:>12}\n{:26} {:>12} {:>12} {:>12}",
+            format!("{name}, mean"),
+            short(s.position_mean),
+            degrees(s.rotation_mean),
+            degrees(s.joint_mean),
+            format!("{name}, median"),
+            short(s.position_median),
+            degrees(s.rotation_median),
+            degrees(s.joint_median)
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,257 @@
+//! Measured tosses, rolled out: each from its first free sample to its last, and how far the pose ends from the measured.
+//!
+//! A folder of tosses holds a URDF and a table `tosses.csv` with the columns `toss, k, t`, the root link's position
+//! `px, py, pz` (m) and rotation `qw, qx, qy, qz` in the world, its velocity `vx, vy, vz` (m/s, world) and `wx, wy, wz`
+//! (rad/s, the link's own axes), and `theta, dtheta` if the robot has a joint of its own. The floor is z = 0. That is how
+//! the tosses of ContactNets (S. Pfrommer, M. Halm, M. Posa 2020) and of the elbow (B. Bianchini, M. Halm, M. Posa 2023)
+//! can be laid out.
+
+use carom_chain::urdf::LoadOptions;
+use carom_chain::{Chain, ChainError};
+use carom_contact::Obstacle;
+use carom_sim::{ContactRule, Moment, Sampling, Seen, SimError, Simulation, Surface, Touch};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// Tosses of one robot.
+#[derive(Debug, Clone)]
+pub struct Tosses {
+    /// The robot, floating.
+    pub chain: Chain,
+    /// The tosses, in the order of the table.
+    pub tosses: Vec<Toss>,
+}
+
+/// One measured toss.
+#[derive(Debug, Clone)]
+pub struct Toss {
+    /// Its number in the table.
+    pub number: i64,
+    /// The samples in the order of time.
+    pub samples: Vec<Moment>,
+}
+
+/// How a roll-out compares with its toss.
+#[derive(Debug, Clone)]
+pub struct RollOut {
+    /// The toss's number.
+    pub number: i64,
+    /// Samples from the first free one to the last.
+    pub samples: usize,
+    /// At the last sample.
+    pub last: PoseError,
+    /// Mean over the samples.
+    pub mean: PoseError,
+    /// Speed of the root link at the end of the roll-out, m/s.
+    pub final_speed: f64,
+    /// The deepest overlap of the roll-out at a sample, m; 0 if there was none.
+    pub deepest: f64,
+    /// Number of events.
+    pub events: usize,
+}
+
+/// Distance between two poses.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PoseError {
+    /// Distance of the root link's origins, m.
+    pub position: f64,
+    /// Angle between the root link's rotations, rad.
+    pub rotation: f64,
+    /// Largest difference of the joints, rad, wrapped to ±π; 0 without joints.
+    pub joint: f64,
+}
+
+/// Why tosses can't be read or rolled out.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TossError {
+    /// The folder or its files.
+    #[error("{}: {reason}", file.display())]
+    File {
+        /// The file or folder.
+        file: PathBuf,
+        /// What is wrong, and what is needed.
+        reason: String,
+    },
+    /// The robot.
+    #[error(transparent)]
+    Chain(#[from] ChainError),
+    /// A roll-out.
+    #[error("toss {number}: {reason}")]
+    Simulation {
+        /// The toss's number.
+        number: i64,
+        /// What the simulation refused.
+        reason: SimError,
+    },
+}
+
+impl Tosses {
+    /// Reads `folder/tosses.csv`, and the robot `folder/robot`, or the folder's only URDF.
+    ///
+    /// # Errors
+    /// [`TossError::File`] naming file, line and column; what the robot is refused for.
+    pub fn read(folder: &Path, robot: Option<&str>) -> Result<Self, TossError> {
+        let refuse = |file: &Path, reason: String| TossError::File { file: file.to_owned(), reason };
+        let urdf = match robot {
+            Some(name) => folder.join(name),
+            None => only_urdf(folder).map_err(|reason| refuse(folder, reason))?,
+        };
+        let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
+        let chain = Chain::from_urdf_file_with(&urdf, &options)?;
+        let table = folder.join("tosses.csv");
+        let tosses = read_table(&table, &chain).map_err(|reason| refuse(&table, reason))?;
+        Ok(Self { chain, tosses })
+    }
+
+    /// Rolls every toss out, in parallel; the answers are in the order of the tosses.
+    pub fn roll_out(&self, contact: ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
+        self.tosses.par_iter().map(|toss| self.one(toss, contact, tolerance, step)).collect()
+    }
+
+    fn one(&self, toss: &Toss, contact: ContactRule, tolerance: f64, step: f64) -> Result<RollOut, TossError> {
+        let number = toss.number;
+        let refuse = |reason: SimError| TossError::Simulation { number, reason };
+        let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).map_err(SimError::from).map_err(refuse)?;
+        let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+        let touches = Touch::all(&self.chain, &[surface], 0.0).map_err(refuse)?.touches;
+        let simulation = Simulation {
+            gravity: Vector3::new(0.0, 0.0, -9.81),
+            tolerance,
+            contact_step: step,
+            ..Simulation::new(self.chain.clone(), touches)
+        };
+        let lowest = |sample: &Moment| simulation.smallest_gap(&sample.q);
+        let mut first = 0;
+        while first < toss.samples.len() && lowest(&toss.samples[first]).map_err(refuse)? <= 0.0 {
+            first += 1;
+        }
+        let Some(start) = toss.samples.get(first) else {
+            let (what, rule) = ("number of free samples", "a toss needs one that does not touch the floor");
+            return Err(refuse(SimError::Setting { what, value: 0.0, rule }));
+        };
+        let measured = &toss.samples[first..];
+        // The samples' own spacing, so that the moments fall on them.
+        let end = measured[measured.len() - 1].time - start.time;
+        let every = end / (measured.len() - 1).max(1) as f64;
+        let mut rolled: Vec<Moment> = Vec::new();
+        let sampling = Sampling { every: Some(every), dense: false };
+        let summary = simulation.stream(&start.q, &start.qd, end, sampling, &mut |seen| {
+            if let Seen::Moment(moment) = seen {
+                rolled.push(moment.clone());
+            }
+        });
+        let summary = summary.map_err(refuse)?;
+        if rolled.len() < measured.len() {
+            rolled.push(summary.last.clone()); // the last sample may be a rounding beyond the end
+        }
+        let errors: Vec<PoseError> = rolled.iter().zip(measured).map(|(a, b)| PoseError::between(a, b)).collect();
+        let mut deepest = 0.0_f64;
+        for moment in &rolled {
+            deepest = deepest.max(-lowest(moment).map_err(refuse)?);
+        }
+        let count = errors.len() as f64;
+        let mean = |part: fn(&PoseError) -> f64| errors.iter().map(part).sum::<f64>() / count;
+        Ok(RollOut {
+            number,
+            samples: errors.len(),
+            last: PoseError::between(&summary.last, &measured[measured.len() - 1]),
+            mean: PoseError {
+                position: mean(|e| e.position),
+                rotation: mean(|e| e.rotation),
+                joint: mean(|e| e.joint),
+            },
+            final_speed: Vector3::from_column_slice(&summary.last.qd[..3]).norm(),
+            deepest,
+            events: summary.events,
+        })
+    }
+}
+
+impl PoseError {
+    fn between(a: &Moment, b: &Moment) -> Self {
+        let place = |m: &Moment| Vector3::from_column_slice(&m.q[..3]);
+        let turn = |m: &Moment| UnitQuaternion::from_quaternion(Quaternion::new(m.q[6], m.q[3], m.q[4], m.q[5]));
+        let wrapped = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let joints = a.q[7..].iter().zip(&b.q[7..]);
+        Self {
+            position: (place(a) - place(b)).norm(),
+            rotation: turn(a).angle_to(&turn(b)),
+            joint: joints.map(|(a, b)| wrapped(a - b).abs()).fold(0.0, f64::max),
+        }
+    }
+}
+
+fn only_urdf(folder: &Path) -> Result<PathBuf, String> {
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("cannot be read: {e}"))?;
+    let mut found: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    found.retain(|path| path.extension().is_some_and(|end| end == "urdf"));
+    found.sort();
+    match found.as_slice() {
+        [one] => Ok(one.clone()),
+        [] => Err("holds no URDF".into()),
+        several => {
+            let names: Vec<_> = several.iter().filter_map(|p| Some(p.file_name()?.to_string_lossy())).collect();
+            Err(format!("holds several robots, {}: say which with --robot", names.join(", ")))
+        }
+    }
+}
+
+fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
+    let mut reader = csv::Reader::from_path(path).map_err(|e| e.to_string())?;
+    let header = reader.headers().map_err(|e| e.to_string())?.clone();
+    let columns: HashMap<&str, usize> = header.iter().enumerate().map(|(k, name)| (name.trim(), k)).collect();
+    let own = chain.nv() - 6;
+    let joints: &[&str] = match own {
+        0 => &[],
+        1 => &["theta", "dtheta"],
+        _ => return Err(format!("the robot has {own} joints of its own, and the table can hold one (theta, dtheta)")),
+    };
+    const ROOT: [&str; 15] =
+        ["toss", "t", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"];
+    let at: Vec<usize> = ROOT
+        .iter()
+        .chain(joints)
+        .map(|&name| columns.get(name).copied().ok_or_else(|| format!("has no column '{name}'")))
+        .collect::<Result<_, _>>()?;
+    let mut tosses: Vec<Toss> = Vec::new();
+    for (k, record) in reader.records().enumerate() {
+        let line = k + 2;
+        let record = record.map_err(|e| e.to_string())?;
+        let cell = |column: usize| {
+            let text = record.get(column).unwrap_or("").trim();
+            let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
+            number.ok_or_else(|| format!("line {line}, column {}: '{text}' is no finite number", &header[column]))
+        };
+        let x: Vec<f64> = at.iter().map(|&column| cell(column)).collect::<Result<_, _>>()?;
+        let quaternion = Quaternion::new(x[5], x[6], x[7], x[8]);
+        let norm = quaternion.norm();
+        if (norm - 1.0).abs() > 1e-2 {
+            return Err(format!("line {line}: the quaternion's norm is {norm}, a rotation has 1"));
+        }
+        let turn = UnitQuaternion::from_quaternion(quaternion);
+        let v = turn.inverse_transform_vector(&Vector3::new(x[9], x[10], x[11]));
+        let mut q = vec![x[2], x[3], x[4], turn.i, turn.j, turn.k, turn.w];
+        let mut qd = vec![v.x, v.y, v.z, x[12], x[13], x[14]];
+        if own == 1 {
+            q.push(x[15]);
+            qd.push(x[16]);
+        }
+        let number = x[0] as i64;
+        if tosses.last().is_none_or(|toss| toss.number != number) {
+            tosses.push(Toss { number, samples: Vec::new() });
+        }
+        if let Some(toss) = tosses.last_mut() {
+            if toss.samples.last().is_some_and(|sample| sample.time >= x[1]) {
+                return Err(format!("line {line}: the times of toss {number} do not ascend"));
+            }
+            toss.samples.push(Moment { time: x[1], q, qd });
+        }
+    }
+    if let Some(toss) = tosses.iter().find(|toss| toss.samples.len() < 2) {
+        return Err(format!("toss {} has only one sample", toss.number));
+    }
+    if tosses.is_empty() { Err("holds no samples".into()) } else { Ok(tosses) }
+}
