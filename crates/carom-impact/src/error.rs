@@ -155,4 +155,15 @@ pub enum ImpactError {
         /// The value given (N s or N m s).
         value: f64,
     },
+
+    /// A parameter of a compliant contact breaks its rule.
+    #[error("{what} is {value}: {rule}")]
+    Compliance {
+        /// Which parameter.
+        what: &'static str,
+        /// The value given.
+        value: f64,
+        /// The rule, and what to do.
+        rule: &'static str,
+    },
 }

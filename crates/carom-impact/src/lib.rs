@@ -47,6 +47,10 @@
 //! | [`Newton`] | a ratio of velocities | **can gain** | always for regular H |
 //! | [`Poisson`] | a ratio of impulses | never gains | always for regular H |
 //! | [`Energetic`] | a ratio of works (root) | never gains | always for regular H |
+//! | [`HuntCrossley`] (a force) | a ratio of velocities | never gains | for e > 0 |
+//!
+//! The last is a contact that gives way: no [`Law`], but the normal force for those who integrate
+//! through the impact, with the damping that rebounds exactly.
 //!
 //! These answer one contact. Several at once, with joint limits, dry joints and held directions among them, are a
 //! [`SeveralProblem`]:
@@ -58,6 +62,7 @@
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.
 
+mod compliant;
 mod error;
 mod flags;
 mod laws;
@@ -67,6 +72,7 @@ mod problem;
 mod routh;
 mod several;
 
+pub use compliant::{HuntCrossley, damping_root};
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use laws::{Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name};
