@@ -4,8 +4,9 @@
 //! leg or at the end of a step. An armed witness fires at the first time t at which w(t) ≤ 0. A zero exactly at the end
 //! of a step fires there, once: the next leg starts with that witness not armed. Between the ends of a step an armed
 //! witness that dips (rate negative at the start, positive at the end) is looked at in its lowest point, so that a short
-//! or grazing touch is not stepped over. A gap that is not armed should open; if it closes instead, by [`HYSTERESIS`]
-//! below where it was, it fires there: nothing falls through.
+//! or grazing touch is not stepped over. A gap is armed only when it is wider than [`HYSTERESIS`]: the rounding of one
+//! that has just been hit is no opening. A gap that is not armed should open; if it closes instead, by that much, it fires
+//! there: nothing falls through.
 //!
 //! **Exact time.** The dense output of the step brackets the root; the state there is then computed by integrating to it
 //! anew from the start of the step, and the time corrected by w/ẇ until the witness is rounding. So an event is as exact
@@ -21,8 +22,9 @@ use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
 
-/// How far a gap that should open may close, m.
-const HYSTERESIS: f64 = 1e-10;
+/// How far a gap that should open may close, m: above the rounding of positions, below the height of any bounce that is
+/// resolved.
+const HYSTERESIS: f64 = 1e-14;
 /// Legs that need more steps than this are given up.
 const MAX_STEPS: usize = 10_000_000;
 
@@ -107,10 +109,10 @@ pub(crate) fn leg(
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
     // Witnesses without a rate are no gaps: one that is not positive waits until it is.
-    let level = |w: &Witness| match (w.value > 0.0, w.rate) {
-        (true, _) => Some(0.0),
-        (false, Some(_)) => Some(w.value - HYSTERESIS),
-        (false, None) => None,
+    let level = |w: &Witness| match w.rate {
+        Some(_) if w.value > HYSTERESIS => Some(0.0),
+        Some(_) => Some(w.value.min(0.0) - HYSTERESIS),
+        None => (w.value > 0.0).then_some(0.0),
     };
     let levels = now.iter().map(level).collect();
     let system = System(RefCell::new(Inner { flow, error: None }));
@@ -134,7 +136,7 @@ pub(crate) fn leg(
 /// The state at the exact time of an event: from the start of its step anew, the time corrected until the witness is
 /// rounding.
 fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
-    let Found { witness, level, start, y, mut time } = found;
+    let Found { witness, level, start, end, y, mut time } = found;
     let mut values = Vec::new();
     let mut exact = y.clone();
     for _ in 0..8 {
@@ -157,7 +159,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         let Witness { value, rate: Some(rate) } = values[witness] else { break };
         let correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
-        if negligible || !correction.is_finite() || time + correction < start {
+        if negligible || !(start..=end).contains(&(time + correction)) {
             break;
         }
         time += correction;
@@ -232,8 +234,9 @@ struct Found {
     witness: usize,
     /// Its level.
     level: f64,
-    /// Start of the step, and the state there.
+    /// Start and end of the step, and the state at the start.
     start: f64,
+    end: f64,
     y: Vec<f64>,
     /// The root on the dense output.
     time: f64,
@@ -276,7 +279,7 @@ impl SolOut for Observer<'_, '_, '_> {
             });
         }
         if let Some(((time, level), witness)) = first {
-            self.found = Some(Found { witness, level, start, y: self.y_before.clone(), time });
+            self.found = Some(Found { witness, level, start, end, y: self.y_before.clone(), time });
             return ControlFlag::Interrupt;
         }
         let settled = self.system.ask(|flow| flow.settle(end, y));
@@ -284,7 +287,7 @@ impl SolOut for Observer<'_, '_, '_> {
             self.system.ask(|flow| flow.witnesses(end, y, &mut after));
         }
         for (level, witness) in self.levels.iter_mut().zip(&after) {
-            if witness.value > 0.0 {
+            if witness.value > if witness.rate.is_some() { HYSTERESIS } else { 0.0 } {
                 *level = Some(0.0);
             }
         }
@@ -300,10 +303,10 @@ impl Observer<'_, '_, '_> {
         let level = self.levels[k]?;
         let before = self.before[k];
         let rates = before.rate.zip(after.rate);
-        if before.value <= 0.0 && after.value <= 0.0 && rates.is_some_and(|(a, b)| a > 0.0 && b < 0.0) {
+        if level < 0.0 && after.value <= 0.0 && rates.is_some_and(|(a, b)| a > 0.0 && b < 0.0) {
             // It opened and closed again, all within this step.
             let highest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate <= 0.0));
-            if self.at(highest, dense)[k].value > 0.0 {
+            if self.at(highest, dense)[k].value > HYSTERESIS {
                 return Some((self.bisect(highest, end, dense, |w| w[k].value <= 0.0), 0.0));
             }
         }

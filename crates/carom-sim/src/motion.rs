@@ -454,6 +454,22 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok(changed)
     }
 
+    /// In space slip turns: its stop is watched along the direction it has now. Says how fast the slip is, as a share of the
+    /// joints' speed.
+    pub fn follow_slip(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        let (q, qd) = self.split(y);
+        let (q, qd) = (q.to_vec(), qd.to_vec());
+        let sim = self.sim;
+        let view = self.view(&q)?;
+        let Some(place) = sim.touches[touch].at(&view, &q, time).surface else { return Ok(0.0) };
+        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
+        if let Some(direction) = direction_of_slip(u, place.normal, &qd) {
+            self.slip = direction;
+        }
+        let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        Ok((u - place.normal * place.normal.dot(&u)).norm() / speed.max(f64::MIN_POSITIVE))
+    }
+
     /// Takes all velocity of the touching point over its surface out.
     pub fn stop_slip(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
@@ -566,7 +582,11 @@ impl<A: Space> Flow for Motion<'_, A> {
         let changed = self.sim.normalise(y);
         match self.mode {
             ContactMode::Free | ContactMode::Several => Ok(changed),
-            ContactMode::Sliding { touch } => Ok(self.stop_normal(touch, time, y)? || changed),
+            ContactMode::Sliding { touch } => {
+                let moved = self.stop_normal(touch, time, y)?;
+                self.follow_slip(touch, time, y)?;
+                Ok(moved || changed)
+            }
             ContactMode::Sticking { touch } | ContactMode::Latched { touch } => {
                 let moved = self.stop_normal(touch, time, y)?;
                 self.stop_slip(touch, time, y)?;

@@ -275,7 +275,9 @@ impl<A: Space> Run<'_, '_, A> {
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
         sim.normalise(&mut self.y);
         self.time = start + step;
-        self.put_back(2.0 * fall)?;
+        if !open {
+            self.put_back(2.0 * fall)?;
+        }
 
         self.statistics.contact_steps += 1;
         self.y[nq + nv] += power[0] * step;

@@ -306,6 +306,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
             (Watch::SlipStops, Some(touch)) => {
                 let before = self.y.clone();
+                if self.motion.follow_slip(touch, time, &before)? > TURNED {
+                    return Ok(()); // it has only turned by a quarter
+                }
                 self.motion.stop_slip(touch, time, &mut self.y)?;
                 self.last(touch, &before)
             }
@@ -530,5 +533,7 @@ impl Simulation {
 
 /// Gaps this small count as touching when something else touches, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
+/// Slip faster than this share of the joints' speed has not stopped.
+const TURNED: f64 = 1e-5;
 /// So many events within one contact step are handed to time stepping.
 const CROWD: usize = 100;
