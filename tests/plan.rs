@@ -215,7 +215,7 @@ fn neglected_friction_stays_within_its_bound() {
         // The wall stands where the tip is going, a little before it.
         let toward = if u.x > 0.0 { 1.0 } else { -1.0 };
         let wall = Obstacle::half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward).unwrap();
-        let rule = carom::sim::ContactRule { law, restitution: e, friction: mu, latch: false };
+        let rule = carom::sim::ContactRule { law, restitution: e, friction: mu, ..Default::default() };
         let surface = Surface { name: "wall".into(), obstacle: wall, contact: rule, motion: None };
         let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
         let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();

@@ -13,7 +13,7 @@ fn slope(angle: f64) -> Obstacle {
 }
 
 fn simulation(chain: Chain, floor: Obstacle, law: &'static str, e: f64, friction: f64) -> Simulation {
-    let contact = ContactRule { law, restitution: e, friction, latch: false };
+    let contact = ContactRule { law, restitution: e, friction, ..ContactRule::default() };
     let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
     let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 const G: f64 = 9.81;
 
 fn rule(law: &'static str, restitution: f64, friction: f64) -> ContactRule {
-    ContactRule { law, restitution, friction, latch: false }
+    ContactRule { law, restitution, friction, ..ContactRule::default() }
 }
 
 fn surface(obstacle: Obstacle, contact: ContactRule) -> Surface {

@@ -83,7 +83,8 @@ impl TossesCommand {
             say(&format!("warning: {warning}"));
         }
         let law = LAW_NAMES.into_iter().find(|name| *name == self.law).unwrap_or(LAW_NAMES[0]);
-        let rule = ContactRule { law, restitution: self.restitution, friction: self.friction, latch: false };
+        let rule =
+            ContactRule { law, restitution: self.restitution, friction: self.friction, ..ContactRule::default() };
         let all = tosses.roll_out(rule, self.tolerance, self.contact_step);
         let (mut rolled, mut failures) = (Vec::new(), Vec::new());
         for one in all {

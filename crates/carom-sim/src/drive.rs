@@ -152,6 +152,15 @@ impl Drive {
         !matches!(self, Self::Table { .. })
     }
 
+    /// Stiffness and damping that it gives every joint.
+    pub(crate) fn gains(&self) -> (f64, f64) {
+        match self {
+            Self::Pd { kp, kd, .. } => (*kp, *kd),
+            Self::ImpactInvariant(invariant) => (invariant.kp, invariant.kd),
+            _ => (0.0, 0.0),
+        }
+    }
+
     /// The next time at which the forces have a kink.
     pub(crate) fn next_kink(&self, time: f64) -> Option<f64> {
         match self {

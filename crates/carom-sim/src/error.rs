@@ -100,6 +100,12 @@ pub enum SimError {
         /// The rule.
         rule: &'static str,
     },
+    /// A rigid contact has impulses, not forces.
+    #[error("{touch} is rigid: only a contact with a compliance presses with a force while it is hit")]
+    Rigid {
+        /// What touches.
+        touch: String,
+    },
     /// Rigid sliding has no consistent acceleration (Painlevé).
     #[error(
         "at t = {time} s {touch} slides into a jam: with friction {friction} no rigid acceleration is consistent (Painlevé); \

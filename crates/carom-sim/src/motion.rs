@@ -14,7 +14,7 @@
 //!
 //! State vectors are (q, qd, work of the drive, work of resistance): the energy's books are integrated with the motion.
 
-use crate::drive::Asked;
+use crate::drive::{Asked, Drive};
 use crate::error::SimError;
 use crate::leg::{Flow, Witness};
 use crate::simulate::Simulation;
@@ -82,6 +82,8 @@ pub(crate) enum Watch {
     SlipStops,
     /// Friction no longer holds.
     Cone,
+    /// A compliant contact comes out of its surface.
+    Depth,
     /// A joint braked by dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// Dry friction no longer holds a joint.
@@ -89,13 +91,26 @@ pub(crate) enum Watch {
 }
 
 /// How a touch takes part in a constraint.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Hold {
     Slides,
     Sticks,
+    /// A compliant contact with this damping: a force, and no constraint.
+    Presses(f64),
 }
 
 impl Simulation {
+    /// Viscous damping of every velocity, from the robot.
+    pub(crate) fn damping(&self) -> Vec<f64> {
+        let mut damping = vec![0.0; self.chain.nv()];
+        for joint in self.chain.joints() {
+            if let Coordinates::Own { v, .. } = &joint.coordinates {
+                damping[v.clone()].fill(joint.damping);
+            }
+        }
+        damping
+    }
+
     /// Makes the quaternions in q unit again: stages and steps of the integration leave the sphere by their error. Says
     /// whether any was off.
     pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
@@ -155,18 +170,14 @@ impl<'a, A: Space> Motion<'a, A> {
     pub fn applied(&mut self, time: f64, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, [f64; 2]), SimError> {
         let sim = self.sim;
         let hit = self.impacts.iter().any(|&count| count > 0);
-        let drive = if hit { sim.after_impact.as_ref().unwrap_or(&sim.drive) } else { &sim.drive };
+        let drive = self.drive();
         let asked = Asked { chain: &sim.chain, time, gravity: sim.gravity, hit };
         let mut tau = drive.forces(asked, &mut View::<A>::new(self.model, &mut self.workspace, q)?, q, qd)?;
         let driven: f64 = tau.iter().zip(qd).map(|(f, v)| f * v).sum();
         let mut resisted = 0.0;
-        for joint in sim.chain.joints() {
-            if let Coordinates::Own { v, .. } = &joint.coordinates {
-                for i in v.clone() {
-                    tau[i] -= joint.damping * qd[i];
-                    resisted -= joint.damping * qd[i] * qd[i];
-                }
-            }
+        for (i, damping) in sim.damping().into_iter().enumerate() {
+            tau[i] -= damping * qd[i];
+            resisted -= damping * qd[i] * qd[i];
         }
         for joint in &self.dry {
             if let Dry::Brakes(direction) = joint.state {
@@ -175,6 +186,19 @@ impl<'a, A: Space> Motion<'a, A> {
             }
         }
         Ok((tau, [driven, resisted]))
+    }
+
+    /// What drives the joints now.
+    fn drive(&self) -> &'a Drive {
+        let hit = self.impacts.iter().any(|&count| count > 0);
+        let after = if hit { self.sim.after_impact.as_ref() } else { None };
+        after.unwrap_or(&self.sim.drive)
+    }
+
+    /// Stiffness of the drive, and damping of every joint with that of the drive.
+    pub fn regulation(&self) -> (f64, Vec<f64>) {
+        let (stiffness, damping) = self.drive().gains();
+        (stiffness, self.sim.damping().into_iter().map(|own| own + damping).collect())
     }
 
     /// Gap, its rate and the touching point's velocity over the surface at one state.
@@ -239,6 +263,7 @@ impl<'a, A: Space> Motion<'a, A> {
             ContactMode::Free | ContactMode::Several => None,
             ContactMode::Sliding { touch } => Some((touch, Hold::Slides)),
             ContactMode::Sticking { touch } | ContactMode::Latched { touch } => Some((touch, Hold::Sticks)),
+            ContactMode::Pressing { touch, damping } => Some((touch, Hold::Presses(damping))),
         };
         self.held(time, y, lasting)
     }
@@ -246,10 +271,25 @@ impl<'a, A: Space> Motion<'a, A> {
     /// Accelerations and forces with (or without) a lasting contact.
     pub fn held(&mut self, time: f64, y: &[f64], lasting: Option<(usize, Hold)>) -> Result<Held, SimError> {
         let (q, qd) = self.split(y);
-        let drift = lasting.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
-        let (tau, mut power) = self.applied(time, q, qd)?;
+        let constrains = lasting.filter(|(_, hold)| !matches!(hold, Hold::Presses(_)));
+        let drift = constrains.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
+        let (mut tau, mut power) = self.applied(time, q, qd)?;
         let (sim, slip, dry) = (self.sim, self.slip, self.dry.clone());
         let mut view = self.view(q)?;
+        let mut pressed = None;
+        if let Some((touch, Hold::Presses(damping))) = lasting {
+            let touch = &sim.touches[touch];
+            let at = touch.at(&view, q, time);
+            if let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) {
+                let u = touch.u(&place, &view, qd, time)?;
+                let rate = place.normal.dot(&u);
+                let force = compliance.force(&touch.contact, damping, (at.gap, rate), &place.normal, &u)?;
+                let joints = view.row(place.point, force)?;
+                tau.iter_mut().zip(joints.iter()).for_each(|(tau, f)| *tau += f);
+                power[1] += joints.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
+                pressed = Some((force, place.normal));
+            }
+        }
         let free = view.acceleration(qd, &tau, sim.gravity)?;
 
         let (mut rows, mut forces, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
@@ -276,6 +316,7 @@ impl<'a, A: Space> Motion<'a, A> {
                     forces.push(view.row(place.point, along)?);
                     drifts.push(gap_drift);
                 }
+                (_, Hold::Presses(_)) => {}
                 (None, _) => {
                     rows.push(touch.row(&at, &view)?);
                     forces.push(rows[0].clone());
@@ -297,6 +338,9 @@ impl<'a, A: Space> Motion<'a, A> {
 
         let mut held =
             Held { qdd: free, force: Vector3::zeros(), normal, normal_force: 0.0, joints: vec![0.0; dry.len()], power };
+        if let Some((force, normal)) = pressed {
+            (held.force, held.normal, held.normal_force) = (force, normal, normal.dot(&force));
+        }
         if rows.is_empty() {
             return Ok(held);
         }
@@ -334,8 +378,10 @@ impl<'a, A: Space> Motion<'a, A> {
                 held.normal_force = normal.dot(&held.force);
             }
         }
-        power[1] += held.force.dot(&point_velocity);
-        held.power = power;
+        if pressed.is_none() {
+            power[1] += held.force.dot(&point_velocity);
+            held.power = power;
+        }
         let stuck = dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds).map(|(k, _)| k);
         for (k, force) in stuck.zip(lambda.iter().skip(contact)) {
             held.joints[k] = *force;
@@ -354,6 +400,7 @@ impl<'a, A: Space> Motion<'a, A> {
             }
             ContactMode::Sliding { .. } => watches.extend([Watch::NormalForce, Watch::SlipStops]),
             ContactMode::Sticking { .. } => watches.extend([Watch::NormalForce, Watch::Cone]),
+            ContactMode::Pressing { .. } => watches.push(Watch::Depth),
         }
         watches.extend(self.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Watch::JointBreaksLoose(k),
@@ -540,7 +587,9 @@ impl<A: Space> Flow for Motion<'_, A> {
         let (q, qd) = self.split(y);
         let watches = self.watches();
         // Forces only where one of them is watched.
-        let forces = watches.iter().any(|w| !matches!(w, Watch::Gap(_) | Watch::SlipStops | Watch::JointStops(_)));
+        let forces = watches
+            .iter()
+            .any(|w| !matches!(w, Watch::Gap(_) | Watch::Depth | Watch::SlipStops | Watch::JointStops(_)));
         let held = if forces { Some(self.in_mode(time, y)?) } else { None };
         let sim = self.sim;
         let (mode, slip, dry) = (self.mode, self.slip, self.dry.clone());
@@ -551,6 +600,11 @@ impl<A: Space> Flow for Motion<'_, A> {
                     let touch = &sim.touches[touch];
                     let at = touch.at(&view, q, time);
                     Witness { value: at.gap, rate: Some(touch.rate(&at, &view, qd, time)?) }
+                }
+                (Watch::Depth, _) => {
+                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
+                    let at = touch.at(&view, q, time);
+                    Witness { value: -at.gap, rate: Some(-touch.rate(&at, &view, qd, time)?) }
                 }
                 (Watch::SlipStops, _) => {
                     let touch = &sim.touches[mode.touch().unwrap_or(0)];
@@ -581,7 +635,7 @@ impl<A: Space> Flow for Motion<'_, A> {
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let changed = self.sim.normalise(y);
         match self.mode {
-            ContactMode::Free | ContactMode::Several => Ok(changed),
+            ContactMode::Free | ContactMode::Several | ContactMode::Pressing { .. } => Ok(changed),
             ContactMode::Sliding { touch } => {
                 let moved = self.stop_normal(touch, time, y)?;
                 self.follow_slip(touch, time, y)?;

@@ -366,25 +366,15 @@ fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
 /// eigenvalue of M⁻¹D or the root of that of M⁻¹K.
 fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
-    let gains = |drive: &Drive| match drive {
-        Drive::Pd { kp, kd, .. } => (*kp, *kd),
-        Drive::ImpactInvariant(invariant) => (invariant.kp, invariant.kd),
-        _ => (0.0, 0.0),
-    };
     let rate_of = |drive: &Drive| match drive {
         Drive::Transition(transition) => transition.gain,
         _ => 0.0,
     };
     let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let stiffness = drives().map(|drive| gains(drive).0).fold(0.0, f64::max);
-    let regulated = drives().map(|drive| gains(drive).1).fold(0.0, f64::max);
+    let stiffness = drives().map(|drive| drive.gains().0).fold(0.0, f64::max);
+    let regulated = drives().map(|drive| drive.gains().1).fold(0.0, f64::max);
     let tracked = drives().map(rate_of).fold(0.0, f64::max);
-    let mut damping = vec![regulated; chain.nv()];
-    for joint in chain.joints() {
-        if let Coordinates::Own { v, .. } = &joint.coordinates {
-            v.clone().for_each(|i| damping[i] += joint.damping);
-        }
-    }
+    let damping: Vec<f64> = simulation.damping().into_iter().map(|own| own + regulated).collect();
     if stiffness == 0.0 && damping.iter().all(|d| *d == 0.0) {
         return Ok(tracked);
     }

@@ -25,7 +25,7 @@
 //! | --- | --- |
 //! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
 //! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
-//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false` |
+//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`; `compliance {stiffness (N/mⁿ), exponent = 1.5, slip_speed = 1e-3}` for contacts that give way |
 //! | `[[contact.pair]]` | `link` and/or `surface`, or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
 //! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `model = "auto"` or `"full"`, `neglect` |
 //! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
@@ -34,7 +34,7 @@ use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::error::SimError;
 use crate::scene_file::{self, Controller, File, Model, Robot, Run, Shape, TipVelocity};
 use crate::simulate::Simulation;
-use crate::touch::{ContactRule, Oscillation, Surface, Touch, Touches};
+use crate::touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError};
 use carom_contact::{LeftOut, Obstacle};
@@ -89,6 +89,11 @@ impl Scene {
             restitution: file.contact.restitution,
             friction: file.contact.friction,
             latch: file.contact.latch,
+            compliance: file.contact.compliance.map(|it| Compliance {
+                stiffness: it.stiffness,
+                exponent: it.exponent,
+                slip_speed: it.slip_speed,
+            }),
         };
         let surfaces = file.surface.iter().enumerate();
         let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, rule).map_err(&refuse));
@@ -200,6 +205,7 @@ fn overridden(
         restitution: restitution.unwrap_or(rule.restitution),
         friction: friction.unwrap_or(rule.friction),
         latch: latch.unwrap_or(rule.latch),
+        compliance: rule.compliance,
     })
 }
 

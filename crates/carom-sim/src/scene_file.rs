@@ -91,13 +91,25 @@ pub(crate) struct Contact {
     pub friction: f64,
     pub limit_restitution: f64,
     pub latch: bool,
+    pub compliance: Option<Compliance>,
     pub pair: Vec<Pair>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Compliance {
+    pub stiffness: f64,
+    #[serde(default = "exponent")]
+    pub exponent: f64,
+    #[serde(default = "slip_speed")]
+    pub slip_speed: f64,
 }
 
 impl Default for Contact {
     fn default() -> Self {
         let law = "frictionless".into();
-        Self { law, restitution: 0.0, friction: 0.0, limit_restitution: 0.0, latch: false, pair: Vec::new() }
+        let (latch, compliance, pair) = (false, None, Vec::new());
+        Self { law, restitution: 0.0, friction: 0.0, limit_restitution: 0.0, latch, compliance, pair }
     }
 }
 
@@ -184,6 +196,12 @@ fn unscaled() -> [f64; 3] {
 }
 fn tip() -> String {
     "tip".into()
+}
+fn exponent() -> f64 {
+    1.5
+}
+fn slip_speed() -> f64 {
+    1e-3
 }
 fn tolerance() -> f64 {
     1e-9

@@ -21,6 +21,7 @@ use crate::simulate::{Run, Stays, TOUCHING};
 use crate::space::{Space, View};
 use crate::touch::{At, Touch};
 use crate::trajectory::{Blow, ContactMode, EventKind};
+use carom_chain::ChainError;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -40,8 +41,15 @@ struct Rows {
     constraints: Vec<Constraint>,
     /// Velocity of the surface along each row.
     surface: Vec<f64>,
-    /// Index of the touch, its gap, its axes and point, and its first row.
-    contacts: Vec<(usize, f64, Option<(Matrix3<f64>, Vector3<f64>)>, usize)>,
+    contacts: Vec<Closed>,
+}
+
+/// A closed touch among the rows.
+struct Closed {
+    touch: usize,
+    /// Contact axes and point; of a limit, none.
+    place: Option<(Matrix3<f64>, Vector3<f64>)>,
+    rows: std::ops::Range<usize>,
 }
 
 impl Rows {
@@ -65,14 +73,14 @@ impl Rows {
             self.rows.push(touch.row(at, view)?);
             self.surface.push(0.0);
             self.constraints.push(if rule.latch { Constraint::Held } else { Constraint::Stop { restitution } });
-            self.contacts.push((k, at.gap, None, first));
+            self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1 });
             return Ok(());
         };
         let velocity = touch.shift(time)[1];
         let axes = z_onto(place.normal);
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
-        for k in directions {
-            let direction = axes.column(k).into_owned();
+        for axis in directions {
+            let direction = axes.column(axis).into_owned();
             self.rows.push(view.row(place.point, direction)?);
             self.surface.push(direction.dot(&velocity));
         }
@@ -83,7 +91,8 @@ impl Rows {
         } else {
             self.constraints.push(Constraint::Stop { restitution });
         }
-        self.contacts.push((k, at.gap, Some((axes, place.position)), first));
+        let rows = first..self.rows.len();
+        self.contacts.push(Closed { touch: k, place: Some((axes, place.position)), rows });
         Ok(())
     }
 
@@ -98,14 +107,16 @@ impl Rows {
 
     /// The impulses as arrows in the world.
     fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
-        let blow = |(touch, _, place, first): &(usize, f64, Option<(Matrix3<f64>, Vector3<f64>)>, usize)| {
-            let (axes, point) = place.as_ref()?;
-            // One row is the normal's alone.
-            let next = self.contacts.iter().map(|contact| contact.3).find(|row| row > first);
-            let length = next.unwrap_or(self.rows.len().min(first + 3)) - first;
-            let skip = if length >= 3 { 0 } else { 2 };
-            let parts = (skip..3).map(|k| axes.column(k) * impulse[first + k - skip]);
-            Some(Blow { touch: *touch, point: *point, impulse: parts.fold(Vector3::zeros(), |sum, part| sum + part) })
+        let blow = |closed: &Closed| {
+            let (axes, point) = closed.place.as_ref()?;
+            // A single row is the normal's.
+            let skip = 3 - closed.rows.len();
+            let parts = closed.rows.clone().map(|row| axes.column(row - closed.rows.start + skip) * impulse[row]);
+            Some(Blow {
+                touch: closed.touch,
+                point: *point,
+                impulse: parts.fold(Vector3::zeros(), |sum, part| sum + part),
+            })
         };
         self.contacts.iter().filter_map(blow).collect()
     }
@@ -242,10 +253,19 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
         let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
         let dry = self.motion.dry.clone();
+        let (stiffness, damping) = self.motion.regulation();
         let mut view = self.motion.view(&middle)?;
-        let acceleration = view.acceleration(&qd, &tau, sim.gravity)?;
         let v = DVector::from_column_slice(&qd);
-        let free = &v + acceleration * step;
+        // Damping and regulators act with the velocity of the step's end, lest stiff ones explode:
+        // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
+        let mut inertia = view.kin.mass_matrix();
+        for i in 0..nv {
+            inertia[(i, i)] += step * damping[i] + step * step / 2.0 * stiffness;
+        }
+        let inertia = inertia.cholesky().ok_or(ChainError::NoInertia { joint: sim.chain.name().to_owned() });
+        let inertia = inertia.map_err(SimError::from)?;
+        let force = DVector::from_vec(tau) - view.bias(&qd, sim.gravity)?;
+        let free = &v + inertia.solve(&(force * step - &v * (step * step / 2.0 * stiffness)));
 
         let mut rows = Rows::new();
         for (k, touch) in sim.touches.iter().enumerate() {
@@ -264,7 +284,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
-            let responses = rows.responses(&mut view)?;
+            let responses: Vec<DVector<f64>> = rows.rows.iter().map(|row| inertia.solve(row)).collect();
             let (u_minus, u_free) = (rows.velocities(&v), rows.velocities(&free));
             fall = (&u_minus - &u_free).amax() * step;
             let outcome = self.solve(&rows, &responses, u_minus, u_free)?;

@@ -12,7 +12,8 @@
 //!
 //! A lasting contact slides or sticks under the constraint force that keeps g̈ = 0 (and, sticking, u̇ = 0). It opens where
 //! that force would have to pull, slides where it would leave the friction cone, and may stick where slip comes to rest.
-//! A latch holds for ever.
+//! A latch holds for ever. A compliant contact presses from the instant its gap closes until it opens: no impact, but a
+//! force with a duration.
 //!
 //! **Several contacts** at one time go through `several.rs`: their impact is one problem for all of them. If one contact
 //! or none is left after it, events go on; if more are, time steps take over until all are open again.
@@ -23,7 +24,7 @@ use crate::leg::{Accuracy, LegEnd, Sampler, leg};
 use crate::motion::{Dry, Motion, Watch};
 use crate::space::{Space, View};
 use crate::strike::carry;
-use crate::touch::{ContactRule, Touch};
+use crate::touch::{Compliance, ContactRule, Touch};
 use crate::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
     Trajectory,
@@ -137,6 +138,23 @@ impl Simulation {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
         Ok(self.touches.iter().map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
+    }
+
+    /// The force on the robot, world, N, of a compliant contact that presses
+    /// ([`ContactMode::Pressing`] names its touch and damping).
+    ///
+    /// # Errors
+    /// A state that does not fit, a touch that is not compliant.
+    pub fn pressing_force(&self, touch: usize, damping: f64, moment: &Moment) -> Result<Vector3<f64>, SimError> {
+        let mut workspace = self.chain.workspace();
+        let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
+        let Some(touch) = self.touches.get(touch) else { return Ok(Vector3::zeros()) };
+        let at = touch.at(&view, &moment.q, moment.time);
+        let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else {
+            return Err(SimError::Rigid { touch: touch.name.clone() });
+        };
+        let u = touch.u(&place, &view, &moment.qd, moment.time)?;
+        compliance.force(&touch.contact, damping, (at.gap, place.normal.dot(&u)), &place.normal, &u)
     }
 
     /// The chain in the plane, if it is to be computed there.
@@ -298,7 +316,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let time = self.time;
         match (self.motion.watches()[witness], self.motion.mode.touch()) {
             (Watch::Gap(touch), _) => self.touch(touch),
-            (Watch::NormalForce, Some(touch)) => {
+            (Watch::NormalForce | Watch::Depth, Some(touch)) => {
                 self.motion.mode = ContactMode::Free;
                 let y = self.y.clone();
                 self.note(EventKind::LiftOff { touch }, &y, Vec::new());
@@ -386,6 +404,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let energy = self.motion.energy(&before)?;
         let nq = sim.chain.nq();
         let one = &sim.touches[touch];
+        if let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) {
+            let speed = (-approach).max(Compliance::SLOWEST);
+            let damping = compliance.law(one.contact.restitution)?.damping(speed);
+            self.motion.impacts[touch] += 1;
+            return self.enter(ContactMode::Pressing { touch, damping });
+        }
         if one.contact.latch {
             self.latch(touch)?;
             self.lost += energy - self.motion.energy(&self.y)?;

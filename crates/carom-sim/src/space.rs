@@ -60,6 +60,9 @@ impl Space for Planar<f64> {
     }
 }
 
+/// What a point feels: H = J M⁻¹ Jᵀ (3×3) and M⁻¹Jᵀ (nv×3), world axes.
+pub(crate) type Felt = (Matrix3<f64>, DMatrix<f64>);
+
 /// The chain at one configuration.
 pub(crate) struct View<'a, A: Space> {
     pub model: &'a A::Model,
@@ -112,12 +115,8 @@ impl<'a, A: Space> View<'a, A> {
         jacobian
     }
 
-    /// What a point feels: H = J M⁻¹ Jᵀ (3×3) and M⁻¹Jᵀ (nv×3), world axes; `None` if no joint moves it along `n`.
-    pub fn inertia(
-        &mut self,
-        point: Point<A>,
-        n: Vector3<f64>,
-    ) -> Result<Option<(Matrix3<f64>, DMatrix<f64>)>, SimError> {
+    /// What a point feels; `None` if no joint moves it along `n`.
+    pub fn inertia(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
         let inertia = self.kin.contact_inertia(point)?;
         let axis = |k: usize| A::lift(self.model, A::vector(|i| if i == k { 1.0 } else { 0.0 }));
         let lift = DMatrix::from_fn(3, A::LINEAR, |i, k| axis(k)[i]);

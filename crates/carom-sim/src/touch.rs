@@ -5,7 +5,6 @@
 //! | --- | --- | --- | --- |
 //! | g, ġ | 1 | gap (> 0 open) and its rate | `gap`, `rate` |
 //! | j | nv | ġ = j·qd − n·ṡ | `row` |
-//! | J | 3×nv | velocity of the touching point (surfaces only) | `jacobian` |
 //! | s | 3 | displacement of a surface that moves | [`Oscillation`] |
 //! | u | 3 | velocity of the touching point over the surface, J qd − ṡ | `u` |
 
@@ -15,8 +14,8 @@ use carom_chain::{Chain, Coordinates, FrameId, Point};
 use carom_contact::{
     LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_points, link_shapes, reachable_pairs,
 };
-use carom_impact::{LAW_NAMES, law_by_name};
-use nalgebra::{DMatrix, DVector, Vector3};
+use carom_impact::{HuntCrossley, LAW_NAMES, law_by_name};
+use nalgebra::{DVector, Vector3};
 
 /// The law of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,12 +28,54 @@ pub struct ContactRule {
     pub friction: f64,
     /// What touches is held from then on: a latch, a grasp. The impact takes all of the velocity out.
     pub latch: bool,
+    /// A contact that gives way: it has a duration and a force. `None`: rigid.
+    pub compliance: Option<Compliance>,
+}
+
+/// A compliant contact after Hunt & Crossley, whose rebound is `restitution` times the approach, exactly
+/// ([`HuntCrossley`]), with Coulomb's friction smoothed at small slip: F_t = −μ Fₙ tanh(|v|/v_s) v/|v|.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Compliance {
+    /// k in Fₙ = k dⁿ (1 + a ḋ), N/mⁿ.
+    pub stiffness: f64,
+    /// n: 1.5 for round bodies, 1 for flat ones.
+    pub exponent: f64,
+    /// v_s, m/s.
+    pub slip_speed: f64,
+}
+
+impl Compliance {
+    /// Approaches slower than this are damped as at this speed, m/s: the damping grows as 1/speed.
+    pub(crate) const SLOWEST: f64 = 1e-3;
+
+    pub(crate) fn law(&self, restitution: f64) -> Result<HuntCrossley, SimError> {
+        Ok(HuntCrossley::new(self.stiffness, self.exponent, restitution)?)
+    }
+
+    /// Normal and friction force on the robot, for gap g ≤ 0, its rate, and slip.
+    pub(crate) fn force(
+        &self,
+        rule: &ContactRule,
+        damping: f64,
+        (gap, rate): (f64, f64),
+        normal: &Vector3<f64>,
+        u: &Vector3<f64>,
+    ) -> Result<Vector3<f64>, SimError> {
+        if gap >= 0.0 {
+            return Ok(Vector3::zeros());
+        }
+        let force = self.law(rule.restitution)?.force(-gap, -rate, damping);
+        let slip = u - normal * normal.dot(u);
+        let speed = slip.norm();
+        let share = if speed > 0.0 { (speed / self.slip_speed).tanh() / speed } else { 0.0 };
+        Ok((normal - slip * (rule.friction * share)) * force)
+    }
 }
 
 impl Default for ContactRule {
     /// Frictionless, and no rebound.
     fn default() -> Self {
-        Self { law: LAW_NAMES[0], restitution: 0.0, friction: 0.0, latch: false }
+        Self { law: LAW_NAMES[0], restitution: 0.0, friction: 0.0, latch: false, compliance: None }
     }
 }
 
@@ -51,6 +92,13 @@ impl ContactRule {
         }
         if !(self.friction >= 0.0 && self.friction.is_finite()) {
             return refuse("friction", self.friction, "a coefficient of friction is finite and not negative");
+        }
+        if let Some(compliance) = &self.compliance {
+            compliance.law(self.restitution)?;
+            let speed = compliance.slip_speed;
+            if !(speed > 0.0 && speed.is_finite()) {
+                return refuse("compliance slip_speed", speed, "it must be positive and finite");
+            }
         }
         Ok(())
     }
@@ -344,11 +392,6 @@ impl Touch {
             (_, Some(place)) => view.row(place.point, place.normal),
             (_, None) => Ok(DVector::zeros(view.kin.chain().nv())),
         }
-    }
-
-    /// J; `None` for a limit, which has no tangents.
-    pub(crate) fn jacobian<A: Space>(&self, at: &At<A>, view: &View<A>) -> Option<DMatrix<f64>> {
-        at.surface.map(|place| view.jacobian(place.point))
     }
 
     /// (g̈, u̇) while no joint accelerates, in closed form; `None` where only differences help.

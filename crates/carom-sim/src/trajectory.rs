@@ -18,7 +18,7 @@ pub struct Moment {
 }
 
 /// How the chain meets its surroundings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ContactMode {
     /// Nothing touches.
     Free,
@@ -37,18 +37,26 @@ pub enum ContactMode {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
+    /// A compliant contact presses.
+    Pressing {
+        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+        touch: usize,
+        /// Its damping a, s/m, from the speed of its approach.
+        damping: f64,
+    },
     /// Several contacts at once, by time stepping.
     Several,
 }
 
 impl ContactMode {
-    /// `free`, `sliding`, `sticking`, `latched` or `several`.
+    /// `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
             Self::Sliding { .. } => "sliding",
             Self::Sticking { .. } => "sticking",
             Self::Latched { .. } => "latched",
+            Self::Pressing { .. } => "pressing",
             Self::Several => "several",
         }
     }
@@ -57,7 +65,10 @@ impl ContactMode {
     pub fn touch(self) -> Option<usize> {
         match self {
             Self::Free | Self::Several => None,
-            Self::Sliding { touch } | Self::Sticking { touch } | Self::Latched { touch } => Some(touch),
+            Self::Sliding { touch }
+            | Self::Sticking { touch }
+            | Self::Latched { touch }
+            | Self::Pressing { touch, .. } => Some(touch),
         }
     }
 }
@@ -123,7 +134,7 @@ pub enum EventKind {
 }
 
 impl EventKind {
-    /// `impact`, `several`, `latch`, `limit`, `zeno`, `free`, `sliding`, `sticking`, `latched`, `lift-off`, `joint-stops`,
+    /// `impact`, `several`, `latch`, `limit`, `zeno`, `free`, `sliding`, `sticking`, `latched`, `pressing`, `lift-off`, `joint-stops`,
     /// `joint-moves` or `rest`; of modes their own name, with `stepping` for several contacts.
     pub fn name(&self) -> &'static str {
         match self {
