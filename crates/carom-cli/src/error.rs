@@ -23,6 +23,10 @@ pub enum CliError {
         /// What the system said.
         reason: io::Error,
     },
+    /// A recording, which names its file itself.
+    #[cfg(feature = "rerun")]
+    #[error(transparent)]
+    Recording(#[from] carom_record::RecordError),
     /// An option, with the file it speaks of.
     #[error("{0}")]
     Option(String),

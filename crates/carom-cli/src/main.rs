@@ -12,6 +12,7 @@ mod inspect;
 mod law;
 mod output;
 mod plan;
+mod record;
 mod simulate;
 mod tosses;
 

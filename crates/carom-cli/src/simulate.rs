@@ -2,6 +2,7 @@
 
 use crate::error::CliError;
 use crate::output::{answer, say, short};
+use crate::record::{Record, Recorder};
 use carom_chain::{Chain, Coordinates};
 use carom_sim::{Event, EventKind, Moment, Sampling, Scene, Seen, Simulation, Statistics};
 use clap::Args;
@@ -10,7 +11,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Samples of the table where the scene names no interval: the paper's 4 ms.
+/// Samples of tables and recordings where the scene names no interval: the paper's 4 ms.
 const SAMPLE: f64 = 0.004;
 
 #[derive(Args)]
@@ -21,6 +22,8 @@ pub struct Simulate {
     /// Write a table of time, q and qd, at the scene's sampling interval (or 4 ms)
     #[arg(long, value_name = "X.csv")]
     csv: Option<PathBuf>,
+    #[command(flatten)]
+    record: Record,
     /// One line of JSON
     #[arg(long)]
     json: bool,
@@ -95,21 +98,27 @@ impl Simulate {
         let plan = scene.plan().map_err(refuse)?;
         let sim = &plan.simulation;
         let mut table = self.csv.as_deref().map(|path| Table::begin(path, &sim.chain)).transpose()?;
-        let every = table.is_some().then(|| scene.sample.unwrap_or(SAMPLE));
+        let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
+        let sampled = table.is_some() || recorder.is_some();
+        let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
-        let run = sim.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| match seen {
-            Seen::Moment(moment) => {
-                if let Some(table) = &mut table {
-                    table.row(moment);
-                }
+        let run = sim.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| {
+            match &seen {
+                Seen::Moment(moment) => table.iter_mut().for_each(|table| table.row(moment)),
+                Seen::Event(event) => events.push((*event).clone()),
+                Seen::Segment(_) => {}
             }
-            Seen::Event(event) => events.push(event.clone()),
-            Seen::Segment(_) => {}
+            if let Some(recorder) = &mut recorder {
+                recorder.see(seen);
+            }
         });
         let run = run.map_err(refuse)?;
         if let Some(table) = table {
             table.finish()?;
+        }
+        if let Some(recorder) = recorder {
+            recorder.finish(&run)?;
         }
         let written =
             answer(out, &summary(sim, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));

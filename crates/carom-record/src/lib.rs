@@ -4,9 +4,18 @@
 //! impact (both sides of the jump at that time), with a blueprint that opens on the whole. Recordings are made anew, never
 //! kept: the format promises no compatibility.
 
+mod bounds;
+mod geometry;
+mod layout;
+mod measures;
 mod planar2;
+mod scene;
+mod summary;
+mod target;
 
 pub use planar2::{Side, record_planar2};
+pub use scene::SceneRecorder;
+pub use target::Target;
 
 use std::path::PathBuf;
 
@@ -17,6 +26,15 @@ pub enum RecordError {
     /// The chain refuses.
     #[error(transparent)]
     Chain(#[from] carom_chain::ChainError),
+    /// A shape can't be used.
+    #[error(transparent)]
+    Contact(#[from] carom_contact::ContactError),
+    /// A viewer can't be reached or started.
+    #[error("the viewer can't be used: {reason}")]
+    Viewer {
+        /// What the recorder said.
+        reason: String,
+    },
     /// The file can't be written.
     #[error("{}: the recording can't be written: {reason}", path.display())]
     Unwritable {

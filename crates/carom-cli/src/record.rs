@@ -1,0 +1,71 @@
+//! Recordings for the Rerun viewer, with the feature `rerun`; without it, asking for one is refused.
+
+use crate::error::CliError;
+use carom_sim::{Plan, Scene, Seen, Summary};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Where a recording goes: one place, or none.
+#[derive(Args)]
+#[group(multiple = false)]
+pub struct Record {
+    /// Write a recording for the Rerun viewer
+    #[arg(long, value_name = "X.rrd")]
+    out: Option<PathBuf>,
+    /// Record into a viewer that runs already, at its address or Rerun's default
+    #[arg(long, value_name = "URL")]
+    #[allow(clippy::option_option)] // as clap says "an option whose value may be left out"
+    connect: Option<Option<String>>,
+    /// Start a viewer and record into it
+    #[arg(long)]
+    spawn: bool,
+}
+
+/// A recording on its way.
+#[cfg(feature = "rerun")]
+pub struct Recorder(carom_record::SceneRecorder);
+
+#[cfg(feature = "rerun")]
+impl Recorder {
+    pub fn begin(asked: &Record, scene: &Scene, plan: &Plan) -> Result<Option<Self>, CliError> {
+        use carom_record::{SceneRecorder, Target};
+        let target = match asked {
+            Record { out: Some(path), .. } => Target::File(path.clone()),
+            Record { connect: Some(url), .. } => Target::Connect(url.clone()),
+            Record { spawn: true, .. } => Target::Spawn,
+            _ => return Ok(None),
+        };
+        Ok(Some(Self(SceneRecorder::begin(&target, scene, plan)?)))
+    }
+
+    pub fn see(&mut self, seen: Seen) {
+        self.0.see(seen);
+    }
+
+    pub fn finish(self, run: &Summary) -> Result<(), CliError> {
+        Ok(self.0.finish(run)?)
+    }
+}
+
+/// There is none.
+#[cfg(not(feature = "rerun"))]
+pub enum Recorder {}
+
+#[cfg(not(feature = "rerun"))]
+impl Recorder {
+    pub fn begin(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Self>, CliError> {
+        if asked.out.is_none() && asked.connect.is_none() && !asked.spawn {
+            return Ok(None);
+        }
+        let refusal = "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
+        Err(CliError::Option(refusal.into()))
+    }
+
+    pub fn see(&mut self, _: Seen) {
+        match *self {}
+    }
+
+    pub fn finish(self, _: &Summary) -> Result<(), CliError> {
+        match self {}
+    }
+}

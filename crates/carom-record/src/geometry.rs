@@ -1,0 +1,200 @@
+//! What links and surfaces look like: logged once, and only moved afterwards.
+
+use crate::RecordError;
+use crate::bounds::{Bounds, quaternion, xyz};
+use crate::target::Sink;
+use carom_chain::algebra::{Pose, z_onto};
+use carom_chain::urdf::Shape;
+use carom_chain::{Chain, ChainError, FrameId, Kinematics, Plane, Spatial};
+use carom_contact::{LinkShape, Mesh, Solid, Surface as Form};
+use carom_sim::Surface;
+use nalgebra::{Isometry3, Matrix3, Vector3};
+use rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
+
+/// Links take turns with these.
+const LINKS: [u32; 3] = [0x4e79_a7ff, 0xa0cb_e8ff, 0x7f8f_a9ff];
+const BONE: u32 = 0xd0d7_e2ff;
+const JOINT: u32 = 0xf2f4_f8ff;
+const SURFACE: u32 = 0x8a93_a3ff;
+const GRID: u32 = 0xb6bd_c9ff;
+
+/// An entity below `world`, whatever is in the name.
+pub(crate) fn entity(group: &str, name: &str) -> EntityPath {
+    EntityPath::new(["world", group, name].map(EntityPathPart::new).to_vec())
+}
+
+fn part(of: &EntityPath, name: String) -> EntityPath {
+    of.join(&EntityPath::from_single_string(name))
+}
+
+/// A link whose pose is logged as it moves.
+pub(crate) struct Drawn {
+    pub frame: FrameId,
+    pub path: EntityPath,
+}
+
+/// Draws all links in their own axes, and returns those that may move.
+///
+/// Bones, from each link's origin to those of its child joints, show what has no shape of its own.
+pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64) -> Result<Vec<Drawn>, RecordError> {
+    let mut drawn = Vec::new();
+    let (mut workspace, zero) = (chain.workspace(), chain.zero_configuration());
+    let at_zero = workspace.update(chain, &zero)?;
+    for (k, frame) in chain.frames().iter().enumerate() {
+        let path = entity("links", &frame.name);
+        let of_link = shapes.iter().filter(|shape| shape.link() == frame.name);
+        let collisions = chain.links().iter().find(|link| link.name == frame.name);
+        let collisions = collisions.iter().flat_map(|link| &link.collisions);
+        for (n, (shape, collision)) in of_link.zip(collisions).enumerate() {
+            let path = part(&path, format!("shape {}", n + 1));
+            let colour = LINKS[k % LINKS.len()];
+            place(sink, &path, shape.origin())?;
+            match &collision.shape {
+                Shape::Mesh { file, scale } => mesh(sink, &path, &Mesh::read(file, *scale, shape.link())?, colour)?,
+                _ => solid(sink, &path, shape.solid(), colour)?,
+            }
+        }
+        let ends = children(&at_zero, &frame.name)?;
+        if !ends.is_empty() {
+            let joints = rerun::Points3D::new(ends.iter().map(|end| xyz(*end))).with_colors([JOINT]);
+            fixed(sink, &part(&path, "joints".into()), &joints.with_radii([0.008 * size as f32]))?;
+            let bones: Vec<_> = ends.iter().filter(|end| end.norm() > 1e-6 * size).map(|end| [[0.0; 3], xyz(*end)]).collect();
+            let bones = rerun::LineStrips3D::new(bones).with_colors([BONE]).with_radii([0.004 * size as f32]);
+            fixed(sink, &part(&path, "bones".into()), &bones)?;
+        }
+        let id = chain.frame(&frame.name)?;
+        match frame.body {
+            Some(_) => drawn.push(Drawn { frame: id, path }),
+            None => place(sink, &path, &at_zero.pose(id))?,
+        }
+    }
+    Ok(drawn)
+}
+
+/// Origins of the child joints of a link, in its axes.
+fn children(at_zero: &Kinematics<Spatial<f64>>, link: &str) -> Result<Vec<Vector3<f64>>, ChainError> {
+    // At zero a child's frame is that of its joint, for every type of joint.
+    let (chain, kin) = (at_zero.chain(), at_zero);
+    let into = kin.pose(chain.frame(link)?).inverse();
+    // Links that a reduction has left out have no frame.
+    let joints = chain.joints().iter().filter(|joint| joint.parent == link);
+    Ok(joints.filter_map(|joint| chain.frame(&joint.child).ok()).map(|f| into.point(kin.pose(f).translation)).collect())
+}
+
+/// Draws all surfaces; half-spaces as a patch as large as the scene, which a planar chain sees from its edge.
+pub(crate) fn surfaces(
+    sink: &Sink,
+    surfaces: &[Surface],
+    bounds: &Bounds,
+    plane: Option<&Plane>,
+) -> Result<(), RecordError> {
+    for surface in surfaces {
+        let path = part(&entity("surfaces", &surface.name), "shape".into());
+        match surface.obstacle.surface() {
+            Form::HalfSpace { point, normal } => half_space(sink, &path, *point, *normal, bounds, plane)?,
+            Form::Solid { pose, solid: body } => {
+                place(sink, &path, &in_world(pose))?;
+                solid(sink, &path, body, SURFACE)?;
+            }
+            Form::Mesh { pose, mesh: triangles } => {
+                place(sink, &path, &in_world(pose))?;
+                mesh(sink, &path, triangles, SURFACE)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn in_world(pose: &Isometry3<f64>) -> Pose<Spatial<f64>> {
+    Pose { rotation: pose.rotation.to_rotation_matrix().into_inner(), translation: pose.translation.vector }
+}
+
+fn half_space(
+    sink: &Sink,
+    path: &EntityPath,
+    point: Vector3<f64>,
+    normal: Vector3<f64>,
+    bounds: &Bounds,
+    plane: Option<&Plane>,
+) -> Result<(), RecordError> {
+    let size = bounds.size();
+    let middle = bounds.centre() - normal * normal.dot(&(bounds.centre() - point));
+    // Seen from the edge, a patch that comes towards the eye would hide what is behind it: there it is a strip.
+    let strip = plane.filter(|plane| plane.normal.dot(&normal).abs() < 1e-6);
+    let (rotation, depth) = match strip {
+        Some(plane) => (Matrix3::from_columns(&[plane.normal.cross(&normal), plane.normal, normal]), 0.03),
+        None => (z_onto(normal), 0.6),
+    };
+    let (wide, deep, thick) = (0.6 * size, depth * size, 0.012 * size);
+    place(sink, path, &Pose { rotation, translation: middle })?;
+    let slab = rerun::Boxes3D::from_centers_and_half_sizes(
+        [xyz(Vector3::new(0.0, 0.0, -thick / 2.0))],
+        [xyz(Vector3::new(wide, deep, thick / 2.0))],
+    );
+    fixed(sink, path, &slab.with_colors([SURFACE]).with_fill_mode(FillMode::Solid))?;
+    if strip.is_none() {
+        // Just above, so that the lines are not lost in the slab's face.
+        let at = |x: f64, y: f64| xyz(Vector3::new(x, y, 0.001 * size));
+        let lines = (-5..=5).map(|k| f64::from(k) / 5.0);
+        let lines = lines.flat_map(|k| {
+            [[at(k * wide, -deep), at(k * wide, deep)], [at(-wide, k * deep), at(wide, k * deep)]]
+        });
+        let lines = rerun::LineStrips3D::new(lines).with_colors([GRID]).with_radii([0.0008 * size as f32]);
+        fixed(sink, &part(path, "grid".into()), &lines)?;
+    }
+    Ok(())
+}
+
+fn place(sink: &Sink, path: &EntityPath, pose: &Pose<Spatial<f64>>) -> Result<(), RecordError> {
+    fixed(sink, path, &transform(pose))
+}
+
+/// A pose, and nothing else of a transform.
+pub(crate) fn transform(pose: &Pose<Spatial<f64>>) -> rerun::Transform3D {
+    rerun::Transform3D::update_fields().with_translation(xyz(pose.translation)).with_quaternion(quaternion(pose))
+}
+
+fn solid(sink: &Sink, path: &EntityPath, solid: &Solid, colour: u32) -> Result<(), RecordError> {
+    let fill = FillMode::Solid;
+    match solid {
+        Solid::Sphere { radius } => {
+            let ball = rerun::Ellipsoids3D::from_radii([*radius as f32]);
+            fixed(sink, path, &ball.with_colors([colour]).with_fill_mode(fill))
+        }
+        Solid::Capsule { radius, half_length } => {
+            // The viewer's capsules start at their first end.
+            let start = [0.0, 0.0, -*half_length as f32];
+            let capsule = rerun::Capsules3D::from_lengths_and_radii([2.0 * *half_length as f32], [*radius as f32]);
+            fixed(sink, path, &capsule.with_translations([start]).with_colors([colour]).with_fill_mode(fill))
+        }
+        Solid::Cylinder { radius, half_length } => {
+            let cylinder = rerun::Cylinders3D::from_lengths_and_radii([2.0 * *half_length as f32], [*radius as f32]);
+            fixed(sink, path, &cylinder.with_colors([colour]).with_fill_mode(fill))
+        }
+        Solid::Box { half } => {
+            let cuboid = rerun::Boxes3D::from_half_sizes([xyz(*half)]);
+            fixed(sink, path, &cuboid.with_colors([colour]).with_fill_mode(fill))
+        }
+        // Hulls come from meshes, which are drawn as they are.
+        Solid::Hull(hull) => {
+            let corners = rerun::Points3D::new(hull.vertices().iter().map(|v| xyz(*v)));
+            fixed(sink, path, &corners.with_colors([colour]))
+        }
+    }
+}
+
+/// Triangles with their own corners, so that each has its own normal and the edges are seen.
+fn mesh(sink: &Sink, path: &EntityPath, mesh: &Mesh, colour: u32) -> Result<(), RecordError> {
+    let corners = |triangle: &[u32; 3]| triangle.map(|k| mesh.vertices()[k as usize]);
+    let triangles: Vec<[Vector3<f64>; 3]> = mesh.triangles().iter().map(corners).collect();
+    let normals = triangles.iter().flat_map(|[a, b, c]| [(b - a).cross(&(c - a)).normalize(); 3]);
+    let drawn = rerun::Mesh3D::new(triangles.iter().flatten().map(|v| xyz(*v)))
+        .with_vertex_normals(normals.map(xyz))
+        .with_albedo_factor(rerun::components::AlbedoFactor(colour.into()));
+    fixed(sink, path, &drawn)
+}
+
+/// Logs what holds at all times.
+pub(crate) fn fixed(sink: &Sink, path: &EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
+    sink.rec.log_static(path.clone(), what).map_err(|e| sink.error(e.to_string()))
+}

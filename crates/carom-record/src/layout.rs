@@ -1,0 +1,170 @@
+//! The blueprint: which views the viewer opens with.
+//!
+//! It is written entry by entry, as rerun's own builder has no words for the eye of a view in space, for the time that an
+//! entity stays visible and for linked time axes.
+
+use crate::RecordError;
+use crate::bounds::{Eye, xyz};
+use crate::target::{APPLICATION, Sink};
+use rerun::AsComponents;
+use rerun::blueprint::components as part;
+use rerun::blueprint::datatypes as datatype;
+use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
+use rerun::external::re_sdk_types::blueprint::archetypes as blueprint;
+
+/// A view, or a row or column of them with their shares of the room.
+pub(crate) enum Tile {
+    View(View),
+    Row(Vec<(f32, Tile)>),
+    Column(Vec<(f32, Tile)>),
+}
+
+/// One view: what shows it, what it shows, and its settings, each at its place below the view.
+pub(crate) struct View {
+    class: &'static str,
+    name: String,
+    origin: &'static str,
+    settings: Vec<(String, Box<dyn AsComponents>)>,
+}
+
+impl View {
+    fn new(class: &'static str, name: &str, origin: &'static str) -> Self {
+        Self { class, name: name.into(), origin, settings: Vec::new() }
+    }
+}
+
+/// The scene in space. Of `trails` everything up to now is shown, of the rest the present.
+pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
+    let mut view = View::new("3D", name, "/world");
+    let [position, target, up] = [eye.position, eye.target, eye.up].map(xyz);
+    let eye = blueprint::EyeControls3D::new().with_position(position).with_look_target(target).with_eye_up(up);
+    view.settings.push(("EyeControls3D".into(), Box::new(eye)));
+    let dark = blueprint::Background::new(part::BackgroundKind::SolidColor).with_color(0x16_1a21ff);
+    view.settings.push(("Background".into(), Box::new(dark)));
+    view.settings.push(("LineGrid3D".into(), Box::new(blueprint::LineGrid3D::new().with_visible(false))));
+    for trail in trails {
+        let past = rerun::datatypes::VisibleTimeRange {
+            timeline: "time".into(),
+            range: rerun::datatypes::TimeRange {
+                start: rerun::datatypes::TimeRangeBoundary::Infinite,
+                end: rerun::datatypes::TimeRangeBoundary::AT_CURSOR,
+            },
+        };
+        let place = format!("ViewContents/overrides{trail}/visualizers");
+        view.settings.push((place, Box::new(blueprint::VisibleTimeRanges::new([past]))));
+    }
+    Tile::View(view)
+}
+
+/// Numbers over time; all of these views keep to one time axis. `legend`: names beside the colours.
+pub(crate) fn series(name: &str, origin: &'static str, legend: bool) -> Tile {
+    let mut view = View::new("TimeSeries", name, origin);
+    let axis = blueprint::TimeAxis::new().with_link(part::LinkAxis::LinkToGlobal);
+    view.settings.push(("TimeAxis".into(), Box::new(axis)));
+    view.settings.push(("PlotLegend".into(), Box::new(blueprint::PlotLegend::new().with_visible(legend))));
+    Tile::View(view)
+}
+
+/// Spans of named states.
+pub(crate) fn states(name: &str, origin: &'static str) -> Tile {
+    Tile::View(View::new("StateTimeline", name, origin))
+}
+
+/// What happened, line by line.
+pub(crate) fn log(name: &str, origin: &'static str) -> Tile {
+    use datatype::TextLogColumnKind::{Body, EntityPath, LogLevel};
+    let mut view = View::new("TextLog", name, origin);
+    // One entity, one level; the words begin with the time.
+    let columns = [(EntityPath, false), (LogLevel, false), (Body, true)];
+    let columns = columns.map(|(kind, visible)| datatype::TextLogColumn { visible: visible.into(), kind });
+    let time = datatype::TimelineColumn { visible: false.into(), timeline: "time".into() };
+    let columns = blueprint::TextLogColumns::new().with_text_log_columns(columns).with_timeline_columns([time]);
+    view.settings.push(("TextLogColumns".into(), Box::new(columns)));
+    Tile::View(view)
+}
+
+/// A page of text.
+pub(crate) fn text(name: &str, origin: &'static str) -> Tile {
+    Tile::View(View::new("TextDocument", name, origin))
+}
+
+/// Sends a layout; the cursor follows the newest time, and a replay takes `speed` seconds per second.
+///
+/// # Errors
+/// What the recorder says.
+pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordError> {
+    let told = || -> rerun::RecordingStreamResult<Vec<LogMsg>> {
+        let (rec, messages) = rerun::RecordingStreamBuilder::new(APPLICATION)
+            .recording_id(rerun::external::re_log_types::RecordingId::random())
+            .enabled(true)
+            .blueprint()
+            .memory()?;
+        rec.set_time_sequence("blueprint", 0);
+        let mut page = Page { rec: &rec, count: 0 };
+        let (_, root) = page.tile(root)?;
+        let viewport = blueprint::ViewportBlueprint::new().with_root_container(rerun::datatypes::Uuid::from(root));
+        rec.log("viewport", &viewport.with_auto_layout(false).with_auto_views(false))?;
+        for panel in ["blueprint_panel", "selection_panel"] {
+            rec.log(panel, &blueprint::PanelBlueprint::new().with_state(part::PanelState::Hidden))?;
+        }
+        let time = blueprint::TimePanelBlueprint::new().with_timeline("time").with_playback_speed(speed);
+        rec.log("time_panel", &time.with_state(part::PanelState::Collapsed).with_play_state(part::PlayState::Following))?;
+        Ok(messages.take())
+    };
+    let messages = told().map_err(|e| sink.error(e.to_string()))?;
+    if let Some(first) = messages.first() {
+        let blueprint_id = first.store_id().clone();
+        let at_once = BlueprintActivationCommand { blueprint_id, make_active: true, make_default: true };
+        sink.rec.send_blueprint(messages, at_once);
+    }
+    Ok(())
+}
+
+/// Writes tiles under numbers of their own.
+struct Page<'a> {
+    rec: &'a rerun::RecordingStream,
+    count: u8,
+}
+
+impl Page<'_> {
+    /// Where the tile is written, and its number.
+    fn tile(&mut self, tile: &Tile) -> rerun::RecordingStreamResult<(String, [u8; 16])> {
+        let (kind, tiles) = match tile {
+            Tile::View(view) => return self.view(view),
+            Tile::Row(tiles) => (part::ContainerKind::Horizontal, tiles),
+            Tile::Column(tiles) => (part::ContainerKind::Vertical, tiles),
+        };
+        let mut contents = Vec::new();
+        for (_, tile) in tiles {
+            contents.push(part::IncludedContent(self.tile(tile)?.0.into()));
+        }
+        let shares: Vec<f32> = tiles.iter().map(|(share, _)| *share).collect();
+        let (path, number) = self.number("container");
+        let group = blueprint::ContainerBlueprint::new(kind).with_contents(contents);
+        let group = match tile {
+            Tile::Row(_) => group.with_col_shares(shares),
+            _ => group.with_row_shares(shares),
+        };
+        self.rec.log(path.as_str(), &group)?;
+        Ok((path, number))
+    }
+
+    fn view(&mut self, view: &View) -> rerun::RecordingStreamResult<(String, [u8; 16])> {
+        let (path, number) = self.number("view");
+        let about = blueprint::ViewBlueprint::new(view.class).with_display_name(view.name.as_str());
+        self.rec.log(path.as_str(), &about.with_space_origin(view.origin))?;
+        self.rec.log(format!("{path}/ViewContents"), &blueprint::ViewContents::new(["$origin/**"]))?;
+        for (place, setting) in &view.settings {
+            self.rec.log(format!("{path}/{place}"), setting.as_ref())?;
+        }
+        Ok((path, number))
+    }
+
+    /// The next number, in the form of a UUID, which is what the viewer knows views and containers by.
+    fn number(&mut self, kind: &str) -> (String, [u8; 16]) {
+        self.count += 1;
+        let mut number = [0; 16];
+        number[15] = self.count;
+        (format!("{kind}/00000000-0000-0000-0000-0000000000{:02x}", self.count), number)
+    }
+}

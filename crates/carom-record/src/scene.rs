@@ -1,0 +1,336 @@
+//! The recording of a scene, while it is simulated.
+//!
+//! | entity | what |
+//! | --- | --- |
+//! | `/world/links/…` | the links' shapes, once; their poses |
+//! | `/world/surfaces/…` | the surfaces; the displacement of those that move |
+//! | `/world/tip` | the tip's path, piece by piece |
+//! | `/world/contacts`, `/world/impulses`, `/world/impulse` | where impulses acted, all of them as arrows, the last one's value |
+//! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps |
+//! | `/contact` | the mode of contact, as spans |
+//! | `/events` | what happened, in words |
+//! | `/run` | how it ended |
+//!
+//! Numbers stand on exact times: an event's twice, before and after. Nothing is kept that grows with the run's length.
+
+use crate::bounds::{Bounds, Eye, Outline, xyz};
+use crate::geometry::{self, Drawn, entity, fixed, transform};
+use crate::layout::{self, Tile};
+use crate::measures::Measures;
+use crate::target::{Sink, Target};
+use crate::{RecordError, summary};
+use carom_chain::algebra::{Pose, z_onto};
+use carom_chain::{Chain, Plane, Spatial, Workspace};
+use carom_contact::{Surface as Form, link_shapes};
+use carom_sim::{Blow, Event, EventKind, Moment, Plan, Scene, Seen, Summary};
+use nalgebra::{Matrix3, Vector3};
+use rerun::AsComponents;
+use std::collections::BTreeMap;
+
+const PATH: u32 = 0xffb0_00ff;
+const BLOW: u32 = 0xff5a_36ff;
+/// Modes with their colours.
+const MODES: [(&str, u32); 5] = [
+    ("free", 0x4e79_a7ff),
+    ("sliding", 0xf28e_2bff),
+    ("sticking", 0xe157_59ff),
+    ("latched", 0xb07a_a1ff),
+    ("several", 0x59a1_4fff),
+];
+/// A replay takes about so long, s.
+const REPLAY: f64 = 8.0;
+/// The greatest impulse is drawn as long as this share of the scene.
+const ARROW: f64 = 0.3;
+/// A file waits for so many events with impulses before their scale is fixed; none later is drawn longer than three times.
+const HELD: usize = 1000;
+
+/// A recording on its way; [`SceneRecorder::see`] takes what a run hands out.
+pub struct SceneRecorder {
+    sink: Sink,
+    live: bool,
+    chain: Chain,
+    workspace: Workspace<Spatial<f64>>,
+    plane: Option<Plane>,
+    gravity: Vector3<f64>,
+    touches: Vec<String>,
+    measures: Measures,
+    /// Links that may move.
+    links: Vec<Drawn>,
+    outline: Outline,
+    bounds: Bounds,
+    duration: f64,
+    /// Size of the scene at the start, m: pieces of the path and arrows go by it.
+    size: f64,
+    /// Metres for one N s, once it is fixed.
+    arrow: Option<f64>,
+    /// Impulses that wait for it, each with its time.
+    held: Vec<(f64, Vec<Blow>)>,
+    /// Where the tip's path ends so far.
+    path: Option<Vector3<f64>>,
+    mode: Option<&'static str>,
+    counts: BTreeMap<&'static str, usize>,
+    /// The last time that was recorded, s.
+    time: f64,
+    failed: Option<RecordError>,
+}
+
+impl SceneRecorder {
+    /// Opens the recording of a scene that runs as planned, and draws what there is before anything moves.
+    ///
+    /// # Errors
+    /// [`RecordError`].
+    pub fn begin(target: &Target, scene: &Scene, plan: &Plan) -> Result<Self, RecordError> {
+        let sim = &plan.simulation;
+        let chain = sim.chain.clone();
+        let shapes = link_shapes(&chain)?;
+        let plane = chain.to_planar().ok().map(|planar| planar.plane);
+        let sink = Sink::open(target, chain.name())?;
+
+        let (mut bounds, outline) = (Bounds::empty(), Outline::of(&chain, &shapes));
+        let mut workspace = chain.workspace();
+        outline.enter(&workspace.update(&chain, &plan.q)?, &mut bounds);
+        scene.surfaces.iter().for_each(|surface| bounds.include_obstacle(&surface.obstacle));
+        let size = bounds.size();
+        let measures = Measures::of(scene, sim, &shapes, plane.as_ref())?;
+        measures.name(&sink, &chain)?;
+        let links = geometry::links(&sink, &chain, &shapes, size)?;
+        let mut recorder = Self {
+            sink,
+            live: target.is_live(),
+            workspace,
+            plane,
+            gravity: sim.gravity,
+            touches: sim.touches.iter().map(|touch| touch.name.clone()).collect(),
+            measures,
+            links,
+            outline,
+            bounds,
+            duration: scene.duration,
+            size,
+            arrow: None,
+            held: Vec::new(),
+            path: None,
+            mode: None,
+            counts: BTreeMap::new(),
+            time: 0.0,
+            failed: None,
+            chain,
+        };
+        recorder.begin_world()?;
+        recorder.state(0.0, (&plan.q, &plan.qd), true)?;
+        recorder.enter("free")?;
+        if recorder.live {
+            recorder.show()?;
+        }
+        Ok(recorder)
+    }
+
+    /// Records what a run hands out. The first error is kept for [`SceneRecorder::finish`], and ends the recording.
+    pub fn see(&mut self, seen: Seen) {
+        if self.failed.is_none() {
+            let done = match seen {
+                Seen::Moment(Moment { time, q, qd }) => self.state(*time, (q, qd), true),
+                Seen::Event(event) => self.event(event),
+                Seen::Segment(_) => Ok(()),
+            };
+            self.failed = done.err();
+        }
+    }
+
+    /// Records how the run ended, and closes. A file is in its place only after this.
+    ///
+    /// # Errors
+    /// The first error of the whole recording.
+    pub fn finish(mut self, summary: &Summary) -> Result<(), RecordError> {
+        if let Some(error) = self.failed.take() {
+            return Err(error);
+        }
+        let Moment { time, q, qd } = &summary.last;
+        self.blows()?;
+        self.state(*time, (q, qd), true)?;
+        let page = summary::markdown(&self.chain, summary, &self.counts, self.arrow);
+        fixed(&self.sink, &"run".into(), &rerun::TextDocument::from_markdown(page))?;
+        // Only now it is known how far everything went.
+        geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
+        if !self.live {
+            self.show()?;
+        }
+        self.sink.finish()
+    }
+
+    /// What is there once.
+    fn begin_world(&mut self) -> Result<(), RecordError> {
+        let up = xyz(self.up());
+        let axes = Matrix3::<f64>::identity();
+        let coordinates = (0..3).find(|k| (axes.column(*k) - Vector3::from(up.map(f64::from))).norm() < 1e-6);
+        let coordinates = match coordinates {
+            Some(0) => rerun::ViewCoordinates::RIGHT_HAND_X_UP(),
+            Some(1) => rerun::ViewCoordinates::RIGHT_HAND_Y_UP(),
+            _ => rerun::ViewCoordinates::RIGHT_HAND_Z_UP(),
+        };
+        fixed(&self.sink, &"world".into(), &coordinates)?;
+        geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
+        let modes = rerun::StateConfiguration::new().with_values(MODES.map(|(name, _)| name));
+        fixed(&self.sink, &"contact".into(), &modes.with_colors(MODES.map(|(_, colour)| colour)))
+    }
+
+    /// Against gravity; without it z, or what is up in the chain's plane.
+    fn up(&self) -> Vector3<f64> {
+        let in_plane = |v: Vector3<f64>| self.plane.map_or(v, |plane| v - plane.normal * plane.normal.dot(&v));
+        let up = in_plane(-self.gravity).try_normalize(1e-9);
+        up.unwrap_or_else(|| self.plane.map_or_else(Vector3::z, |plane| plane.y))
+    }
+
+    /// Sends the layout: a planar chain is seen squarely, the others from above one side.
+    fn show(&self) -> Result<(), RecordError> {
+        let up = self.up();
+        let from = match &self.plane {
+            Some(plane) => plane.normal,
+            None => {
+                let mut from = z_onto(up) * Vector3::new(0.45, -0.8, 0.4);
+                for surface in &self.measures.surfaces {
+                    if let Form::HalfSpace { normal, .. } = surface.obstacle.surface() {
+                        // From outside of what is solid.
+                        from += normal * (0.25 - normal.dot(&from)).max(0.0);
+                    }
+                }
+                from.normalize()
+            }
+        };
+        let eye = Eye::looking(&self.bounds, from, up);
+        let scene = layout::space(self.chain.name(), &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
+        let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("the run", "/run"))]);
+        let mut plots = vec![
+            layout::series("joint velocities (rad/s, m/s)", "/series/velocity", true),
+            layout::series("joint positions (rad, m)", "/series/position", self.chain.nq() != self.chain.nv()),
+        ];
+        if self.measures.tip.is_some() {
+            plots.push(layout::series("velocity of the tip (m/s)", "/series/tip", true));
+        }
+        plots.push(layout::series("energy (J)", "/series/energy", true));
+        if self.measures.has_gaps() {
+            plots.push(layout::series("least gap (m)", "/series/gap", true));
+        }
+        plots.push(layout::states("contact", "/contact"));
+        let mut rows = Vec::new();
+        while !plots.is_empty() {
+            let pair: Vec<_> = plots.drain(..plots.len().min(2)).map(|tile| (1.0, tile)).collect();
+            rows.push((1.0, Tile::Row(pair)));
+        }
+        let left = Tile::Column(vec![(2.4, scene), (1.0, words)]);
+        let root = Tile::Row(vec![(1.0, left), (1.0, Tile::Column(rows))]);
+        layout::send(&self.sink, &root, (self.duration / REPLAY).min(1.0))
+    }
+
+    /// The chain and all numbers at a time; `moved`: not only its velocity.
+    fn state(&mut self, time: f64, (q, qd): (&[f64], &[f64]), moved: bool) -> Result<(), RecordError> {
+        self.time = time;
+        self.sink.rec.set_duration_secs("time", time);
+        let mut kin = self.workspace.update(&self.chain, q)?;
+        if moved {
+            for Drawn { frame, path } in &self.links {
+                now(&self.sink, path.clone(), &transform(&kin.pose(*frame)))?;
+            }
+            for surface in &self.measures.surfaces {
+                if let Some(motion) = &surface.motion {
+                    let pose = Pose { rotation: Matrix3::identity(), translation: motion.at(time)[0] };
+                    now(&self.sink, entity("surfaces", &surface.name), &transform(&pose))?;
+                }
+            }
+            self.outline.enter(&kin, &mut self.bounds);
+        }
+        for (entity, values) in self.measures.at(&mut kin, (q, qd), time)? {
+            now(&self.sink, entity.into(), &rerun::Scalars::new(values))?;
+        }
+        if let Some(tip) = &self.measures.tip {
+            let here = kin.position(tip.point);
+            match self.path {
+                Some(there) if (here - there).norm() > 0.002 * self.size => {
+                    let piece = rerun::LineStrips3D::new([[xyz(there), xyz(here)]]).with_colors([PATH]);
+                    now(&self.sink, "world/tip".into(), &piece.with_radii([0.0025 * self.size as f32]))?;
+                    self.path = Some(here);
+                }
+                Some(_) => {}
+                None => self.path = Some(here),
+            }
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), RecordError> {
+        *self.counts.entry(event.kind.name()).or_default() += 1;
+        self.state(event.time, (&event.q, &event.qd_minus), true)?;
+        self.state(event.time, (&event.q, &event.qd_plus), false)?;
+        let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
+        now(&self.sink, "events".into(), &words)?;
+        match &event.kind {
+            EventKind::Mode { mode } => self.enter(mode.name())?,
+            // What lasts after an impact says so in an event of its own.
+            EventKind::Impact { .. } | EventKind::LiftOff { .. } | EventKind::Limit { .. } => self.enter("free")?,
+            _ => {}
+        }
+        if event.blows.iter().any(|blow| blow.impulse.norm() > 0.0) {
+            self.held.push((event.time, event.blows.clone()));
+            if self.arrow.is_some() || self.live || self.held.len() == HELD {
+                self.blows()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn enter(&mut self, mode: &'static str) -> Result<(), RecordError> {
+        if self.mode != Some(mode) {
+            self.mode = Some(mode);
+            now(&self.sink, "contact".into(), &rerun::StateChange::single(mode))?;
+        }
+        Ok(())
+    }
+
+    /// Draws the impulses that have waited, to one scale.
+    fn blows(&mut self) -> Result<(), RecordError> {
+        let held = std::mem::take(&mut self.held);
+        let greatest = held.iter().flat_map(|(_, blows)| blows).map(|blow| blow.impulse.norm()).fold(0.0, f64::max);
+        if greatest > 0.0 {
+            let scale = *self.arrow.get_or_insert_with(|| round(ARROW * self.size / greatest));
+            for (time, blows) in &held {
+                self.sink.rec.set_duration_secs("time", *time);
+                self.arrows(blows, scale)?;
+            }
+            self.sink.rec.set_duration_secs("time", self.time);
+        }
+        Ok(())
+    }
+
+    /// Arrows for the impulses of one event, and in words how large they are.
+    fn arrows(&self, blows: &[Blow], scale: f64) -> Result<(), RecordError> {
+        // Before the links of a planar chain, which would hide them from the eye.
+        let before = self.plane.map_or(Vector3::zeros(), |plane| plane.normal * self.bounds.half_depth(&plane.normal));
+        let longest = 3.0 * ARROW * self.size;
+        let (mut points, mut arrows, mut ends, mut labels) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for Blow { point, impulse, .. } in blows.iter().filter(|blow| blow.impulse.norm() > 0.0) {
+            let arrow = (impulse * scale).cap_magnitude(longest);
+            points.push(xyz(point + before));
+            arrows.push(xyz(arrow));
+            ends.push(xyz(point + before + arrow));
+            labels.push(format!("{} N s", summary::short(impulse.norm())));
+        }
+        let size = self.size as f32;
+        let arrows = rerun::Arrows3D::from_vectors(arrows).with_origins(points.clone()).with_colors([BLOW]);
+        now(&self.sink, "world/impulses".into(), &arrows.with_radii([0.006 * size]))?;
+        let points = rerun::Points3D::new(points).with_colors([BLOW]).with_radii([0.01 * size]);
+        now(&self.sink, "world/contacts".into(), &points)?;
+        let label = rerun::Points3D::new(ends).with_colors([BLOW]).with_radii([0.002 * size]).with_labels(labels);
+        now(&self.sink, "world/impulse".into(), &label.with_show_labels(true))
+    }
+}
+
+/// Logs at the present time.
+fn now(sink: &Sink, path: rerun::EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
+    sink.rec.log(path, what).map_err(|e| sink.error(e.to_string()))
+}
+
+/// The nearest of 1, 2, 5, 10, … below.
+fn round(scale: f64) -> f64 {
+    let ten = 10.0_f64.powf(scale.log10().floor());
+    [5.0, 2.0, 1.0].into_iter().map(|k| k * ten).find(|step| *step <= scale).unwrap_or(ten)
+}
