@@ -57,7 +57,8 @@ impl Recorder {
         if asked.out.is_none() && asked.connect.is_none() && !asked.spawn {
             return Ok(None);
         }
-        let refusal = "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
+        let refusal =
+            "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
         Err(CliError::Option(refusal.into()))
     }
 

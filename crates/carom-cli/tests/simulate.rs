@@ -111,3 +111,29 @@ fn an_unreachable_surface_is_no_error() {
     assert_eq!(summary["events"].as_array().unwrap().len(), 0);
     assert_eq!((summary["stop_reason"].as_str(), summary["mode"].as_str()), (Some("duration"), Some("free")));
 }
+
+/// Recordings, or a word on why there are none.
+#[test]
+fn a_recording_is_whole_or_not_there() {
+    let desk = Desk::new("record");
+    let scene = desk.scene(|text| text);
+    let ran = desk.run(&["simulate", &scene, "--out", "x.rrd"]);
+    let files = || std::fs::read_dir(&desk.0).unwrap().count();
+    if !cfg!(feature = "rerun") {
+        let said =
+            "error: --out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
+        assert_eq!(String::from_utf8(ran.stderr).unwrap().trim_end(), said);
+        assert_eq!((ran.status.code(), files()), (Some(1), 1));
+        return;
+    }
+    assert!(ran.status.success(), "{ran:?}");
+    assert!(desk.0.join("x.rrd").metadata().unwrap().len() > 10_000);
+    assert_eq!(files(), 2, "the scene and the recording");
+    let ran = desk.run(&["simulate", &scene, "--out", "nowhere/x.rrd"]);
+    let said = String::from_utf8(ran.stderr).unwrap();
+    assert!(said.starts_with("error: nowhere/x.rrd: the recording can't be written: "), "{said}");
+    assert_eq!((ran.status.code(), files()), (Some(1), 2));
+    let ran = desk.run(&["simulate", &scene, "--connect", "rerun+http://127.0.0.1:1/proxy"]);
+    let said = String::from_utf8(ran.stderr).unwrap();
+    assert!(said.starts_with("error: the viewer can't be used: rerun+http://127.0.0.1:1/proxy: "), "{said}");
+}

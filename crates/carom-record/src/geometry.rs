@@ -58,7 +58,8 @@ pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64)
         if !ends.is_empty() {
             let joints = rerun::Points3D::new(ends.iter().map(|end| xyz(*end))).with_colors([JOINT]);
             fixed(sink, &part(&path, "joints".into()), &joints.with_radii([0.008 * size as f32]))?;
-            let bones: Vec<_> = ends.iter().filter(|end| end.norm() > 1e-6 * size).map(|end| [[0.0; 3], xyz(*end)]).collect();
+            let bones: Vec<_> =
+                ends.iter().filter(|end| end.norm() > 1e-6 * size).map(|end| [[0.0; 3], xyz(*end)]).collect();
             let bones = rerun::LineStrips3D::new(bones).with_colors([BONE]).with_radii([0.004 * size as f32]);
             fixed(sink, &part(&path, "bones".into()), &bones)?;
         }
@@ -136,9 +137,8 @@ fn half_space(
         // Just above, so that the lines are not lost in the slab's face.
         let at = |x: f64, y: f64| xyz(Vector3::new(x, y, 0.001 * size));
         let lines = (-5..=5).map(|k| f64::from(k) / 5.0);
-        let lines = lines.flat_map(|k| {
-            [[at(k * wide, -deep), at(k * wide, deep)], [at(-wide, k * deep), at(wide, k * deep)]]
-        });
+        let lines =
+            lines.flat_map(|k| [[at(k * wide, -deep), at(k * wide, deep)], [at(-wide, k * deep), at(wide, k * deep)]]);
         let lines = rerun::LineStrips3D::new(lines).with_colors([GRID]).with_radii([0.0008 * size as f32]);
         fixed(sink, &part(path, "grid".into()), &lines)?;
     }

@@ -108,7 +108,10 @@ pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordErr
             rec.log(panel, &blueprint::PanelBlueprint::new().with_state(part::PanelState::Hidden))?;
         }
         let time = blueprint::TimePanelBlueprint::new().with_timeline("time").with_playback_speed(speed);
-        rec.log("time_panel", &time.with_state(part::PanelState::Collapsed).with_play_state(part::PlayState::Following))?;
+        rec.log(
+            "time_panel",
+            &time.with_state(part::PanelState::Collapsed).with_play_state(part::PlayState::Following),
+        )?;
         Ok(messages.take())
     };
     let messages = told().map_err(|e| sink.error(e.to_string()))?;

@@ -11,9 +11,8 @@ use nalgebra::Vector3;
 use rerun::components::AggregationPolicy;
 
 /// Lines take turns with these.
-const LINES: [u32; 8] = [
-    0x4e9b_e8ff, 0xf28e_2bff, 0x59c1_7aff, 0xe157_59ff, 0xb07a_a1ff, 0xedc9_48ff, 0x76b7_b2ff, 0xff9d_a7ff,
-];
+const LINES: [u32; 8] =
+    [0x4e9b_e8ff, 0xf28e_2bff, 0x59c1_7aff, 0xe157_59ff, 0xb07a_a1ff, 0xedc9_48ff, 0x76b7_b2ff, 0xff9d_a7ff];
 
 pub(crate) const POSITION: &str = "series/position";
 pub(crate) const VELOCITY: &str = "series/velocity";
@@ -74,7 +73,8 @@ impl Measures {
     pub fn name(&self, sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
         let [position, velocity] = coordinates(chain);
         let tip = self.tip.iter().flat_map(|tip| &tip.axes).map(|(name, _)| (*name).to_owned());
-        let energy = if self.gravity == Vector3::zeros() { &["kinetic"][..] } else { &["total", "kinetic", "potential"] };
+        let energy =
+            if self.gravity == Vector3::zeros() { &["kinetic"][..] } else { &["total", "kinetic", "potential"] };
         let gaps = self.near().map(|k| self.surfaces[k].name.clone());
         for (entity, names) in [
             (POSITION, position),
@@ -106,8 +106,11 @@ impl Measures {
     ) -> Result<Vec<(&'static str, Vec<f64>)>, RecordError> {
         let kinetic = kin.kinetic_energy(qd)?;
         let potential = kin.potential_energy(self.gravity);
-        let energy =
-            if self.gravity == Vector3::zeros() { vec![kinetic] } else { vec![kinetic + potential, kinetic, potential] };
+        let energy = if self.gravity == Vector3::zeros() {
+            vec![kinetic]
+        } else {
+            vec![kinetic + potential, kinetic, potential]
+        };
         let mut values = vec![(POSITION, q.to_vec()), (VELOCITY, qd.to_vec()), (ENERGY, energy)];
         if let Some(tip) = &self.tip {
             let u = kin.point_velocity(tip.point, qd)?;
@@ -116,7 +119,9 @@ impl Measures {
         if self.has_gaps() {
             let least = |surface: usize| {
                 let of_surface = self.pairs.iter().filter(|(_, k)| *k == surface);
-                of_surface.map(|(shape, k)| self.gap(kin, shape, &self.surfaces[*k], time)).fold(f64::INFINITY, f64::min)
+                of_surface
+                    .map(|(shape, k)| self.gap(kin, shape, &self.surfaces[*k], time))
+                    .fold(f64::INFINITY, f64::min)
             };
             values.push((GAP, self.near().map(least).collect()));
         }

@@ -200,9 +200,11 @@ impl SceneRecorder {
         let eye = Eye::looking(&self.bounds, from, up);
         let scene = layout::space(self.chain.name(), &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
         let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("the run", "/run"))]);
+        // Names once, beside the calmer curves, where each velocity is its position's.
+        let alike = self.chain.nq() == self.chain.nv();
         let mut plots = vec![
-            layout::series("joint velocities (rad/s, m/s)", "/series/velocity", true),
-            layout::series("joint positions (rad, m)", "/series/position", self.chain.nq() != self.chain.nv()),
+            layout::series("joint velocities (rad/s, m/s)", "/series/velocity", !alike),
+            layout::series("joint positions (rad, m)", "/series/position", true),
         ];
         if self.measures.tip.is_some() {
             plots.push(layout::series("velocity of the tip (m/s)", "/series/tip", true));
@@ -311,14 +313,20 @@ impl SceneRecorder {
             let arrow = (impulse * scale).cap_magnitude(longest);
             points.push(xyz(point + before));
             arrows.push(xyz(arrow));
-            ends.push(xyz(point + before + arrow));
-            labels.push(format!("{} N s", summary::short(impulse.norm())));
+            // What can hardly be seen would only hide the last that can.
+            if arrow.norm() > 0.02 * self.size {
+                ends.push(xyz(point + before + arrow));
+                labels.push(format!("{} N s", summary::short(impulse.norm())));
+            }
         }
         let size = self.size as f32;
         let arrows = rerun::Arrows3D::from_vectors(arrows).with_origins(points.clone()).with_colors([BLOW]);
         now(&self.sink, "world/impulses".into(), &arrows.with_radii([0.006 * size]))?;
         let points = rerun::Points3D::new(points).with_colors([BLOW]).with_radii([0.01 * size]);
         now(&self.sink, "world/contacts".into(), &points)?;
+        if ends.is_empty() {
+            return Ok(());
+        }
         let label = rerun::Points3D::new(ends).with_colors([BLOW]).with_radii([0.002 * size]).with_labels(labels);
         now(&self.sink, "world/impulse".into(), &label.with_show_labels(true))
     }

@@ -69,6 +69,8 @@ pub(crate) fn markdown(
 }
 
 fn vector(v: Vector3<f64>) -> String {
+    let rounding = 1e-9 * v.norm();
+    let v = v.map(|x| if x.abs() < rounding { 0.0 } else { x });
     format!("({}, {}, {})", short(v.x), short(v.y), short(v.z))
 }
 

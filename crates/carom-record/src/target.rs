@@ -1,8 +1,10 @@
 //! Where a recording goes: into a file that is whole or not there at all, or to a viewer.
 
 use crate::RecordError;
+use rerun::external::re_uri::{self, RedapUri};
 use rerun::{RecordingStream, RecordingStreamBuilder};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// What the viewer knows these recordings, and their layout, by.
 pub(crate) const APPLICATION: &str = "carom";
@@ -25,6 +27,9 @@ impl Target {
     }
 }
 
+/// A viewer answers within this time, or it is not there.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 /// An open recording. Fields are dropped in their order: the stream ends before its file is removed.
 pub(crate) struct Sink {
     pub rec: RecordingStream,
@@ -44,9 +49,10 @@ impl Sink {
                 let rec = builder.save(&file.partial).map_err(|e| file.unwritable(e.to_string()))?;
                 Ok(Self { rec, file: Some(file) })
             }
-            Target::Connect(None) => Ok(Self { rec: builder.connect_grpc().map_err(viewer)?, file: None }),
-            Target::Connect(Some(url)) => {
-                Ok(Self { rec: builder.connect_grpc_opts(url.as_str()).map_err(viewer)?, file: None })
+            Target::Connect(url) => {
+                let url = url.as_deref().unwrap_or(rerun::DEFAULT_CONNECT_URL);
+                answers(url)?;
+                Ok(Self { rec: builder.connect_grpc_opts(url).map_err(viewer)?, file: None })
             }
             Target::Spawn => Ok(Self { rec: builder.spawn().map_err(viewer)?, file: None }),
         }
@@ -54,19 +60,49 @@ impl Sink {
 
     /// What went wrong, with the file's name if it goes into one.
     pub fn error(&self, reason: String) -> RecordError {
-        self.file.as_ref().map_or(RecordError::Viewer { reason: reason.clone() }, |file| file.unwritable(reason))
+        match &self.file {
+            Some(file) => file.unwritable(reason),
+            None => RecordError::Viewer { reason },
+        }
     }
 
     /// Hands over what is left and closes.
     ///
     /// # Errors
     /// As [`Self::open`].
-    pub fn finish(self) -> Result<(), RecordError> {
-        self.rec.flush_blocking().map_err(|e| self.error(e.to_string()))?;
-        let Self { rec, file } = self;
-        drop(rec); // a file gets its last bytes when its stream ends
-        file.map_or(Ok(()), |file| file.keep())
+    pub fn finish(mut self) -> Result<(), RecordError> {
+        self.flush()?;
+        let file = self.file.take();
+        drop(self); // a file gets its last bytes when its stream ends
+        file.map_or(Ok(()), Partial::keep)
     }
+
+    fn flush(&self) -> Result<(), RecordError> {
+        let flushed = match self.file {
+            Some(_) => self.rec.flush_blocking(),
+            None => self.rec.flush_with_timeout(PATIENCE),
+        };
+        flushed.map_err(|e| self.error(e.to_string()))
+    }
+}
+
+impl Drop for Sink {
+    fn drop(&mut self) {
+        // A stream that ends waits for its viewer, for ever if there is none any more: then it never ends.
+        if self.file.is_none() && self.flush().is_err() {
+            std::mem::forget(self.rec.clone());
+        }
+    }
+}
+
+/// Rerun would wait for ever for a viewer that does not run.
+fn answers(url: &str) -> Result<(), RecordError> {
+    let refuse = |reason: String| RecordError::Viewer { reason: format!("{url}: {reason}") };
+    let RedapUri::Proxy(uri) = url.parse().map_err(|e: re_uri::Error| refuse(e.to_string()))? else {
+        return Err(refuse("a viewer's address ends in /proxy".into()));
+    };
+    let address = format!("{}:{}", uri.origin.host, uri.origin.port);
+    std::net::TcpStream::connect(address).map(drop).map_err(|e| refuse(e.to_string()))
 }
 
 /// A file on its way.

@@ -1,0 +1,109 @@
+//! Recordings of scenes: they are there, whole, or there is nothing.
+
+use carom_record::{RecordError, SceneRecorder, Target};
+use carom_sim::{Sampling, Scene, Seen};
+use std::path::{Path, PathBuf};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// A folder of its own for each test, gone afterwards.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-record-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    fn files(&self) -> Vec<String> {
+        let mut names: Vec<String> =
+            self.0.read_dir().unwrap().map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn scene(name: &str) -> Scene {
+    Scene::from_file(format!("{ROOT}/scenes/{name}.toml")).unwrap()
+}
+
+fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
+    let plan = scene.plan().unwrap();
+    let mut recorder = SceneRecorder::begin(&Target::File(path.into()), scene, &plan)?;
+    let sampling = Sampling { every: Some(every), dense: false };
+    let run = plan.simulation.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| recorder.see(seen));
+    recorder.finish(&run.unwrap())
+}
+
+#[test]
+fn every_scene_gives_a_file_that_begins_as_rerun_wants_it() {
+    let desk = Desk::new("good");
+    for name in ["planar2", "ball", "table"] {
+        let path = desk.0.join(format!("{name}.rrd"));
+        record(&scene(name), &path, 0.004).unwrap();
+        assert!(std::fs::read(&path).unwrap().starts_with(b"RRF2"), "{name}");
+    }
+    assert_eq!(desk.files(), ["ball.rrd", "planar2.rrd", "table.rrd"], "and nothing beside them");
+}
+
+#[test]
+fn moments_make_the_file_grow_in_proportion() {
+    let desk = Desk::new("linear");
+    let size = |duration: f64| {
+        let path = desk.0.join("x.rrd");
+        record(&Scene { duration, ..scene("planar2") }, &path, 1e-4).unwrap();
+        std::fs::metadata(&path).unwrap().len() as f64
+    };
+    let [short, middle, long] = [0.1, 0.2, 0.4].map(size);
+    assert!((long - middle) < 2.5 * (middle - short), "{short} {middle} {long}");
+}
+
+#[test]
+fn an_older_recording_stays_until_the_new_one_is_whole() {
+    let desk = Desk::new("older");
+    let path = desk.0.join("x.rrd");
+    std::fs::write(&path, "older").unwrap();
+    let scene = scene("planar2");
+    let plan = scene.plan().unwrap();
+    let mut recorder = SceneRecorder::begin(&Target::File(path.clone()), &scene, &plan).unwrap();
+    let mut moments = 0;
+    let sampling = Sampling { every: Some(0.01), dense: false };
+    let run = plan.simulation.stream(&plan.q, &plan.qd, 0.1, sampling, &mut |seen| {
+        moments += usize::from(matches!(seen, Seen::Moment(_)));
+        recorder.see(seen);
+    });
+    assert!(run.is_ok() && moments > 5);
+    assert_eq!(desk.files(), ["x.rrd", "x.rrd.part"]);
+    drop(recorder); // the run was given up
+    assert_eq!((desk.files(), std::fs::read_to_string(&path).unwrap()), (vec!["x.rrd".to_owned()], "older".into()));
+}
+
+#[test]
+fn a_file_that_can_not_be_written_is_named_and_leaves_nothing() {
+    let desk = Desk::new("bad");
+    let path = desk.0.join("no folder").join("x.rrd");
+    let error = record(&scene("planar2"), &path, 0.1).unwrap_err();
+    assert!(matches!(&error, RecordError::Unwritable { path: named, .. } if *named == path), "{error}");
+    assert!(!error.to_string().contains(".part"), "{error}");
+    // A folder in the file's place is seen when all is done.
+    let path = desk.0.join("folder");
+    std::fs::create_dir_all(path.join("not empty")).unwrap();
+    let error = record(&scene("planar2"), &path, 0.1).unwrap_err();
+    assert!(matches!(error, RecordError::Unwritable { .. }), "{error}");
+    assert_eq!(desk.files(), ["folder"]);
+}
+
+#[test]
+fn an_address_that_is_none_is_refused() {
+    let scene = scene("planar2");
+    let plan = scene.plan().unwrap();
+    let error = SceneRecorder::begin(&Target::Connect(Some("nowhere".into())), &scene, &plan).err().unwrap();
+    assert!(matches!(error, RecordError::Viewer { .. }), "{error}");
+}
