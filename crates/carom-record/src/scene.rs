@@ -181,12 +181,11 @@ impl SceneRecorder {
         up.unwrap_or_else(|| self.plane.map_or_else(Vector3::z, |plane| plane.y))
     }
 
-    /// Sends the layout: a planar chain is seen squarely, the others from above one side.
-    fn show(&self) -> Result<(), RecordError> {
+    /// A planar chain is seen squarely, the others from above one side.
+    fn eye(&self) -> Eye {
         let up = self.up();
-        let from = match &self.plane {
-            Some(plane) => plane.normal,
-            None => {
+        let from = self.plane.map_or_else(
+            || {
                 let mut from = z_onto(up) * Vector3::new(0.45, -0.8, 0.4);
                 for surface in &self.measures.surfaces {
                     if let Form::HalfSpace { normal, .. } = surface.obstacle.surface() {
@@ -195,9 +194,15 @@ impl SceneRecorder {
                     }
                 }
                 from.normalize()
-            }
-        };
-        let eye = Eye::looking(&self.bounds, from, up);
+            },
+            |plane| plane.normal,
+        );
+        Eye::looking(&self.bounds, from, up)
+    }
+
+    /// Sends the layout.
+    fn show(&self) -> Result<(), RecordError> {
+        let eye = self.eye();
         let scene = layout::space(self.chain.name(), &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
         let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("the run", "/run"))]);
         // Names once, beside the calmer curves, where each velocity is its position's.
@@ -305,17 +310,22 @@ impl SceneRecorder {
 
     /// Arrows for the impulses of one event, and in words how large they are.
     fn arrows(&self, blows: &[Blow], scale: f64) -> Result<(), RecordError> {
-        // Before the links of a planar chain, which would hide them from the eye.
-        let before = self.plane.map_or(Vector3::zeros(), |plane| plane.normal * self.bounds.half_depth(&plane.normal));
+        // A planar chain's links would hide them: they come before the links, along the lines of sight.
+        let eye = self.eye();
+        let share = self.plane.map_or(0.0, |plane| {
+            let [depth, distance] = [self.bounds.half_depth(&plane.normal), (eye.position - eye.target).norm()];
+            (depth / distance).min(0.5)
+        });
+        let before = |point: Vector3<f64>| point + (eye.position - point) * share;
         let longest = 3.0 * ARROW * self.size;
         let (mut points, mut arrows, mut ends, mut labels) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for Blow { point, impulse, .. } in blows.iter().filter(|blow| blow.impulse.norm() > 0.0) {
             let arrow = (impulse * scale).cap_magnitude(longest);
-            points.push(xyz(point + before));
-            arrows.push(xyz(arrow));
+            points.push(xyz(before(*point)));
+            arrows.push(xyz(arrow * (1.0 - share)));
             // What can hardly be seen would only hide the last that can.
             if arrow.norm() > 0.02 * self.size {
-                ends.push(xyz(point + before + arrow));
+                ends.push(xyz(before(point + arrow)));
                 labels.push(format!("{} N s", summary::short(impulse.norm())));
             }
         }

@@ -53,7 +53,7 @@ pub(crate) fn markdown(
         ("at the start", start),
         ("motors", drive),
         ("damping, friction", resistance),
-        ("impacts", -impacts),
+        ("impacts", 0.0 - impacts),
         ("at the end", end),
     ] {
         page += &format!("| {what} | {} |\n", short(joules));

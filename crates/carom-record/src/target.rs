@@ -28,12 +28,14 @@ impl Target {
 }
 
 /// A viewer answers within this time, or it is not there.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(30);
 
 /// An open recording. Fields are dropped in their order: the stream ends before its file is removed.
 pub(crate) struct Sink {
     pub rec: RecordingStream,
     file: Option<Partial>,
+    /// The viewer has not answered.
+    lost: bool,
 }
 
 impl Sink {
@@ -47,14 +49,14 @@ impl Sink {
             Target::File(path) => {
                 let file = Partial::beside(path);
                 let rec = builder.save(&file.partial).map_err(|e| file.unwritable(e.to_string()))?;
-                Ok(Self { rec, file: Some(file) })
+                Ok(Self { rec, file: Some(file), lost: false })
             }
             Target::Connect(url) => {
                 let url = url.as_deref().unwrap_or(rerun::DEFAULT_CONNECT_URL);
                 answers(url)?;
-                Ok(Self { rec: builder.connect_grpc_opts(url).map_err(viewer)?, file: None })
+                Ok(Self { rec: builder.connect_grpc_opts(url).map_err(viewer)?, file: None, lost: false })
             }
-            Target::Spawn => Ok(Self { rec: builder.spawn().map_err(viewer)?, file: None }),
+            Target::Spawn => Ok(Self { rec: builder.spawn().map_err(viewer)?, file: None, lost: false }),
         }
     }
 
@@ -71,7 +73,9 @@ impl Sink {
     /// # Errors
     /// As [`Self::open`].
     pub fn finish(mut self) -> Result<(), RecordError> {
-        self.flush()?;
+        let flushed = self.flush();
+        self.lost = flushed.is_err();
+        flushed?;
         let file = self.file.take();
         drop(self); // a file gets its last bytes when its stream ends
         file.map_or(Ok(()), Partial::keep)
@@ -89,7 +93,7 @@ impl Sink {
 impl Drop for Sink {
     fn drop(&mut self) {
         // A stream that ends waits for its viewer, for ever if there is none any more: then it never ends.
-        if self.file.is_none() && self.flush().is_err() {
+        if self.lost || (self.file.is_none() && self.flush().is_err()) {
             std::mem::forget(self.rec.clone());
         }
     }
