@@ -15,18 +15,9 @@ pub enum CliError {
     /// A scene, or its simulation; a scene names its file itself.
     #[error("{0}")]
     Scene(String),
-    /// A file that can't be written.
-    #[error("{file}: cannot be written: {reason}")]
-    Unwritable {
-        /// The file.
-        file: String,
-        /// What the system said.
-        reason: io::Error,
-    },
-    /// A recording, which names its file itself.
-    #[cfg(feature = "rerun")]
+    /// A table.
     #[error(transparent)]
-    Recording(#[from] carom_record::RecordError),
+    Table(#[from] carom_study::TableError),
     /// An option, with the file it speaks of.
     #[error("{0}")]
     Option(String),

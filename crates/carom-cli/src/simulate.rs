@@ -2,13 +2,14 @@
 
 use crate::error::CliError;
 use crate::output::{answer, say, short};
+use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{Event, EventKind, Moment, Sampling, Scene, Seen, Simulation, Statistics};
+use carom_sim::{Event, EventKind, Moment, Plan, Sampling, Scene, Seen, Simulation};
+use carom_study::{Table, TableError};
 use clap::Args;
 use serde::Serialize;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Samples of tables and recordings where the scene names no interval: the paper's 4 ms.
@@ -22,6 +23,9 @@ pub struct Simulate {
     /// Write a table of time, q and qd, at the scene's sampling interval (or 4 ms)
     #[arg(long, value_name = "X.csv")]
     csv: Option<PathBuf>,
+    /// The same table as Parquet
+    #[arg(long, value_name = "X.parquet")]
+    parquet: Option<PathBuf>,
     #[command(flatten)]
     record: Record,
     /// One line of JSON
@@ -31,6 +35,7 @@ pub struct Simulate {
 
 #[derive(Serialize)]
 struct Summary<'a> {
+    joints: Vec<&'a str>,
     stop_reason: &'static str,
     mode: &'static str,
     events: Vec<Happened<'a>>,
@@ -50,6 +55,16 @@ struct Happened<'a> {
     qd_plus: &'a [f64],
     #[serde(skip_serializing_if = "Option::is_none")]
     impact: Option<Impact>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    impulses: Vec<Push<'a>>,
+}
+
+/// One impulse on the robot.
+#[derive(Serialize)]
+struct Push<'a> {
+    contact: &'a str,
+    point: [f64; 3],
+    impulse: [f64; 3],
 }
 
 #[derive(Serialize)]
@@ -77,7 +92,10 @@ struct Last<'a> {
 struct Energy {
     start: f64,
     end: f64,
+    drive: f64,
+    resistance: f64,
     lost_in_impacts: f64,
+    error: f64,
 }
 
 #[derive(Serialize)]
@@ -86,6 +104,10 @@ struct Cost {
     rejections: usize,
     evaluations: usize,
     refinements: usize,
+    contact_steps: usize,
+    worst_residual: f64,
+    neglected_frictions: usize,
+    neglected_bound: f64,
 }
 
 impl Simulate {
@@ -97,15 +119,15 @@ impl Simulate {
         }
         let plan = scene.plan().map_err(refuse)?;
         let sim = &plan.simulation;
-        let mut table = self.csv.as_deref().map(|path| Table::begin(path, &sim.chain)).transpose()?;
+        let mut tables = Tables::begin([self.csv.as_deref(), self.parquet.as_deref()], &sim.chain)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
-        let sampled = table.is_some() || recorder.is_some();
+        let sampled = !tables.tables.is_empty() || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
         let run = sim.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| {
             match &seen {
-                Seen::Moment(moment) => table.iter_mut().for_each(|table| table.row(moment)),
+                Seen::Moment(moment) => tables.row(moment),
                 Seen::Event(event) => events.push((*event).clone()),
                 Seen::Segment(_) => {}
             }
@@ -114,19 +136,18 @@ impl Simulate {
             }
         });
         let run = run.map_err(refuse)?;
-        if let Some(table) = table {
-            table.finish()?;
-        }
+        tables.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
         let written =
-            answer(out, &summary(sim, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
+            answer(out, &summary(&plan, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
         written.map_err(|refused| CliError::refused(&self.scene, refused))
     }
 }
 
-fn summary<'a>(sim: &'a Simulation, events: &'a [Event], run: &'a carom_sim::Summary) -> Summary<'a> {
+fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary) -> Summary<'a> {
+    let sim = &plan.simulation;
     let happened = |e: &'a Event| Happened {
         time: e.time,
         kind: e.kind.name(),
@@ -149,21 +170,48 @@ fn summary<'a>(sim: &'a Simulation, events: &'a [Event], run: &'a carom_sim::Sum
             }),
             _ => None,
         },
+        impulses: e
+            .blows
+            .iter()
+            .map(|blow| Push {
+                contact: &sim.touches[blow.touch].name,
+                point: blow.point.into(),
+                impulse: blow.impulse.into(),
+            })
+            .collect(),
     };
-    let Statistics { steps, rejections, evaluations, refinements, .. } = run.statistics;
+    let energy = run.energy;
+    let s = run.statistics;
     Summary {
+        joints: moving_joints(plan),
         stop_reason: run.stop.name(),
         mode: run.mode.name(),
         events: events.iter().map(happened).collect(),
         r#final: Last { time: run.last.time, q: &run.last.q, qd: &run.last.qd },
-        energy: Energy { start: run.energy.start, end: run.energy.end, lost_in_impacts: run.energy.impacts },
-        statistics: Cost { steps, rejections, evaluations, refinements },
+        energy: Energy {
+            start: energy.start,
+            end: energy.end,
+            drive: energy.drive,
+            resistance: energy.resistance,
+            lost_in_impacts: energy.impacts,
+            error: energy.error(),
+        },
+        statistics: Cost {
+            steps: s.steps,
+            rejections: s.rejections,
+            evaluations: s.evaluations,
+            refinements: s.refinements,
+            contact_steps: s.contact_steps,
+            worst_residual: s.worst_residual,
+            neglected_frictions: s.neglected,
+            neglected_bound: s.neglected_bound,
+        },
     }
 }
 
 fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
     match kind {
-        EventKind::Limit { joint, .. } => Some(joint),
+        EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),
         other => other.touch().map(|touch| sim.touches[touch].name.as_str()),
     }
 }
@@ -177,6 +225,10 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
             event.kind.name(),
             contact(sim, &event.kind).unwrap_or("")
         )?;
+        if let EventKind::Several { touches, .. } = &event.kind {
+            let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();
+            write!(out, "{}", names.join(", "))?;
+        }
         if let EventKind::Impact { hit, .. } = &event.kind {
             let [u_minus, u_plus] =
                 [hit.u_minus, hit.u_plus].map(|u| u.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" "));
@@ -196,74 +248,69 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     let (e, s) = (run.energy, run.statistics);
     writeln!(
         out,
-        "energy {} J at the start, {} J at the end, {} J lost in impacts",
+        "energy {} J at the start, {} J at the end: {} J lost in impacts, {} J from the drive, {} J of damping, friction and \
+         lasting contacts",
         short(e.start),
         short(e.end),
-        short(e.impacts)
+        short(e.impacts),
+        short(e.drive),
+        short(e.resistance)
     )?;
-    writeln!(out, "{} events, {} steps, {} rejected, {} evaluations", run.events, s.steps, s.rejections, s.evaluations)
+    writeln!(
+        out,
+        "{} events, {} steps, {} rejected, {} evaluations, {} steps with several contacts",
+        run.events, s.steps, s.rejections, s.evaluations, s.contact_steps
+    )?;
+    if s.neglected > 0 {
+        let bound = short(s.neglected_bound);
+        writeln!(out, "friction left out of {} impacts: at most {bound} of the touching point's speed", s.neglected)?;
+    }
+    Ok(())
 }
 
-/// A CSV file, written beside its place and moved there when it is whole.
-struct Table {
-    path: PathBuf,
-    partial: PathBuf,
-    out: BufWriter<File>,
-    failed: Option<io::Error>,
+/// The columns of a table: time, q and qd by joint.
+fn columns(chain: &Chain) -> Vec<String> {
+    let names = |letter: &str, range: fn(&Coordinates) -> usize| -> Vec<String> {
+        let numbered = |name: &str, n: usize| -> Vec<String> {
+            if n == 1 {
+                vec![format!("{letter}.{name}")]
+            } else {
+                (0..n).map(|k| format!("{letter}.{name}.{k}")).collect()
+            }
+        };
+        chain.joints().iter().flat_map(|j| numbered(&j.name, range(&j.coordinates))).collect()
+    };
+    let q = names("q", |c| if let Coordinates::Own { q, .. } = c { q.len() } else { 0 });
+    let qd = names("qd", |c| if let Coordinates::Own { v, .. } = c { v.len() } else { 0 });
+    [vec!["time".to_owned()], q, qd].concat()
 }
 
-impl Table {
-    fn begin(path: &Path, chain: &Chain) -> Result<Self, CliError> {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        let partial = path.with_file_name(name);
-        let unwritable = |reason| CliError::Unwritable { file: path.display().to_string(), reason };
-        let mut table = Self {
-            path: path.to_owned(),
-            out: BufWriter::new(File::create(&partial).map_err(unwritable)?),
-            partial,
-            failed: None,
-        };
-        let names = |letter: &str, range: fn(&Coordinates) -> usize| -> Vec<String> {
-            let numbered = |name: &str, n: usize| -> Vec<String> {
-                let quoted = name.replace(['"', ',', '\n'], "_");
-                if n == 1 {
-                    vec![format!("{letter}.{quoted}")]
-                } else {
-                    (0..n).map(|k| format!("{letter}.{quoted}.{k}")).collect()
-                }
-            };
-            chain.joints().iter().flat_map(|j| numbered(&j.name, range(&j.coordinates))).collect()
-        };
-        let q = names("q", |c| if let Coordinates::Own { q, .. } = c { q.len() } else { 0 });
-        let qd = names("qd", |c| if let Coordinates::Own { v, .. } = c { v.len() } else { 0 });
-        table.line(&[vec!["time".to_owned()], q, qd].concat().join(","));
-        Ok(table)
+/// Tables on their way; the first failure is kept.
+struct Tables {
+    tables: Vec<Table>,
+    failed: Option<TableError>,
+}
+
+impl Tables {
+    fn begin(paths: [Option<&Path>; 2], chain: &Chain) -> Result<Self, CliError> {
+        let columns = columns(chain);
+        let tables = paths.into_iter().flatten().map(|path| Table::create(path, &columns));
+        Ok(Self { tables: tables.collect::<Result<_, _>>()?, failed: None })
     }
 
     fn row(&mut self, moment: &Moment) {
-        let numbers = std::iter::once(&moment.time).chain(&moment.q).chain(&moment.qd);
-        self.line(&numbers.map(f64::to_string).collect::<Vec<_>>().join(","));
-    }
-
-    fn line(&mut self, text: &str) {
-        if self.failed.is_none() {
-            self.failed = writeln!(self.out, "{text}").err();
+        let numbers: Vec<f64> = std::iter::once(moment.time).chain(moment.q.clone()).chain(moment.qd.clone()).collect();
+        for table in &mut self.tables {
+            if self.failed.is_none() {
+                self.failed = table.row(&numbers).err();
+            }
         }
     }
 
-    fn finish(mut self) -> Result<(), CliError> {
-        let done = match self.failed.take() {
-            Some(error) => Err(error),
-            None => self.out.flush().and_then(|()| std::fs::rename(&self.partial, &self.path)),
-        };
-        done.map_err(|reason| CliError::Unwritable { file: self.path.display().to_string(), reason })
-    }
-}
-
-impl Drop for Table {
-    /// What is not finished leaves nothing behind.
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.partial);
+    fn finish(self) -> Result<(), CliError> {
+        if let Some(error) = self.failed {
+            return Err(error.into());
+        }
+        Ok(self.tables.into_iter().try_for_each(Table::finish)?)
     }
 }

@@ -95,6 +95,9 @@ impl Scene {
                 slip_speed: it.slip_speed,
             }),
         };
+        rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
+        let limit_rule = ContactRule { restitution: file.contact.limit_restitution, ..ContactRule::default() };
+        limit_rule.check("[contact] limit_restitution").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
         let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, rule).map_err(&refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
@@ -180,6 +183,7 @@ fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: Contact
     let own = &surface.contact;
     let contact = overridden(rule, own.law.as_deref(), own.restitution, own.friction, own.latch)
         .map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
+    contact.check(&format!("[[surface]] '{name}'")).map_err(|e| e.to_string())?;
     let motion = surface.motion.as_ref().map(|motion| Oscillation {
         amplitude: motion.amplitude.into(),
         frequency: motion.frequency * std::f64::consts::TAU,
@@ -236,6 +240,7 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
         };
         if meant {
             touch.contact = overridden(touch.contact, law.as_deref(), *restitution, *friction, *latch)?;
+            touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
         }
     }
     Ok(())
