@@ -222,7 +222,9 @@ impl<A: Space> Run<'_, '_, A> {
             }
             still_steps = if still { still_steps + 1 } else { 0 };
             if still_steps == STILL_STEPS && self.is_steady() {
+                let energy = self.motion.energy(&self.y)?;
                 self.put_back(0.0)?;
+                self.lost += energy - self.motion.energy(&self.y)?;
                 let y = self.y.clone();
                 self.note(EventKind::Rest, &y, Vec::new());
                 let start = std::mem::replace(&mut self.time, self.end);
