@@ -107,3 +107,30 @@ fn compliant_friction_stays_in_its_cone() {
     }
     assert!(pushed && run.summary.energy.resistance < 0.0);
 }
+
+/// Taken for rigid within a tolerance: the depth that is said is the depth that the full model reaches, and never less.
+#[test]
+fn neglected_compliance_says_how_deep_it_would_have_been() {
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
+    let touches = touching(&chain, wall, soft(1e8, 0.35, 0.0));
+    let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();
+    let full = Simulation { tolerance: 1e-11, max_events: 2, ..Simulation::new(chain, touches) };
+    let (q, qd) = ([0.7854, -1.5708], [0.1, 0.5]);
+    let run = full.run(&q, &qd, 1.0).unwrap();
+    let [a, b] = run.events.as_slice() else { panic!("{:?}", run.events) };
+    let depth = (0..=1000)
+        .map(|k| run.at(&full.chain, a.time + (b.time - a.time) * f64::from(k) / 1000.0))
+        .map(|moment| -full.smallest_gap(&moment.q).unwrap())
+        .fold(0.0, f64::max);
+
+    let rigid = Simulation { neglect: Some(0.01), ..full.clone() };
+    let run = rigid.run(&q, &qd, 1.0).unwrap();
+    assert_eq!(run.events[0].kind.name(), "impact");
+    let said = run.summary.statistics.neglected_depth;
+    // Beside the force, centrifugal terms act while the contact lasts: they are what the closed form leaves out.
+    assert!((depth / said - 1.0).abs() < 0.01, "{depth} against {said}");
+    // A tolerance that is smaller than the depth leaves nothing out.
+    let strict = Simulation { neglect: Some(depth / 2.0), ..full };
+    assert_eq!(strict.run(&q, &qd, 1.0).unwrap().events[0].kind.name(), "pressing");
+}

@@ -49,11 +49,8 @@ fn a_box_tumbles_to_rest_on_a_face() {
 #[test]
 fn a_thrown_ball_bounces_off_floor_and_box() {
     let (scene, run) = run("ball");
-    let names: Vec<&str> = run
-        .events
-        .iter()
-        .filter_map(|event| scene.simulation.touches[event.kind.touch()?].surface())
-        .collect();
+    let names: Vec<&str> =
+        run.events.iter().filter_map(|event| scene.simulation.touches[event.kind.touch()?].surface()).collect();
     assert!(names.starts_with(&["floor", "box"]), "{names:?}");
 }
 

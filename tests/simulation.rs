@@ -317,3 +317,21 @@ fn what_can_not_be_simulated_is_refused_with_the_reason() {
         "it has no shapes"
     );
 }
+
+/// A ball flies past a sphere and overlaps it by a thousandth of a millimetre on the way, for a fraction of a step.
+#[test]
+fn a_touch_much_shorter_than_a_step_is_not_stepped_over() {
+    for (depth, hits) in [(1e-6, true), (1e-9, true), (-1e-9, false)] {
+        let post = Obstacle::sphere(Vector3::zeros(), 0.5).unwrap();
+        let sim =
+            Simulation { gravity: Vector3::zeros(), ..simulation(ball("floating"), post, rule("newton", 0.5, 0.0)) };
+        let start = [-2.0, 0.6 - depth, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let run = sim.run(&start, &[40.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
+        assert_eq!(run.events.iter().filter(|e| e.kind.name() == "impact").count(), usize::from(hits), "{depth}");
+        if let Some(event) = run.events.first() {
+            // It touches where (0.6 − depth)² + x² = 0.6².
+            let x = -(2.0 * 0.6 * depth - depth * depth).sqrt();
+            assert!((event.q[0] - x).abs() < 1e-7, "{} against {x}", event.q[0]);
+        }
+    }
+}

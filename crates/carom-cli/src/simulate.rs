@@ -108,6 +108,7 @@ struct Cost {
     worst_residual: f64,
     neglected_frictions: usize,
     neglected_bound: f64,
+    neglected_depth: f64,
 }
 
 impl Simulate {
@@ -205,6 +206,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             worst_residual: s.worst_residual,
             neglected_frictions: s.neglected,
             neglected_bound: s.neglected_bound,
+            neglected_depth: s.neglected_depth,
         },
     }
 }

@@ -20,7 +20,7 @@ use crate::leg::{Flow, Witness};
 use crate::simulate::Simulation;
 use crate::space::{Space, View};
 use crate::trajectory::ContactMode;
-use carom_chain::{Coordinates, Workspace};
+use carom_chain::{Chain, Coordinates, Workspace};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// A chain in motion.
@@ -35,6 +35,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub dry: Vec<DryJoint>,
     /// Impacts so far, by touch.
     pub impacts: Vec<usize>,
+    /// How far the chain reaches, m.
+    pub reach: f64,
 }
 
 /// A joint with dry friction.
@@ -148,6 +150,7 @@ impl<'a, A: Space> Motion<'a, A> {
             slip: Vector3::zeros(),
             dry,
             impacts: vec![0; sim.touches.len()],
+            reach: reach(&sim.chain),
         }
     }
 
@@ -164,6 +167,15 @@ impl<'a, A: Space> Motion<'a, A> {
         let (q, qd) = self.split(y);
         let gravity = self.sim.gravity;
         self.view(q)?.energy(qd, gravity)
+    }
+
+    /// 1/(nᵀHn) of a touching point, kg; infinite if it can't move.
+    pub fn effective_mass(&mut self, touch: usize, q: &[f64], time: f64) -> Result<f64, SimError> {
+        let sim = self.sim;
+        let mut view = self.view(q)?;
+        let at = sim.touches[touch].at(&view, q, time);
+        let row = sim.touches[touch].row(&at, &view)?;
+        Ok(1.0 / row.dot(&view.kin.solve(row.as_slice())?))
     }
 
     /// Forces of drive, damping and braking joints, and the powers of the drive and of the others.
@@ -535,6 +547,28 @@ impl<'a, A: Space> Motion<'a, A> {
         }
         Ok(())
     }
+}
+
+/// How far a chain reaches: the longest way along its links, m.
+fn reach(chain: &Chain) -> f64 {
+    beyond(chain).into_iter().fold(0.0, f64::max)
+}
+
+/// For every body the greatest distance of a link's frame beyond its joint, m.
+pub(crate) fn beyond(chain: &Chain) -> Vec<f64> {
+    let bodies = chain.bodies();
+    let mut beyond = vec![0.0_f64; bodies.len()];
+    for frame in chain.frames() {
+        if let Some(body) = frame.body {
+            beyond[body] = beyond[body].max(frame.pose.translation.norm());
+        }
+    }
+    for i in (0..bodies.len()).rev() {
+        if let Some(parent) = bodies[i].parent {
+            beyond[parent] = beyond[parent].max(bodies[i].placement.translation.norm() + beyond[i]);
+        }
+    }
+    beyond
 }
 
 /// M⁻¹Jᵀ.

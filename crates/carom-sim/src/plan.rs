@@ -12,11 +12,11 @@
 
 use crate::drive::Drive;
 use crate::error::SimError;
-use crate::motion::responses;
+use crate::motion::{Motion, beyond, responses};
 use crate::scene::Scene;
 use crate::simulate::{Integrator, Simulation, friction_bound};
 use crate::space::View;
-use crate::touch::{Touch, TouchKind};
+use crate::touch::{Compliance, Touch, TouchKind};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -52,7 +52,7 @@ pub struct Decision {
 /// An effect left out within a bound.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bounded {
-    /// `friction` or `tilt`.
+    /// `friction`, `tilt` or `compliance`.
     pub what: &'static str,
     /// What is done instead.
     pub choice: String,
@@ -88,7 +88,7 @@ impl Scene {
         }
         plan.space(self.full);
         plan.contacts(self);
-        plan.friction(self)?;
+        plan.friction()?;
         plan.gravity();
         plan.integrator(self.duration)?;
         Ok(plan)
@@ -155,7 +155,7 @@ impl Plan {
                 let before = self.simulation.touches.len();
                 merge(&mut self.simulation.touches, &flat);
                 let merged = before - self.simulation.touches.len();
-                let reach = reach(chain_of(&self.simulation));
+                let reach: f64 = beyond(&self.simulation.chain).iter().sum();
                 self.keep("space", choice, format!("all {joints} moving joints keep to it"));
                 self.leave_out(
                     "space",
@@ -217,14 +217,15 @@ impl Plan {
     }
 
     /// The law, and friction.
-    fn friction(&mut self, scene: &Scene) -> Result<(), SimError> {
-        let sim = &self.simulation;
+    fn friction(&mut self) -> Result<(), SimError> {
+        let sim = self.simulation.clone();
         let surfaces: Vec<&Touch> = sim.touches.iter().filter(|touch| touch.link().is_some()).collect();
         let Some(first) = surfaces.first() else { return Ok(()) };
         let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
         let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
         let choice =
             if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
+        let gives_way = surfaces.iter().any(|touch| touch.contact.compliance.is_some());
         let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
         let bound = match sim.neglect {
             Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
@@ -243,8 +244,30 @@ impl Plan {
                 "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
             self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
         }
-        let _ = scene;
+        if let Some(share) = sim.neglect.filter(|_| gives_way) {
+            let choice =
+                format!("taken for rigid at every impact where it gives way by less than {share} of the reach");
+            let of = "greatest depth at the start's pose and speed, m; the run says the worst".to_owned();
+            self.bounded.push(Bounded { what: "compliance", choice, bound: self.depth_at_start()?, of });
+        }
         Ok(())
+    }
+
+    /// How deep the touch that is nearest would be pressed, as if it were hit with the velocity of now.
+    fn depth_at_start(&self) -> Result<f64, SimError> {
+        let sim = &self.simulation;
+        let mut motion = Motion::<Spatial<f64>>::new(sim, &sim.chain);
+        let mut nearest: Option<(f64, f64)> = None;
+        for (k, touch) in sim.touches.iter().enumerate() {
+            let Some(compliance) = touch.contact.compliance else { continue };
+            let (gap, rate, _) = motion.closing(k, &self.q, &self.qd, 0.0)?;
+            if nearest.is_none_or(|(least, _)| gap < least) {
+                let speed = (-rate).max(Compliance::SLOWEST);
+                let mass = motion.effective_mass(k, &self.q, 0.0)?;
+                nearest = Some((gap, compliance.law(touch.contact.restitution)?.greatest_penetration(speed, mass)));
+            }
+        }
+        Ok(nearest.map_or(0.0, |(_, depth)| depth))
     }
 
     /// The friction bound of the touch that is nearest, as if it were hit with the velocity of now.
@@ -307,32 +330,11 @@ impl Plan {
     }
 }
 
-fn chain_of(simulation: &Simulation) -> &Chain {
-    &simulation.chain
-}
-
 /// A number without the rounding of a rotation in its last digits.
 fn tidy(x: f64) -> String {
     let rounded = (x * 1e9).round() / 1e9;
     let shown = if (rounded - x).abs() < 1e-12 { rounded + 0.0 } else { x };
     format!("{shown}")
-}
-
-/// Σ over the joints of the greatest distance of any point of a link beyond them.
-fn reach(chain: &Chain) -> f64 {
-    let bodies = chain.bodies();
-    let mut beyond = vec![0.0_f64; bodies.len()];
-    for frame in chain.frames() {
-        if let Some(body) = frame.body {
-            beyond[body] = beyond[body].max(frame.pose.translation.norm());
-        }
-    }
-    for i in (0..bodies.len()).rev() {
-        if let Some(parent) = bodies[i].parent {
-            beyond[parent] = beyond[parent].max(bodies[i].placement.translation.norm() + beyond[i]);
-        }
-    }
-    beyond.iter().sum()
 }
 
 /// Corners that differ from another only square to the plane.

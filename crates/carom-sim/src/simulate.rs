@@ -62,7 +62,8 @@ pub struct Simulation {
     /// What integrates the smooth motion.
     pub integrator: Integrator,
     /// Leave friction out of an impact if that changes the velocity of the touching point by less than this share of it;
-    /// treat a chain as planar whose axes are off by less than this (rad). `None`: leave out nothing that is not zero.
+    /// treat a chain as planar whose axes are off by less than this (rad); treat a compliant contact as rigid that gives
+    /// way by less than this share of the chain's reach. `None`: leave out nothing that is not zero.
     pub neglect: Option<f64>,
 }
 
@@ -406,9 +407,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let one = &sim.touches[touch];
         if let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) {
             let speed = (-approach).max(Compliance::SLOWEST);
-            let damping = compliance.law(one.contact.restitution)?.damping(speed);
-            self.motion.impacts[touch] += 1;
-            return self.enter(ContactMode::Pressing { touch, damping });
+            let law = compliance.law(one.contact.restitution)?;
+            let depth = law.greatest_penetration(speed, self.motion.effective_mass(touch, &q, time)?);
+            if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
+                self.motion.impacts[touch] += 1;
+                return self.enter(ContactMode::Pressing { touch, damping: law.damping(speed) });
+            }
+            self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
         }
         if one.contact.latch {
             self.latch(touch)?;

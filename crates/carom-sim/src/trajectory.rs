@@ -293,6 +293,8 @@ pub struct Statistics {
     /// The greatest bound among them: by how much the velocity of the touching point may be off, as a share of what it
     /// was before.
     pub neglected_bound: f64,
+    /// The greatest depth of compliant contacts that were taken for rigid, m.
+    pub neglected_depth: f64,
 }
 
 /// Kinetic plus potential energy, and where it went, J: `end = start + drive + resistance − impacts`, but for the error of
