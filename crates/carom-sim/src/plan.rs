@@ -18,7 +18,7 @@ use crate::simulate::{Integrator, Simulation, friction_bound};
 use crate::space::View;
 use crate::touch::{Compliance, Touch, TouchKind};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, PlanarChain, Reduced, Spatial};
+use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// A scene made as small as it may be, and the account of it.
