@@ -309,7 +309,10 @@ fn what_can_not_be_simulated_is_refused_with_the_reason() {
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
     let hertz = simulation(ball("prismatic"), level(), rule("hertz", 0.5, 0.0));
     let said = hertz.run(&[1.0], &[0.0], 1.0).unwrap_err().to_string();
-    assert_eq!(said, "no law is named 'hertz': the laws are frictionless, whittaker, newton, poisson, energetic");
+    assert_eq!(
+        said,
+        "no law is named 'hertz': the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith"
+    );
     // A wall that nothing reaches is left out, and nothing happens.
     let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
     assert!(

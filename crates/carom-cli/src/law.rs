@@ -3,7 +3,7 @@
 use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
 use crate::output::{answer, row, say, short};
-use carom_impact::{ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use clap::{Args, builder::PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ pub struct LawArgs {
     /// Coefficient of friction, 0 or more
     #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
     friction: f64,
-    /// Coefficient of tangential restitution, -1 to 1, for the laws that have one
+    /// Coefficient of tangential restitution, -1 to 1, for `chatterjee-ruina`; 0 if not given
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]
     tangential_restitution: Option<f64>,
 }
@@ -46,10 +46,17 @@ impl LawArgs {
                 1.0,
                 "a coefficient of tangential restitution lies between -1 and 1",
             )?;
-            say(&format!("warning: --tangential-restitution is not used by {}", self.law));
+            if !["all", "chatterjee-ruina"].contains(&self.law.as_str()) {
+                say(&format!("warning: --tangential-restitution is not used by {}", self.law));
+            }
         }
         let asked = LAW_NAMES.into_iter().filter(|&name| self.law == "all" || self.law == name);
-        let law = |name| Some((name, law_by_name(name, self.restitution, self.friction)?));
+        let coefficients = Coefficients {
+            restitution: self.restitution,
+            tangential_restitution: self.tangential_restitution.unwrap_or_default(),
+            friction: self.friction,
+        };
+        let law = |name| Some((name, law_by_name(name, coefficients)?));
         Ok(asked.filter_map(law).collect())
     }
 }

@@ -580,7 +580,7 @@ fn coefficients_out_of_range_are_refused() {
 fn usage_errors_exit_with_2() {
     let desk = Desk::new("usage");
     let impact = "impact planar2.urdf --tip tip --states - --restitution 0.5";
-    let laws = "[possible values: frictionless, whittaker, newton, poisson, energetic";
+    let laws = "[possible values: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
     for (args, words) in [
         (String::new(), "Usage: carom <COMMAND>"),
         ("strike".into(), "unrecognized subcommand 'strike'"),

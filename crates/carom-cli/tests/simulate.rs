@@ -89,7 +89,7 @@ fn scenes_that_can_not_be_are_refused_with_the_reason() {
     );
     desk.refused(
         |text| text.replace("\"energetic\"", "\"hertz\""),
-        "error: s.toml: [contact] law = \"hertz\": the laws are frictionless, whittaker, newton, poisson, energetic",
+        "error: s.toml: [contact] law = \"hertz\": the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith",
     );
     desk.refused(
         |text| text.replace("q = [0.7854, -1.5708]", "q = [0.7854]"),

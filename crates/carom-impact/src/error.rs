@@ -58,6 +58,23 @@ pub enum ImpactError {
         value: f64,
     },
 
+    /// A coefficient of tangential restitution outside [-1, 1].
+    #[error(
+        "tangential restitution {value} is outside [-1, 1]: -1 is no tangential blow, 0 one that stops the slip, \
+         1 one that turns it round"
+    )]
+    TangentialRestitution {
+        /// The value given.
+        value: f64,
+    },
+
+    /// An impulse ratio that is not a number, or infinite.
+    #[error("impulse ratio {value} is not finite: give tangential over normal impulse, negative against the slip")]
+    ImpulseRatio {
+        /// The value given.
+        value: f64,
+    },
+
     /// A negative or infinite coefficient of friction.
     #[error("friction {value} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")]
     Friction {

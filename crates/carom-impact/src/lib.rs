@@ -63,6 +63,8 @@
 //! swept over a million problems, and differentiated, without building a chain first.
 
 mod compliant;
+mod cone;
+mod contact;
 mod error;
 mod flags;
 mod laws;
@@ -75,7 +77,10 @@ mod several;
 pub use compliant::{HuntCrossley, damping_root};
 pub use error::ImpactError;
 pub use flags::Flags;
-pub use laws::{Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Whittaker, law_by_name};
+pub use laws::{
+    Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith, Whittaker,
+    law_by_name,
+};
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};

@@ -93,7 +93,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         problem: &ImpactProblem<T, D>,
         impulse: SVector<T, D>,
         u_plus: SVector<T, D>,
-        answer: &Answer<T>,
+        account: &Account<T>,
     ) -> Self {
         let u_minus = *problem.u_minus();
         let half: T = convert(0.5);
@@ -109,17 +109,17 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             impulse,
             u_minus,
             u_plus,
-            mode: answer.mode,
+            mode: account.mode,
             energy_before,
             energy_after: problem.kinetic_energy(&u_plus),
             energy_change,
-            normal_work: answer.normal_work,
-            friction_work: answer.friction_work,
-            newton: Some(answer.newton),
-            poisson: Some(answer.poisson),
-            energetic: Some(answer.energetic),
-            slip_end: answer.slip_end,
-            flags: answer.flags
+            normal_work: account.normal_work,
+            friction_work: account.friction_work,
+            newton: Some(account.newton),
+            poisson: Some(account.poisson),
+            energetic: Some(account.energetic),
+            slip_end: account.slip_end,
+            flags: account.flags
                 | Flags::ENERGY_GAIN.when(gains)
                 | Flags::GRAZING.when(grazes)
                 | Flags::SINGULAR.when(problem.normal_is_doubtful()),
@@ -127,13 +127,9 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     }
 }
 
-/// What a law finds in the plane of slip, before it is lifted back.
+/// What a law tells beside impulse and velocity.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Answer<T> {
-    pub p_t: T,
-    pub p_n: T,
-    pub v_t: T,
-    pub v_n: T,
+pub(crate) struct Account<T> {
     pub normal_work: T,
     pub friction_work: T,
     pub newton: T,
@@ -142,6 +138,32 @@ pub(crate) struct Answer<T> {
     pub mode: Mode,
     pub slip_end: Option<Phase>,
     pub flags: Flags,
+}
+
+impl<T: RealField + Copy> Account<T> {
+    /// The account of a law without a path in time: that of the straight one from u⁻ to u⁺, on which all three
+    /// realised coefficients are `e = -u_n⁺/u_n⁻`.
+    pub fn straight<const D: usize>(
+        e: T,
+        impulse: &SVector<T, D>,
+        u_minus: &SVector<T, D>,
+        u_plus: &SVector<T, D>,
+    ) -> Self {
+        let n = D - 1;
+        let half: T = convert(0.5);
+        let mean = (u_minus + u_plus) * half;
+        let normal_work = impulse[n] * mean[n];
+        Self {
+            normal_work,
+            friction_work: impulse.dot(&mean) - normal_work,
+            newton: e,
+            poisson: e,
+            energetic: e,
+            mode: Mode::between(u_minus, u_plus),
+            slip_end: None,
+            flags: Flags::NONE,
+        }
+    }
 }
 
 /// How the contact moved along its tangent when it parted.
@@ -158,6 +180,23 @@ pub enum Mode {
 }
 
 impl Mode {
+    /// As the slips before and after tell it.
+    pub(crate) fn between<T: RealField + Copy, const D: usize>(
+        u_minus: &SVector<T, D>,
+        u_plus: &SVector<T, D>,
+    ) -> Self {
+        let n = D - 1;
+        let slips = |u: &SVector<T, D>| (0..n).any(|i| u[i] != T::zero());
+        let dot = (0..n).fold(T::zero(), |sum, i| sum + u_minus[i] * u_plus[i]);
+        if !slips(u_plus) {
+            Self::Stick
+        } else if dot < T::zero() {
+            Self::ReverseSlip
+        } else {
+            Self::Slip
+        }
+    }
+
     /// Kebab-case name.
     ///
     /// ```

@@ -9,13 +9,23 @@
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
 use crate::laws::{check_friction, check_restitution, frictionless};
-use crate::outcome::Answer;
+use crate::outcome::Account;
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A coupling below this multiple of ε, beside the largest entry of H (or a velocity, beside
 /// `|u|`), is taken for rounding.
 const PLANE: f64 = 256.0;
+
+/// What a law finds in the plane of slip, before it is lifted back.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Answer<T> {
+    pub p_t: T,
+    pub p_n: T,
+    pub v_t: T,
+    pub v_n: T,
+    pub account: Account<T>,
+}
 
 /// Answers `problem` with a law that works in the plane of slip.
 pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
@@ -45,7 +55,7 @@ pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
     let (v_t, _) = contact.velocity();
     // dv_n/dp = C - μ s B <= 0 in the first slip.
     let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
-    answer.flags |= Flags::JAM.when(jams);
+    answer.account.flags |= Flags::JAM.when(jams);
     Ok(plane.lift(law, problem, &answer))
 }
 
@@ -121,7 +131,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         impulse[D - 1] = answer.p_n;
         let mut u_plus = self.t * answer.v_t;
         u_plus[D - 1] = answer.v_n;
-        ImpactOutcome::of(law, problem, impulse, u_plus, answer)
+        ImpactOutcome::of(law, problem, impulse, u_plus, &answer.account)
     }
 }
 

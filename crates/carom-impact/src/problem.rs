@@ -17,7 +17,7 @@ const SYMMETRY: f64 = 1e-8;
 
 /// A pivot below this multiple of ε beside its diagonal entry is rounding of zero: the digits of
 /// H carry a few tens of ε when it was assembled from a pose.
-const NULL_PIVOT: f64 = 1024.0;
+pub(crate) const NULL_PIVOT: f64 = 1024.0;
 
 /// `rounding::<T>(k)` is k ε, in the precision of `T`.
 pub(crate) fn rounding<T: RealField + Copy>(multiple: f64) -> T {
@@ -46,7 +46,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// its largest entry (below that it is symmetrised); a matrix that is not positive
     /// semidefinite within 1024 ε of its largest entry.
     pub fn new(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
-        const { assert!(D > 0, "a contact has at least its normal direction") };
+        const { assert!(D > 0 && D <= 3, "a contact has its normal and at most two tangents") };
         let mut h = delassus;
         check_delassus(&mut h)?;
         check_velocity("u_minus", u_minus.as_slice())?;

@@ -33,7 +33,8 @@
 
 use nalgebra::{RealField, convert};
 
-use crate::outcome::{Answer, Mode, Phase};
+use crate::outcome::{Account, Mode, Phase};
+use crate::plane::Answer;
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
 
@@ -204,14 +205,16 @@ pub(crate) fn walk<T: RealField + Copy>(
         p_n: down.p + up.p,
         v_t: up.v_t,
         v_n: up.v_n,
-        normal_work: down.normal_work + up.normal_work,
-        friction_work: down.friction_work + up.friction_work,
-        newton: -up.v_n / v_n,
-        poisson: up.p / down.p,
-        energetic: coefficient_of_work(up.normal_work, down.normal_work),
-        mode: if slip_end.is_some() { then.mode } else { first.mode },
-        slip_end: if v_t == zero { None } else { slip_end },
-        flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),
+        account: Account {
+            normal_work: down.normal_work + up.normal_work,
+            friction_work: down.friction_work + up.friction_work,
+            newton: -up.v_n / v_n,
+            poisson: up.p / down.p,
+            energetic: coefficient_of_work(up.normal_work, down.normal_work),
+            mode: if slip_end.is_some() { then.mode } else { first.mode },
+            slip_end: if v_t == zero { None } else { slip_end },
+            flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),
+        },
     })
 }
 

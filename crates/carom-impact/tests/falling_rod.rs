@@ -4,7 +4,7 @@
 mod common;
 
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, Phase, law_by_name};
-use common::close;
+use common::{close, rough};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn rod(degrees: f64) -> Matrix2<f64> {
@@ -14,7 +14,7 @@ fn rod(degrees: f64) -> Matrix2<f64> {
 
 fn strike(law: &str, degrees: f64, u: Vector2<f64>, e: f64, mu: f64) -> ImpactOutcome<f64, 2> {
     let problem = ImpactProblem::new(rod(degrees), u).unwrap();
-    law_by_name(law, e, mu).unwrap().resolve(&problem).unwrap()
+    law_by_name(law, rough(e, mu)).unwrap().resolve(&problem).unwrap()
 }
 
 #[test]

@@ -2,24 +2,30 @@
 
 mod common;
 
-use carom_impact::{Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton, Poisson, Whittaker};
+use carom_impact::{
+    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton, Poisson, Smith,
+    Whittaker,
+};
 use common::{Case, any_case, close};
 use nalgebra::{RealField, SVector, convert};
 use num_dual::Dual64;
 
 /// All laws in any scalar.
-fn all<T: RealField + Copy>(problem: &ImpactProblem<T, 2>, restitution: T, friction: T) -> [ImpactOutcome<T, 2>; 5] {
+fn all<T: RealField + Copy>(problem: &ImpactProblem<T, 2>, restitution: T, friction: T) -> [ImpactOutcome<T, 2>; 8] {
     [
         Frictionless { restitution }.resolve(problem),
         Whittaker { restitution, friction }.resolve(problem),
         Newton { restitution, friction }.resolve(problem),
         Poisson { restitution, friction }.resolve(problem),
         Energetic { restitution, friction }.resolve(problem),
+        ChatterjeeRuina { restitution, tangential_restitution: T::zero(), friction }.resolve(problem),
+        Brach { restitution, impulse_ratio: -friction }.resolve(problem),
+        Smith { restitution, friction }.resolve(problem),
     ]
     .map(Result::unwrap)
 }
 
-fn in_f64(case: &Case) -> [ImpactOutcome<f64, 2>; 5] {
+fn in_f64(case: &Case) -> [ImpactOutcome<f64, 2>; 8] {
     all(&case.problem(), case.restitution, case.friction)
 }
 

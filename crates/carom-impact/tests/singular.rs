@@ -6,7 +6,7 @@ mod common;
 use carom_impact::{
     Energetic, Flags, Frictionless, ImpactError, ImpactProblem, LAW_NAMES, Law, Mode, Newton, Poisson, law_by_name,
 };
-use common::close;
+use common::{close, rough};
 use nalgebra::{Matrix2, Vector2, vector};
 
 /// One joint of unit inertia: `H = j jᵀ`, `u = j q̇`.
@@ -25,7 +25,7 @@ fn single_joint_arm_held_by_friction_stays() {
         for e in [0.0, 0.5, 1.0] {
             for mu in [1.01 / ratio.abs(), 10.0 / ratio.abs(), 1e6] {
                 for law in ["newton", "poisson", "energetic"] {
-                    let hit = law_by_name::<2>(law, e, mu).unwrap().resolve(&problem).unwrap();
+                    let hit = law_by_name::<2>(law, rough(e, mu)).unwrap().resolve(&problem).unwrap();
                     assert!(hit.u_plus.amax() <= 1e-15, "{law} {hit:?}");
                     assert!(hit.impulse.amax().is_finite());
                     assert!(hit.flags.contains(Flags::SINGULAR) && hit.mode != Mode::Open);
@@ -45,7 +45,7 @@ fn single_joint_arm_held_by_friction_stays() {
 fn single_joint_arm_on_a_smoother_wall_rebounds() {
     let problem = single_joint(vector![0.3, 0.7], -1.0);
     for (law, e) in [("newton", 0.5), ("poisson", 0.5), ("energetic", 0.5), ("whittaker", 0.5), ("frictionless", 0.5)] {
-        let hit = law_by_name::<2>(law, e, 0.4).unwrap().resolve(&problem).unwrap();
+        let hit = law_by_name::<2>(law, rough(e, 0.4)).unwrap().resolve(&problem).unwrap();
         // One joint: the contact velocities stay in proportion.
         close(law, hit.u_plus[0] * 0.7, hit.u_plus[1] * 0.3, 1e-15);
         assert!(hit.u_plus[1] > 0.1 && hit.mode == Mode::ReverseSlip, "{law} {hit:?}");
@@ -61,13 +61,13 @@ fn single_joint_arm_on_a_smoother_wall_rebounds() {
 #[test]
 fn whittaker_wedges_or_is_not_unique() {
     let problem = single_joint(vector![0.3, 0.7], -1.0);
-    let refusal = law_by_name::<2>("whittaker", 0.5, 3.0).unwrap().resolve(&problem).unwrap_err();
+    let refusal = law_by_name::<2>("whittaker", rough(0.5, 3.0)).unwrap().resolve(&problem).unwrap_err();
     assert!(matches!(refusal, ImpactError::Wedged { .. }), "{refusal}");
 
-    let plastic = law_by_name::<2>("whittaker", 0.0, 2.0).unwrap().resolve(&problem).unwrap();
+    let plastic = law_by_name::<2>("whittaker", rough(0.0, 2.0)).unwrap().resolve(&problem).unwrap();
     assert_eq!((plastic.u_plus, plastic.mode), (Vector2::zeros(), Mode::Stick));
     assert!(plastic.flags.contains(Flags::SINGULAR));
-    let both = law_by_name::<2>("whittaker", 0.0, 1.0).unwrap().resolve(&problem).unwrap();
+    let both = law_by_name::<2>("whittaker", rough(0.0, 1.0)).unwrap().resolve(&problem).unwrap();
     assert!(both.flags.contains(Flags::NON_UNIQUE), "{both:?}");
     assert!(both.impulse[0] > 0.0, "against the first slip, which points to -t");
 }
@@ -79,12 +79,12 @@ fn held_while_approaching_is_a_wedge() {
     let j = vector![0.3, 0.7];
     let problem = ImpactProblem::new(j * j.transpose(), vector![0.5, -0.7]).unwrap();
     for law in ["newton", "poisson", "energetic"] {
-        let refusal = law_by_name::<2>(law, 0.5, 4.0).unwrap().resolve(&problem).unwrap_err();
+        let refusal = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&problem).unwrap_err();
         assert!(matches!(refusal, ImpactError::Wedged { normal_velocity, .. } if normal_velocity < -0.7), "{refusal}");
         // The other way round slip stops in restitution; held, the contact parts as fast as it
         // does then.
         let other = ImpactProblem::new(j * j.transpose(), vector![-0.4, -0.7]).unwrap();
-        let hit = law_by_name::<2>(law, 0.5, 4.0).unwrap().resolve(&other).unwrap();
+        let hit = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&other).unwrap();
         assert_eq!((hit.u_plus[0], hit.mode), (0.0, Mode::Stick));
         close(law, hit.u_plus[1], 0.4 * 7.0 / 3.0 - 0.7, 1e-15);
         assert!(hit.impulse.amax().is_finite());
@@ -98,7 +98,7 @@ fn frozen_tangent_is_harmless() {
     for law in LAW_NAMES {
         for (v_t, mode) in [(0.0, Mode::Stick), (1.0, Mode::Slip), (-1.0, Mode::Slip)] {
             let problem = ImpactProblem::new(h, vector![v_t, -1.0]).unwrap();
-            let hit = law_by_name::<2>(law, 0.5, 0.3).unwrap().resolve(&problem).unwrap();
+            let hit = law_by_name::<2>(law, rough(0.5, 0.3)).unwrap().resolve(&problem).unwrap();
             assert_eq!((hit.u_plus, hit.mode, hit.flags), (vector![v_t, 0.5], mode, Flags::NONE), "{law}");
             close(law, hit.impulse[1], 0.75, 1e-15);
         }
@@ -110,7 +110,7 @@ fn frozen_tangent_is_harmless() {
 fn one_dimensional_contact() {
     let problem = ImpactProblem::new(nalgebra::matrix![2.0], vector![-1.0]).unwrap();
     for law in LAW_NAMES {
-        let hit = law_by_name::<1>(law, 0.5, 0.3).unwrap().resolve(&problem).unwrap();
+        let hit = law_by_name::<1>(law, rough(0.5, 0.3)).unwrap().resolve(&problem).unwrap();
         assert_eq!((hit.u_plus, hit.impulse, hit.flags), (vector![0.5], vector![0.75], Flags::NONE), "{law}");
         assert_eq!(hit.energy_ratio(), 0.25);
     }
@@ -121,7 +121,7 @@ fn normal_without_mobility_is_refused() {
     for c in [0.0, 1e-30, -1e-18] {
         let problem = ImpactProblem::new(Matrix2::new(1.0, 0.0, 0.0, c), vector![0.5, -1.0]).unwrap();
         for law in LAW_NAMES {
-            let refusal = law_by_name::<2>(law, 0.5, 0.3).unwrap().resolve(&problem).unwrap_err();
+            let refusal = law_by_name::<2>(law, rough(0.5, 0.3)).unwrap().resolve(&problem).unwrap_err();
             assert!(matches!(refusal, ImpactError::SingularNormal { .. }), "{law} {refusal}");
         }
         // Parting, nobody asks for an impulse.

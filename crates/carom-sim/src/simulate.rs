@@ -31,7 +31,7 @@ use crate::trajectory::{
 };
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, Planar, PlanarChain, Spatial};
-use carom_impact::{Frictionless, ImpactProblem, law_by_name};
+use carom_impact::{Coefficients, Frictionless, ImpactProblem, law_by_name};
 use nalgebra::{Matrix3, Vector3};
 
 /// A chain among surfaces.
@@ -425,7 +425,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
             (Some(place), _) => {
                 let ContactRule { law, restitution, friction, .. } = one.contact;
-                let law = law_by_name::<3>(law, restitution, friction);
+                let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
+                let law = law_by_name::<3>(law, coefficients);
                 let mut law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
                 let Some((delassus, response)) = view.inertia(place.point, place.normal)? else {
                     let link = one.link().unwrap_or_default().to_owned();

@@ -1,8 +1,8 @@
-use nalgebra::{RealField, convert};
+use nalgebra::RealField;
 
 use super::{Law, check_restitution};
-use crate::outcome::{Answer, Mode};
-use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+use crate::outcome::{Account, Mode};
+use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Impact along the normal alone; the tangential velocity jumps only by inertial coupling.
 ///
@@ -73,25 +73,9 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     u_plus[n] = -e * u[n];
 
     let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
-    let against = (0..n).fold(T::zero(), |sum, i| sum + u[i] * u_plus[i]) < T::zero();
-    let mode = match (slip(u), slip(&u_plus)) {
-        (false, false) => Mode::Stick,
-        _ if against => Mode::ReverseSlip,
-        _ => Mode::Slip,
-    };
-    let answer = Answer {
-        p_t: T::zero(),
-        p_n,
-        v_t: T::zero(), // unused: u_plus is already in contact axes
-        v_n: u_plus[n],
-        normal_work: p_n * (u[n] + u_plus[n]) * convert(0.5),
-        friction_work: T::zero(),
-        newton: e,
-        poisson: e,
-        energetic: e,
-        mode,
-        slip_end: None,
-        flags: Flags::NONE,
-    };
-    ImpactOutcome::of(law, problem, impulse, u_plus, &answer)
+    let mut account = Account::straight(e, &impulse, u, &u_plus);
+    if slip(u) && account.mode == Mode::Stick {
+        account.mode = Mode::Slip; // nothing holds it
+    }
+    ImpactOutcome::of(law, problem, impulse, u_plus, &account)
 }

@@ -1,18 +1,24 @@
 //! The laws, one small type each, and their names.
 
+mod brach;
+mod chatterjee_ruina;
 mod energetic;
 mod frictionless;
 mod newton;
 mod poisson;
+mod smith;
 mod whittaker;
 
 use nalgebra::RealField;
 
+pub use brach::Brach;
+pub use chatterjee_ruina::ChatterjeeRuina;
 pub use energetic::Energetic;
 pub use frictionless::Frictionless;
 pub(crate) use frictionless::frictionless;
 pub use newton::Newton;
 pub use poisson::Poisson;
+pub use smith::Smith;
 pub use whittaker::Whittaker;
 
 use crate::problem::plain;
@@ -38,29 +44,51 @@ pub trait Law<T: RealField + Copy, const D: usize> {
 }
 
 /// Names [`law_by_name`] knows.
-pub const LAW_NAMES: [&str; 5] = ["frictionless", "whittaker", "newton", "poisson", "energetic"];
+pub const LAW_NAMES: [&str; 8] =
+    ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
 
-/// The law called `name`, or `None` if there is none. The coefficients are checked when the law
-/// resolves its first problem; `frictionless` ignores `friction`.
+/// What a law may ask for beside the problem; each takes what it knows.
 ///
 /// ```
-/// use carom_impact::{LAW_NAMES, law_by_name};
+/// use carom_impact::Coefficients;
+/// let rubber = Coefficients { restitution: 0.8, friction: 0.9, ..Coefficients::default() };
+/// assert_eq!(rubber.tangential_restitution, 0.0);
+/// ```
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Coefficients {
+    /// Coefficient of restitution, 0 to 1, in the law's own sense.
+    pub restitution: f64,
+    /// Coefficient of tangential restitution, -1 to 1; only `chatterjee-ruina` has one.
+    pub tangential_restitution: f64,
+    /// Coulomb coefficient of friction, 0 or more; `brach` takes it for an impulse ratio against the first slip.
+    pub friction: f64,
+}
+
+/// The law called `name`, or `None` if there is none. The coefficients are checked when the law
+/// resolves its first problem, those that it does not know are ignored.
+///
+/// ```
+/// use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
+/// let coefficients = Coefficients { restitution: 0.5, friction: 0.2, ..Coefficients::default() };
 /// for name in LAW_NAMES {
-///     assert_eq!(law_by_name::<3>(name, 0.5, 0.2).unwrap().name(), name);
+///     assert_eq!(law_by_name::<3>(name, coefficients).unwrap().name(), name);
 /// }
-/// assert!(law_by_name::<2>("hertz", 0.5, 0.2).is_none());
+/// assert!(law_by_name::<2>("hertz", coefficients).is_none());
 /// ```
 pub fn law_by_name<const D: usize>(
     name: &str,
-    restitution: f64,
-    friction: f64,
+    coefficients: Coefficients,
 ) -> Option<Box<dyn Law<f64, D> + Send + Sync>> {
+    let Coefficients { restitution, tangential_restitution, friction } = coefficients;
     Some(match name {
         "frictionless" => Box::new(Frictionless { restitution }),
         "whittaker" => Box::new(Whittaker { restitution, friction }),
         "newton" => Box::new(Newton { restitution, friction }),
         "poisson" => Box::new(Poisson { restitution, friction }),
         "energetic" => Box::new(Energetic { restitution, friction }),
+        "chatterjee-ruina" => Box::new(ChatterjeeRuina { restitution, tangential_restitution, friction }),
+        "brach" => Box::new(Brach { restitution, impulse_ratio: -friction }),
+        "smith" => Box::new(Smith { restitution, friction }),
         _ => return None,
     })
 }
@@ -71,6 +99,20 @@ pub(crate) fn check_restitution<T: RealField + Copy>(e: T) -> Result<(), ImpactE
         return Ok(());
     }
     Err(ImpactError::Restitution { value: plain(e) })
+}
+
+pub(crate) fn check_tangential_restitution<T: RealField + Copy>(e_t: T) -> Result<(), ImpactError> {
+    if e_t >= -T::one() && e_t <= T::one() {
+        return Ok(());
+    }
+    Err(ImpactError::TangentialRestitution { value: plain(e_t) })
+}
+
+pub(crate) fn check_impulse_ratio<T: RealField + Copy>(ratio: T) -> Result<(), ImpactError> {
+    if ratio.is_finite() {
+        return Ok(());
+    }
+    Err(ImpactError::ImpulseRatio { value: plain(ratio) })
 }
 
 pub(crate) fn check_friction<T: RealField + Copy>(mu: T) -> Result<(), ImpactError> {

@@ -1,8 +1,8 @@
 use nalgebra::{RealField, convert};
 
 use super::Law;
-use crate::outcome::{Answer, Mode};
-use crate::plane::resolve_in_plane;
+use crate::outcome::{Account, Mode};
+use crate::plane::{Answer, resolve_in_plane};
 use crate::problem::{plain, rounding};
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -137,13 +137,15 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
         p_n,
         v_t: v_t_plus,
         v_n: v_n_plus,
-        normal_work: p_n * (v_n + v_n_plus) * half,
-        friction_work: p_t * (v_t + v_t_plus) * half,
-        newton: e,
-        poisson: e,
-        energetic: coefficient_of_work(returned, taken),
-        mode,
-        slip_end: None,
-        flags,
+        account: Account {
+            normal_work: p_n * (v_n + v_n_plus) * half,
+            friction_work: p_t * (v_t + v_t_plus) * half,
+            newton: e,
+            poisson: e,
+            energetic: coefficient_of_work(returned, taken),
+            mode,
+            slip_end: None,
+            flags,
+        },
     })
 }

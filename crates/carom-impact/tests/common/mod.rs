@@ -1,8 +1,8 @@
 //! Shared by the tests: problems drawn at random, and comparisons that say what they compare.
 #![allow(dead_code)] // each test file uses its share
 
-use carom_impact::ImpactProblem;
-use nalgebra::{Matrix2, Vector2};
+use carom_impact::{Coefficients, ImpactProblem};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 
 /// One random planar impact with its coefficients.
 #[derive(Debug, Clone, Copy)]
@@ -44,4 +44,39 @@ pub fn any_case(rng: &mut fastrand::Rng, flat: f64) -> Case {
 #[track_caller]
 pub fn close(what: &str, x: f64, expected: f64, within: f64) {
     assert!((x - expected).abs() <= within, "{what}: {x:e} instead of {expected:e}, off by {:e}", x - expected);
+}
+
+/// Restitution and friction alone.
+pub fn rough(restitution: f64, friction: f64) -> Coefficients {
+    Coefficients { restitution, friction, ..Coefficients::default() }
+}
+
+/// One random impact in space with its coefficients.
+#[derive(Debug, Clone, Copy)]
+pub struct Spatial {
+    pub delassus: Matrix3<f64>,
+    pub u: Vector3<f64>,
+    pub restitution: f64,
+    pub friction: f64,
+}
+
+impl Spatial {
+    pub fn problem(&self) -> ImpactProblem<f64, 3> {
+        ImpactProblem::new(self.delassus, self.u).unwrap()
+    }
+}
+
+/// As [`any_case`], in space: axes turned at random, square roots of the eigenvalues from `flat` to 1.
+pub fn any_spatial(rng: &mut fastrand::Rng, flat: f64) -> Spatial {
+    let Case { restitution, friction, .. } = any_case(rng, flat);
+    let mut turn = || std::f64::consts::TAU * rng.f64();
+    let axes = Rotation3::from_euler_angles(turn(), turn(), turn());
+    let mut length = || flat + (1.0 - flat) * rng.f64();
+    let lengths = Vector3::new(1.0, length(), length());
+    let delassus = axes * Matrix3::from_diagonal(&lengths.component_mul(&lengths)) * axes.inverse();
+    let delassus = (delassus + delassus.transpose()) * 0.5;
+    // Uniform on the half sphere.
+    let (height, angle) = (rng.f64(), std::f64::consts::TAU * rng.f64());
+    let flat = (1.0 - height * height).sqrt();
+    Spatial { delassus, u: Vector3::new(flat * angle.cos(), flat * angle.sin(), -height), restitution, friction }
 }

@@ -1,0 +1,132 @@
+//! Coulomb's cone, imposed at once: the impulse of one contact that ends at a prescribed normal velocity.
+//!
+//! With c the velocity at zero impulse, less what the normal velocity is to be in the end, the impulse λ is
+//!
+//! ```text
+//! stick   λ_t = -S⁺ b,          if that is in the cone
+//! slip    λ_t = -(S + s 1)⁻¹ b, with s > 0 such that |λ_t| = μ λ_n
+//! where   λ_n = -(c_n + hᵀ λ_t)/C,  S = A - h hᵀ/C,  b = c_t - h c_n/C
+//! ```
+//!
+//! The slip follows from `u_t⁺ = S λ_t + b = -s λ_t`: friction against the slip it leaves. `|λ_t| - μ λ_n` is
+//! positive at s = 0, where sticking left the cone, and negative for large s, so a root lies between (unless S is
+//! singular, b out of its range, and the friction jams: then there may be none).
+//!
+//! Symbols as in `contact.rs`; λ in N s, s in 1/kg.
+
+use nalgebra::{Matrix2, RealField, Vector2, convert};
+
+use crate::contact::{Mobility, length};
+use crate::problem::{NULL_PIVOT, rounding};
+
+/// One contact, prepared once for any velocity.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cone<T> {
+    /// S.
+    mobility: Mobility<T>,
+    /// `h/C`.
+    tilt: Vector2<T>,
+    /// C.
+    normal: T,
+}
+
+/// An impulse within the cone.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Touch<T> {
+    pub tangent: Vector2<T>,
+    pub normal: T,
+    /// s: slip is left against the friction, `-s λ_t`; 0 where the contact sticks.
+    pub slip: T,
+}
+
+impl<T: RealField + Copy> Cone<T> {
+    /// From `A`, `h` and `C > 0`.
+    pub fn new(tangents: Matrix2<T>, coupling: Vector2<T>, normal: T) -> Self {
+        let reduced = tangents - coupling * coupling.transpose() / normal;
+        let floor = tangents.amax() * rounding(NULL_PIVOT);
+        Self { mobility: Mobility::new(reduced, floor), tilt: coupling / normal, normal }
+    }
+
+    /// The impulse for `c_n < 0`, where c is a sum of terms of the given size (m/s). `None` if there is none.
+    pub fn solve(&self, mu: T, c_t: &Vector2<T>, c_n: T, size: T) -> Option<Touch<T>> {
+        let smooth = -c_n / self.normal;
+        if mu == T::zero() {
+            return Some(Touch { tangent: Vector2::zeros(), normal: smooth, slip: T::zero() });
+        }
+        let mut b = c_t - self.tilt * c_n;
+        // Where nothing moves a tangent, velocity along it that is rounding of the rest is none.
+        let moved = self.mobility.moved(&b);
+        let stops = length(&(b - moved)) <= size * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax());
+        if stops {
+            b = moved;
+            let tangent = -self.mobility.least_solution(&b);
+            let normal = smooth - self.tilt.dot(&tangent);
+            if length(&tangent) <= mu * normal {
+                return Some(Touch { tangent, normal, slip: T::zero() });
+            }
+        }
+        let slip = shift(&self.mobility, &b, mu, smooth, &self.tilt)?;
+        let tangent = -self.mobility.shifted_solution(slip, &b);
+        Some(Touch { tangent, normal: smooth - self.tilt.dot(&tangent), slip })
+    }
+}
+
+/// An `s > 0` with `|x| = μ (normal - tiltᵀ x)`, where `x = -(M + s 1)⁻¹ b`; for `normal > 0` and an equation whose
+/// left side is the greater at s = 0.
+pub(crate) fn shift<T: RealField + Copy>(
+    mobility: &Mobility<T>,
+    b: &Vector2<T>,
+    mu: T,
+    normal: T,
+    tilt: &Vector2<T>,
+) -> Option<T> {
+    let excess = |s: T| {
+        let x = -mobility.shifted_solution(s, b);
+        let fall = mobility.shifted_solution(s, &x); // -dx/ds
+        let size = length(&x);
+        (size - mu * (normal - tilt.dot(&x)), -x.dot(&fall) / size - mu * tilt.dot(&fall))
+    };
+    // Without coupling and M the root would be here.
+    let mut high = length(b) / (mu * normal);
+    for _ in 0..300 {
+        if excess(high).0 <= T::zero() {
+            break;
+        }
+        high *= convert(16.0);
+    }
+    root(high, excess)
+}
+
+/// The root of a function that is positive near 0 and not at `high`, to full precision: Newton's method, kept in
+/// the bracket, which every fourth step halves (by its geometric mean, since s spans many orders). `None` if the
+/// function is positive nowhere.
+fn root<T: RealField + Copy>(mut high: T, f: impl Fn(T) -> (T, T)) -> Option<T> {
+    let least: T = convert(f64::MIN_POSITIVE);
+    let fine: T = rounding(2.0);
+    let mut low = T::zero();
+    let mut s = high;
+    for step in 1..400 {
+        let (value, slope) = f(s);
+        if value > T::zero() {
+            low = s
+        } else {
+            high = s
+        }
+        let newton = s - value / slope;
+        let halved = if low > T::zero() { (low * high).sqrt() } else { high * convert(1.0 / 1024.0) };
+        let next = if step % 4 != 0 && newton > low && newton < high { newton } else { halved };
+        let moved = (next - s).abs();
+        s = next;
+        if moved <= fine * s || high - low <= fine * high || s < least {
+            break;
+        }
+    }
+    // The way down to zero found no positive value: there is no root, or one among the subnormal numbers.
+    if !(s.is_finite() && s >= least) {
+        return None;
+    }
+    // One step more, that s carries its derivative where T does.
+    let (value, slope) = f(s);
+    let polished = s - value / slope;
+    Some(if polished >= low && polished <= high { polished } else { s })
+}

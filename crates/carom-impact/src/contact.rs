@@ -1,0 +1,174 @@
+//! The problem in blocks: tangents and normal, in space.
+//!
+//! A planar contact, or one without tangents, is a spatial one whose missing tangents have neither velocity nor
+//! mobility: then no impulse arises along them either, and one code serves all sizes.
+//!
+//! | Symbol | Size | Meaning | Our name |
+//! |---|---|---|---|
+//! | A | 2 × 2 | `H_tt` (1/kg) | `tangents` |
+//! | h | 2 | `H_tn` (1/kg) | `coupling` |
+//! | C | 1 | `H_nn` (1/kg) | `normal` |
+//! | S | 2 × 2 | `A - h hᵀ/C`: the tangents while the normal is held (1/kg) | `at_held_normal` |
+
+use nalgebra::{Matrix2, RealField, SVector, Vector2};
+
+use crate::ImpactProblem;
+use crate::problem::{NULL_PIVOT, rounding};
+
+/// Slip below this multiple of ε, beside the terms that cancel in it, is none.
+const REST: f64 = 64.0;
+
+/// A contact with two tangents.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Contact<T> {
+    pub tangents: Matrix2<T>,
+    pub coupling: Vector2<T>,
+    pub normal: T,
+    /// Slip velocity before the impact (m/s).
+    pub slip: Vector2<T>,
+    /// Normal velocity before the impact (m/s).
+    pub v_n: T,
+}
+
+impl<T: RealField + Copy> Contact<T> {
+    pub fn of<const D: usize>(problem: &ImpactProblem<T, D>) -> Self {
+        let (h, u, n) = (problem.delassus(), problem.u_minus(), D - 1);
+        let entry = |i: usize, j: usize| if i < n && j < n { h[(i, j)] } else { T::zero() };
+        let along = |x: &SVector<T, D>| Vector2::from_fn(|i, _| if i < n { x[i] } else { T::zero() });
+        Self {
+            tangents: Matrix2::from_fn(entry),
+            coupling: along(&h.column(n).into_owned()),
+            normal: h[(n, n)],
+            slip: along(u),
+            v_n: u[n],
+        }
+    }
+
+    /// Tangential and normal part put together in the axes of a problem of size D.
+    pub fn lift<const D: usize>(tangent: &Vector2<T>, normal: T) -> SVector<T, D> {
+        SVector::from_fn(|i, _| if i == D - 1 { normal } else { tangent[i] })
+    }
+
+    pub fn at_held_normal(&self) -> Mobility<T> {
+        let s = self.tangents - self.coupling * self.coupling.transpose() / self.normal;
+        Mobility::new(s, self.floor())
+    }
+
+    /// Whether the slip `v_t` that impulses left is rounding of the terms that cancel in it.
+    pub fn rests(&self, v_t: &Vector2<T>, p_t: &Vector2<T>, p_n: T) -> bool {
+        let terms = self.slip.abs() + self.tangents.abs() * p_t.abs() + self.coupling.abs() * p_n.abs();
+        v_t.amax() <= terms.amax() * rounding(REST)
+    }
+
+    /// `1024 ε` of the largest entry of A: an eigenvalue below it is rounding.
+    pub fn floor(&self) -> T {
+        self.tangents.amax() * rounding(NULL_PIVOT)
+    }
+
+    /// Whether H has a null direction with a normal component: then holding the normal takes mobility from the
+    /// tangents.
+    pub fn is_singular(&self) -> bool {
+        self.at_held_normal().rank() < Mobility::new(self.tangents, self.floor()).rank()
+    }
+
+    /// What the held contact has left of `H_nn`, `C - hᵀ A⁺ h` (1/kg).
+    pub fn held_inverse_mass(&self) -> T {
+        let hold = Mobility::new(self.tangents, self.floor()).least_solution(&self.coupling);
+        self.normal - self.coupling.dot(&hold)
+    }
+
+    /// An inverse mass along the normal that is rounding of zero beside `H_nn`.
+    pub fn is_locked(&self, inverse_mass: T) -> bool {
+        inverse_mass <= self.normal * rounding(NULL_PIVOT)
+    }
+}
+
+/// The length of x, with the derivative 0 at zero, where it has none.
+pub(crate) fn length<T: RealField + Copy>(x: &Vector2<T>) -> T {
+    // Scaled first, lest the squares of small numbers underflow.
+    let largest = x.amax();
+    if largest > T::zero() { (x / largest).norm() * largest } else { T::zero() }
+}
+
+/// A positive semidefinite 2 × 2 matrix M with its rank, for equations `(M + s 1) x = b` with `s >= 0`.
+///
+/// The inverse comes from the adjugate and not from eigenvectors, which have no derivative at a multiple
+/// eigenvalue: a sphere's tangents are such a case.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Mobility<T> {
+    matrix: Matrix2<T>,
+    rank: Rank<T>,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Rank<T> {
+    Zero,
+    /// The unit vector that M moves along, and its eigenvalue.
+    One(Vector2<T>, T),
+    /// The determinant.
+    Two(T),
+}
+
+impl<T: RealField + Copy> Mobility<T> {
+    /// Eigenvalues up to `floor` count as zero.
+    pub fn new(matrix: Matrix2<T>, floor: T) -> Self {
+        let (a, b, d) = (matrix[(0, 0)], matrix[(0, 1)], matrix[(1, 1)]);
+        let trace = a + d;
+        // Rounding of b² recovered by a fused multiply-add (Kahan).
+        let square = b * b;
+        let det = a.mul_add(d, -square) + (-b).mul_add(b, square);
+        let rank = if trace <= floor {
+            Rank::Zero
+        } else if det <= floor * trace {
+            // The larger column of λ x xᵀ.
+            let column = if a >= d { Vector2::new(a, b) } else { Vector2::new(b, d) };
+            Rank::One(column / column.norm(), trace)
+        } else {
+            Rank::Two(det)
+        };
+        Self { matrix, rank }
+    }
+
+    pub fn rank(&self) -> usize {
+        match self.rank {
+            Rank::Zero => 0,
+            Rank::One(..) => 1,
+            Rank::Two(_) => 2,
+        }
+    }
+
+    /// The part of `b` in the range of M.
+    pub fn moved(&self, b: &Vector2<T>) -> Vector2<T> {
+        match self.rank {
+            Rank::Zero => Vector2::zeros(),
+            Rank::One(axis, _) => axis * axis.dot(b),
+            Rank::Two(_) => *b,
+        }
+    }
+
+    /// `M⁺ b`: the shortest x for which `M x` is the part of `b` in the range of M.
+    pub fn least_solution(&self, b: &Vector2<T>) -> Vector2<T> {
+        match self.rank {
+            Rank::Zero => Vector2::zeros(),
+            Rank::One(axis, value) => axis * (axis.dot(b) / value),
+            Rank::Two(det) => self.adjugate(T::zero(), b) / det,
+        }
+    }
+
+    /// `(M + s 1)⁻¹ b` for `s > 0`.
+    pub fn shifted_solution(&self, s: T, b: &Vector2<T>) -> Vector2<T> {
+        match self.rank {
+            Rank::Zero => b / s,
+            Rank::One(axis, value) => {
+                let along = axis * axis.dot(b);
+                along / (value + s) + (b - along) / s
+            }
+            Rank::Two(det) => self.adjugate(s, b) / (det + s * (self.matrix.trace() + s)),
+        }
+    }
+
+    fn adjugate(&self, s: T, b: &Vector2<T>) -> Vector2<T> {
+        let m = &self.matrix;
+        Vector2::new((m[(1, 1)] + s) * b.x - m[(0, 1)] * b.y, (m[(0, 0)] + s) * b.y - m[(0, 1)] * b.x)
+    }
+}

@@ -1,0 +1,190 @@
+use nalgebra::{RealField, Vector2, convert};
+
+use super::{Law, check_impulse_ratio, check_restitution};
+use crate::contact::{Contact, length};
+use crate::outcome::Account;
+use crate::problem::plain;
+use crate::{ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Newton's coefficient, and an impulse ratio in the direction t of the first slip, clipped to what is admissible.
+///
+/// ```text
+/// P = (n + r t) P_n,   P_n = -(1 + e) u_n⁻/(C + r B)
+/// ```
+///
+/// with A, B, C of the plane (t, n). The ratio r is the one asked for, brought between 0 and the first of two bounds:
+///
+/// ```text
+/// r₀ = -(C v_t - (1 + e) B u_n⁻)/(B v_t - (1 + e) A u_n⁻)   critical: slip ends just at separation
+/// r₁ where T⁺ = T⁻                                          a quadratic
+/// ```
+///
+/// Beyond r₀ friction would drive the contact past rest; where the denominator of r₀ is not positive, no ratio
+/// against the slip stops it and r₀ is no bound. Where inertia alone turns the slip round, `r₀ > 0`: then only
+/// friction *along* the first slip is against the last, and a negative ratio is clipped to 0.
+///
+/// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `impulse_ratio` r, finite, negative against the slip. By
+/// name ([`law_by_name`](crate::law_by_name)) it is `-friction`. Without slip t is where the normal impulse will
+/// drive the contact.
+///
+/// **Guarantee.** One answer where `C + r B > 0`, as for every regular H; `u_n⁺ = -e u_n⁻`; never gains energy,
+/// because the ratio is clipped.
+///
+/// **Fails** to predict: the ratio is an outcome of an impact, not a property of a surface. In space friction across
+/// the first slip is left out, though slip may turn.
+///
+/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+///
+/// **Source.** Brach, *Rigid body collisions*, J. Appl. Mech. 56 (1989) 133; *Mechanical Impact Dynamics* (1991).
+///
+/// ```
+/// # use carom_impact::{Brach, ImpactProblem, Law};
+/// # use nalgebra::{matrix, vector};
+/// let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![1.0_f64, -1.0])?;
+/// let hit = Brach { restitution: 0.8, impulse_ratio: -0.1 }.resolve(&problem)?;
+/// assert!((hit.u_plus - vector![0.37, 0.8]).norm() < 1e-15);
+/// // The critical ratio is 1/6.3: asked for more, the contact leaves at rest.
+/// let hit = Brach { restitution: 0.8, impulse_ratio: -0.5 }.resolve(&problem)?;
+/// assert!(hit.u_plus[0].abs() < 1e-15 && (hit.impulse[0] / hit.impulse[1] + 1.0 / 6.3).abs() < 1e-15);
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Brach<T = f64> {
+    /// Kinematic coefficient of restitution, 0 to 1.
+    pub restitution: T,
+    /// Tangential over normal impulse asked for, along the first slip; negative against it.
+    pub impulse_ratio: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
+    fn name(&self) -> &'static str {
+        "brach"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (name, e) = (Law::<T, D>::name(self), self.restitution);
+        check_restitution(e)?;
+        check_impulse_ratio(self.impulse_ratio)?;
+        if problem.approach_speed() <= T::zero() {
+            // Jamming is friction's: without braking there is none.
+            return Ok(ImpactOutcome::none(name, problem, (-self.impulse_ratio).max(T::zero())));
+        }
+        problem.check_normal()?;
+
+        let contact = Contact::of(problem);
+        let t = direction(&contact);
+        let plane = Plane {
+            a: t.dot(&(contact.tangents * t)),
+            b: t.dot(&contact.coupling),
+            c: contact.normal,
+            v_t: t.dot(&contact.slip),
+            v_n: contact.v_n,
+            gain: -(T::one() + e) * contact.v_n,
+        };
+        let (ratio, rests) = plane.clipped(self.impulse_ratio);
+        let det = plane.determinant();
+        let push = if rests { plane.gain * det / plane.stops() } else { plane.c + ratio * plane.b };
+        if contact.is_locked(push) {
+            return Err(ImpactError::Wedged {
+                friction: plain(ratio.abs()),
+                normal_velocity: plain(contact.v_n),
+                inverse_mass: plain(push),
+                free_inverse_mass: plain(contact.normal),
+            });
+        }
+        // At rest the impulse is the one that sticks in the plane (t, n): no difference C + r B to round.
+        let (p_t, p_n) = if rests {
+            (-plane.slides() / det, plane.stops() / det)
+        } else {
+            (ratio * plane.gain / push, plane.gain / push)
+        };
+        let impulse = Contact::lift(&(t * p_t), p_n);
+        let mut v_t = contact.slip + contact.tangents * t * p_t + contact.coupling * p_n;
+        if rests {
+            v_t -= t * t.dot(&v_t); // rounding of rest
+            if contact.rests(&v_t, &(t * p_t), p_n) {
+                v_t.fill(T::zero());
+            }
+        }
+        let u_plus = Contact::lift(&v_t, -e * contact.v_n);
+        let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+    }
+}
+
+/// Along the slip; without slip where the normal impulse drives it; without either, none.
+fn direction<T: RealField + Copy>(contact: &Contact<T>) -> Vector2<T> {
+    let along = |x: &Vector2<T>| {
+        let size = length(x);
+        (size > T::zero()).then(|| x / size)
+    };
+    along(&contact.slip).or_else(|| along(&contact.coupling)).unwrap_or_else(Vector2::zeros)
+}
+
+/// The contact in the plane of its first slip, `v_t >= 0`.
+struct Plane<T> {
+    a: T,
+    b: T,
+    c: T,
+    v_t: T,
+    v_n: T,
+    /// `-(1 + e) v_n`.
+    gain: T,
+}
+
+impl<T: RealField + Copy> Plane<T> {
+    /// `A C - B²`, its products rounded once (Kahan).
+    fn determinant(&self) -> T {
+        let square = self.b * self.b;
+        self.a.mul_add(self.c, -square) + (-self.b).mul_add(self.b, square)
+    }
+
+    /// `C v_t⁺` at r = 0.
+    fn slides(&self) -> T {
+        self.c * self.v_t + self.b * self.gain
+    }
+
+    /// The denominator of the critical ratio.
+    fn stops(&self) -> T {
+        self.b * self.v_t + self.a * self.gain
+    }
+
+    /// The admissible ratio nearest to the one asked for, and whether it is the critical one.
+    fn clipped(&self, asked: T) -> (T, bool) {
+        let critical = (self.stops() > T::zero()).then(|| -self.slides() / self.stops());
+        let (ratio, rests) = match critical {
+            Some(r) if r <= T::zero() && asked <= r => (r, true),
+            Some(r) if r >= T::zero() && asked >= r => (r, true),
+            Some(r) if asked * r < T::zero() => (T::zero(), false),
+            // Nothing to stop: at rest before and, smooth, after.
+            Some(r) if r == T::zero() => (r, true),
+            None if asked > T::zero() => (T::zero(), false),
+            _ => (asked, false),
+        };
+        let bounded = self.within_energy(ratio);
+        (bounded, rests && bounded == ratio)
+    }
+
+    /// The ratio between 0 and `r` that is nearest to `r` and gains no energy.
+    fn within_energy(&self, r: T) -> T {
+        let (zero, two) = (T::zero(), convert::<f64, T>(2.0));
+        // (T⁺ - T⁻)(C + r B)²/gain = α r² + β r + γ, with γ <= 0.
+        let alpha = self.v_t * self.b + self.a * self.gain / two;
+        let beta = self.v_t * self.c + (self.v_n + self.gain) * self.b;
+        let gamma = self.c * (self.v_n + self.gain / two);
+        if (alpha * r + beta) * r + gamma <= zero {
+            return r;
+        }
+        // The root on the side of r, in the form without cancellation.
+        let side = r.signum();
+        let slope = beta * side;
+        let root = (slope * slope - convert::<f64, T>(4.0) * alpha * gamma).max(zero);
+        if slope < zero {
+            side * (root.sqrt() - slope) / (two * alpha)
+        } else if gamma == zero {
+            zero
+        } else {
+            -side * two * gamma / (slope + root.sqrt())
+        }
+    }
+}

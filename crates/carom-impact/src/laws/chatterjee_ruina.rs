@@ -1,0 +1,105 @@
+use nalgebra::RealField;
+
+use super::{Law, check_friction, check_restitution, check_tangential_restitution};
+use crate::contact::{Contact, length};
+use crate::outcome::{Account, Mode};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Two plastic impulses, one smooth and one that sticks, each with a restitution of its own; then the cone.
+///
+/// ```text
+/// P₁ = -(u_n⁻/C) n                        smooth, to u_n = 0
+/// P₂ = -H⁻¹ u⁻                            sticking, to u = 0
+/// P  = (1 + e) P₁ + κ (P₂ - P₁)           with κ = 1 + e_t if that is in the cone, else the κ
+///                                         between 0 and 1 + e_t at which |P_t| = μ P_n
+/// ```
+///
+/// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `tangential_restitution` e_t in \[-1, 1\], where -1 is
+/// [`Frictionless`](crate::Frictionless) and 1 returns the tangential blow; `friction` μ >= 0.
+///
+/// **Guarantee.** One answer for every H, regular or not, in plane and space, by a formula; `u_n⁺ = -e u_n⁻`. Never
+/// gains energy: `P₂ - P₁` leaves u_n alone, so the two parts do not share energy, and
+///
+/// ```text
+/// T⁺ - T⁻ = -(1 - e²) (u_n⁻)²/(2 C) - κ (2 - κ) E,   E = ½ (P₂ - P₁)ᵀ H (P₂ - P₁) >= 0,   0 <= κ <= 2
+/// ```
+///
+/// **Fails** to be Coulomb's law in time: even with e_t = 0 and enough friction, a contact that the normal impulse
+/// drives along the tangent does not leave at rest, because sticking belongs to the plastic part only. The
+/// coefficients are to be fitted; e_t is no constant of a material.
+///
+/// **Singular H.** What H cannot move, friction does not try to: `P₂ - P₁` is the shortest tangential impulse that
+/// stops what can be stopped.
+///
+/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+///
+/// **Source.** Chatterjee and Ruina, *A new algebraic rigid-body collision law based on impulse space
+/// considerations*, J. Appl. Mech. 65 (1998) 939.
+///
+/// ```
+/// # use carom_impact::{ChatterjeeRuina, ImpactProblem, Law};
+/// # use nalgebra::{matrix, vector};
+/// // A solid sphere on a floor rough enough: the contact stops, then leaves backwards (a superball).
+/// let problem = ImpactProblem::new(matrix![3.5, 0.0, 0.0; 0.0, 3.5, 0.0; 0.0, 0.0, 1.0], vector![1.0, 0.0, -1.0])?;
+/// let law = ChatterjeeRuina { restitution: 0.8, tangential_restitution: 0.5, friction: 0.5 };
+/// let hit = law.resolve(&problem)?;
+/// assert!((hit.u_plus - vector![-0.5, 0.0, 0.8_f64]).norm() < 1e-15);
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ChatterjeeRuina<T = f64> {
+    /// Normal, kinematic coefficient of restitution, 0 to 1.
+    pub restitution: T,
+    /// Tangential coefficient of restitution, -1 to 1.
+    pub tangential_restitution: T,
+    /// Coulomb coefficient of friction, 0 or more.
+    pub friction: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
+    fn name(&self) -> &'static str {
+        "chatterjee-ruina"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        check_restitution(e)?;
+        check_tangential_restitution(self.tangential_restitution)?;
+        check_friction(mu)?;
+        if problem.approach_speed() <= T::zero() {
+            return Ok(ImpactOutcome::none(name, problem, mu));
+        }
+        problem.check_normal()?;
+
+        let contact = Contact::of(problem);
+        let (h, c) = (contact.coupling, contact.normal);
+        let mobility = contact.at_held_normal();
+        let smooth = -contact.v_n / c; // P₁ along n
+        // P₂ - P₁ = (stop, lift): it stops the slip that the smooth impulse leaves.
+        let slip = contact.slip + h * smooth;
+        let stop = -mobility.least_solution(&slip);
+        let lift = -h.dot(&stop) / c;
+
+        let rebound = (T::one() + e) * smooth;
+        let whole = T::one() + self.tangential_restitution;
+        let size = length(&stop);
+        let sticks = whole * size <= mu * (rebound + whole * lift);
+        // Outside the cone the denominator is positive: whole (size - mu lift) > mu rebound >= 0.
+        let share = if sticks { whole } else { mu * rebound / (size - mu * lift) };
+
+        let tangent = stop * share;
+        let p_n = rebound + lift * share;
+        let impulse = Contact::lift(&tangent, p_n);
+        let mut v_t = contact.slip + contact.tangents * tangent + h * p_n;
+        if sticks && mu > T::zero() && contact.rests(&v_t, &tangent, p_n) {
+            v_t.fill(T::zero());
+        }
+        let u_plus = Contact::lift(&v_t, -e * contact.v_n);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        if account.mode == Mode::Stick && mu == T::zero() && contact.slip.amax() > T::zero() {
+            account.mode = Mode::Slip; // nothing holds it
+        }
+        account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
+        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+    }
+}

@@ -1,0 +1,201 @@
+use nalgebra::{Matrix2, RealField, Vector2, convert};
+
+use super::{Law, check_friction, check_restitution};
+use crate::cone::Cone;
+use crate::contact::{Contact, length};
+use crate::outcome::{Account, Mode};
+use crate::problem::{plain, rounding};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// Newton's coefficient, and friction against a mean of the slips before and after.
+///
+/// ```text
+/// u_n⁺ = -e u_n⁻
+/// P_t  = -μ P_n w,   w = (|v_t⁻| v_t⁻ + |v_t⁺| v_t⁺)/(|v_t⁻|² + |v_t⁺|²),   |w| <= 1
+/// ```
+///
+/// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
+///
+/// **Guarantee.** Never gains energy: with `x = |v_t⁻|` and `y = |v_t⁺|`, friction's part of the change is
+/// `½ P_t·(v_t⁻ + v_t⁺) <= -½ μ P_n (x + y)(x - y)²/(x² + y²)`. In the plane one answer for every regular H: `v_t⁺`
+/// falls as w grows and w grows with `v_t⁺`. In space one exists, because the field `P_t + μ P_n w` points outwards
+/// all around the cone; that there is no other is not proved.
+///
+/// **Fails** to stick: a slip that friction could stop fades, and ends only as μ grows. Slip that turns round is
+/// hardly braked at all, since the two slips cancel in w. Without slip before, it is
+/// [`Whittaker`](crate::Whittaker)'s law.
+///
+/// **Method.** Newton's, kept in the cone, with friction raised step by step where it does not find its way at once.
+///
+/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+///
+/// **Source.** Smith, *Predicting rebounds using rigid-body dynamics*, J. Appl. Mech. 58 (1991) 754.
+///
+/// ```
+/// # use carom_impact::{ImpactProblem, Law, Smith};
+/// # use nalgebra::{matrix, vector};
+/// // Kane and Levinson's double pendulum.
+/// let problem = ImpactProblem::new(
+///     matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504],
+///     vector![-0.267174342835_f64, -0.134202014333],
+/// )?;
+/// let hit = Smith { restitution: 0.5, friction: 0.5 }.resolve(&problem)?;
+/// assert!((hit.u_plus - vector![0.044315, 0.067101]).amax() < 1e-6);
+/// assert!((hit.energy_ratio() - 0.566774).abs() < 1e-6);
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Smith<T = f64> {
+    /// Kinematic coefficient of restitution, 0 to 1.
+    pub restitution: T,
+    /// Coulomb coefficient of friction, 0 or more.
+    pub friction: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
+    fn name(&self) -> &'static str {
+        "smith"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        check_restitution(e)?;
+        check_friction(mu)?;
+        if problem.approach_speed() <= T::zero() {
+            return Ok(ImpactOutcome::none(name, problem, mu));
+        }
+        problem.check_normal()?;
+
+        let contact = Contact::of(problem);
+        let Some((tangent, p_n, v_t)) = answer(&contact, e, mu) else {
+            let held = contact.held_inverse_mass();
+            return Err(ImpactError::Wedged {
+                friction: plain(mu),
+                normal_velocity: plain(contact.v_n),
+                inverse_mass: plain(held),
+                free_inverse_mass: plain(contact.normal),
+            });
+        };
+        let impulse = Contact::lift(&tangent, p_n);
+        let u_plus = Contact::lift(&v_t, -e * contact.v_n);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        if account.mode == Mode::Stick && contact.slip.amax() > T::zero() {
+            account.mode = Mode::Slip; // nothing holds it
+        }
+        account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
+        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+    }
+}
+
+/// `(P_t, P_n, v_t⁺)`.
+fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vector2<T>, T, Vector2<T>)> {
+    let gain = -(T::one() + e) * contact.v_n;
+    if contact.slip.amax() == T::zero() && mu > T::zero() {
+        let cone = Cone::new(contact.tangents, contact.coupling, contact.normal);
+        let touch = cone.solve(mu, &contact.slip, -gain, gain)?;
+        return Some((touch.tangent, touch.normal, touch.tangent * -touch.slip));
+    }
+    let equation = Equation {
+        slip: contact.slip,
+        smooth: gain / contact.normal,
+        tilt: contact.coupling / contact.normal,
+        tangents: contact.tangents - contact.coupling * contact.coupling.transpose() / contact.normal,
+        start: contact.slip + contact.coupling * (gain / contact.normal),
+    };
+    let x = equation.solve(mu)?;
+    Some((x, equation.normal(&x), equation.end(&x)))
+}
+
+/// `x + μ P_n(x) w(x) = 0` for `x = P_t`, the normal impulse eliminated.
+struct Equation<T> {
+    slip: Vector2<T>,
+    /// P_n at x = 0.
+    smooth: T,
+    /// `h/C`.
+    tilt: Vector2<T>,
+    /// `A - h hᵀ/C`.
+    tangents: Matrix2<T>,
+    /// v_t⁺ at x = 0.
+    start: Vector2<T>,
+}
+
+impl<T: RealField + Copy> Equation<T> {
+    fn normal(&self, x: &Vector2<T>) -> T {
+        self.smooth - self.tilt.dot(x)
+    }
+
+    fn end(&self, x: &Vector2<T>) -> Vector2<T> {
+        self.start + self.tangents * x
+    }
+
+    /// Left side and its derivative.
+    fn value(&self, mu: T, x: &Vector2<T>) -> (Vector2<T>, Matrix2<T>) {
+        let (v, y, p_n) = (self.slip, self.end(x), self.normal(x));
+        let (before, after) = (length(&v), length(&y));
+        let squares = before * before + after * after;
+        let w = (v * before + y * after) / squares;
+        // d(|y| y) = |y| 1 + y yᵀ/|y|
+        let mut rate = Matrix2::identity() * after - w * y.transpose() * convert::<f64, T>(2.0);
+        if after > T::zero() {
+            rate += y * y.transpose() / after;
+        }
+        let slope = Matrix2::identity() + rate * self.tangents * (mu * p_n / squares) - w * self.tilt.transpose() * mu;
+        (x + w * (mu * p_n), slope)
+    }
+
+    /// Newton's method from no friction; if it stalls, by way of smaller coefficients.
+    fn solve(&self, mu: T) -> Option<Vector2<T>> {
+        if let Some(x) = self.newton(mu, Vector2::zeros()) {
+            return Some(x);
+        }
+        let half: T = convert(0.5);
+        let (mut x, mut share, mut step) = (Vector2::zeros(), T::zero(), convert::<f64, T>(1.0 / 64.0));
+        for _ in 0..1000 {
+            let next = (share + step).min(T::one());
+            match self.newton(mu * next, x) {
+                Some(found) if next == T::one() => return Some(found),
+                Some(found) => (x, share, step) = (found, next, step * convert(1.5)),
+                None => step *= half,
+            }
+        }
+        None
+    }
+
+    fn newton(&self, mu: T, mut x: Vector2<T>) -> Option<Vector2<T>> {
+        let half: T = convert(0.5);
+        let (mut f, mut slope) = self.value(mu, &x);
+        for _ in 0..60 {
+            let det = slope.determinant();
+            if det == T::zero() {
+                return None;
+            }
+            let step =
+                Vector2::new(slope[(1, 1)] * f.x - slope[(0, 1)] * f.y, slope[(0, 0)] * f.y - slope[(1, 0)] * f.x)
+                    / det;
+            let size = length(&f);
+            let scale = length(&x) + mu * self.normal(&x);
+            let mut share = T::one();
+            let next = loop {
+                let next = x - step * share;
+                let p_n = self.normal(&next);
+                let (g, g_slope) = self.value(mu, &next);
+                // Once at rounding, a last full step lets derivatives settle.
+                if size <= scale * rounding(16.0) && p_n > T::zero() {
+                    return Some(next);
+                }
+                let falls = length(&g) < size * (T::one() - share * convert(1e-4));
+                if p_n > T::zero() && falls {
+                    break (next, g, g_slope);
+                }
+                share *= half;
+                if share < convert(1e-9) {
+                    // Rounding in w may be larger, its slope being 1/|v_t⁻|, and in P_n, a difference.
+                    let rough = scale * T::default_epsilon().sqrt() + mu * self.smooth * rounding(16.0);
+                    return (size <= rough).then_some(x);
+                }
+            };
+            (x, f, slope) = next;
+        }
+        None
+    }
+}
