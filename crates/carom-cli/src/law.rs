@@ -86,7 +86,7 @@ impl<A: Serialize> All<A> {
     /// One law's refusal beside the others' answers. What is wrong with the problem itself refuses the line.
     pub fn refuse(&mut self, law: &'static str, why: &ImpactError) -> Result<(), LineError> {
         match why {
-            ImpactError::NotInOnePlane { .. } | ImpactError::Wedged { .. } => {
+            ImpactError::Wedged { .. } => {
                 self.refused.push(Refusal { law, reason: why.to_string() });
                 Ok(())
             }

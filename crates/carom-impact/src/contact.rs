@@ -12,8 +12,8 @@
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
-use crate::ImpactProblem;
-use crate::problem::{NULL_PIVOT, rounding};
+use crate::problem::{NULL_PIVOT, plain, rounding};
+use crate::{ImpactError, ImpactProblem};
 
 /// Slip below this multiple of ε, beside the terms that cancel in it, is none.
 const REST: f64 = 64.0;
@@ -60,6 +60,16 @@ impl<T: RealField + Copy> Contact<T> {
         v_t.amax() <= terms.amax() * rounding(REST)
     }
 
+    /// The contact wedges: held at `v_n`, it has this inverse mass left along its normal.
+    pub fn wedged(&self, mu: T, v_n: T, inverse_mass: T) -> ImpactError {
+        ImpactError::Wedged {
+            friction: plain(mu),
+            normal_velocity: plain(v_n),
+            inverse_mass: plain(inverse_mass),
+            free_inverse_mass: plain(self.normal),
+        }
+    }
+
     /// `1024 ε` of the largest entry of A: an eigenvalue below it is rounding.
     pub fn floor(&self) -> T {
         self.tangents.amax() * rounding(NULL_PIVOT)
@@ -68,18 +78,41 @@ impl<T: RealField + Copy> Contact<T> {
     /// Whether H has a null direction with a normal component: then holding the normal takes mobility from the
     /// tangents.
     pub fn is_singular(&self) -> bool {
-        self.at_held_normal().rank() < Mobility::new(self.tangents, self.floor()).rank()
+        self.at_held_normal().rank() < self.mobility().rank()
+    }
+
+    /// A with its rank.
+    pub fn mobility(&self) -> Mobility<T> {
+        Mobility::new(self.tangents, self.floor())
     }
 
     /// What the held contact has left of `H_nn`, `C - hᵀ A⁺ h` (1/kg).
     pub fn held_inverse_mass(&self) -> T {
-        let hold = Mobility::new(self.tangents, self.floor()).least_solution(&self.coupling);
+        let hold = self.mobility().least_solution(&self.coupling);
         self.normal - self.coupling.dot(&hold)
     }
 
     /// An inverse mass along the normal that is rounding of zero beside `H_nn`.
     pub fn is_locked(&self, inverse_mass: T) -> bool {
         inverse_mass <= self.normal * rounding(NULL_PIVOT)
+    }
+}
+
+impl<T: RealField + Copy> ImpactProblem<T, 3> {
+    /// `|A⁺ h|`: the least friction that keeps a contact stuck once its slip has stopped; 0 where the tangents are
+    /// frozen (A = 0).
+    ///
+    /// ```
+    /// # use carom_impact::ImpactProblem;
+    /// # use nalgebra::{matrix, vector};
+    /// let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
+    /// let problem = ImpactProblem::new(h, vector![0.6, -0.2, -1.0])?;
+    /// assert!((problem.mu_stick() - 0.44267251_f64).abs() < 1e-8);
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    pub fn mu_stick(&self) -> T {
+        let contact = Contact::of(self);
+        length(&contact.mobility().least_solution(&contact.coupling))
     }
 }
 

@@ -113,24 +113,6 @@ pub enum ImpactError {
         free_inverse_mass: f64,
     },
 
-    /// A planar law was asked about an impact whose slip leaves its plane.
-    #[error(
-        "law `{law}` in space answers only contacts whose slip stays in one plane through the \
-         normal: here the direction across the slip couples to the slip by {tangent_coupling} 1/kg \
-         and to the normal by {normal_coupling} 1/kg, and at most {allowed} 1/kg counts as none; \
-         use `frictionless`, or friction 0, or a contact with that symmetry"
-    )]
-    NotInOnePlane {
-        /// Name of the law.
-        law: &'static str,
-        /// `|H_bt|`, b across the slip direction t (1/kg).
-        tangent_coupling: f64,
-        /// `|H_bn|` (1/kg).
-        normal_coupling: f64,
-        /// Largest coupling taken for rounding (1/kg).
-        allowed: f64,
-    },
-
     /// The parts of an impact at several places do not fit one another.
     #[error(
         "{what} has {found} rows, but the constraints take {expected}: a contact takes three (tangents first, normal \

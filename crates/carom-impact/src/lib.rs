@@ -67,6 +67,7 @@ mod cone;
 mod contact;
 mod error;
 mod flags;
+mod flow;
 mod laws;
 mod outcome;
 mod plane;

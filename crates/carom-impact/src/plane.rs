@@ -3,14 +3,16 @@
 //! Let t be the direction of slip, n the normal, b a tangent across t. If `u_b = 0` and
 //! `H_bt = H_bn = 0`, then no impulse in the plane (t, n) starts motion along b, so slip never
 //! leaves the plane, friction never leaves t, and the 2 × 2 problem in (t, n) is the whole of it:
-//! an exact reduction. Where it fails, slip turns as it goes, and the law needs the
-//! flow in space, which is not in this crate: [`SlipPlane::of`] is where it would branch off.
+//! an exact reduction, and a closed form. Where it fails slip turns as it goes, and the law works in
+//! space (`flow/`, `cone.rs`).
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
+use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
 use crate::outcome::Account;
-use crate::problem::{plain, rounding};
+use crate::problem::rounding;
+use crate::routh::{Ending, walk};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A coupling below this multiple of ε, beside the largest entry of H (or a velocity, beside
@@ -27,13 +29,26 @@ pub(crate) struct Answer<T> {
     pub account: Account<T>,
 }
 
-/// Answers `problem` with a law that works in the plane of slip.
-pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
+/// Answers `problem` by Routh's method, in the plane of slip or in space.
+pub(crate) fn resolve_by_walk<T: RealField + Copy, const D: usize>(
+    law: &'static str,
+    e: T,
+    mu: T,
+    problem: &ImpactProblem<T, D>,
+    ending: Ending,
+) -> Result<ImpactOutcome<T, D>, ImpactError> {
+    let in_plane = |contact: &_| walk(contact, e, mu, ending);
+    resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
+}
+
+/// Answers `problem` with a law that works in the plane of slip where there is one, and else in space.
+pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     law: &'static str,
     restitution: T,
     mu: T,
     problem: &ImpactProblem<T, D>,
-    solve: impl FnOnce(&ImpactProblem<T, 2>) -> Result<Answer<T>, ImpactError>,
+    in_plane: impl FnOnce(&ImpactProblem<T, 2>) -> Result<Answer<T>, ImpactError>,
+    in_space: impl FnOnce() -> Result<Found<T, D>, ImpactError>,
 ) -> Result<ImpactOutcome<T, D>, ImpactError> {
     check_restitution(restitution)?;
     check_friction(mu)?;
@@ -42,14 +57,16 @@ pub(crate) fn resolve_in_plane<T: RealField + Copy, const D: usize>(
     }
     problem.check_normal()?;
 
-    let plane = match SlipPlane::of(law, problem) {
-        Ok(plane) => plane,
+    let Some(plane) = SlipPlane::of(problem) else {
         // Without friction no direction of slip is needed.
-        Err(_) if mu == T::zero() => return Ok(frictionless(law, restitution, problem)),
-        Err(refusal) => return Err(refusal),
+        if mu == T::zero() {
+            return Ok(frictionless(law, restitution, problem));
+        }
+        let Found { impulse, u_plus, account } = in_space()?;
+        return Ok(ImpactOutcome::of(law, problem, impulse, u_plus, &account));
     };
     let contact = plane.contact(problem);
-    let mut answer = solve(&contact)?;
+    let mut answer = in_plane(&contact)?;
 
     let (_, b, c) = contact.abc();
     let (v_t, _) = contact.velocity();
@@ -70,32 +87,32 @@ struct SlipPlane<T, const D: usize> {
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// Along the slip `u_t`; without slip along `h_tn`, where the normal impulse will drive it;
     /// without either the contact never leaves `v_t = 0` and any tangent, hence none, will do.
-    fn of(law: &'static str, problem: &ImpactProblem<T, D>) -> Result<Self, ImpactError> {
+    fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
         let h = problem.delassus();
         let u = problem.u_minus();
         if D == 2 {
             let mut t = SVector::zeros();
             t[0] = T::one();
-            return Ok(Self { t, v_t: u[0] });
+            return Some(Self { t, v_t: u[0] });
         }
         let tolerance: T = rounding(PLANE);
         if let Some(t) = along(u) {
             let v_t = t.dot(u);
-            let plane = Self { t, v_t }.check(law, problem);
-            // Slip that may be rounding of the approach has no direction worth refusing for.
-            if plane.is_ok() || v_t > u.norm() * tolerance {
+            let plane = Self { t, v_t }.check(problem);
+            // Slip that may be rounding of the approach has no direction worth a plane of its own.
+            if plane.is_some() || v_t > u.norm() * tolerance {
                 return plane;
             }
         }
         let drive = h.column(D - 1).into_owned();
         match along(&drive) {
-            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: T::zero() }.check(law, problem),
-            _ => Ok(Self { t: SVector::zeros(), v_t: T::zero() }),
+            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: T::zero() }.check(problem),
+            _ => Some(Self { t: SVector::zeros(), v_t: T::zero() }),
         }
     }
 
     /// `H_bt = H_bn = 0` for every tangent b across t.
-    fn check(self, law: &'static str, problem: &ImpactProblem<T, D>) -> Result<Self, ImpactError> {
+    fn check(self, problem: &ImpactProblem<T, D>) -> Option<Self> {
         let n = D - 1;
         let h = problem.delassus();
         let allowed = h.amax() * rounding(PLANE);
@@ -105,15 +122,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         };
         let tangent = across(h * self.t);
         let normal = across(h.column(n).into_owned());
-        if tangent <= allowed && normal <= allowed {
-            return Ok(self);
-        }
-        Err(ImpactError::NotInOnePlane {
-            law,
-            tangent_coupling: plain(tangent),
-            normal_coupling: plain(normal),
-            allowed: plain(allowed),
-        })
+        (tangent <= allowed && normal <= allowed).then_some(self)
     }
 
     /// The problem seen in (t, n).

@@ -178,7 +178,8 @@ pub(crate) fn walk<T: RealField + Copy>(
             down.advance(&first, pc);
             let mut back = down.turn().advanced(&first, p1 - pc);
             back.v_t = zero;
-            let rest = restitution_left(ending, e, v_n, &down, &back, then.normal_rate, locked);
+            let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
+            let rest = end.left(back.p, back.v_n, back.normal_work, then.normal_rate, locked);
             up = back.advanced(&then, rest);
             Some(Phase::Restitution)
         }
@@ -192,7 +193,8 @@ pub(crate) fn walk<T: RealField + Copy>(
                 return Err(wedged(down.v_n, then.normal_rate));
             }
             let back = down.turn();
-            let rest = restitution_left(ending, e, v_n, &down, &back, then.normal_rate, locked);
+            let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
+            let rest = end.left(back.p, back.v_n, back.normal_work, then.normal_rate, locked);
             up = back.advanced(&then, rest);
             Some(Phase::Compression)
         }
@@ -234,28 +236,35 @@ fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T, h
     Segment::slip(contact, mu, sign(b), mode)
 }
 
-/// Normal impulse from the stop of slip to the end of restitution. `down` is the compression,
-/// `back` the restitution so far, `rate` is `dv_n/dp` from here on.
-fn restitution_left<T: RealField + Copy>(
-    ending: Ending,
-    e: T,
-    v_n_minus: T,
-    down: &Walk<T>,
-    back: &Walk<T>,
-    rate: T,
-    locked: bool,
-) -> T {
-    let two: T = convert(2.0);
-    match ending {
-        Ending::Impulse => e * down.p - back.p,
-        // No impulse moves a locked contact on.
-        _ if locked => T::zero(),
-        Ending::Velocity => (-e * v_n_minus - back.v_n) / rate,
-        Ending::Work if back.v_n == T::zero() => e * (-two * down.normal_work / rate).sqrt(),
-        Ending::Work => {
-            // The root x of v_n x + rate x²/2 = left, in the form without cancellation.
-            let left = -e * e * down.normal_work - back.normal_work;
-            two * left / (back.v_n + (back.v_n * back.v_n + two * rate * left).sqrt())
+/// What ends the restitution, with the numbers of the compression it refers to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct End<T> {
+    pub ending: Ending,
+    pub e: T,
+    pub v_n_minus: T,
+    /// Normal impulse of compression (N s).
+    pub pc: T,
+    /// Normal work of compression, negative (J).
+    pub work: T,
+}
+
+impl<T: RealField + Copy> End<T> {
+    /// Normal impulse still to come at the constant rate `dv_n/dp`, where restitution has brought the impulse p,
+    /// the velocity v_n and the work so far.
+    pub fn left(&self, p: T, v_n: T, work: T, rate: T, locked: bool) -> T {
+        let two: T = convert(2.0);
+        let Self { e, .. } = *self;
+        match self.ending {
+            Ending::Impulse => e * self.pc - p,
+            // No impulse moves a locked contact on.
+            _ if locked => T::zero(),
+            Ending::Velocity => (-e * self.v_n_minus - v_n) / rate,
+            Ending::Work if v_n == T::zero() => e * (-two * self.work / rate).sqrt(),
+            Ending::Work => {
+                // The root x of v_n x + rate x²/2 = left, in the form without cancellation.
+                let left = -e * e * self.work - work;
+                two * left / (v_n + (v_n * v_n + two * rate * left).sqrt())
+            }
         }
     }
 }

@@ -3,7 +3,6 @@ use nalgebra::{RealField, Vector2, convert};
 use super::{Law, check_impulse_ratio, check_restitution};
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
-use crate::problem::plain;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and an impulse ratio in the direction t of the first slip, clipped to what is admissible.
@@ -85,12 +84,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
         let det = plane.determinant();
         let push = if rests { plane.gain * det / plane.stops() } else { plane.c + ratio * plane.b };
         if contact.is_locked(push) {
-            return Err(ImpactError::Wedged {
-                friction: plain(ratio.abs()),
-                normal_velocity: plain(contact.v_n),
-                inverse_mass: plain(push),
-                free_inverse_mass: plain(contact.normal),
-            });
+            return Err(contact.wedged(ratio.abs(), contact.v_n, push));
         }
         // At rest the impulse is the one that sticks in the plane (t, n): no difference C + r B to round.
         let (p_t, p_n) = if rests {

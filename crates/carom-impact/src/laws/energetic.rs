@@ -1,8 +1,8 @@
 use nalgebra::RealField;
 
 use super::Law;
-use crate::plane::resolve_in_plane;
-use crate::routh::{Ending, walk};
+use crate::plane::resolve_by_walk;
+use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Routh's walk, ended by the ratio of works (Stronge's law): restitution is over when the normal
@@ -21,8 +21,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Fails** nowhere in the plane that its siblings do not: see [`ImpactError::Wedged`].
 ///
-/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
-/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
+/// through the normal, the problem is reduced to that plane exactly.
 ///
 /// **Source.** Stronge, Proc. R. Soc. A 431 (1990) 169.
 ///
@@ -51,6 +51,6 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Energetic<T> {
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        resolve_in_plane(name, e, mu, problem, |contact| walk(contact, e, mu, Ending::Work))
+        resolve_by_walk(name, e, mu, problem, Ending::Work)
     }
 }

@@ -37,9 +37,7 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     /// # Errors
     ///
     /// A coefficient out of its range; a normal without mobility
-    /// ([`ImpactError::SingularNormal`]); a held contact that wedges ([`ImpactError::Wedged`]); in
-    /// space, for a law with friction, slip that leaves its plane
-    /// ([`ImpactError::NotInOnePlane`]).
+    /// ([`ImpactError::SingularNormal`]); a held contact that wedges ([`ImpactError::Wedged`]).
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError>;
 }
 

@@ -1,8 +1,8 @@
 use nalgebra::RealField;
 
 use super::Law;
-use crate::plane::resolve_in_plane;
-use crate::routh::{Ending, walk};
+use crate::plane::resolve_by_walk;
+use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Routh's walk, ended by the ratio of velocities: restitution is over when
@@ -25,8 +25,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// With friction that holds a contact and det H -> 0 the impulse grows without bound; at det H = 0
 /// the contact stays at `u_n = 0` instead.
 ///
-/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
-/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
+/// through the normal, the problem is reduced to that plane exactly.
 ///
 /// **Source.** Keller, J. Appl. Mech. 53 (1986) 1, on Routh's method, with Newton's coefficient as the
 /// end; compare Wang and Mason, J. Appl. Mech. 59 (1992) 635.
@@ -56,6 +56,6 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        resolve_in_plane(name, e, mu, problem, |contact| walk(contact, e, mu, Ending::Velocity))
+        resolve_by_walk(name, e, mu, problem, Ending::Velocity)
     }
 }

@@ -1,8 +1,8 @@
 use nalgebra::RealField;
 
 use super::Law;
-use crate::plane::resolve_in_plane;
-use crate::routh::{Ending, walk};
+use crate::plane::resolve_by_walk;
+use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Routh's walk, ended by the ratio of impulses: with `pc` the normal impulse at which compression
@@ -19,8 +19,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Fails** at e = 1 to be lossless: when slip stops, the normal work of the two phases differs.
 ///
-/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
-/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
+/// through the normal, the problem is reduced to that plane exactly.
 ///
 /// **Source.** Poisson (1811); Routh (1860); Wang and Mason, J. Appl. Mech. 59 (1992) 635.
 ///
@@ -49,6 +49,6 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Poisson<T> {
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        resolve_in_plane(name, e, mu, problem, |contact| walk(contact, e, mu, Ending::Impulse))
+        resolve_by_walk(name, e, mu, problem, Ending::Impulse)
     }
 }

@@ -4,7 +4,7 @@ use super::{Law, check_friction, check_restitution};
 use crate::cone::Cone;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::{plain, rounding};
+use crate::problem::rounding;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and friction against a mean of the slips before and after.
@@ -68,13 +68,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
 
         let contact = Contact::of(problem);
         let Some((tangent, p_n, v_t)) = answer(&contact, e, mu) else {
-            let held = contact.held_inverse_mass();
-            return Err(ImpactError::Wedged {
-                friction: plain(mu),
-                normal_velocity: plain(contact.v_n),
-                inverse_mass: plain(held),
-                free_inverse_mass: plain(contact.normal),
-            });
+            return Err(contact.wedged(mu, contact.v_n, contact.held_inverse_mass()));
         };
         let impulse = Contact::lift(&tangent, p_n);
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);

@@ -1,8 +1,11 @@
 use nalgebra::{RealField, convert};
 
 use super::Law;
+use crate::cone::Cone;
+use crate::contact::{Contact, length};
+use crate::flow::Found;
 use crate::outcome::{Account, Mode};
-use crate::plane::{Answer, resolve_in_plane};
+use crate::plane::{Answer, resolve_with_friction};
 use crate::problem::{plain, rounding};
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -33,8 +36,8 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised
 /// coefficients are e.
 ///
-/// **In space** it answers contacts whose slip stays in one plane through the normal, by the exact
-/// reduction to that plane; others are refused ([`ImpactError::NotInOnePlane`]).
+/// **In space** slip is opposed by friction of size `μ P_n` along `-v_t⁺`: with the normal impulse eliminated,
+/// `P_t = -(S + s 1)⁻¹ b` for an s >= 0 found to rounding (`cone.rs`). One such s exists for every regular H.
 ///
 /// **Source.** Whittaker, *Analytical Dynamics* (1904); its paradox: Kane and Levinson,
 /// *Dynamics* (1985).
@@ -67,8 +70,29 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        resolve_in_plane(name, e, mu, problem, |contact| algebraic(contact, e, mu))
+        let in_plane = |contact: &_| algebraic(contact, e, mu);
+        resolve_with_friction(name, e, mu, problem, in_plane, || in_space(problem, e, mu))
     }
+}
+
+fn in_space<T: RealField + Copy, const D: usize>(
+    problem: &ImpactProblem<T, D>,
+    e: T,
+    mu: T,
+) -> Result<Found<T, D>, ImpactError> {
+    let contact = Contact::of(problem);
+    let Contact { tangents, coupling, normal, slip, v_n } = contact;
+    let gain = -(T::one() + e) * v_n;
+    let touch = Cone::new(tangents, coupling, normal).solve(mu, &slip, -gain, length(&slip) + gain);
+    let Some(touch) = touch else {
+        return Err(contact.wedged(mu, v_n, contact.held_inverse_mass()));
+    };
+    let impulse = Contact::lift(&touch.tangent, touch.normal);
+    // Exactly against the friction; nothing where it sticks.
+    let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * v_n);
+    let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+    account.flags |= Flags::SINGULAR.when(contact.is_singular());
+    Ok(Found { impulse, u_plus, account })
 }
 
 fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) -> Result<Answer<T>, ImpactError> {

@@ -1,0 +1,332 @@
+//! Routh's method in space: the impact as a flow of the contact velocity, with the normal impulse p as its clock.
+//!
+//! Rigid bodies, Coulomb friction, as in `routh.rs`; but in space slip turns while it lasts. With r its speed, φ its
+//! direction, u = (cos φ, sin φ) and u⊥ across it,
+//!
+//! ```text
+//! dv_t/dp = h - μ A u,   dv_n/dp = C - μ h·u
+//! dr/dp   = u·(h - μ A u),   r dφ/dp = u⊥·(h - μ A u) = k_φ(φ)
+//! ```
+//!
+//! The direction turns by its own law, towards a zero of k_φ: an **invariant direction**, along which slip is
+//! straight ([`Line`]). A zero of k_φ is never missing, for its mean over the circle is zero. Elsewhere the flow is
+//! followed by power series ([`Curve`]) in a variable in which nothing happens suddenly as r -> 0.
+//!
+//! When slip stops, the contact sticks if friction can hold it, and else leaves along an invariant direction on which
+//! slip grows:
+//!
+//! ```text
+//! stick   dp_t/dp = -A⁺ h                       if |A⁺ h| <= μ
+//! slip    dp_t/dp = -μ u = -(A + s 1)⁻¹ h       with s > 0 such that |dp_t/dp| = μ;  dr/dp = μ s
+//! ```
+//!
+//! The second line is `h - μ A u = μ s u` solved for u, and its left side falls as s grows, from `|A⁺ h| > μ` to 0: so
+//! there is exactly one such direction.
+//!
+//! While `μ h·u > C` friction drives the contact deeper (jam). In space slip may turn into that during restitution and
+//! press the contact back to `v_n = 0` before the end: then all so far was compression, which goes on.
+//!
+//! Symbols as in `contact.rs`; velocities in m/s, impulses in N s, work in J.
+//!
+//! Sources: Keller, J. Appl. Mech. 53 (1986) 1; Bhatt and Koechling, *Three-dimensional frictional rigid-body impact*,
+//! J. Appl. Mech. 62 (1995) 893.
+
+mod curve;
+mod line;
+mod series;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{RealField, SVector, Vector2};
+
+use crate::cone::shift;
+use crate::contact::{Contact, length};
+use crate::outcome::{Account, Mode, Phase};
+use crate::problem::rounding;
+use crate::routh::{End, Ending, coefficient_of_work};
+use crate::{Flags, ImpactError, ImpactProblem};
+use curve::Curve;
+use line::Line;
+
+/// Slip below this multiple of ε, beside the speeds before the impact, is about to stop or has just begun.
+const SLOW: f64 = 1.0 / 64.0;
+
+/// A rate of turning below this multiple of ε, beside the terms that cancel in it, is none.
+const STRAIGHT: f64 = 4.0;
+
+/// More pieces than any impact was seen to need, some dozens; beyond it slip is taken to be straight.
+const PIECES: usize = 4096;
+
+/// Where the contact stands, with books since the last turn between the phases.
+#[derive(Debug, Clone, Copy)]
+struct State<T> {
+    p: T,
+    p_t: Vector2<T>,
+    /// Unit vector of slip; any where r = 0.
+    heading: Vector2<T>,
+    /// Speed of slip.
+    r: T,
+    v_n: T,
+    normal_work: T,
+    friction_work: T,
+}
+
+impl<T: RealField + Copy> State<T> {
+    /// Here, with empty books: a small work returned would drown in the rounding of the work put in.
+    fn turn(&self) -> Self {
+        let zero = T::zero();
+        Self { p: zero, p_t: Vector2::zeros(), normal_work: zero, friction_work: zero, ..*self }
+    }
+
+    fn advance(&mut self, step: Step<T>) {
+        self.p += step.p;
+        self.p_t += step.p_t;
+        self.normal_work += step.normal_work;
+        self.friction_work += step.friction_work;
+        (self.heading, self.r, self.v_n) = (step.heading, step.r, step.v_n);
+    }
+
+    /// Here, with the books of `before` added.
+    fn added_to(mut self, before: &Self) -> Self {
+        self.p += before.p;
+        self.p_t += before.p_t;
+        self.normal_work += before.normal_work;
+        self.friction_work += before.friction_work;
+        self
+    }
+}
+
+/// What a piece adds to the books, and where it leads.
+struct Step<T> {
+    p: T,
+    p_t: Vector2<T>,
+    heading: Vector2<T>,
+    r: T,
+    v_n: T,
+    normal_work: T,
+    friction_work: T,
+}
+
+/// What becomes of restitution within a piece.
+enum Return<T> {
+    /// It is over.
+    Ends(T),
+    /// The contact is back at `v_n = 0`.
+    Falls(T),
+    Not,
+}
+
+/// Rates of slip at a direction.
+struct Rates<T> {
+    /// `dr/dp` (1/kg).
+    radial: T,
+    /// `k_φ` (1/kg).
+    turning: T,
+    /// `|h| + μ |A|`, which bounds both (1/kg).
+    scale: T,
+}
+
+/// A stretch of the flow: boxed, the series are long.
+enum Piece<T> {
+    Line(Line<T>),
+    Curve(Box<Curve<T>>),
+}
+
+/// What the flow finds, in contact axes.
+pub(crate) struct Found<T, const D: usize> {
+    pub impulse: SVector<T, D>,
+    pub u_plus: SVector<T, D>,
+    pub account: Account<T>,
+}
+
+/// Follows an approaching contact with friction `μ > 0` to the end of restitution.
+///
+/// A held contact without mobility along its normal is treated as in the plane: see `routh.rs`.
+pub(crate) fn follow<T: RealField + Copy, const D: usize>(
+    problem: &ImpactProblem<T, D>,
+    e: T,
+    mu: T,
+    ending: Ending,
+) -> Result<Found<T, D>, ImpactError> {
+    let zero = T::zero();
+    let contact = Contact::of(problem);
+    let mut flow = Flow::new(&contact, mu);
+    let r = length(&contact.slip);
+    let heading = if r > zero { contact.slip / r } else { contact.slip };
+    let start =
+        State { p: zero, p_t: Vector2::zeros(), heading, r, v_n: contact.v_n, normal_work: zero, friction_work: zero };
+
+    let mut state = start;
+    let mut slip_end = None;
+    let (down, up) = loop {
+        let stopped = flow.compress(&mut state)?;
+        slip_end = slip_end.or(stopped.then_some(Phase::Compression));
+        let down = state;
+        state = down.turn();
+        let end = End { ending, e, v_n_minus: contact.v_n, pc: down.p, work: down.normal_work };
+        let (over, stopped) = flow.restore(&mut state, &end);
+        slip_end = slip_end.or(stopped.then_some(if over { Phase::Restitution } else { Phase::Compression }));
+        if over {
+            break (down, state);
+        }
+        state = state.added_to(&down);
+    };
+
+    let impulse = Contact::lift(&(down.p_t + up.p_t), down.p + up.p);
+    let u_plus = Contact::lift(&(up.heading * up.r), up.v_n);
+    let account = Account {
+        normal_work: down.normal_work + up.normal_work,
+        friction_work: down.friction_work + up.friction_work,
+        newton: -up.v_n / contact.v_n,
+        poisson: up.p / down.p,
+        energetic: coefficient_of_work(up.normal_work, down.normal_work),
+        mode: if up.r == zero { Mode::Stick } else { Mode::between(problem.u_minus(), &u_plus) },
+        slip_end,
+        flags: Flags::JAM.when(flow.jams) | Flags::SINGULAR.when(contact.is_singular()),
+    };
+    Ok(Found { impulse, u_plus, account })
+}
+
+/// The contact on its way.
+struct Flow<'a, T> {
+    contact: &'a Contact<T>,
+    mu: T,
+    /// r below which slip goes straight to its stop.
+    slow: T,
+    /// What follows a stop of slip.
+    departure: Line<T>,
+    jams: bool,
+    pieces: usize,
+}
+
+impl<'a, T: RealField + Copy> Flow<'a, T> {
+    fn new(contact: &'a Contact<T>, mu: T) -> Self {
+        let speed = contact.slip.amax().max(contact.v_n.abs());
+        let departure = departure(contact, mu);
+        Self { contact, mu, slow: speed * rounding(SLOW), departure, jams: false, pieces: 0 }
+    }
+
+    fn rates(&self, u: &Vector2<T>) -> Rates<T> {
+        let (a, h) = (&self.contact.tangents, &self.contact.coupling);
+        let f = h - a * u * self.mu;
+        Rates { radial: u.dot(&f), turning: u.x * f.y - u.y * f.x, scale: length(h) + self.mu * a.norm() }
+    }
+
+    /// What comes next from here.
+    fn piece(&mut self, state: &mut State<T>) -> Piece<T> {
+        self.pieces += 1;
+        let rates = self.rates(&state.heading);
+        if state.r == T::zero() || (state.r <= self.slow && rates.radial >= T::zero()) {
+            state.r = T::zero();
+            return Piece::Line(self.departure);
+        }
+        let straight = rates.turning.abs() <= rates.scale * rounding(STRAIGHT);
+        let piece = if straight || state.r <= self.slow || self.pieces > PIECES {
+            let doubt = rates.scale * rounding(1024.0);
+            Piece::Line(Line::slip(self.contact, self.mu, state.heading, rates.radial, doubt))
+        } else {
+            Piece::Curve(Box::new(Curve::new(self.contact, self.mu, &rates, state)))
+        };
+        self.jams |= match &piece {
+            Piece::Line(line) => line.normal_rate <= T::zero(),
+            Piece::Curve(curve) => curve.jams(),
+        };
+        piece
+    }
+
+    /// To `v_n = 0`; whether slip stopped on the way.
+    fn compress(&mut self, state: &mut State<T>) -> Result<bool, ImpactError> {
+        let mut stopped = false;
+        loop {
+            match self.piece(state) {
+                Piece::Line(line) => {
+                    if let Some(dp) = line.rises(state) {
+                        state.advance(line.at(state, dp));
+                        break;
+                    }
+                    let Some(dp) = line.end(state).filter(|_| !line.locked) else {
+                        self.check_held(state, &line)?;
+                        break;
+                    };
+                    state.advance(line.at(state, dp));
+                    state.r = T::zero();
+                    stopped = true;
+                }
+                Piece::Curve(curve) => {
+                    if let Some(t) = curve.rises() {
+                        state.advance(curve.at(t));
+                        break;
+                    }
+                    state.advance(curve.at(curve.end()));
+                }
+            }
+        }
+        state.v_n = T::zero();
+        Ok(stopped)
+    }
+
+    /// A contact that cannot be moved on is at `v_n = 0` but for rounding, or wedges.
+    fn check_held(&self, state: &State<T>, line: &Line<T>) -> Result<(), ImpactError> {
+        let Contact { normal, coupling, v_n, .. } = self.contact;
+        let terms = v_n.abs() + (*normal + self.mu * length(coupling)) * state.p;
+        if line.locked && state.v_n >= -terms * rounding(1024.0) {
+            return Ok(());
+        }
+        Err(self.contact.wedged(self.mu, state.v_n, line.normal_rate))
+    }
+
+    /// To the end of restitution, or back to `v_n = 0` before it; whether it is over, and whether slip stopped.
+    fn restore(&mut self, state: &mut State<T>, end: &End<T>) -> (bool, bool) {
+        let mut stopped = false;
+        loop {
+            let piece = self.piece(state);
+            let found = match &piece {
+                Piece::Line(line) => line.returns(state, end),
+                Piece::Curve(curve) => curve.returns(state, end),
+            };
+            let (over, x) = match (&found, &piece) {
+                (Return::Ends(x), _) => (Some(true), *x),
+                (Return::Falls(x), _) => (Some(false), *x),
+                (Return::Not, Piece::Curve(curve)) => (None, curve.end()),
+                // A line without end that restitution does not end on is one that cannot be moved on.
+                (Return::Not, Piece::Line(line)) => match line.end(state) {
+                    Some(dp) => (None, dp),
+                    None => return (true, stopped),
+                },
+            };
+            match &piece {
+                Piece::Line(line) => {
+                    state.advance(line.at(state, x));
+                    if over.is_none() {
+                        state.r = T::zero();
+                        stopped = true;
+                    }
+                }
+                Piece::Curve(curve) => state.advance(curve.at(x)),
+            }
+            state.v_n = state.v_n.max(T::zero());
+            if let Some(over) = over {
+                if !over {
+                    state.v_n = T::zero();
+                }
+                // Turning round for ever would be rounding's doing.
+                return (over || self.pieces > 2 * PIECES, stopped);
+            }
+        }
+    }
+}
+
+/// What a contact without slip does: it sticks, or leaves along the one direction in which slip grows.
+fn departure<T: RealField + Copy>(contact: &Contact<T>, mu: T) -> Line<T> {
+    let mobility = contact.mobility();
+    let drive = mobility.moved(&contact.coupling);
+    let hold = -mobility.least_solution(&drive);
+    let slides = length(&hold) > mu;
+    match slides.then(|| shift(&mobility, &drive, mu, T::one(), &Vector2::zeros())).flatten() {
+        Some(s) => {
+            let heading = mobility.shifted_solution(s, &drive) / mu;
+            Line::slip(contact, mu, heading, mu * s, T::zero())
+        }
+        None => Line::stick(contact, hold),
+    }
+}

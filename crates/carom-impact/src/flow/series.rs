@@ -1,0 +1,65 @@
+//! Power series cut off, and roots in a bracket.
+
+use nalgebra::{RealField, convert};
+
+use crate::problem::rounding;
+
+/// Highest power. The cost of a step grows with its square, the length of a step hardly any more.
+pub(super) const ORDER: usize = 24;
+
+/// `Σ c_k x^k` up to [`ORDER`].
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Series<T>(pub [T; ORDER + 1]);
+
+impl<T: RealField + Copy> Series<T> {
+    pub fn starting(first: T) -> Self {
+        let mut c = [T::zero(); ORDER + 1];
+        c[0] = first;
+        Self(c)
+    }
+
+    pub fn at(&self, x: T) -> T {
+        self.0.iter().rev().fold(T::zero(), |sum, &c| sum * x + c)
+    }
+
+    /// Value and derivative.
+    pub fn with_slope(&self, x: T) -> (T, T) {
+        let mut slope = T::zero();
+        let mut value = T::zero();
+        for &c in self.0.iter().rev() {
+            slope = slope * x + value;
+            value = value * x + c;
+        }
+        (value, slope)
+    }
+
+    /// Coefficient k of the product with `other` (Cauchy).
+    pub fn product(&self, other: &Self, k: usize) -> T {
+        (0..=k).fold(T::zero(), |sum, i| sum + self.0[i] * other.0[k - i])
+    }
+}
+
+/// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's
+/// method, kept in the bracket. One step more than the value needs, that the root carries its derivative where T does.
+pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)) -> T {
+    let half: T = convert(0.5);
+    let (mut left, mut right, mut x) = (low, high, high);
+    for _ in 0..200 {
+        let (value, slope) = f(x);
+        if value >= T::zero() {
+            right = x
+        } else {
+            left = x
+        }
+        let newton = x - value / slope;
+        let next = if newton >= left && newton <= right { newton } else { left + (right - left) * half };
+        let moved = (next - x).abs();
+        x = next;
+        if moved <= right * rounding(2.0) {
+            break;
+        }
+    }
+    let (value, slope) = f(x);
+    let polished = x - value / slope;
+    if polished >= low && polished <= high { polished } else { x }
+}
