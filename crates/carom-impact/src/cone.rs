@@ -12,6 +12,9 @@
 //! positive at s = 0, where sticking left the cone, and negative for large s, so a root lies between (unless S is
 //! singular, b out of its range, and the friction jams: then there may be none).
 //!
+//! In the plane there is one answer. In space there may be three: multiplied out, the slips are roots of a quartic in
+//! s. Sticking comes first where it is among them.
+//!
 //! Symbols as in `contact.rs`; λ in N s, s in 1/kg.
 
 use nalgebra::{Matrix2, RealField, Vector2, convert};
@@ -67,8 +70,69 @@ impl<T: RealField + Copy> Cone<T> {
         }
         let slip = shift(&self.mobility, &b, mu, smooth, &self.tilt)?;
         let tangent = -self.mobility.shifted_solution(slip, &b);
-        Some(Touch { tangent, normal: smooth - self.tilt.dot(&tangent), slip })
+        // Two forms of one number: the first is the better of them where friction is strong.
+        let normal = if mu > T::one() { length(&tangent) / mu } else { smooth - self.tilt.dot(&tangent) };
+        Some(Touch { tangent, normal, slip })
     }
+
+    /// How many impulses satisfy the law, for `c_n < 0` and `μ > 0`; 1 where S is singular, uncounted.
+    pub fn answers(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> usize {
+        let zero = T::zero();
+        let smooth = -c_n / self.normal;
+        let Some(([y0, y1], det)) = self.mobility.polynomials(&(c_t - self.tilt * c_n)) else {
+            return 1;
+        };
+        // With λ_t = -y/det and l = det λ_n: |y|² = μ² l², where l >= 0.
+        let l = [smooth * det[0] + self.tilt.dot(&y0), smooth * det[1] + self.tilt.dot(&y1), smooth];
+        let two: T = convert(2.0);
+        let squares = mu * mu;
+        let quartic = [
+            y0.norm_squared() - squares * l[0] * l[0],
+            two * (y0.dot(&y1) - squares * l[0] * l[1]),
+            y1.norm_squared() - squares * (l[1] * l[1] + two * l[0] * l[2]),
+            -two * squares * l[1] * l[2],
+            -squares * l[2] * l[2],
+        ];
+        let sticks = usize::from(quartic[0] <= zero && l[0] >= zero);
+        // Descartes: no more positive roots than changes of sign.
+        let changes = quartic.windows(2).filter(|pair| pair[0] * pair[1] < zero).count();
+        if sticks + changes <= 1 {
+            return 1;
+        }
+        let slips = positive_roots(&quartic).into_iter().filter(|&s| value(&l, s) > zero).count();
+        (sticks + slips).max(1)
+    }
+}
+
+/// `Σ c_k s^k`.
+fn value<T: RealField + Copy>(c: &[T], s: T) -> T {
+    c.iter().rev().fold(T::zero(), |sum, &c| sum * s + c)
+}
+
+/// The positive roots of a polynomial, each between two of its derivative's; roughly, for counting.
+fn positive_roots<T: RealField + Copy>(c: &[T]) -> Vec<T> {
+    let Some(last) = c.last().filter(|_| c.len() > 1) else {
+        return Vec::new();
+    };
+    let derivative: Vec<T> = c.iter().enumerate().skip(1).map(|(k, &c)| c * convert(k as f64)).collect();
+    let bound = c.iter().fold(T::one(), |most, c| most.max((*c / *last).abs())) + T::one();
+    let mut points = vec![T::zero()];
+    points.extend(positive_roots(&derivative));
+    points.push(bound);
+    let mut roots = Vec::new();
+    for pair in points.windows(2) {
+        let (mut low, mut high) = (pair[0], pair[1]);
+        let sign = value(c, low);
+        if sign * value(c, high) >= T::zero() {
+            continue;
+        }
+        for _ in 0..100 {
+            let middle = (low + high) * convert(0.5);
+            if value(c, middle) * sign > T::zero() { low = middle } else { high = middle }
+        }
+        roots.push(high);
+    }
+    roots
 }
 
 /// An `s > 0` with `|x| = μ (normal - tiltᵀ x)`, where `x = -(M + s 1)⁻¹ b`; for `normal > 0` and an equation whose

@@ -170,6 +170,14 @@ impl<T: RealField + Copy> Mobility<T> {
         }
     }
 
+    /// `det(M + s 1) (M + s 1)⁻¹ b` and `det(M + s 1)` as polynomials in s, for a regular M.
+    pub fn polynomials(&self, b: &Vector2<T>) -> Option<([Vector2<T>; 2], [T; 3])> {
+        match self.rank {
+            Rank::Two(det) => Some(([self.adjugate(T::zero(), b), *b], [det, self.matrix.trace(), T::one()])),
+            _ => None,
+        }
+    }
+
     /// The part of `b` in the range of M.
     pub fn moved(&self, b: &Vector2<T>) -> Vector2<T> {
         match self.rank {

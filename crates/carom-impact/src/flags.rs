@@ -20,7 +20,8 @@ impl Flags {
     pub const NONE: Self = Self(0);
     /// The law created kinetic energy, beyond rounding.
     pub const ENERGY_GAIN: Self = Self(1);
-    /// Friction first drives the contact deeper: `dv_n/dp <= 0` while it slips (`μ s B >= C`).
+    /// Friction drives the contact deeper: `dv_n/dp <= 0` while it slips (`μ s B >= C`), at first or, in space, where
+    /// slip turns into it.
     pub const JAM: Self = Self(1 << 1);
     /// The matrix has a null direction with a normal component, and the law depends on it.
     pub const SINGULAR: Self = Self(1 << 2);

@@ -92,12 +92,13 @@ impl<T: RealField + Copy> Curve<T> {
         curve
     }
 
-    /// Where the last two terms of u and r come to rounding.
+    /// Where the last two terms of u, r and r² (in the works) come to rounding.
     fn length(&self) -> T {
         let allowed = FINE * plain(T::default_epsilon());
         let reach = |k: usize| {
             let turn = plain(self.x.0[k]).hypot(plain(self.y.0[k]));
-            let size = turn.max((plain(self.r.0[k]) / plain(self.r.0[0])).abs());
+            let growth = |series: &Series<T>, first: usize| (plain(series.0[k]) / plain(series.0[first])).abs();
+            let size = turn.max(growth(&self.r, 0)).max(growth(&self.friction_work, 1));
             (allowed / size).powf(1.0 / k as f64)
         };
         // A step is no derivative's business: the flow passes through its end whatever its length.

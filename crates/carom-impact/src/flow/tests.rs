@@ -37,8 +37,6 @@ fn flow_is_the_planar_table_on_planar_problems() {
         }
         let across = 0.1 + rng.f64();
         let plane = ImpactProblem::new(h, u).unwrap();
-        // Across the slip an invariant direction may be an unstable one, and the flow may leave it for rounding: with
-        // less friction the planar direction is the stable one. Along the axes nothing is rounded.
         let angle = if i % 2 == 0 { 0.0 } else { std::f64::consts::TAU * rng.f64() };
         for ending in [Ending::Velocity, Ending::Impulse, Ending::Work] {
             let table = walk(&plane, e, mu, ending).unwrap();

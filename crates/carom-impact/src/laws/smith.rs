@@ -137,14 +137,33 @@ impl<T: RealField + Copy> Equation<T> {
         (x + w * (mu * p_n), slope)
     }
 
-    /// Newton's method from no friction; if it stalls, by way of smaller coefficients.
+    /// Newton's method from no friction; if it stalls, by detours.
     fn solve(&self, mu: T) -> Option<Vector2<T>> {
         if let Some(x) = self.newton(mu, Vector2::zeros()) {
             return Some(x);
         }
+        if let Some(x) = self.raised(mu) {
+            return Some(x);
+        }
+        // The field points out of the cone all around, so against it the way ends inside.
+        let mut x = Vector2::zeros();
+        for _ in 0..200 {
+            for _ in 0..64 {
+                let (f, slope) = self.value(mu, &x);
+                x -= f / (T::one() + slope.norm());
+            }
+            if let Some(x) = self.newton(mu, x) {
+                return Some(x);
+            }
+        }
+        None
+    }
+
+    /// By way of smaller coefficients.
+    fn raised(&self, mu: T) -> Option<Vector2<T>> {
         let half: T = convert(0.5);
         let (mut x, mut share, mut step) = (Vector2::zeros(), T::zero(), convert::<f64, T>(1.0 / 64.0));
-        for _ in 0..1000 {
+        for _ in 0..200 {
             let next = (share + step).min(T::one());
             match self.newton(mu * next, x) {
                 Some(found) if next == T::one() => return Some(found),

@@ -20,7 +20,7 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** One answer for every regular H. Proof: let `P_t = -λ μ P_n` with λ in
+/// **Guarantee.** In the plane one answer for every regular H. Proof: let `P_t = -λ μ P_n` with λ in
 /// \[-1, 1\]. The rebound fixes `P_n(λ) = -(1+e) v_n⁻/(C - λ μ B)`, and then
 /// `dv_t⁺/dλ` has the sign of `-(A C - B²)`: v_t⁺ falls with λ wherever `P_n > 0`, and to -∞ (or
 /// from +∞) where `C - λ μ B` reaches zero. So λ = 1 with `v_t⁺ >= 0`, λ = -1 with `v_t⁺ <= 0`,
@@ -37,7 +37,9 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// coefficients are e.
 ///
 /// **In space** slip is opposed by friction of size `μ P_n` along `-v_t⁺`: with the normal impulse eliminated,
-/// `P_t = -(S + s 1)⁻¹ b` for an s >= 0 found to rounding (`cone.rs`). One such s exists for every regular H.
+/// `P_t = -(S + s 1)⁻¹ b` for an s >= 0 found to rounding (`cone.rs`). One such s exists for
+/// every regular H, but there may be three (in 1 of 1000 random problems); then sticking is taken if it is among them,
+/// and the outcome is flagged `non-unique`.
 ///
 /// **Source.** Whittaker, *Analytical Dynamics* (1904); its paradox: Kane and Levinson,
 /// *Dynamics* (1985).
@@ -83,15 +85,16 @@ fn in_space<T: RealField + Copy, const D: usize>(
     let contact = Contact::of(problem);
     let Contact { tangents, coupling, normal, slip, v_n } = contact;
     let gain = -(T::one() + e) * v_n;
-    let touch = Cone::new(tangents, coupling, normal).solve(mu, &slip, -gain, length(&slip) + gain);
-    let Some(touch) = touch else {
+    let cone = Cone::new(tangents, coupling, normal);
+    let Some(touch) = cone.solve(mu, &slip, -gain, length(&slip) + gain) else {
         return Err(contact.wedged(mu, v_n, contact.held_inverse_mass()));
     };
     let impulse = Contact::lift(&touch.tangent, touch.normal);
     // Exactly against the friction; nothing where it sticks.
     let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * v_n);
     let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
-    account.flags |= Flags::SINGULAR.when(contact.is_singular());
+    let others = cone.answers(mu, &slip, -gain) > 1;
+    account.flags |= Flags::SINGULAR.when(contact.is_singular()) | Flags::NON_UNIQUE.when(others);
     Ok(Found { impulse, u_plus, account })
 }
 
