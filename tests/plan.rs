@@ -298,7 +298,10 @@ fn moving_surfaces_are_never_out_of_reach() {
 fn a_stiff_regulator_gets_the_implicit_integrator() {
     let stiff =
         WALL.replace("duration = 1.5", "duration = 1.0\ncontroller = \"pd\"\nkp = 2e6\nkd = 2e6\ntarget = [0.8, -1.6]");
-    let stiff = stiff.replace("tolerance = 1e-12", "tolerance = 1e-7").replace("qd = [0.3, -0.9]", "").replace("q = [0.7854, -1.5708]", "q = [0.78, -1.57]");
+    let stiff = stiff
+        .replace("tolerance = 1e-12", "tolerance = 1e-7")
+        .replace("qd = [0.3, -0.9]", "")
+        .replace("q = [0.7854, -1.5708]", "q = [0.78, -1.57]");
     let scene = scene("stiff", &planar2(), &stiff);
     let plan = scene.plan().unwrap();
     assert_eq!(plan.simulation.integrator, carom::sim::Integrator::Radau, "{:?}", plan.kept);

@@ -4,8 +4,8 @@
 //! they come; divide by `BATCH` or read the items per second.
 
 use carom_impact::{
-    Accuracy, Constraint, Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton, Poisson, SeveralProblem,
-    Whittaker,
+    Accuracy, Brach, ChatterjeeRuina, Constraint, Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton,
+    Poisson, SeveralProblem, Smith, Whittaker,
 };
 use divan::{Bencher, black_box, counter::ItemsCount};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector3, matrix, vector};
@@ -34,6 +34,18 @@ fn spatial() -> Vec<(Matrix3<f64>, SVector<f64, 3>)> {
         (matrix![h[(0, 0)], 0.0, h[(0, 1)]; 0.0, 1.0, 0.0; h[(0, 1)], 0.0, h[(1, 1)]], vector![u[0], 0.0, u[1]])
     };
     planar().into_iter().map(lift).collect()
+}
+
+/// Any matrix: slip turns.
+fn turning() -> Vec<(Matrix3<f64>, SVector<f64, 3>)> {
+    let mut rng = fastrand::Rng::with_seed(2);
+    let mut drawn = || 2.0 * rng.f64() - 1.0;
+    (0..BATCH)
+        .map(|_| {
+            let g = Matrix3::from_fn(|_, _| drawn());
+            (g * g.transpose() + Matrix3::identity() * 0.05, vector![drawn(), drawn(), -1.0])
+        })
+        .collect()
 }
 
 fn measure<const D: usize>(
@@ -129,4 +141,46 @@ fn box_on_four_corners(bencher: Bencher, warm: bool) {
     let accuracy = Accuracy::default();
     let guess = warm.then(|| problem.simultaneous(&accuracy, None).unwrap().impulse);
     bencher.bench(|| black_box(&problem).simultaneous(&accuracy, guess.as_ref()).unwrap());
+}
+
+#[divan::bench]
+fn whittaker_3(bencher: Bencher) {
+    let law = Whittaker { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn newton_3(bencher: Bencher) {
+    let law = Newton { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn poisson_3(bencher: Bencher) {
+    let law = Poisson { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn energetic_3(bencher: Bencher) {
+    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn chatterjee_ruina_3(bencher: Bencher) {
+    let law = ChatterjeeRuina { restitution: RESTITUTION, tangential_restitution: 0.0, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn brach_3(bencher: Bencher) {
+    let law = Brach { restitution: RESTITUTION, impulse_ratio: -FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
+}
+
+#[divan::bench]
+fn smith_3(bencher: Bencher) {
+    let law = Smith { restitution: RESTITUTION, friction: FRICTION };
+    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
 }

@@ -31,6 +31,7 @@
 //! | u⁻, u⁺ | D | contact velocity before and after (m/s) | `u_minus`, `u_plus` |
 //! | P | D | impulse on the robot (N s); `u⁺ = u⁻ + H P` | `impulse` |
 //! | A, B, C | 1 | `H_tt`, `H_tn`, `H_nn` of a planar contact (1/kg) | locals `a`, `b`, `c` |
+//! | A, h, C | 2 × 2, 2, 1 | the same of a contact in space (1/kg) | `tangents`, `coupling`, `normal` |
 //! | v_t, v_n | 1 | slip and normal velocity of a planar contact (m/s) | locals `v_t`, `v_n` |
 //! | p | 1 | normal impulse as the clock of the impact (N s) | local `p` |
 //! | s | 1 | direction of slip, `sign v_t` | local `s` |
@@ -40,16 +41,22 @@
 //!
 //! # Which law
 //!
-//! | law | restitution is | energy | exists |
-//! |---|---|---|---|
-//! | [`Frictionless`] | all three in one | never gains | whenever `C > 0` |
-//! | [`Whittaker`] | a ratio of velocities | **can gain** | always for regular H |
-//! | [`Newton`] | a ratio of velocities | **can gain** | always for regular H |
-//! | [`Poisson`] | a ratio of impulses | never gains | always for regular H |
-//! | [`Energetic`] | a ratio of works (root) | never gains | always for regular H |
-//! | [`HuntCrossley`] (a force) | a ratio of velocities | never gains | for e > 0 |
+//! | law | restitution is | friction acts | energy | exists |
+//! |---|---|---|---|---|
+//! | [`Frictionless`] | all three in one | – | never gains | whenever `C > 0` |
+//! | [`Whittaker`] | a ratio of velocities | against the last slip | **can gain** | for regular H; in space not always alone |
+//! | [`Newton`] | a ratio of velocities | against the slip at each instant | **can gain** | for regular H, one |
+//! | [`Poisson`] | a ratio of impulses | against the slip at each instant | never gains in the plane, nor was seen to in space | for regular H, one |
+//! | [`Energetic`] | a ratio of works (root) | against the slip at each instant | never gains | for regular H, one |
+//! | [`ChatterjeeRuina`] | a ratio of velocities, and a tangential one | towards sticking, within the cone | never gains | whenever `C > 0`, one |
+//! | [`Brach`] | a ratio of velocities | along the first slip, by a ratio clipped | never gains | for regular H, one |
+//! | [`Smith`] | a ratio of velocities | against a mean of the first and last slip | never gains | for regular H; in the plane one |
+//! | [`HuntCrossley`] (a force) | a ratio of velocities | – | never gains | for e > 0 |
 //!
-//! The last is a contact that gives way: no [`Law`], but the normal force for those who integrate
+//! Start with [`Energetic`]. [`ChatterjeeRuina`] is the cheap law in space: a formula, where the three that follow the
+//! slip integrate its turning (to rounding, and a hundred times slower).
+//!
+//! The last of the table is a contact that gives way: no [`Law`], but the normal force for those who integrate
 //! through the impact, with the damping that rebounds exactly.
 //!
 //! These answer one contact. Several at once, with joint limits, dry joints and held directions among them, are a

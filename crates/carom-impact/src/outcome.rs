@@ -173,9 +173,9 @@ pub enum Mode {
     Open,
     /// No slip.
     Stick,
-    /// Slip in the first direction.
+    /// Slip in the first direction; in space, not more than a right angle from it.
     Slip,
-    /// Slip against the first direction.
+    /// Slip against the first direction; in space, more than a right angle from it.
     ReverseSlip,
 }
 

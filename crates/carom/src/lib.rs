@@ -14,14 +14,15 @@ pub use carom_chain::{
     Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
 };
 pub use carom_impact::{
-    Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton, Poisson, Whittaker,
+    Brach, ChatterjeeRuina, Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode,
+    Newton, Poisson, Smith, Whittaker,
 };
 pub use carom_sim::{ChainImpact, Impacts, SimError};
 
 /// Everything a script needs: `use carom::prelude::*;`
 pub mod prelude {
     pub use crate::{
-        Chain, ChainError, ChainImpact, Energetic, FrameId, Frictionless, ImpactError, ImpactProblem, Impacts,
-        Kinematics, Law, Mode, Newton, Poisson, SimError, Whittaker, uniform_chain,
+        Brach, Chain, ChainError, ChainImpact, ChatterjeeRuina, Energetic, FrameId, Frictionless, ImpactError,
+        ImpactProblem, Impacts, Kinematics, Law, Mode, Newton, Poisson, SimError, Smith, Whittaker, uniform_chain,
     };
 }

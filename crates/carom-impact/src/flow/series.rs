@@ -35,7 +35,16 @@ impl<T: RealField + Copy> Series<T> {
 
     /// Coefficient k of the product with `other` (Cauchy).
     pub fn product(&self, other: &Self, k: usize) -> T {
-        (0..=k).fold(T::zero(), |sum, i| sum + self.0[i] * other.0[k - i])
+        // Four sums, lest each addition wait for the one before.
+        let (ours, theirs) = (self.0[..=k].chunks_exact(4), other.0[..=k].rchunks_exact(4));
+        let rest = ours.remainder().iter().zip(theirs.remainder().iter().rev());
+        let mut sums = rest.fold([T::zero(); 4], |[a, b, c, d], (&x, &y)| [b, c, d, a + x * y]);
+        for (x, y) in ours.zip(theirs) {
+            for i in 0..4 {
+                sums[i] += x[i] * y[3 - i];
+            }
+        }
+        (sums[0] + sums[1]) + (sums[2] + sums[3])
     }
 }
 

