@@ -1,25 +1,20 @@
 //! A piece of the flow on which slip turns: power series in τ, `dp = r dτ/κ`.
 //!
-//! In τ the flow is regular down to r = 0, which it reaches only as τ -> ∞, and all its right sides are polynomials:
+//! In τ the flow is regular down to r = 0, which it reaches only as τ -> ∞:
 //!
 //! ```text
-//! u' = k_φ u⊥,  r' = k_r r,  p' = r/κ,  p_t' = -μ u p',  W_n' = v_n p',  W_t' = -μ r p'
-//! k_r = u·F,  k_φ = u⊥·F,  F = (h - μ A u)/κ,  v_n = v_n(0) + C p + h·p_t
+//! κ v_t' = h r - μ A v_t,   r² = v_t·v_t
+//! κ p' = r,  κ p_t' = -μ v_t,  κ W_n' = r v_n,  κ W_t' = -μ r²,  v_n = v_n(0) + C p + h·p_t
 //! ```
 //!
 //! so that each coefficient follows from those before it (Taylor's method); κ = |h| + μ |A| makes the rates at most
 //! about 1. The step ends where the last terms reach rounding, relative to r itself, for a small r may grow again.
-//!
-//! | Symbol | Meaning | Our name |
-//! |---|---|---|
-//! | u | unit vector of slip | `x`, `y` |
-//! | k_r, k_φ | rates of ln r and of the angle of slip | locals `radial`, `turning` |
 
 use nalgebra::{RealField, Vector2, convert};
 
 use super::series::{ORDER, Series, root};
 use super::{Rates, Return, State, Step};
-use crate::contact::Contact;
+use crate::contact::{Contact, length};
 use crate::problem::plain;
 use crate::routh::{End, Ending};
 
@@ -29,13 +24,14 @@ const FINE: f64 = 1.0 / 16.0;
 /// One step of Taylor's method.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Curve<T> {
+    /// v_t.
     x: Series<T>,
     y: Series<T>,
     r: Series<T>,
+    v_n: Series<T>,
     p: Series<T>,
     p_x: Series<T>,
     p_y: Series<T>,
-    v_n: Series<T>,
     normal_work: Series<T>,
     friction_work: Series<T>,
     /// Ends of the intervals on which v_n is monotone; the last is the end of the step.
@@ -46,44 +42,38 @@ pub(super) struct Curve<T> {
 impl<T: RealField + Copy> Curve<T> {
     pub fn new(contact: &Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>) -> Self {
         let (zero, h, kappa) = (T::zero(), &contact.coupling, rates.scale);
-        let heading = state.heading / state.heading.norm();
+        let start = state.heading * state.r;
         let empty = Series::starting(zero);
         let mut curve = Self {
-            x: Series::starting(heading.x),
-            y: Series::starting(heading.y),
-            r: Series::starting(state.r),
+            x: Series::starting(start.x),
+            y: Series::starting(start.y),
+            r: Series::starting(length(&start)),
+            v_n: Series::starting(state.v_n),
             p: empty,
             p_x: empty,
             p_y: empty,
-            v_n: Series::starting(state.v_n),
             normal_work: empty,
             friction_work: empty,
             cuts: [zero; 4],
             intervals: 1,
         };
         let (m, drive) = (contact.tangents * (mu / kappa), h / kappa);
-        let (mut f_x, mut f_y, mut radial, mut turning) = (empty, empty, empty, empty);
+        let mut square = start.norm_squared(); // coefficient k of r²
         for k in 0..ORDER {
-            let Self { x, y, r, p, p_x, p_y, v_n, normal_work, friction_work, .. } = &mut curve;
-            f_x.0[k] = -(m[(0, 0)] * x.0[k] + m[(0, 1)] * y.0[k]);
-            f_y.0[k] = -(m[(1, 0)] * x.0[k] + m[(1, 1)] * y.0[k]);
-            if k == 0 {
-                f_x.0[0] += drive.x;
-                f_y.0[0] += drive.y;
-            }
-            radial.0[k] = x.product(&f_x, k) + y.product(&f_y, k);
-            turning.0[k] = x.product(&f_y, k) - y.product(&f_x, k);
+            let Self { x, y, r, v_n, p, p_x, p_y, normal_work, friction_work, .. } = &mut curve;
             let by: T = T::one() / convert::<f64, T>((k + 1) as f64);
-            x.0[k + 1] = -turning.product(y, k) * by;
-            y.0[k + 1] = turning.product(x, k) * by;
-            r.0[k + 1] = radial.product(r, k) * by;
             let by_scale = by / kappa;
             p.0[k + 1] = r.0[k] * by_scale;
-            p_x.0[k + 1] = -mu * r.product(x, k) * by_scale;
-            p_y.0[k + 1] = -mu * r.product(y, k) * by_scale;
+            p_x.0[k + 1] = -mu * x.0[k] * by_scale;
+            p_y.0[k + 1] = -mu * y.0[k] * by_scale;
             v_n.0[k + 1] = contact.normal * p.0[k + 1] + h.x * p_x.0[k + 1] + h.y * p_y.0[k + 1];
             normal_work.0[k + 1] = r.product(v_n, k) * by_scale;
-            friction_work.0[k + 1] = -mu * r.product(r, k) * by_scale;
+            friction_work.0[k + 1] = -mu * square * by_scale;
+            x.0[k + 1] = (drive.x * r.0[k] - m[(0, 0)] * x.0[k] - m[(0, 1)] * y.0[k]) * by;
+            y.0[k + 1] = (drive.y * r.0[k] - m[(1, 0)] * x.0[k] - m[(1, 1)] * y.0[k]) * by;
+            square = x.product(x, k + 1) + y.product(y, k + 1);
+            // With the coefficient sought still zero, the product holds the other terms of r².
+            r.0[k + 1] = (square - r.product(r, k + 1)) / (r.0[0] + r.0[0]);
         }
         curve.cuts[0] = curve.length();
         if mu * h.norm() > contact.normal {
@@ -92,20 +82,21 @@ impl<T: RealField + Copy> Curve<T> {
         curve
     }
 
-    /// Where the last two terms of u, r and r² (in the works) come to rounding.
+    /// Where the last two terms of v_t, r and r² (in the works) come to rounding.
     fn length(&self) -> T {
         let allowed = FINE * plain(T::default_epsilon());
+        let first = plain(self.r.0[0]);
         let reach = |k: usize| {
             let turn = plain(self.x.0[k]).hypot(plain(self.y.0[k]));
-            let growth = |series: &Series<T>, first: usize| (plain(series.0[k]) / plain(series.0[first])).abs();
-            let size = turn.max(growth(&self.r, 0)).max(growth(&self.friction_work, 1));
+            let work = plain(self.friction_work.0[k]) / plain(self.friction_work.0[1]);
+            let size = (turn / first).max((plain(self.r.0[k]) / first).abs()).max(work.abs());
             (allowed / size).powf(1.0 / k as f64)
         };
         // A step is no derivative's business: the flow passes through its end whatever its length.
         convert(reach(ORDER).min(reach(ORDER - 1)).min(1e3))
     }
 
-    /// `dv_n/dp = C - μ h·u` changes sign at most once on either side of the direction of h, where it is least.
+    /// `κ dv_n/dτ = C r - μ h·v_t` changes sign at most once on either side of the direction of h, where it is least.
     fn cut(&mut self, contact: &Contact<T>, mu: T) {
         let (zero, end) = (T::zero(), self.cuts[0]);
         let h = contact.coupling;
@@ -114,8 +105,8 @@ impl<T: RealField + Copy> Curve<T> {
             (x * h.y - y * h.x, dx * h.y - dy * h.x)
         };
         let rate = |t: T| {
-            let ((x, dx), (y, dy)) = (self.x.with_slope(t), self.y.with_slope(t));
-            (contact.normal - mu * (h.x * x + h.y * y), -mu * (h.x * dx + h.y * dy))
+            let ((x, dx), (y, dy), (r, dr)) = (self.x.with_slope(t), self.y.with_slope(t), self.r.with_slope(t));
+            (contact.normal * r - mu * (h.x * x + h.y * y), contact.normal * dr - mu * (h.x * dx + h.y * dy))
         };
         // A zero between the ends, whichever way the function crosses it.
         let crossing = |f: &dyn Fn(T) -> (T, T), from: T, to: T| {
@@ -197,12 +188,13 @@ impl<T: RealField + Copy> Curve<T> {
     }
 
     pub fn at(&self, t: T) -> Step<T> {
-        let heading = Vector2::new(self.x.at(t), self.y.at(t));
+        let slip = Vector2::new(self.x.at(t), self.y.at(t));
+        let r = length(&slip);
         Step {
             p: self.p.at(t),
             p_t: Vector2::new(self.p_x.at(t), self.p_y.at(t)),
-            heading: heading / heading.norm(),
-            r: self.r.at(t),
+            heading: slip / r,
+            r,
             v_n: self.v_n.at(t),
             normal_work: self.normal_work.at(t),
             friction_work: self.friction_work.at(t),

@@ -35,16 +35,19 @@ impl<T: RealField + Copy> Series<T> {
 
     /// Coefficient k of the product with `other` (Cauchy).
     pub fn product(&self, other: &Self, k: usize) -> T {
-        // Four sums, lest each addition wait for the one before.
-        let (ours, theirs) = (self.0[..=k].chunks_exact(4), other.0[..=k].rchunks_exact(4));
-        let rest = ours.remainder().iter().zip(theirs.remainder().iter().rev());
-        let mut sums = rest.fold([T::zero(); 4], |[a, b, c, d], (&x, &y)| [b, c, d, a + x * y]);
-        for (x, y) in ours.zip(theirs) {
-            for i in 0..4 {
-                sums[i] += x[i] * y[3 - i];
-            }
+        // Two sums, lest each addition wait for the one before.
+        let (ours, theirs) = (&self.0, &other.0);
+        let (mut even, mut odd) = (T::zero(), T::zero());
+        let mut i = 0;
+        while i < k {
+            even += ours[i] * theirs[k - i];
+            odd += ours[i + 1] * theirs[k - i - 1];
+            i += 2;
         }
-        (sums[0] + sums[1]) + (sums[2] + sums[3])
+        if i == k {
+            even += ours[k] * theirs[0];
+        }
+        even + odd
     }
 }
 
