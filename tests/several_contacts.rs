@@ -155,7 +155,7 @@ fn a_tumbling_box_comes_to_rest_on_a_face() {
     let mut rng = fastrand::Rng::with_seed(3);
     for case in 0..12 {
         let (e, mu) = ([0.0, 0.3, 0.6][case % 3], [0.1, 0.3, 0.8][case / 4]);
-        let sim = simulation(floating_box(size, 0.4), slope(0.0), "frictionless", e, mu);
+        let sim = simulation(floating_box(size, 0.4), slope(0.0), "poisson", e, mu);
         let turn = nalgebra::UnitQuaternion::from_euler_angles(3.0 * rng.f64(), 3.0 * rng.f64(), 3.0 * rng.f64());
         let q = [0.0, 0.0, 0.2 + 0.2 * rng.f64(), turn.i, turn.j, turn.k, turn.w];
         let qd: Vec<f64> = (0..6).map(|k| (rng.f64() - 0.5) * if k < 3 { 1.0 } else { 10.0 }).collect();
