@@ -85,7 +85,7 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
     }
     for a in &all.outcomes {
         let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
-        writeln!(out, "{:13} {:12} qd⁺ {}{flags}", a.law, a.mode, row(&a.qd_plus))?;
+        writeln!(out, "{:16} {:12} qd⁺ {}{flags}", a.law, a.mode, row(&a.qd_plus))?;
         writeln!(out, "{:26} u⁺  {} m/s", "", row(&a.u_plus))?;
         writeln!(out, "{:26} p   {} N s", "", row(&a.impulse))?;
         writeln!(

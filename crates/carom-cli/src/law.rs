@@ -203,7 +203,7 @@ fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
         let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
         writeln!(
             out,
-            "{:13} {:12} u⁺ {}  p {}  T⁺/T⁻ {}{flags}",
+            "{:16} {:12} u⁺ {}  p {}  T⁺/T⁻ {}{flags}",
             a.law,
             a.mode,
             row(&a.u_plus),
