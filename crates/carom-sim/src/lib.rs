@@ -18,6 +18,7 @@ mod motion;
 mod plan;
 mod scene;
 mod scene_file;
+mod settle;
 mod several;
 mod simulate;
 mod space;

@@ -420,133 +420,6 @@ impl<'a, A: Space> Motion<'a, A> {
         }));
         watches
     }
-
-    /// Slip begins against the friction that would be needed to hold.
-    pub fn slide_off(&mut self, held: &Held) {
-        let tangential = held.force - held.normal * held.normal_force;
-        self.slip = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-    }
-
-    /// Which joints does their dry friction hold? Those at rest, if it can.
-    pub fn settle_joints(&mut self, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let nq = self.sim.chain.nq();
-        let speed = self.split(y).1.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        for joint in &mut self.dry {
-            let rate = &mut y[nq + joint.v];
-            joint.state = if rate.abs() > STILL * speed { Dry::Brakes(rate.signum()) } else { Dry::Holds };
-            if joint.state == Dry::Holds {
-                *rate = 0.0;
-            }
-        }
-        // The one that is overloaded most breaks loose first; what is left is asked again.
-        for _ in 0..self.dry.len() {
-            let held = self.in_mode(time, y)?;
-            let over = |k: &usize| held.joints[*k].abs() - self.dry[*k].friction;
-            let Some(k) = (0..self.dry.len()).filter(|k| over(k) > 0.0).max_by(|a, b| over(a).total_cmp(&over(b)))
-            else {
-                break;
-            };
-            self.dry[k].state = Dry::Brakes(-held.joints[k].signum());
-        }
-        Ok(())
-    }
-
-    /// What a contact that lasts does: hold, stick or slide.
-    pub fn lasting_mode(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<ContactMode, SimError> {
-        let (q, qd) = self.split(y);
-        let (_, _, u) = self.closing(touch, q, qd, time)?;
-        let rule = self.sim.touches[touch].contact;
-        if rule.latch {
-            return Ok(ContactMode::Latched { touch });
-        }
-        if rule.friction == 0.0 || self.sim.touches[touch].link().is_none() {
-            return Ok(ContactMode::Sliding { touch });
-        }
-        let held = self.held(time, y, Some((touch, Hold::Sticks)))?;
-        if let Some(direction) = direction_of_slip(u, held.normal, qd) {
-            self.slip = direction;
-            return Ok(ContactMode::Sliding { touch });
-        }
-        let tangential = held.force - held.normal * held.normal_force;
-        if tangential.norm() <= rule.friction * held.normal_force {
-            return Ok(ContactMode::Sticking { touch });
-        }
-        self.slide_off(&held);
-        Ok(ContactMode::Sliding { touch })
-    }
-
-    /// Goes through `span` seconds of lasting contact at once, to second order: the span is below the Zeno time.
-    pub fn pass(&mut self, touch: usize, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let mode = self.lasting_mode(touch, time, y)?;
-        let hold = if matches!(mode, ContactMode::Sliding { .. }) { Hold::Slides } else { Hold::Sticks };
-        let held = self.held(time, y, Some((touch, hold)))?;
-        let nq = self.sim.chain.nq();
-        let (q, qd) = self.split(y);
-        let mean: Vec<f64> = qd.iter().zip(held.qdd.iter()).map(|(v, a)| v + a * span / 2.0).collect();
-        let moved = self.sim.chain.integrate(q, &mean, span)?;
-        y[..nq].copy_from_slice(&moved);
-        for (v, a) in y[nq..].iter_mut().zip(held.qdd.iter()) {
-            *v += a * span;
-        }
-        Ok(())
-    }
-
-    /// Takes the normal velocity out by a normal impulse, and the gap by a step along its response.
-    pub fn stop_normal(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
-        let sim = self.sim;
-        let nq = sim.chain.nq();
-        let mut view = self.view(&q)?;
-        let at = sim.touches[touch].at(&view, &q, time);
-        let row = sim.touches[touch].row(&at, &view)?;
-        let rate = sim.touches[touch].rate(&at, &view, &qd, time)?;
-        let response = view.kin.solve(row.as_slice())?;
-        let inverse_mass = row.dot(&response);
-        let back: Vec<f64> = response.iter().map(|x| -x * at.gap / inverse_mass).collect();
-        let moved = sim.chain.integrate(&q, &back, 1.0)?;
-        let changed = at.gap != 0.0 || rate != 0.0;
-        y[..nq].copy_from_slice(&moved);
-        for (v, x) in y[nq..].iter_mut().zip(response.iter()) {
-            *v -= x * rate / inverse_mass;
-        }
-        Ok(changed)
-    }
-
-    /// In space slip turns: its stop is watched along the direction it has now. Says how fast the slip is, as a share of the
-    /// joints' speed.
-    pub fn follow_slip(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
-        let sim = self.sim;
-        let view = self.view(&q)?;
-        let Some(place) = sim.touches[touch].at(&view, &q, time).surface else { return Ok(0.0) };
-        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
-        if let Some(direction) = direction_of_slip(u, place.normal, &qd) {
-            self.slip = direction;
-        }
-        let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        Ok((u - place.normal * place.normal.dot(&u)).norm() / speed.max(f64::MIN_POSITIVE))
-    }
-
-    /// Takes all velocity of the touching point over its surface out.
-    pub fn stop_slip(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
-        let sim = self.sim;
-        let mut view = self.view(&q)?;
-        let at = sim.touches[touch].at(&view, &q, time);
-        let Some(place) = at.surface else { return Ok(()) };
-        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
-        let jacobian = view.jacobian(place.point);
-        let response = responses(&mut view, &jacobian)?;
-        let h: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let jump = &response * (pseudo_inverse(h) * u);
-        for (v, x) in y[sim.chain.nq()..].iter_mut().zip(jump.iter()) {
-            *v -= x;
-        }
-        Ok(())
-    }
 }
 
 /// How far a chain reaches: the longest way along its links, m.
@@ -600,7 +473,7 @@ fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
 }
 
 /// Unit direction of the tangential part of u; `None` if that is still.
-fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
+pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
     let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     (u - n * n.dot(&u)).try_normalize(STILL * speed)
 }
