@@ -218,3 +218,29 @@ fn planar_arms_in_space() {
     close("u+", (hit.u_plus - smooth.u_plus).norm(), 0.0, 1e-15);
     assert!(hit.flags.contains(Flags::SINGULAR));
 }
+
+/// Slow slip, grazing approach, badly conditioned matrices: an answer everywhere, and it satisfies the law.
+#[test]
+fn smith_in_space() {
+    let mut rng = fastrand::Rng::with_seed(25);
+    for i in 0..30_000 {
+        let mut case = common::any_spatial(&mut rng, [0.3, 0.05, 0.003][i % 3]);
+        let small = 10.0_f64.powi(-rng.i32(0..17));
+        if rng.bool() {
+            (case.u.x, case.u.y) = (case.u.x * small, case.u.y * small);
+        } else {
+            case.u.z *= small;
+        }
+        let mu = case.friction;
+        let hit = Smith { restitution: case.restitution, friction: mu }.resolve(&case.problem()).unwrap();
+        assert!(!hit.flags.contains(Flags::ENERGY_GAIN), "{case:?}");
+        let (v, y) = (case.u.xy(), hit.u_plus.xy());
+        let w = (v * v.norm() + y * y.norm()) / (v.norm_squared() + y.norm_squared());
+        let off = (hit.impulse.xy() + w * (mu * hit.impulse.z)).norm();
+        // w answers to rounding of the slips, by 1/|v|.
+        if v.norm() > 1e-6 {
+            let rounding = 1e-13 / v.norm().min(1.0) + 1e-12;
+            assert!(off <= rounding * (1.0 + mu) * (1.0 + hit.impulse.norm()), "{off:e} {case:?}");
+        }
+    }
+}

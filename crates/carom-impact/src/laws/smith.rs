@@ -1,11 +1,14 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
 use super::{Law, check_friction, check_restitution};
-use crate::cone::Cone;
-use crate::contact::{Contact, length};
+use crate::cone::{Cone, Touch};
+use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
 use crate::problem::rounding;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
+
+/// What is below this multiple of ε beside its neighbours is rounding.
+const REST: f64 = 32.0;
 
 /// Newton's coefficient, and friction against a mean of the slips before and after.
 ///
@@ -85,9 +88,13 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
 /// `(P_t, P_n, v_t⁺)`.
 fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vector2<T>, T, Vector2<T>)> {
     let gain = -(T::one() + e) * contact.v_n;
-    if contact.slip.amax() == T::zero() && mu > T::zero() {
+    let cone = || {
         let cone = Cone::new(contact.tangents, contact.coupling, contact.normal);
-        let touch = cone.solve(mu, &contact.slip, -gain, gain)?;
+        cone.solve(mu, &contact.slip, -gain, gain)
+    };
+    // No slip, or one that may be rounding of the approach: w has no direction from before.
+    if length(&contact.slip) <= gain * rounding(REST) && mu > T::zero() {
+        let touch = cone()?;
         return Some((touch.tangent, touch.normal, touch.tangent * -touch.slip));
     }
     let equation = Equation {
@@ -97,7 +104,14 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
         tangents: contact.tangents - contact.coupling * contact.coupling.transpose() / contact.normal,
         start: contact.slip + contact.coupling * (gain / contact.normal),
     };
-    let x = equation.solve(mu)?;
+    let near = || equation.near(mu, &cone()?, &contact.at_held_normal());
+    // So slow that w turns round within the rounding of v_t⁺; the error of `near` is of second order.
+    if length(&contact.slip) <= length(&equation.start) * T::default_epsilon().sqrt() && mu > T::zero() {
+        if let Some((x, Some(v_t))) = near() {
+            return Some((x, equation.normal(&x), v_t));
+        }
+    }
+    let x = equation.solve(mu, || near().map(|(x, _)| x))?;
     Some((x, equation.normal(&x), equation.end(&x)))
 }
 
@@ -138,9 +152,32 @@ impl<T: RealField + Copy> Equation<T> {
         (x + w * (mu * p_n), slope)
     }
 
-    /// Newton's method from no friction; if it stalls, by detours.
-    fn solve(&self, mu: T) -> Option<Vector2<T>> {
+    /// Where slow slips end: close to the cone's answer. If that sticks, its friction is -μ P_n w, and w tells
+    /// the slip left, `v_t⁺ = |v_t⁻| z`, by
+    ///
+    /// ```text
+    /// |z| z = w (1 + |z|²) - v,  v = v_t⁻/|v_t⁻|
+    /// ```
+    fn near(&self, mu: T, touch: &Touch<T>, mobility: &Mobility<T>) -> Option<(Vector2<T>, Option<Vector2<T>>)> {
+        if touch.slip > T::zero() {
+            return Some((touch.tangent, None));
+        }
+        let (one, speed) = (T::one(), length(&self.slip));
+        let (w, v) = (-touch.tangent / (mu * touch.normal), self.slip / speed);
+        // a |z|⁴ - 2 b |z|² - c = 0
+        let (a, b, c) = (one - w.norm_squared(), w.dot(&(w - v)), (w - v).norm_squared());
+        let square = (b + (b * b + a * c).sqrt()) / a;
+        let z = (w * (one + square) - v) / square.sqrt();
+        let x = touch.tangent + mobility.least_solution(&(z * speed));
+        (x.x + x.y).is_finite().then_some((x, Some(z * speed)))
+    }
+
+    /// Newton's method from no friction; if it stalls, from near the answer for slow slips; then by detours.
+    fn solve(&self, mu: T, near: impl FnOnce() -> Option<Vector2<T>>) -> Option<Vector2<T>> {
         if let Some(x) = self.newton(mu, Vector2::zeros()) {
+            return Some(x);
+        }
+        if let Some(x) = near().and_then(|x| self.newton(mu, x)) {
             return Some(x);
         }
         if let Some(x) = self.raised(mu) {
@@ -205,7 +242,9 @@ impl<T: RealField + Copy> Equation<T> {
                 if share < convert(1e-9) {
                     // Rounding in w may be larger, its slope being 1/|v_t⁻|, and in P_n, a difference.
                     let rough = scale * T::default_epsilon().sqrt() + mu * self.smooth * rounding(16.0);
-                    return (size <= rough).then_some(x);
+                    let settled =
+                        length(&step) <= length(&x) * T::default_epsilon().sqrt() && size <= length(&x) * convert(1e-4);
+                    return (size <= rough || settled).then_some(x);
                 }
             };
             (x, f, slope) = next;
