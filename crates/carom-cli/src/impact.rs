@@ -86,11 +86,11 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
     for a in &all.outcomes {
         let flags = if a.flags.is_empty() { String::new() } else { format!("  [{}]", a.flags.join(", ")) };
         writeln!(out, "{:16} {:12} qd⁺ {}{flags}", a.law, a.mode, row(&a.qd_plus))?;
-        writeln!(out, "{:26} u⁺  {} m/s", "", row(&a.u_plus))?;
-        writeln!(out, "{:26} p   {} N s", "", row(&a.impulse))?;
+        writeln!(out, "{:29} u⁺  {} m/s", "", row(&a.u_plus))?;
+        writeln!(out, "{:29} p   {} N s", "", row(&a.impulse))?;
         writeln!(
             out,
-            "{:26} T⁺  {:>13} J; normal work {}, friction work {} J",
+            "{:29} T⁺  {:>13} J; normal work {}, friction work {} J",
             "",
             short(a.energy_after),
             short(a.normal_work),
@@ -98,7 +98,7 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
         )?;
     }
     for refused in &all.refused {
-        writeln!(out, "{:13} not applicable: {}", refused.law, refused.reason)?;
+        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
     }
     writeln!(out)
 }

@@ -212,7 +212,7 @@ fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
         )?;
     }
     for refused in &all.refused {
-        writeln!(out, "{:13} not applicable: {}", refused.law, refused.reason)?;
+        writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;
     }
     writeln!(out)
 }

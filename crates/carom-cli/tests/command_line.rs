@@ -1215,7 +1215,7 @@ fn people_get_tables() {
             &[
                 "u⁻     0.0954594     0.1590990             0 m/s, kinetic energy 0.0320650 J",
                 "qd⁺ in the order shoulder, elbow",
-                "frictionless  slip",
+                "frictionless     slip",
                 "energetic",
                 "N s",
                 "friction work -0.0039826 J",
@@ -1224,7 +1224,7 @@ fn people_get_tables() {
         (
             "law --law all --restitution 0.5 --friction 0.5 --problems -",
             r#"{"delassus":[[2.440338045696,1.521308658011],[1.521308658011,1.009560290504]],"u":[-0.267174342835,-0.134202014333]}"#,
-            &["whittaker     stick", "T⁺/T⁻ 1.5874947  [energy-gain]", "poisson"],
+            &["whittaker        stick", "T⁺/T⁻ 1.5874947  [energy-gain]", "poisson"],
         ),
     ] {
         let ran = desk.feed(args, input);

@@ -1,6 +1,6 @@
 //! What bad input gets: the value, the rule it breaks, what to do. In full.
 
-use carom_impact::{Energetic, ImpactProblem, Law, Poisson, Whittaker};
+use carom_impact::{Brach, ChatterjeeRuina, Energetic, ImpactProblem, Law, Poisson, Whittaker};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn refused(h: Matrix2<f64>, u: Vector2<f64>) -> String {
@@ -66,6 +66,27 @@ fn coefficients() {
         assert_eq!(
             unresolved(Poisson { restitution: 0.5, friction }, H, U),
             format!("friction {shown} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")
+        );
+    }
+}
+
+#[test]
+fn coefficients_of_one_law() {
+    for (tangential_restitution, shown) in [(1.5, "1.5"), (-1.25, "-1.25"), (f64::NAN, "NaN")] {
+        assert_eq!(
+            unresolved(ChatterjeeRuina { restitution: 0.5, tangential_restitution, friction: 0.2 }, H, U),
+            format!(
+                "tangential restitution {shown} is outside [-1, 1]: -1 is no tangential blow, 0 one that stops the \
+                 slip, 1 one that turns it round"
+            )
+        );
+    }
+    for (impulse_ratio, shown) in [(f64::INFINITY, "inf"), (f64::NAN, "NaN")] {
+        assert_eq!(
+            unresolved(Brach { restitution: 0.5, impulse_ratio }, H, U),
+            format!(
+                "impulse ratio {shown} is not finite: give tangential over normal impulse, negative against the slip"
+            )
         );
     }
 }

@@ -106,10 +106,12 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
     };
     let near = || equation.near(mu, &cone()?, &contact.at_held_normal());
     // So slow that w turns round within the rounding of v_t⁺; the error of `near` is of second order.
-    if length(&contact.slip) <= length(&equation.start) * T::default_epsilon().sqrt() && mu > T::zero() {
-        if let Some((x, Some(v_t))) = near() {
-            return Some((x, equation.normal(&x), v_t));
-        }
+    let slow = length(&contact.slip) <= length(&equation.start) * T::default_epsilon().sqrt();
+    if slow
+        && mu > T::zero()
+        && let Some((x, Some(v_t))) = near()
+    {
+        return Some((x, equation.normal(&x), v_t));
     }
     let x = equation.solve(mu, || near().map(|(x, _)| x))?;
     Some((x, equation.normal(&x), equation.end(&x)))
