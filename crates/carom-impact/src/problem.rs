@@ -38,7 +38,7 @@ pub struct ImpactProblem<T, const D: usize> {
 }
 
 impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
-    /// Checks and stores `delassus` (1/kg) and `u_minus` (m/s).
+    /// Checks and stores `delassus` (1/kg) and `u_minus` (m/s); D is 1, 2 or 3.
     ///
     /// # Errors
     ///

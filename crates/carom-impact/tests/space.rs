@@ -363,3 +363,24 @@ fn whittaker_in_space() {
     }
     assert!(several > 2 && several < 100, "{several}");
 }
+
+/// Numbers near the ends of the range: an answer or a refusal, and never a NaN.
+#[test]
+fn numbers_near_overflow() {
+    for friction in [1e-300, 1e150, 1e308] {
+        for (lighter, faster) in
+            [(1.0, 1.0), (1e-150, 1.0), (1e150, 1e-3), (1.0, 1e-150), (1e-100, 1e100), (1e300, 1e-10)]
+        {
+            for (u, restitution) in [(vector![0.6, -0.2, -1.0], 0.5), (vector![1e-12, 0.3, -1.0], 1.0)] {
+                let Ok(problem) = ImpactProblem::new(H * lighter, u * faster) else { continue };
+                for law in LAW_NAMES {
+                    let Ok(hit) = law_by_name(law, rough(restitution, friction)).unwrap().resolve(&problem) else {
+                        continue;
+                    };
+                    let finite = hit.impulse.iter().chain(hit.u_plus.iter()).all(|x| x.is_finite());
+                    assert!(finite, "{law} {friction} {lighter} {faster} {hit:?}");
+                }
+            }
+        }
+    }
+}

@@ -19,7 +19,7 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// `(1 - e²)` times that of compression, hence not positive, and neither is the work of friction. At
 /// e = 1 the normal work is zero: all loss is friction's.
 ///
-/// **Fails** nowhere in the plane that its siblings do not: see [`ImpactError::Wedged`].
+/// **Fails** nowhere that its siblings do not: see [`ImpactError::Wedged`].
 ///
 /// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
 /// through the normal, the problem is reduced to that plane exactly.

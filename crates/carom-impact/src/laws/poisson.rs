@@ -14,8 +14,9 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Parameters.** `restitution` e, kinetic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** One answer for every regular H; never gains energy; `friction_work <= 0`. The
-/// rebound may be faster than the approach (`newton > 1`) all the same.
+/// **Guarantee.** One answer for every regular H; `friction_work <= 0`; never gains energy in the plane. In space that
+/// is not proved here, but none of 200 000 random impacts did. The rebound may be faster than the approach
+/// (`newton > 1`) all the same.
 ///
 /// **Fails** at e = 1 to be lossless: when slip stops, the normal work of the two phases differs.
 ///
