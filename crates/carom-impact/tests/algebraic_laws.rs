@@ -2,7 +2,9 @@
 
 mod common;
 
-use carom_impact::{Brach, ChatterjeeRuina, Flags, Frictionless, ImpactProblem, Law, Mode, Smith, Whittaker};
+use carom_impact::{
+    Brach, ChatterjeeRuina, Coefficients, Flags, Frictionless, ImpactProblem, Law, Mode, Smith, Whittaker, law_by_name,
+};
 use common::{any_case, close};
 use nalgebra::{Matrix3, Vector3, matrix, vector};
 
@@ -58,6 +60,10 @@ fn pendulum_under_brach() {
         close("ratio", hit.impulse[0] / hit.impulse[1], -0.1, 1e-15);
         let hit = Brach { restitution, impulse_ratio: -0.1 }.resolve(&pendulum()).unwrap();
         assert_eq!(hit.impulse[0], 0.0);
+        // By name friction acts towards rest.
+        let coefficients = Coefficients { restitution, friction: 0.5, ..Default::default() };
+        let named = law_by_name::<2>("brach", coefficients).unwrap().resolve(&pendulum()).unwrap();
+        close("ratio by name", named.impulse[0] / named.impulse[1], -bound, 5e-7);
     }
     // Where energy allows the critical ratio it is the bound, and the contact leaves at rest.
     let (h, u) = (*pendulum().delassus(), vector![0.267, -0.134]);

@@ -1,6 +1,6 @@
 use nalgebra::{RealField, Vector2, convert};
 
-use super::{Law, check_impulse_ratio, check_restitution};
+use super::{Law, check_friction, check_impulse_ratio, check_restitution};
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -23,8 +23,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// friction *along* the first slip is against the last, and a negative ratio is clipped to 0.
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `impulse_ratio` r, finite, negative against the slip. By
-/// name ([`law_by_name`](crate::law_by_name)) it is `-friction`. Without slip t is where the normal impulse will
-/// drive the contact.
+/// name ([`law_by_name`](crate::law_by_name)) its size is the coefficient of friction and its sign that of r₀: towards
+/// rest. Without slip t is where the normal impulse will drive the contact.
 ///
 /// **Guarantee.** One answer where `C + r B > 0`, as for every regular H; `u_n⁺ = -e u_n⁻`; never gains energy,
 /// because the ratio is clipped.
@@ -72,14 +72,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
 
         let contact = Contact::of(problem);
         let t = direction(&contact);
-        let plane = Plane {
-            a: t.dot(&(contact.tangents * t)),
-            b: t.dot(&contact.coupling),
-            c: contact.normal,
-            v_t: t.dot(&contact.slip),
-            v_n: contact.v_n,
-            gain: -(T::one() + e) * contact.v_n,
-        };
+        let plane = Plane::of(&contact, &t, e);
         let (ratio, rests) = plane.clipped(self.impulse_ratio);
         let det = plane.determinant();
         let push = if rests { plane.gain * det / plane.stops() } else { plane.c + ratio * plane.b };
@@ -106,6 +99,28 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
     }
 }
 
+/// Brach's law with the impulse ratio of Coulomb's coefficient towards rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct BrachTowardsRest<T = f64> {
+    pub restitution: T,
+    pub friction: T,
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
+    fn name(&self) -> &'static str {
+        "brach"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let Self { restitution, friction } = *self;
+        check_friction(friction)?;
+        let contact = Contact::of(problem);
+        let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
+        let impulse_ratio = if turned { friction } else { -friction };
+        Brach { restitution, impulse_ratio }.resolve(problem)
+    }
+}
+
 /// Along the slip; without slip where the normal impulse drives it; without either, none.
 fn direction<T: RealField + Copy>(contact: &Contact<T>) -> Vector2<T> {
     let along = |x: &Vector2<T>| {
@@ -127,6 +142,22 @@ struct Plane<T> {
 }
 
 impl<T: RealField + Copy> Plane<T> {
+    fn of(contact: &Contact<T>, t: &Vector2<T>, e: T) -> Self {
+        Self {
+            a: t.dot(&(contact.tangents * t)),
+            b: t.dot(&contact.coupling),
+            c: contact.normal,
+            v_t: t.dot(&contact.slip),
+            v_n: contact.v_n,
+            gain: -(T::one() + e) * contact.v_n,
+        }
+    }
+
+    /// r₀, if there is one.
+    fn critical(&self) -> Option<T> {
+        (self.stops() > T::zero()).then(|| -self.slides() / self.stops())
+    }
+
     /// `A C - B²`, its products rounded once (Kahan).
     fn determinant(&self) -> T {
         let square = self.b * self.b;
@@ -145,8 +176,7 @@ impl<T: RealField + Copy> Plane<T> {
 
     /// The admissible ratio nearest to the one asked for, and whether it is the critical one.
     fn clipped(&self, asked: T) -> (T, bool) {
-        let critical = (self.stops() > T::zero()).then(|| -self.slides() / self.stops());
-        let (ratio, rests) = match critical {
+        let (ratio, rests) = match self.critical() {
             Some(r) if r <= T::zero() && asked <= r => (r, true),
             Some(r) if r >= T::zero() && asked >= r => (r, true),
             Some(r) if asked * r < T::zero() => (T::zero(), false),

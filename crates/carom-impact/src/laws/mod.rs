@@ -12,6 +12,7 @@ mod whittaker;
 use nalgebra::RealField;
 
 pub use brach::Brach;
+use brach::BrachTowardsRest;
 pub use chatterjee_ruina::ChatterjeeRuina;
 pub use energetic::Energetic;
 pub use frictionless::Frictionless;
@@ -58,7 +59,7 @@ pub struct Coefficients {
     pub restitution: f64,
     /// Coefficient of tangential restitution, -1 to 1; only `chatterjee-ruina` has one.
     pub tangential_restitution: f64,
-    /// Coulomb coefficient of friction, 0 or more; `brach` takes it for an impulse ratio against the first slip.
+    /// Coulomb coefficient of friction, 0 or more; `brach` takes it for an impulse ratio towards rest.
     pub friction: f64,
 }
 
@@ -85,7 +86,7 @@ pub fn law_by_name<const D: usize>(
         "poisson" => Box::new(Poisson { restitution, friction }),
         "energetic" => Box::new(Energetic { restitution, friction }),
         "chatterjee-ruina" => Box::new(ChatterjeeRuina { restitution, tangential_restitution, friction }),
-        "brach" => Box::new(Brach { restitution, impulse_ratio: -friction }),
+        "brach" => Box::new(BrachTowardsRest { restitution, friction }),
         "smith" => Box::new(Smith { restitution, friction }),
         _ => return None,
     })
