@@ -172,8 +172,8 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
         state = state.added_to(&down);
     };
 
-    let impulse = Contact::lift(&(down.p_t + up.p_t), down.p + up.p);
-    let u_plus = Contact::lift(&(up.heading * up.r), up.v_n);
+    let impulse: SVector<T, D> = Contact::lift(&(down.p_t + up.p_t), down.p + up.p);
+    let u_plus: SVector<T, D> = Contact::lift(&(up.heading * up.r), up.v_n);
     if let Some(value) = impulse.iter().chain(u_plus.iter()).find(|value| !value.is_finite()) {
         return Err(ImpactError::NotFinite { entry: "the impulse".into(), value: plain(*value) });
     }
