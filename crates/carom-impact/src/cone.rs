@@ -45,7 +45,7 @@ pub(crate) struct Touch<T> {
 impl<T: RealField + Copy> Cone<T> {
     /// From `A`, `h` and `C > 0`.
     pub fn new(tangents: Matrix2<T>, coupling: Vector2<T>, normal: T) -> Self {
-        let reduced = tangents - coupling * coupling.transpose() / normal;
+        let reduced = tangents - coupling * (coupling / normal).transpose();
         let floor = tangents.amax() * rounding(NULL_PIVOT);
         Self { mobility: Mobility::new(reduced, floor), tilt: coupling / normal, normal }
     }

@@ -50,7 +50,7 @@ impl<T: RealField + Copy> Contact<T> {
     }
 
     pub fn at_held_normal(&self) -> Mobility<T> {
-        let s = self.tangents - self.coupling * self.coupling.transpose() / self.normal;
+        let s = self.tangents - self.coupling * (self.coupling / self.normal).transpose();
         Mobility::new(s, self.floor())
     }
 

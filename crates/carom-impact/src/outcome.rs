@@ -4,8 +4,8 @@ use std::fmt;
 
 use nalgebra::{RealField, SVector, convert};
 
-use crate::problem::rounding;
-use crate::{Flags, ImpactProblem};
+use crate::problem::{plain, rounding};
+use crate::{Flags, ImpactError, ImpactProblem};
 
 /// Energy gain below this multiple of ε, beside the energies that passed, is rounding.
 const GAIN: f64 = 64.0;
@@ -53,6 +53,14 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     /// `T⁺/T⁻` of the contact-space energies; 1 if there was none before.
     pub fn energy_ratio(&self) -> T {
         if self.energy_before == T::zero() { T::one() } else { self.energy_after / self.energy_before }
+    }
+
+    /// This outcome, unless numbers too large or too small have spoilt it.
+    pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
+        match self.impulse.iter().chain(self.u_plus.iter()).find(|value| !value.is_finite()) {
+            Some(&value) => Err(ImpactError::NotFinite { entry: "the impulse".into(), value: plain(value) }),
+            None => Ok(self),
+        }
     }
 
     /// Nothing happens: the contact does not approach.

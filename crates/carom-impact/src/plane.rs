@@ -63,7 +63,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
             return Ok(frictionless(law, restitution, problem));
         }
         let Found { impulse, u_plus, account } = in_space()?;
-        return Ok(ImpactOutcome::of(law, problem, impulse, u_plus, &account));
+        return ImpactOutcome::of(law, problem, impulse, u_plus, &account).if_finite();
     };
     let contact = plane.contact(problem);
     let mut answer = in_plane(&contact)?;

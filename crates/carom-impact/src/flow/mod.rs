@@ -42,7 +42,7 @@ use nalgebra::{RealField, SVector, Vector2};
 use crate::cone::shift;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode, Phase};
-use crate::problem::{plain, rounding};
+use crate::problem::rounding;
 use crate::routh::{End, Ending, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactProblem};
 use curve::Curve;
@@ -172,11 +172,8 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
         state = state.added_to(&down);
     };
 
-    let impulse: SVector<T, D> = Contact::lift(&(down.p_t + up.p_t), down.p + up.p);
-    let u_plus: SVector<T, D> = Contact::lift(&(up.heading * up.r), up.v_n);
-    if let Some(value) = impulse.iter().chain(u_plus.iter()).find(|value| !value.is_finite()) {
-        return Err(ImpactError::NotFinite { entry: "the impulse".into(), value: plain(*value) });
-    }
+    let impulse = Contact::lift(&(down.p_t + up.p_t), down.p + up.p);
+    let u_plus = Contact::lift(&(up.heading * up.r), up.v_n);
     let account = Account {
         normal_work: down.normal_work + up.normal_work,
         friction_work: down.friction_work + up.friction_work,

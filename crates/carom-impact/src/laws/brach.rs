@@ -95,7 +95,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
         let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
-        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
     }
 }
 

@@ -100,6 +100,6 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
             account.mode = Mode::Slip; // nothing holds it
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
     }
 }

@@ -81,7 +81,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
             account.mode = Mode::Slip; // nothing holds it
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        Ok(ImpactOutcome::of(name, problem, impulse, u_plus, &account))
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
     }
 }
 
@@ -101,7 +101,7 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
         slip: contact.slip,
         smooth: gain / contact.normal,
         tilt: contact.coupling / contact.normal,
-        tangents: contact.tangents - contact.coupling * contact.coupling.transpose() / contact.normal,
+        tangents: contact.tangents - contact.coupling * (contact.coupling / contact.normal).transpose(),
         start: contact.slip + contact.coupling * (gain / contact.normal),
     };
     let near = || equation.near(mu, &cone()?, &contact.at_held_normal());
