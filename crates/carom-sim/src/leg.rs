@@ -178,7 +178,10 @@ fn integrate(
 ) -> Result<(), SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
-    let (relative, absolute) = (accuracy.tolerance.into(), (accuracy.tolerance * 1e-3).into());
+    // One for each number: ivp 0.6's Radau converts a tolerance in place, once for each number, so that a shared one ends
+    // at 1e-3 whatever it was.
+    let (relative, absolute) =
+        (vec![accuracy.tolerance; y.len()].into(), vec![accuracy.tolerance * 1e-3; y.len()].into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
             let method = DOP853::builder()
