@@ -112,6 +112,14 @@ impl Drive {
             }
             Ok(chain.check_v(what, target)?)
         };
+        let gain = |what, value: f64| {
+            let fine = value >= 0.0 && value.is_finite();
+            if fine {
+                Ok(())
+            } else {
+                Err(SimError::Setting { what, value, rule: "it must be finite and not negative" })
+            }
+        };
         let unit = |normal: &Vector3<f64>| {
             let (value, rule) = (normal.norm(), "a unit vector is needed");
             let fine = (value - 1.0).abs() < 1e-9;
@@ -119,7 +127,7 @@ impl Drive {
         };
         match self {
             Self::Off | Self::GravityCompensation => Ok(()),
-            Self::Constant(forces) => Ok(chain.check_v("tau", forces)?),
+            Self::Constant(forces) => Ok(chain.check_v("torque", forces)?),
             Self::Table { times, forces } => {
                 if times.len() != forces.len() || times.is_empty() {
                     let rule = "each time needs its joint forces, and there must be one at least";
@@ -133,13 +141,21 @@ impl Drive {
                 }
                 forces.iter().try_for_each(|row| Ok(chain.check_v("tau", row)?))
             }
-            Self::Pd { target, .. } => regulates(target, "target"),
+            Self::Pd { kp, kd, target } => {
+                gain("kp", *kp)?;
+                gain("kd", *kd)?;
+                regulates(target, "target")
+            }
             Self::Transition(transition) => {
                 chain.frame(&transition.tip)?;
+                gain("gain", transition.gain)?;
+                gain("press", transition.press)?;
                 unit(&transition.normal)
             }
             Self::ImpactInvariant(invariant) => {
                 chain.frame(&invariant.tip)?;
+                gain("kp", invariant.kp)?;
+                gain("kd", invariant.kd)?;
                 regulates(&invariant.target, "target")?;
                 regulates(&invariant.velocity, "velocity")?;
                 unit(&invariant.normal)

@@ -78,7 +78,12 @@ impl Scene {
         let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
         let file: File = toml::from_str(&text).map_err(|e| {
             let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-            refuse(format!("line {line}: {}", suggest(e.message())))
+            let message = suggest(e.message());
+            // Only complaints about fields name a key.
+            let quoted = text.lines().nth(line - 1).filter(|_| !message.contains(" field `")).map(str::trim);
+            refuse(
+                quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}")),
+            )
         })?;
         let folder = path.parent().unwrap_or(Path::new("."));
 
@@ -96,11 +101,14 @@ impl Scene {
             }),
         };
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
-        let limit_rule = ContactRule { restitution: file.contact.limit_restitution, ..ContactRule::default() };
-        limit_rule.check("[contact] limit_restitution").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
         let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, rule).map_err(&refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
+        if let Some((_, twin)) =
+            surfaces.iter().enumerate().find(|(k, it)| surfaces[..*k].iter().any(|o| o.name == it.name))
+        {
+            return Err(refuse(format!("[[surface]] name = \"{}\": two surfaces have it, rename one", twin.name)));
+        }
         chain.check_state(&file.robot.q, &vec![0.0; chain.nv()])?;
         let qd = match (&file.robot.qd, &file.robot.tip_velocity) {
             (Some(qd), None) => qd.clone(),
@@ -110,7 +118,7 @@ impl Scene {
         };
         chain.check_state(&file.robot.q, &qd)?;
 
-        let warnings = chain.outside_limits(&file.robot.q).iter().map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = chain.outside_limits(&file.robot.q).iter().map(ToString::to_string).collect();
         let full = file.run.model == Model::Full;
         let limits = file.contact.limit_restitution;
         let Touches { mut touches, left_out } = if full {
@@ -119,11 +127,18 @@ impl Scene {
             Touch::all(&chain, &surfaces, limits)?
         };
         for pair in &file.contact.pair {
-            apply(pair, &chain, &surfaces, &mut touches).map_err(|why| refuse(format!("[[contact.pair]] {why}")))?;
+            let met = apply(pair, &chain, &surfaces, &mut touches);
+            if !met.map_err(|why| refuse(format!("[[contact.pair]] {why}")))? {
+                let named = [("link", &pair.link), ("surface", &pair.surface), ("joint", &pair.joint)];
+                let named = named.iter().filter_map(|(key, name)| Some(format!("{key} = \"{}\"", name.as_ref()?)));
+                let named: Vec<String> = named.collect();
+                warnings.push(format!("[[contact.pair]] {}: no such contact can happen here", named.join(", ")));
+            }
         }
         let drives = Drives { folder, file: &file, chain: &chain, surfaces: &surfaces, qd: &qd };
-        let drive = drives.drive(file.run.controller).map_err(&refuse)?;
-        let after_impact = file.run.after_impact.map(|c| drives.drive(c)).transpose().map_err(&refuse)?;
+        let drive = drives.drive("controller", file.run.controller).map_err(&refuse)?;
+        let after_impact = file.run.after_impact.map(|c| drives.drive("after_impact", c));
+        let after_impact = after_impact.transpose().map_err(&refuse)?;
         drives.check_unused().map_err(&refuse)?;
         if file.run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = file.run.neglect.unwrap_or_default();
@@ -213,8 +228,8 @@ fn overridden(
     })
 }
 
-/// One `[[contact.pair]]`.
-fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: &mut [Touch]) -> Result<(), String> {
+/// One `[[contact.pair]]`; says whether there is such a pair.
+fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: &mut [Touch]) -> Result<bool, String> {
     let scene_file::Pair { link, surface, joint, law, restitution, friction, latch } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("names a link and/or a surface, or else a joint (for its limits)".into());
@@ -229,6 +244,10 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
     if let Some(joint) = joint {
         chain.joint(joint).map_err(|e| e.to_string())?;
     }
+    if joint.is_some() && (law.is_some() || friction.is_some()) {
+        return Err("names a joint: its limits know restitution and latch only, leave law and friction out".into());
+    }
+    let mut met = false;
     for touch in touches {
         let meant = match joint {
             Some(joint) => touch.limit_of() == Some(joint),
@@ -239,11 +258,12 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
             }
         };
         if meant {
+            met = true;
             touch.contact = overridden(touch.contact, law.as_deref(), *restitution, *friction, *latch)?;
             touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
         }
     }
-    Ok(())
+    Ok(met)
 }
 
 /// What a controller is made from.
@@ -256,16 +276,18 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    fn drive(&self, controller: Controller) -> Result<Drive, String> {
+    /// `asks` is the key that chose the controller.
+    fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
         let run = &self.file.run;
-        let needs = |key: &str| format!("[run] controller needs the key {key}");
+        let needs = |key: &str| format!("[run] {asks} = \"{}\" needs the key {key}", controller.name());
         let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
         Ok(match controller {
             Controller::Off => Drive::Off,
             Controller::GravityCompensation => Drive::GravityCompensation,
             Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
             Controller::TorqueFile => {
-                torque_table(&self.folder.join(run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?))?
+                let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
+                torque_table(&self.folder.join(file), self.chain.nv())?
             }
             Controller::Pd => Drive::Pd {
                 kp: number("kp", run.kp)?,
@@ -329,22 +351,34 @@ impl Drives<'_> {
 }
 
 /// Times in the first column, joint forces in the others; the first line may be a header.
-fn torque_table(path: &Path) -> Result<Drive, String> {
+fn torque_table(path: &Path, joints: usize) -> Result<Drive, String> {
     let refuse = |why: String| format!("[run] torque_file {}: {why}", path.display());
     let text = std::fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
-    let (mut times, mut forces) = (Vec::new(), Vec::new());
+    let text = text.trim_start_matches('\u{feff}');
+    let (mut times, mut forces): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
     for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let numbers: Result<Vec<f64>, _> = line.split(',').map(|cell| cell.trim().parse::<f64>()).collect();
-        match numbers {
+        let cells = || line.split(',').map(|cell| cell.trim().parse::<f64>());
+        let refuse = |why: String| refuse(format!("line {}: {why}", k + 1));
+        match cells().collect::<Result<Vec<f64>, _>>() {
+            Ok(numbers) if numbers.len() != joints + 1 => {
+                let (columns, needed) = (numbers.len(), joints + 1);
+                return Err(refuse(format!(
+                    "{columns} columns, {needed} are needed: the time and {joints} joint forces"
+                )));
+            }
+            Ok(numbers) if times.last().is_some_and(|last| numbers[0] <= *last) => {
+                return Err(refuse(format!("time {} does not come after the one above: times ascend", numbers[0])));
+            }
             Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => {
                 times.push(numbers[0]);
                 forces.push(numbers[1..].to_vec());
             }
-            Err(_) if k == 0 => {}
-            _ => {
-                return Err(refuse(format!("line {}: every cell must be a finite number, separated by commas", k + 1)));
-            }
+            Err(_) if k == 0 && cells().all(|cell| cell.is_err()) => {}
+            _ => return Err(refuse("every cell must be a finite number, separated by commas".into())),
         }
+    }
+    if times.is_empty() {
+        return Err(refuse("it has no row of numbers: give the time and one joint force for each joint".into()));
     }
     Ok(Drive::Table { times, forces })
 }
@@ -370,8 +404,19 @@ fn tip_velocity(
         );
     };
     let along = Vector3::from(tip.along);
-    let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12).unwrap_or_else(Vector3::zeros);
+    if !(tip.speed.is_finite() && tip.angle_deg.is_finite()) {
+        let (speed, angle) = (tip.speed, tip.angle_deg);
+        return Err(format!("[robot] tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
+    }
     let alpha = tip.angle_deg.to_radians();
+    let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12);
+    if shadow.is_none() && alpha.cos().abs() > 1e-12 {
+        let [x, y, z] = tip.along;
+        return Err(format!(
+            "[robot] tip_velocity: along = [{x}, {y}, {z}] has no part along the surface: give a direction on it"
+        ));
+    }
+    let shadow = shadow.unwrap_or_else(Vector3::zeros);
     let u = (shadow * alpha.cos() - normal * alpha.sin()) * tip.speed;
     let point = chain.point(chain.frame(&robot.tip).map_err(say)?, Vector3::zeros());
     let mut workspace = chain.workspace();

@@ -191,6 +191,21 @@ pub(crate) enum Controller {
     TorqueFile,
 }
 
+impl Controller {
+    /// As the file says it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Pd => "pd",
+            Self::Constant => "constant",
+            Self::GravityCompensation => "gravity-compensation",
+            Self::Transition => "transition",
+            Self::ImpactInvariant => "impact-invariant",
+            Self::TorqueFile => "torque-file",
+        }
+    }
+}
+
 fn unscaled() -> [f64; 3] {
     [1.0; 3]
 }

@@ -170,6 +170,9 @@ impl Simulation {
             let rule = "it must be positive and finite";
             if fine { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
         };
+        if let Some(&value) = self.gravity.iter().find(|x| !x.is_finite()) {
+            return Err(SimError::Setting { what: "gravity", value, rule: "every component must be finite" });
+        }
         positive("duration", duration)?;
         positive("tolerance", self.tolerance)?;
         positive("longest step", self.max_step)?;

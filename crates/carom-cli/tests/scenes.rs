@@ -1,0 +1,463 @@
+//! The keys of a scene file from the command line: what each does, and in which words it is refused.
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// The scene of the design with an arm that starts at 0.2 m/s some micrometres before the wall, and what a test changes.
+const SCENE: &str = r#"[robot]
+urdf = "ROOT/robots/planar2.urdf"
+q = [0.7854, -1.5708]
+qd = [-0.444444, 0.444444]
+[[surface]]
+shape = { halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] } }
+#surface
+[contact]
+law = "energetic"
+restitution = 0.35
+#contact
+[run]
+duration = 0.1
+#run
+"#;
+
+const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic";
+
+/// A folder of its own for each test, gone afterwards.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-scenes-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    fn write(&self, file: &str, text: &str) {
+        std::fs::write(self.0.join(file), text).unwrap();
+    }
+
+    fn run(&self, command: &str, scene: &str, more: &[&str]) -> Output {
+        self.write("s.toml", &scene.replace("ROOT", ROOT));
+        let mut carom = Command::new(env!("CARGO_BIN_EXE_carom"));
+        carom.args([command, "s.toml", "--json"]).args(more).current_dir(&self.0).output().unwrap()
+    }
+
+    /// What a command answers to a scene; warnings are returned as they are.
+    #[track_caller]
+    fn answer(&self, command: &str, scene: &str) -> (Value, String) {
+        let ran = self.run(command, scene, &[]);
+        let said = String::from_utf8(ran.stderr).unwrap();
+        assert!(ran.status.success(), "{said}");
+        (serde_json::from_slice(&ran.stdout).unwrap(), said)
+    }
+
+    /// The first impact's velocities of the tip.
+    #[track_caller]
+    fn impact(&self, scene: &str) -> ([f64; 2], [f64; 2]) {
+        let (run, _) = self.answer("simulate", scene);
+        let impact = &run["events"][0]["impact"];
+        let pair = |key: &str| [0, 1].map(|k| impact[key][k].as_f64().unwrap_or_else(|| panic!("{run}")));
+        (pair("u_minus"), pair("u_plus"))
+    }
+
+    /// Exit status 1, this message, no answer, and no file but those that were there.
+    #[track_caller]
+    fn refused(&self, scene: &str, message: &str) {
+        self.write("s.toml", "");
+        let before = std::fs::read_dir(&self.0).unwrap().count();
+        let ran = self.run("simulate", scene, &["--csv", "x.csv"]);
+        let said = String::from_utf8(ran.stderr).unwrap();
+        assert_eq!((ran.status.code(), said.as_str()), (Some(1), format!("error: s.toml: {message}\n").as_str()));
+        assert!(ran.stdout.is_empty());
+        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), before, "nothing is written");
+    }
+
+    /// Each change of the scene at `mark` with its message.
+    #[track_caller]
+    fn all_refused(&self, mark: &str, cases: &[(&str, &str)]) {
+        for (change, message) in cases {
+            self.refused(&at(mark, change), message);
+        }
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The scene with lines in the place of a mark.
+fn at(mark: &str, lines: &str) -> String {
+    assert!(SCENE.contains(mark));
+    SCENE.replace(mark, lines)
+}
+
+/// The scene with another shape for the wall.
+fn shaped(shape: &str) -> String {
+    SCENE.replace("halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] }", shape)
+}
+
+/// A surface's own coefficient goes before that of `[contact]`, and a pair's before both.
+#[test]
+fn the_nearest_restitution_counts() {
+    let desk = Desk::new("restitution");
+    let own = "contact = { restitution = 0.9 }";
+    let pair = "[[contact.pair]]\nlink = \"tip\"\nsurface = \"surface 1\"\nrestitution = 0.5";
+    let both = at("#surface", own).replace("#contact", pair);
+    for (scene, e) in [(SCENE.to_owned(), 0.35), (at("#surface", own), 0.9), (at("#contact", pair), 0.5), (both, 0.5)] {
+        let (before, after) = desk.impact(&scene);
+        // Newton's ratio without friction, to the rounding of a solve.
+        assert!((after[0] + e * before[0]).abs() < 1e-14, "{e}: {before:?} {after:?}");
+    }
+}
+
+/// Friction changes what the tip does along the wall; a law of its own is named in the answer.
+#[test]
+fn surfaces_have_friction_and_laws_of_their_own() {
+    let desk = Desk::new("law");
+    let (_, without) = desk.impact(SCENE);
+    let rough = at("#surface", "contact = { friction = 0.3, law = \"poisson\" }");
+    let (_, with) = desk.impact(&rough);
+    assert!((with[1] - without[1]).abs() > 0.01, "{with:?} {without:?}");
+    let (run, _) = desk.answer("simulate", &rough);
+    assert_eq!(run["events"][0]["impact"]["law"], "poisson");
+}
+
+/// A joint's limits have their own restitution: the elbow comes back e times as fast.
+#[test]
+fn a_pair_may_be_a_joints_limits() {
+    let desk = Desk::new("limits");
+    let pair = "[[contact.pair]]\njoint = \"elbow\"\nrestitution = 0.6";
+    let scene = at("#contact", pair).replace("-1.5708]", "-3.09]").replace("[-0.444444, 0.444444]", "[0, -0.5]");
+    let (run, _) = desk.answer("simulate", &scene);
+    let event = &run["events"][0];
+    assert_eq!((event["kind"].as_str(), event["contact"].as_str()), (Some("limit"), Some("elbow")));
+    let rate = |key: &str| event[key][1].as_f64().unwrap();
+    assert!((rate("qd_plus") + 0.6 * rate("qd_minus")).abs() < 1e-14, "{event}");
+}
+
+/// A wall that comes towards the tip hits it harder: velocities of an impact are those over the surface.
+#[test]
+fn a_surface_in_motion_hits() {
+    let desk = Desk::new("motion");
+    // s = 0.01 sin(2π t) against the normal: at the start the wall comes at 0.0628 m/s.
+    let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
+    let ((still, _), (before, after)) = (desk.impact(SCENE), desk.impact(&moving));
+    // Both impacts come some 30 µs after the start, in which no velocity changes by more than 1e-5 m/s.
+    assert!((before[0] - (still[0] + 0.01 * std::f64::consts::TAU)).abs() < 1e-5, "{still:?} {before:?}");
+    assert!((after[0] + 0.35 * before[0]).abs() < 1e-14, "{before:?} {after:?}");
+}
+
+/// What a latch has caught stays.
+#[test]
+fn a_latch_holds() {
+    let desk = Desk::new("latch");
+    for scene in [at("#surface", "contact = { latch = true }"), at("#contact", "latch = true")] {
+        let (run, _) = desk.answer("simulate", &scene);
+        assert_eq!(run["events"][0]["kind"], "latch");
+        let speeds = run["final"]["qd"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs());
+        // Two joints and two directions held: rounding is left of 0.44 rad/s.
+        assert!(speeds.fold(0.0, f64::max) < 1e-14, "{run}");
+    }
+}
+
+#[test]
+fn every_controller_runs() {
+    let desk = Desk::new("controllers");
+    desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
+    let regulator = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
+    let cases = [
+        "controller = \"transition\"\ngain = 60\npress = 0.5".to_owned(),
+        "controller = \"transition\"\ngain = 60\ncompensate = false".to_owned(),
+        format!("controller = \"impact-invariant\"\n{regulator}"),
+        "controller = \"torque-file\"\ntorque_file = \"torque.csv\"".to_owned(),
+        "controller = \"constant\"\ntorque = [0.5, 0]".to_owned(),
+        format!("controller = \"gravity-compensation\"\nafter_impact = \"pd\"\n{regulator}"),
+    ];
+    let end = |lines: &str| desk.answer("simulate", &at("#run", lines)).0["final"]["q"].clone();
+    let off = end("");
+    for lines in &cases {
+        assert_ne!(end(lines), off, "it does something: {lines}");
+    }
+}
+
+#[test]
+fn contact_rules_that_can_not_be_are_refused() {
+    let desk = Desk::new("rules");
+    let pair = |lines: &str| format!("[[contact.pair]]\n{lines}");
+    desk.all_refused(
+        "#surface",
+        &[
+            (
+                "contact = { restituton = 0.9 }",
+                "line 7: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, `latch`; did you \
+                 mean `restitution`?",
+            ),
+            ("contact = { law = \"newtn\" }", &format!("[[surface]] 'surface 1': contact law = \"newtn\": {LAWS}")),
+            (
+                "contact = { restitution = 2 }",
+                "[[surface]] 'surface 1': restitution is 2: a coefficient of restitution lies between 0 and 1",
+            ),
+            (
+                "contact = { friction = -1 }",
+                "[[surface]] 'surface 1': friction is -1: a coefficient of friction is finite and not negative",
+            ),
+            (
+                "contact = { latch = 1 }",
+                "line 7, contact = { latch = 1 }: invalid type: integer `1`, expected a boolean",
+            ),
+            (
+                "motion = { amplitude = [0.001, 0, 0], frequenzy = 2 }",
+                "line 7: unknown field `frequenzy`, expected one of `amplitude`, `frequency`, `phase`; did you mean \
+                 `frequency`?",
+            ),
+            ("motion = { amplitude = [0.001, 0, 0] }", "line 7: missing field `frequency`"),
+            (
+                "motion = { amplitude = [nan, 0, 0], frequency = 2 }",
+                "[[surface]] 'surface 1': motion has numbers that are not finite",
+            ),
+            (
+                "motion = { amplitude = [0, 0], frequency = 2 }",
+                "line 7, motion = { amplitude = [0, 0], frequency = 2 }: invalid length 2, expected an array of length 3",
+            ),
+            (
+                "[[surface]]\nname = \"surface 1\"\nshape = { sphere = { centre = [9, 0, 0], radius = 1 } }",
+                "[[surface]] name = \"surface 1\": two surfaces have it, rename one",
+            ),
+        ],
+    );
+    let kinds = "[[contact.pair]] names a link and/or a surface, or else a joint (for its limits)";
+    desk.all_refused(
+        "#contact",
+        &[
+            (&pair("restitution = 0.8"), kinds),
+            (&pair("joint = \"elbow\"\nlink = \"tip\""), kinds),
+            (&pair("link = \"tipp\""), "[[contact.pair]] no link is named 'tipp'; did you mean 'tip'?"),
+            (&pair("surface = \"wall\""), "[[contact.pair]] surface = \"wall\": the surfaces are surface 1"),
+            (&pair("joint = \"elbw\""), "[[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?"),
+            (
+                &pair("joint = \"elbow\"\nfriction = 0.3"),
+                "[[contact.pair]] names a joint: its limits know restitution and latch only, leave law and friction out",
+            ),
+            (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
+            (
+                &pair("link = \"tip\"\nrestitution = 7"),
+                "[[contact.pair]] tip on surface 1: restitution is 7: a coefficient of restitution lies between 0 and 1",
+            ),
+            (
+                &pair("link = \"tip\"\nlach = true"),
+                "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `law`, `restitution`, \
+                 `friction`, `latch`; did you mean `latch`?",
+            ),
+        ],
+    );
+    let negative = SCENE.replace("restitution = 0.35", "restitution = -0.1");
+    desk.refused(&negative, "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1");
+}
+
+/// A pair that can't come together is told of, and no more.
+#[test]
+fn a_pair_without_effect_is_a_warning() {
+    let desk = Desk::new("pairs");
+    for (named, shown) in [("link = \"base\"", "link = \"base\""), ("joint = \"probe\"", "joint = \"probe\"")] {
+        let scene = at("#contact", &format!("[[contact.pair]]\n{named}\nrestitution = 0.5"));
+        let (_, said) = desk.answer("simulate", &scene);
+        assert_eq!(said, format!("warning: s.toml: [[contact.pair]] {shown}: no such contact can happen here\n"));
+    }
+}
+
+#[test]
+fn controllers_without_what_they_need_are_refused() {
+    let desk = Desk::new("drives");
+    let regulator = "kd = 1\ntarget = [0, 0]";
+    let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
+                 `torque-file`";
+    desk.all_refused(
+        "#run",
+        &[
+            (
+                "controller = \"tranzition\"",
+                &format!(
+                    "line 14, controller = \"tranzition\": unknown variant `tranzition`, {known}; did you mean \
+                     `transition`?"
+                ),
+            ),
+            (&format!("controller = \"pd\"\n{regulator}"), "[run] controller = \"pd\" needs the key kp"),
+            (&format!("after_impact = \"pd\"\n{regulator}"), "[run] after_impact = \"pd\" needs the key kp"),
+            (
+                &format!("controller = \"impact-invariant\"\n{regulator}"),
+                "[run] controller = \"impact-invariant\" needs the key kp",
+            ),
+            ("controller = \"transition\"", "[run] controller = \"transition\" needs the key gain"),
+            ("controller = \"constant\"", "[run] controller = \"constant\" needs the key torque"),
+            ("controller = \"torque-file\"", "[run] controller = \"torque-file\" needs the key torque_file"),
+            ("controller = \"transition\"\ngain = -10", "gain is -10: it must be finite and not negative"),
+            ("controller = \"transition\"\ngain = 9\npress = nan", "press is NaN: it must be finite and not negative"),
+            (
+                "controller = \"transition\"\ngain = 9\ncompensate = \"yes\"",
+                "line 16, compensate = \"yes\": invalid type: string \"yes\", expected a boolean",
+            ),
+            ("controller = \"constant\"\ntorque = [1, 2, 3]", "torque has 3 numbers, 2 are needed (shoulder, elbow)"),
+            (
+                "controller = \"pd\"\nkp = 1\nkd = 1\ntarget = [0]",
+                "target has 1 numbers, 2 are needed (shoulder, elbow)",
+            ),
+            ("kp = 1", "[run] kp belongs to controller = \"pd\""),
+            ("torque_file = \"x.csv\"", "[run] torque_file belongs to controller = \"torque-file\""),
+            ("press = 1", "[run] press belongs to controller = \"transition\""),
+        ],
+    );
+    let boxed = shaped("box = { centre = [1.1364, 0, 0], size = [1, 1, 1] }");
+    for (name, keys) in [("transition", "gain = 60".to_owned()), ("impact-invariant", format!("kp = 1\n{regulator}"))] {
+        let scene = boxed.replace("#run", &format!("controller = \"{name}\"\n{keys}"));
+        let why = "works at the first surface, which must be a halfspace";
+        desk.refused(&scene, &format!("[run] controller = \"{name}\" {why}"));
+    }
+}
+
+#[test]
+fn torque_files_that_can_not_be_read_are_refused_by_their_line() {
+    let desk = Desk::new("torques");
+    let cells = "every cell must be a finite number, separated by commas";
+    let scene = at("#run", "controller = \"torque-file\"\ntorque_file = \"t.csv\"");
+    desk.refused(&scene, "[run] torque_file t.csv: No such file or directory (os error 2)");
+    for (text, why) in [
+        ("", "it has no row of numbers: give the time and one joint force for each joint"),
+        ("time,a,b\n", "it has no row of numbers: give the time and one joint force for each joint"),
+        ("time,a,b\n0,0,0\n1,x,1\n", &format!("line 3: {cells}")),
+        ("0,x,0\n1,0,0\n", &format!("line 1: {cells}")),
+        ("0,0,0\n1,nan,0\n", &format!("line 2: {cells}")),
+        ("0,0\n1,1\n", "line 1: 2 columns, 3 are needed: the time and 2 joint forces"),
+        ("0,0,0\n1,1,1,1\n", "line 2: 4 columns, 3 are needed: the time and 2 joint forces"),
+        ("0,0,0\n2,0,0\n1,0,0\n", "line 3: time 1 does not come after the one above: times ascend"),
+        ("0,0,0\n0,1,1\n", "line 2: time 0 does not come after the one above: times ascend"),
+    ] {
+        desk.write("t.csv", text);
+        desk.refused(&scene, &format!("[run] torque_file t.csv: {why}"));
+    }
+}
+
+#[test]
+fn settings_that_can_not_be_are_refused() {
+    let desk = Desk::new("settings");
+    let share = "it is a share, above 0 and below 1";
+    let positive = "it must be positive and finite";
+    desk.all_refused(
+        "#run",
+        &[
+            (
+                "model = \"ful\"",
+                "line 14, model = \"ful\": unknown variant `ful`, expected `auto` or `full`; did you mean `full`?",
+            ),
+            ("model = 1", "line 14, model = 1: wanted string or table"),
+            ("neglect = 0", &format!("[run] neglect = 0: {share}")),
+            ("neglect = 1.5", &format!("[run] neglect = 1.5: {share}")),
+            ("neglect = nan", &format!("[run] neglect = NaN: {share}")),
+            ("neglect = \"a\"", "line 14, neglect = \"a\": invalid type: string \"a\", expected f64"),
+            ("tolerance = 0", &format!("tolerance is 0: {positive}")),
+            ("tolerance = -1e-9", &format!("tolerance is -0.000000001: {positive}")),
+            ("contact_step = 0", &format!("contact step is 0: {positive}")),
+            ("contact_step = nan", &format!("contact step is NaN: {positive}")),
+            ("sample = 0", &format!("sampling interval is 0: {positive}")),
+            ("gravity = [0, nan, 0]", "gravity is NaN: every component must be finite"),
+            (
+                "contact_stp = 1",
+                "line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, \
+                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `model`, `neglect`, `controller`, \
+                 `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `gain`, `press`, `compensate`; did you \
+                 mean `contact_step`?",
+            ),
+        ],
+    );
+    let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
+    desk.refused(&inside, "at the start tip on surface 1 overlaps by 0.006395934260112617 m: move the start apart");
+    let start = |tip: &str| SCENE.replace("qd = [-0.444444, 0.444444]", &format!("tip_velocity = {{ {tip} }}"));
+    desk.refused(
+        &start("speed = 0.2, angle_deg = 45, along = [1, 0, 0]"),
+        "[robot] tip_velocity: along = [1, 0, 0] has no part along the surface: give a direction on it",
+    );
+    desk.refused(
+        &start("speed = nan, angle_deg = 45, along = [0, 1, 0]"),
+        "[robot] tip_velocity: speed NaN and angle_deg 45 must be finite",
+    );
+}
+
+#[test]
+fn shapes_that_can_not_be_are_refused() {
+    let desk = Desk::new("shapes");
+    desk.write("empty.stl", "solid nothing\nendsolid nothing\n");
+    desk.write("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    let nothing = |file: &str, count: u8| {
+        format!(
+            "mesh '{file}' has no triangle of non-zero area ({count} triangles in the file): give a mesh with \
+             triangles, or a box"
+        )
+    };
+    for (shape, why) in [
+        ("mesh = { file = \"empty.stl\" }", nothing("empty.stl", 0)),
+        ("mesh = { file = \"line.obj\" }", nothing("line.obj", 1)),
+        ("mesh = { file = \"no.stl\" }", "mesh 'no.stl' cannot be read: No such file or directory (os error 2)".into()),
+        ("mesh = { file = \"m.ply\" }", "mesh 'm.ply' is of the kind 'ply': stl, dae and obj are read".into()),
+        (
+            "mesh = { file = \"line.obj\", scale = [0, 1, 1] }",
+            "mesh 'line.obj' has the scale (0, 1, 1): each factor must be finite and not zero".into(),
+        ),
+        ("sphere = { centre = [2, 0, 0], radius = -1 }", "radius is -1: it must be positive and finite".into()),
+        ("box = { centre = [2, 0, 0], size = [0, 1, 1] }", "size x is 0: it must be positive and finite".into()),
+    ] {
+        desk.refused(&shaped(shape), &format!("[[surface]] 'surface 1': obstacle: {why}"));
+    }
+    desk.refused(
+        &shaped("msh = { file = \"m.stl\" }"),
+        "line 6, shape = { msh = { file = \"m.stl\" } }: unknown variant `msh`, expected one of `halfspace`, `box`, \
+         `sphere`, `mesh`; did you mean `mesh`?",
+    );
+}
+
+fn choices<'a>(plan: &'a Value, section: &str, what: &str) -> Vec<&'a str> {
+    let lines = plan[section].as_array().unwrap().iter().filter(|line| line["what"] == what);
+    lines.map(|line| line["choice"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn a_plan_has_its_documented_keys() {
+    let desk = Desk::new("plan");
+    let scene = at("#run", "neglect = 0.5").replace("#contact", "friction = 0.001");
+    let (plan, said) = desk.answer("plan", &scene);
+    assert_eq!(said, "");
+    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys(&plan), ["bounded", "joints", "kept", "left_out"]);
+    assert_eq!(plan["joints"], serde_json::json!(["shoulder", "elbow"]));
+    for (section, expected) in [
+        ("kept", ["choice", "what", "why"].as_slice()),
+        ("left_out", ["choice", "what", "why"].as_slice()),
+        ("bounded", ["bound", "choice", "of", "what"].as_slice()),
+    ] {
+        let lines = plan[section].as_array().unwrap();
+        assert!(!lines.is_empty(), "{section}");
+        lines.iter().for_each(|line| assert_eq!(keys(line), expected, "{section}"));
+    }
+    assert_eq!(choices(&plan, "kept", "space"), ["the plane with the normal (0, 0, 1)"]);
+    // The whole model keeps everything.
+    let (full, _) = desk.answer("plan", &scene.replace("neglect = 0.5", "model = \"full\""));
+    assert_eq!(choices(&full, "kept", "model"), ["everything, in space"]);
+    assert!(choices(&full, "left_out", "space").is_empty() && full["bounded"].as_array().unwrap().is_empty());
+}
+
+/// A surface that no link reaches is an answer, of a plan and of a run.
+#[test]
+fn a_surface_out_of_reach_is_a_plain_answer() {
+    let desk = Desk::new("far");
+    let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
+    let (plan, said) = desk.answer("plan", &far);
+    assert_eq!(said, "");
+    assert_eq!(choices(&plan, "kept", "surface"), ["no surface can be touched"]);
+    assert!(choices(&plan, "left_out", "pair").contains(&"tip on surface 1"), "{plan}");
+    let (run, said) = desk.answer("simulate", &far);
+    assert_eq!(said, "");
+    assert_eq!((run["events"].as_array().unwrap().len(), run["mode"].as_str()), (0, Some("free")));
+}
