@@ -23,7 +23,7 @@ duration = 0.1
 #run
 "#;
 
-const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic";
+const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
 
 /// A folder of its own for each test, gone afterwards.
 struct Desk(PathBuf);

@@ -159,7 +159,9 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         let Witness { value, rate: Some(rate) } = values[witness] else { break };
         let correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
-        if negligible || !(start..=end).contains(&(time + correction)) {
+        // A gap is a difference of positions: nearer to its level than their rounding it can't come.
+        let reached = (level - value).abs() <= 4.0 * f64::EPSILON;
+        if negligible || reached || !(start..=end).contains(&(time + correction)) {
             break;
         }
         time += correction;

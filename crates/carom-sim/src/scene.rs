@@ -144,7 +144,14 @@ impl Scene {
             let share = file.run.neglect.unwrap_or_default();
             return Err(refuse(format!("[run] neglect = {share}: it is a share, above 0 and below 1")));
         }
-        let tip = chain.frame(&file.robot.tip).is_ok().then(|| file.robot.tip.clone());
+        let tip = match chain.frame(&file.robot.tip) {
+            Ok(_) => Some(file.robot.tip.clone()),
+            Err(_) if file.robot.tip == scene_file::tip() => None,
+            Err(unknown) => return Err(refuse(format!("[robot] tip = \"{}\": {unknown}", file.robot.tip))),
+        };
+        if let Some(sample) = file.run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {
+            return Err(refuse(format!("[run] sample = {sample}: it must be positive and finite")));
+        }
         let simulation = Simulation {
             gravity: file.run.gravity.into(),
             drive,

@@ -209,7 +209,8 @@ impl Controller {
 fn unscaled() -> [f64; 3] {
     [1.0; 3]
 }
-fn tip() -> String {
+/// The link that is the tip where a scene names none.
+pub(crate) fn tip() -> String {
     "tip".into()
 }
 fn exponent() -> f64 {

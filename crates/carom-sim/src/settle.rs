@@ -7,6 +7,9 @@ use crate::space::Space;
 use crate::trajectory::ContactMode;
 use nalgebra::{Matrix3, Vector3};
 
+/// Gaps and gap rates this small are left alone, m and m/s: taking them out would only disturb the integrator.
+const ROUNDING: f64 = 1e-15;
+
 impl<A: Space> Motion<'_, A> {
     /// Slip begins against the friction that would be needed to hold.
     pub fn slide_off(&mut self, held: &Held) {
@@ -88,16 +91,18 @@ impl<A: Space> Motion<'_, A> {
         let at = sim.touches[touch].at(&view, &q, time);
         let row = sim.touches[touch].row(&at, &view)?;
         let rate = sim.touches[touch].rate(&at, &view, &qd, time)?;
+        if at.gap.abs() <= ROUNDING && rate.abs() <= ROUNDING {
+            return Ok(false);
+        }
         let response = view.kin.solve(row.as_slice())?;
         let inverse_mass = row.dot(&response);
         let back: Vec<f64> = response.iter().map(|x| -x * at.gap / inverse_mass).collect();
         let moved = sim.chain.integrate(&q, &back, 1.0)?;
-        let changed = at.gap != 0.0 || rate != 0.0;
         y[..nq].copy_from_slice(&moved);
         for (v, x) in y[nq..].iter_mut().zip(response.iter()) {
             *v -= x * rate / inverse_mass;
         }
-        Ok(changed)
+        Ok(true)
     }
 
     /// In space slip turns: its stop is watched along the direction it has now. Says how fast the slip is, as a share of the
