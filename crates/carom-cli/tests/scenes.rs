@@ -362,7 +362,7 @@ fn settings_that_can_not_be_are_refused() {
             ("tolerance = -1e-9", &format!("tolerance is -0.000000001: {positive}")),
             ("contact_step = 0", &format!("contact step is 0: {positive}")),
             ("contact_step = nan", &format!("contact step is NaN: {positive}")),
-            ("sample = 0", &format!("sampling interval is 0: {positive}")),
+            ("sample = 0", &format!("[run] sample = 0: {positive}")),
             ("gravity = [0, nan, 0]", "gravity is NaN: every component must be finite"),
             (
                 "contact_stp = 1",
