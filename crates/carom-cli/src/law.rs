@@ -4,11 +4,12 @@ use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
 use crate::output::{answer, row, say, short};
 use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_study::{LawPoint, routh_diagram};
 use clap::{Args, builder::PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Which law, with which coefficients.
 #[derive(Args)]
@@ -116,6 +117,10 @@ pub struct LawCommand {
     /// JSON lines {"delassus":[[…]],"u":[…]} in contact axes, tangents first, normal last; - is standard input
     #[arg(long, value_name = "FILE")]
     problems: PathBuf,
+    /// Draw the Routh diagram of the first problem, which must be planar: the plane of impulses with cone, lines of
+    /// compression and sticking, energy ellipse, permissible region, and every law's impulse
+    #[arg(long, value_name = "X.svg")]
+    svg: Option<PathBuf>,
     /// One line of JSON for each line read
     #[arg(long)]
     json: bool,
@@ -143,7 +148,11 @@ struct Answer {
 impl LawCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
+        let mut diagram = self.svg.as_deref();
         for_each_line(&self.problems, out, |problem: Problem, _, out| {
+            if let Some(path) = diagram.take() {
+                draw(path, &problem, &plane, self.law.friction)?;
+            }
             let all = match problem.u.len() {
                 2 => resolve(&problem, &plane)?,
                 3 => resolve(&problem, &space)?,
@@ -157,6 +166,27 @@ impl LawCommand {
             all.answer(out, self.json, plane.len(), for_people)
         })
     }
+}
+
+/// Writes the Routh diagram beside its place and moves it there.
+fn draw(path: &Path, problem: &Problem, laws: &Named<2>, friction: f64) -> Result<(), LineError> {
+    if problem.u.len() != 2 {
+        return Err(LineError("--svg draws planar problems: delassus 2×2, u = [t, n]".into()));
+    }
+    let all = resolve(problem, laws)?;
+    let points = all.outcomes.iter().map(|a| LawPoint { law: a.law.into(), impulse: [a.impulse[0], a.impulse[1]] });
+    let rows = &problem.delassus;
+    let delassus = SMatrix::<f64, 2, 2>::from_fn(|i, j| rows[i][j]);
+    let checked = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
+    let Some(svg) = routh_diagram(&checked, friction, &points.collect::<Vec<_>>()) else {
+        return Err(LineError("--svg needs a contact that approaches, and a delassus that is not singular".into()));
+    };
+    let partial = path.with_extension("svg.part");
+    let written = std::fs::write(&partial, svg).and_then(|()| std::fs::rename(&partial, path));
+    written.map_err(|e| {
+        let _ = std::fs::remove_file(&partial);
+        LineError(format!("{}: cannot be written: {e}", path.display()))
+    })
 }
 
 fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Answer>, LineError> {

@@ -1171,6 +1171,20 @@ fn the_pendulum_of_kane_and_levinson() {
     }
 }
 
+#[test]
+fn the_routh_diagram_is_drawn_for_planar_problems_and_refused_for_others() {
+    let desk = Desk::new("routh");
+    let planar = json!({"delassus": [[2.44, 1.52], [1.52, 1.01]], "u": [-0.27, -0.13]});
+    desk.answer("law --json --law all --restitution 0.5 --friction 0.5 --svg r.svg --problems -", &planar);
+    let svg = std::fs::read_to_string(desk.0.join("r.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("permissible") && svg.contains("chatterjee-ruina"));
+    let spatial = "{\"delassus\":[[2,0,0],[0,2,0],[0,0,1]],\"u\":[1,0,-1]}";
+    let ran = desk.feed("law --law poisson --restitution 0.5 --friction 0.5 --svg s.svg --problems -", spatial);
+    assert_eq!(ran.code, Some(1));
+    assert_eq!(ran.err.trim_end(), "error: <stdin>:1: --svg draws planar problems: delassus 2×2, u = [t, n]");
+    assert!(!desk.0.join("s.svg").exists());
+}
+
 // ---------------------------------------------------------------------------------------------------------------------
 // For people
 // ---------------------------------------------------------------------------------------------------------------------
