@@ -15,6 +15,10 @@ pub enum CliError {
     /// A scene, or its simulation; a scene names its file itself.
     #[error("{0}")]
     Scene(String),
+    /// A recording, which names its file itself.
+    #[cfg(feature = "rerun")]
+    #[error(transparent)]
+    Recording(#[from] carom_record::RecordError),
     /// A table.
     #[error(transparent)]
     Table(#[from] carom_study::TableError),
