@@ -65,6 +65,10 @@
 //! | law | restitution is | energy | exists |
 //! |---|---|---|---|
 //! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | always for regular H; in the tests' census also for singular H with e = 0 |
+//! | [`SeveralProblem::poisson`] (Glocker & Pfeiffer) | a ratio of impulses, per contact | never gains without friction or with one common e; else **can gain** | as the one above with e = 0 |
+//! | [`SeveralProblem::sequential`] | a ratio of velocities, per blow | never gains without friction; else **can gain** if e > 0 | says whether it came to an end |
+//!
+//! The last has one answer per order: [`SeveralProblem::all_orders`] is the set of them.
 //!
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.
@@ -91,4 +95,7 @@ pub use laws::{
 };
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
-pub use several::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+pub use several::{
+    Accuracy, Constraint, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome, SequentialOutcome, SeveralOutcome,
+    SeveralProblem,
+};

@@ -1,9 +1,16 @@
 //! Impacts at several places at once: contacts, joint limits, dry joints, held directions.
 //!
 //! The impulses and the velocities they cause depend on one another through one matrix. Which impulses
-//! belong to which velocities is the law's affair; the one here is Moreau's: all constraints act at the same
-//! instant, each contact has Newton's coefficient of restitution, and friction is Coulomb's, with the round cone
-//! as it is.
+//! belong to which velocities is the law's affair:
+//!
+//! | Law | Constraints act | Restitution is | Energy without friction |
+//! |---|---|---|---|
+//! | [`simultaneous`](SeveralProblem::simultaneous), Moreau | at once | a ratio of velocities | **can gain**, if a receding contact is pushed |
+//! | [`poisson`](SeveralProblem::poisson), Glocker & Pfeiffer | at once, in two phases | a ratio of impulses | never gains |
+//! | [`sequential`](SeveralProblem::sequential) | one after another | a ratio of velocities, each time | never gains |
+//!
+//! The third depends on the order; [`all_orders`](SeveralProblem::all_orders) says how much. Friction is Coulomb's, with
+//! the round cone as it is. The symbols, and Moreau's law:
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
@@ -45,9 +52,19 @@
 
 mod block;
 mod natural_map;
+mod orders;
+mod poisson;
+mod restart;
+mod sequential;
 mod solve;
 
 use nalgebra::{DMatrix, DVector};
+
+pub use orders::{OrderOutcome, OrderSet};
+pub use poisson::PoissonOutcome;
+pub use sequential::{Order, OrderError, SequentialOutcome};
+
+use solve::Found;
 
 use crate::laws::{check_friction, check_restitution};
 use crate::problem::{check_delassus, check_velocity};
@@ -118,7 +135,7 @@ impl Constraint {
 pub struct Accuracy {
     /// Residual, relative to the largest velocity, at which the answer is good enough.
     pub tolerance: f64,
-    /// Most sweeps and Newton steps together.
+    /// Most sweeps and Newton steps together; under `poisson` in each phase. Under `sequential`, most sub-impacts.
     pub max_iterations: usize,
 }
 
@@ -203,8 +220,10 @@ impl SeveralProblem {
     /// `warm_start` is a guess of the impulses, those of the step before, say.
     ///
     /// **Guarantee.** Every impulse is in its cone or within its bound. With e = 0 no energy is gained, beyond
-    /// the residual; with e > 0 and friction it may be ([`Flags::ENERGY_GAIN`]), as under
-    /// [`Whittaker`](crate::Whittaker). Where contacts are redundant there are many sets of impulses; without friction
+    /// the residual; nor is it among smooth contacts if each that pushes was approaching, whatever their e: its share of
+    /// the change is `-½ (1 - e) p |u⁻|`. Else it may be ([`Flags::ENERGY_GAIN`]): with friction as under
+    /// [`Whittaker`](crate::Whittaker); without it by a contact that recedes and is pushed back to rest, share `½ p u⁻`,
+    /// even with one e for all. [`poisson`](Self::poisson) has no such gain. Where contacts are redundant there are many sets of impulses; without friction
     /// all of them give the same `u_plus`.
     ///
     /// **Fails** where no impulses satisfy the law, which takes e > 0 and a singular H: friction wedges what
@@ -224,20 +243,49 @@ impl SeveralProblem {
             check_size("warm_start", self.u_minus.len(), guess.len())?;
             check_velocity("warm_start", guess.as_slice())?;
         }
-        let found = solve::solve(self, accuracy, warm_start);
+        Ok(self.outcome(solve::solve(self, accuracy, warm_start)))
+    }
+
+    /// The books of impulses found.
+    fn outcome(&self, found: Found) -> SeveralOutcome {
         let u_plus = &self.u_free + &self.delassus * &found.impulse;
-        let energy_change = 0.5 * found.impulse.dot(&(&self.u_minus + &u_plus));
-        let passed = 0.5 * found.impulse.abs().dot(&(self.u_minus.abs() + u_plus.abs()));
-        // What the residual leaves open is no gain of the law's.
-        let gains = energy_change > passed * (GAIN * f64::EPSILON).max(found.residual);
-        let flags = Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(found.impulse.amax() == 0.0);
-        Ok(SeveralOutcome {
+        let (energy_change, flags) = self.energy(&found.impulse, &u_plus, found.residual);
+        SeveralOutcome {
             u_plus,
             energy_change,
             flags,
             residual: found.residual,
             iterations: found.iterations,
             impulse: found.impulse,
+        }
+    }
+
+    /// `½ pᵀ(u⁻ + u⁺)` (J), and whether that is a gain.
+    fn energy(&self, impulse: &DVector<f64>, u_plus: &DVector<f64>, residual: f64) -> (f64, Flags) {
+        let energy_change = 0.5 * impulse.dot(&(&self.u_minus + u_plus));
+        let passed = 0.5 * impulse.abs().dot(&(self.u_minus.abs() + u_plus.abs()));
+        // What the residual leaves open is no gain of the law's.
+        let gains = energy_change > passed * (GAIN * f64::EPSILON).max(residual);
+        (energy_change, Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(impulse.amax() == 0.0))
+    }
+
+    /// The same without restitution, bounds of dry friction at a share of theirs.
+    fn inelastic(&self, share: f64) -> Self {
+        let constraints = self.constraints.iter().map(|constraint| match *constraint {
+            Constraint::Contact { friction, .. } => Constraint::Contact { restitution: 0.0, friction },
+            Constraint::Stop { .. } => Constraint::Stop { restitution: 0.0 },
+            Constraint::Dry { bound } => Constraint::Dry { bound: bound * share },
+            Constraint::Held => Constraint::Held,
+        });
+        Self { constraints: constraints.collect(), ..self.clone() }
+    }
+
+    /// Each constraint with its first row.
+    fn rows(&self) -> impl Iterator<Item = (usize, &Constraint)> {
+        self.constraints.iter().scan(0, |next, constraint| {
+            let row = *next;
+            *next += constraint.rows();
+            Some((row, constraint))
         })
     }
 }

@@ -1,0 +1,82 @@
+//! Other starts for the iteration where it runs in circles.
+//!
+//! Of inelastic problems with few freedoms and strong friction about one in a thousand leaves sweeps and Newton steps
+//! going round between two modes, while from elsewhere they arrive. So a fifth of the iterations goes to the first
+//! start, and what is left to others: the impulses without friction, ten times the best so far, and random ones of
+//! its size, drawn with a fixed seed.
+
+use nalgebra::DVector;
+
+use super::solve::{Found, solve};
+use super::{Accuracy, Constraint, SeveralProblem};
+
+/// Share of the iterations for one start.
+const SHARE: usize = 5;
+
+/// Solves, from several starts if need be; returns the best found, with all iterations counted.
+pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
+    let each = (accuracy.max_iterations / SHARE).max(1);
+    let mut left = accuracy.max_iterations;
+    let mut run = |problem: &SeveralProblem, start: Option<&DVector<f64>>| {
+        let found = solve(problem, &Accuracy { max_iterations: each.min(left), ..*accuracy }, start);
+        // At least one is counted, so that it ends.
+        left -= found.iterations.max(1).min(left);
+        (found, left)
+    };
+    let (mut best, mut left) = run(problem, start);
+    let mut draw = SplitMix(0);
+    for attempt in 0.. {
+        if best.residual <= accuracy.tolerance || left == 0 {
+            break;
+        }
+        let size = best.impulse.amax();
+        let start = match attempt {
+            0 => run(&problem.without_friction(), None).0.impulse,
+            1 => &best.impulse * 10.0,
+            _ => DVector::from_fn(best.impulse.len(), |_, _| size * draw.wide()),
+        };
+        let found;
+        (found, left) = run(problem, Some(&start));
+        if found.residual < best.residual {
+            best = found;
+        }
+    }
+    Found { iterations: accuracy.max_iterations - left, ..best }
+}
+
+impl SeveralProblem {
+    fn without_friction(&self) -> Self {
+        let constraints = self.constraints.iter().map(|constraint| match *constraint {
+            Constraint::Contact { restitution, .. } => Constraint::Contact { restitution, friction: 0.0 },
+            other => other,
+        });
+        Self { constraints: constraints.collect(), ..self.clone() }
+    }
+}
+
+/// Steele, Lea & Flood's generator (2014): a few lines, and the same numbers everywhere.
+pub(super) struct SplitMix(pub u64);
+
+impl SplitMix {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// In [-1, 1).
+    fn wide(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    /// Fisher and Yates's.
+    pub fn shuffle(&mut self, order: &mut [usize]) {
+        for i in (1..order.len()).rev() {
+            // The bias of the remainder is of the order of i/2⁶⁴.
+            let j = (self.next() % (i as u64 + 1)) as usize;
+            order.swap(i, j);
+        }
+    }
+}

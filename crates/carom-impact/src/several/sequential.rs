@@ -1,0 +1,294 @@
+//! One constraint after another, each by the law for one contact.
+
+use std::collections::BTreeSet;
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
+
+use super::block::Block;
+use super::{Accuracy, Constraint, SeveralProblem};
+use crate::Flags;
+
+/// Eigenvalues and inverse masses below this share of what they came from are rounding of zero.
+const RANK: f64 = 1e-12;
+
+/// Which constraint is next.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Order {
+    /// They take turns as listed, round and round; whichever has nothing to do is passed over. Lists constraints by
+    /// their place, each that is not held at least once (repeats are turns); what is held may be left out.
+    Cycle(Vec<usize>),
+    /// The one that approaches fastest, in the unit of its row; the first of equals.
+    MostApproaching,
+}
+
+/// Why an order was refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OrderError {
+    /// An entry that is no constraint.
+    #[error("the order names constraint {index}, but there are {count}, counted from 0")]
+    Unknown {
+        /// The entry.
+        index: usize,
+        /// How many constraints there are.
+        count: usize,
+    },
+    /// A constraint that would never have its turn.
+    #[error(
+        "the order leaves out constraint {index}: list every constraint that is not held, so that each has its turn"
+    )]
+    Missing {
+        /// The first one left out.
+        index: usize,
+    },
+}
+
+/// The answer of [`SeveralProblem::sequential`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct SequentialOutcome {
+    /// Impulses of all sub-impacts together (N s).
+    pub impulse: DVector<f64>,
+    /// Velocities after (m/s): `u_free + H p`.
+    pub u_plus: DVector<f64>,
+    /// How many sub-impacts there were.
+    pub sub_impacts: usize,
+    /// Whether nothing was left to do within the tolerance.
+    pub finished: bool,
+    /// What was left, relative to the largest entry of `u_minus` and `u_free`: the largest approach of a contact or
+    /// stop, velocity that dry friction could still take, velocity of what is held.
+    pub residual: f64,
+    /// `½ pᵀ(u⁻ + u⁺)` (J), as in [`SeveralOutcome`](crate::SeveralOutcome).
+    pub energy_change: f64,
+    /// `energy-gain` if the impulses brought energy; `no-approach` if there are none.
+    pub flags: Flags,
+}
+
+impl SeveralProblem {
+    /// One sub-impact at a time, until no contact approaches.
+    ///
+    /// | Symbol | Meaning |
+    /// |---|---|
+    /// | p | impulses so far (N s) |
+    /// | u, w | velocities so far (m/s): `u_free + H p`, `u⁻ + H p`; the same in a pure impact |
+    /// | Δp | impulse of the sub-impact at one constraint (N s), which makes of u its u' |
+    ///
+    /// ```text
+    /// its turn  u_n < -tolerance · max(|u⁻|, |u_free|)
+    /// stop      u' = -e min(w, 0)
+    /// contact   u_n' = -e min(w_n, 0);  |Δp_t| ≤ μ Δp_n, against u_t'
+    /// dry       the p within ± bound that brings it nearest to rest
+    /// held      u = 0 throughout: it yields its impulse within each sub-impact of the others
+    /// ```
+    ///
+    /// **Parameters.** e and μ of each constraint, e as the ratio of velocities in each of its sub-impacts; the order;
+    /// `accuracy.tolerance`, and in `accuracy.max_iterations` the most sub-impacts.
+    ///
+    /// **Guarantee.** Total impulses are in their cones or within their bounds, up to rounding. Without friction no
+    /// sub-impact gains energy in a pure impact, whatever the e and the order; with friction none with e = 0. With e = 1
+    /// Newton's cradle of equal balls sends the last one away alone.
+    ///
+    /// **Fails** to have one answer: it depends on the order ([`all_orders`](Self::all_orders)), and what is
+    /// symmetric need not stay so. Sub-impacts may be infinitely many: those of a rod on both ends with e = 0 halve the
+    /// approach each time. What grips the robot with e = 1 never ends. Then `finished` is false and `residual` says
+    /// what is left. With friction and e > 0 a sub-impact may gain energy, as under
+    /// [`Whittaker`](crate::Whittaker) ([`Flags::ENERGY_GAIN`]).
+    ///
+    /// **Source.** A. P. Ivanov, *On multiple impact*, J. Appl. Math. Mech. 59 (1995) 887, for sequences of single
+    /// impacts; the single one is Moreau's. The rules for dry friction, held directions and forces are ours.
+    ///
+    /// # Errors
+    ///
+    /// An order that names what is not there or leaves out what is.
+    ///
+    /// ```
+    /// use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
+    /// use nalgebra::{dmatrix, dvector};
+    ///
+    /// // Newton's cradle: three balls of 1 kg, the first strikes at 1 m/s, the others touch at rest.
+    /// let between = Constraint::Stop { restitution: 1.0 };
+    /// let cradle = SeveralProblem::new(dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0], vec![between; 2])?;
+    /// let hit = cradle.sequential(&Order::MostApproaching, &Accuracy::default())?;
+    /// assert_eq!(hit.impulse, dvector![1.0, 1.0]); // the first ball stops, the last one leaves
+    /// assert_eq!((hit.sub_impacts, hit.finished), (2, true));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn sequential(&self, order: &Order, accuracy: &Accuracy) -> Result<SequentialOutcome, OrderError> {
+        if let Order::Cycle(list) = order {
+            let count = self.constraints.len();
+            if let Some(&index) = list.iter().find(|&&index| index >= count) {
+                return Err(OrderError::Unknown { index, count });
+            }
+            let listed: BTreeSet<_> = list.iter().copied().collect();
+            let left_out = |&k: &usize| self.constraints[k] != Constraint::Held && !listed.contains(&k);
+            if let Some(index) = (0..count).find(left_out) {
+                return Err(OrderError::Missing { index });
+            }
+        }
+        Ok(self.sequence(&Reduced::new(self), order, accuracy))
+    }
+
+    /// `order` is sound.
+    pub(super) fn sequence(&self, reduced: &Reduced, order: &Order, accuracy: &Accuracy) -> SequentialOutcome {
+        let speed = self.u_minus.amax().max(self.u_free.amax());
+        let enough = accuracy.tolerance * speed;
+        let mut state = State { reduced, impulse: DVector::zeros(self.u_minus.len()), u: reduced.u_free.clone() };
+        let (mut sub_impacts, mut idle, mut turn) = (0, 0, 0);
+        while sub_impacts < accuracy.max_iterations {
+            let next = match order {
+                Order::Cycle(list) if idle < list.len() => {
+                    turn += 1;
+                    Some(list[(turn - 1) % list.len()])
+                }
+                Order::Cycle(_) => None,
+                Order::MostApproaching => (0..reduced.blocks.len())
+                    .map(|k| (k, state.left(k)))
+                    .filter(|&(k, left)| left > enough && reduced.mobile[k])
+                    .fold(None, |best, new| match best {
+                        Some((_, most)) if most >= new.1 => best,
+                        _ => Some(new),
+                    })
+                    .map(|(k, _)| k),
+            };
+            let Some(k) = next else { break };
+            if state.left(k) > enough && reduced.mobile[k] {
+                state.strike(k);
+                (sub_impacts, idle) = (sub_impacts + 1, 0);
+            } else {
+                idle += 1;
+            }
+        }
+        let left = (0..reduced.blocks.len()).fold(0.0_f64, |worst, k| worst.max(state.left(k)));
+        let impulse = reduced.with_held(state.impulse);
+        let u_plus = &self.u_free + &self.delassus * &impulse;
+        let held = self.rows().filter(|(_, constraint)| **constraint == Constraint::Held);
+        let worst = held.fold(left, |worst, (row, _)| worst.max(u_plus[row].abs()));
+        let residual = if worst == 0.0 { 0.0 } else { worst / speed };
+        let (energy_change, flags) = self.energy(&impulse, &u_plus, 0.0);
+        let finished = residual <= accuracy.tolerance.max(RANK);
+        SequentialOutcome { impulse, u_plus, sub_impacts, finished, residual, energy_change, flags }
+    }
+}
+
+/// The problem with what is held worked in: its rows keep their places, and are zero.
+pub(super) struct Reduced {
+    delassus: DMatrix<f64>,
+    u_free: DVector<f64>,
+    /// By how much `u⁻` exceeds `u_free` (m/s), held directions worked in.
+    before: DVector<f64>,
+    blocks: Vec<Block>,
+    /// Whether an impulse can move the constraint.
+    mobile: Vec<bool>,
+    /// What is held: its rows, `-H_hh⁺ H_hr` and `-H_hh⁺ u_h`.
+    held: Vec<usize>,
+    response: DMatrix<f64>,
+    at_once: DVector<f64>,
+}
+
+impl Reduced {
+    pub fn new(problem: &SeveralProblem) -> Self {
+        let h = &problem.delassus;
+        let held: Vec<usize> = problem.rows().filter(|(_, c)| **c == Constraint::Held).map(|(row, _)| row).collect();
+        let rows = h.select_rows(&held);
+        let inverse = pseudo_inverse(rows.select_columns(&held));
+        let at_once = -&inverse * problem.u_free.select_rows(&held);
+        let response = -inverse * &rows;
+        let mut delassus = h + rows.tr_mul(&response);
+        let mut u_free = &problem.u_free + rows.tr_mul(&at_once);
+        let difference = &problem.u_minus - &problem.u_free;
+        let mut before = &difference + response.tr_mul(&difference.select_rows(&held));
+        for i in 0..h.nrows() {
+            let is_held = held.binary_search(&i).is_ok();
+            // What the held directions left of a row is rounding: nothing moves it.
+            if is_held || delassus[(i, i)] <= RANK * h[(i, i)] {
+                delassus.row_mut(i).fill(0.0);
+                delassus.column_mut(i).fill(0.0);
+            }
+            if is_held {
+                (u_free[i], before[i]) = (0.0, 0.0);
+            }
+        }
+        let blocks: Vec<_> = problem.rows().map(|(row, c)| Block::new(*c, row, &delassus)).collect();
+        let mobile = blocks
+            .iter()
+            .map(|block| match block.constraint {
+                Constraint::Contact { .. } | Constraint::Stop { .. } => block.solve_one(-1.0) > 0.0,
+                Constraint::Dry { .. } => delassus[(block.row, block.row)] > 0.0,
+                Constraint::Held => false,
+            })
+            .collect();
+        Self { delassus, u_free, before, blocks, mobile, held, response, at_once }
+    }
+
+    /// The impulses with those of what is held.
+    fn with_held(&self, mut impulse: DVector<f64>) -> DVector<f64> {
+        let own = &self.at_once + &self.response * &impulse;
+        for (&row, value) in self.held.iter().zip(own.iter()) {
+            impulse[row] = *value;
+        }
+        impulse
+    }
+}
+
+/// Of a positive semidefinite matrix; zero if only numbers near overflow keep it from an end.
+fn pseudo_inverse(h: DMatrix<f64>) -> DMatrix<f64> {
+    let n = h.nrows();
+    if n == 0 {
+        return h;
+    }
+    let Some(eigen) = SymmetricEigen::try_new(h, f64::EPSILON, 100 * n) else { return DMatrix::zeros(n, n) };
+    let floor = eigen.eigenvalues.amax() * RANK;
+    let inverse = eigen.eigenvalues.map(|value| if value > floor { 1.0 / value } else { 0.0 });
+    &eigen.eigenvectors * DMatrix::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
+}
+
+struct State<'a> {
+    reduced: &'a Reduced,
+    /// So far; of what is held, zero.
+    impulse: DVector<f64>,
+    /// `u_free + H p`, held directions worked in.
+    u: DVector<f64>,
+}
+
+impl State<'_> {
+    /// Velocity of constraint k that is still to be taken (m/s).
+    fn left(&self, k: usize) -> f64 {
+        let block = &self.reduced.blocks[k];
+        let last = block.row + block.constraint.rows() - 1;
+        match block.constraint {
+            Constraint::Contact { .. } | Constraint::Stop { .. } => -self.u[last].min(0.0),
+            Constraint::Dry { .. } => (self.dry(k) - self.impulse[last]).abs() * self.reduced.delassus[(last, last)],
+            Constraint::Held => 0.0,
+        }
+    }
+
+    /// The total impulse that dry friction k would have after its turn.
+    fn dry(&self, k: usize) -> f64 {
+        let block = &self.reduced.blocks[k];
+        let own = self.reduced.delassus[(block.row, block.row)];
+        block.solve_one(self.u[block.row] - own * self.impulse[block.row])
+    }
+
+    /// The sub-impact at constraint k.
+    fn strike(&mut self, k: usize) {
+        let block = &self.reduced.blocks[k];
+        let i = block.row;
+        let last = i + block.constraint.rows() - 1;
+        let rebound = block.constraint.restitution() * (self.u[last] + self.reduced.before[last]).min(0.0);
+        match block.constraint {
+            Constraint::Contact { friction, .. } => {
+                let c = Vector3::new(self.u[i], self.u[i + 1], self.u[last] + rebound);
+                let terms = |row: usize| {
+                    let column = self.reduced.delassus.column(row);
+                    column.iter().zip(&self.impulse).fold(self.u[row].abs(), |sum, (h, p)| sum + (h * p).abs())
+                };
+                let size = terms(i).max(terms(i + 1)).max(terms(last));
+                let mut own = self.impulse.fixed_rows_mut::<3>(i);
+                own += block.solve_contact(friction, c, size);
+            }
+            Constraint::Dry { .. } => self.impulse[i] = self.dry(k),
+            Constraint::Stop { .. } => self.impulse[i] += block.solve_one(self.u[i] + rebound),
+            Constraint::Held => {}
+        }
+        self.u = &self.reduced.u_free + &self.reduced.delassus * &self.impulse;
+    }
+}

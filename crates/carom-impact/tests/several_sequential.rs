@@ -1,0 +1,280 @@
+//! Sequences of single impacts: closed forms, orders, what they leave open, and their energy books.
+
+mod common;
+
+use carom_impact::{Accuracy, Constraint, Flags, Order, SequentialOutcome, SeveralProblem};
+use common::close;
+use nalgebra::{DMatrix, DVector, dmatrix, dvector};
+
+const EXACT: f64 = 1e-12;
+
+fn contact(restitution: f64, friction: f64) -> Constraint {
+    Constraint::Contact { restitution, friction }
+}
+
+fn stop(restitution: f64) -> Constraint {
+    Constraint::Stop { restitution }
+}
+
+fn problem(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> SeveralProblem {
+    SeveralProblem::new(h, u, constraints).unwrap()
+}
+
+fn run(problem: &SeveralProblem, order: Order) -> SequentialOutcome {
+    problem.sequential(&order, &Accuracy::default()).unwrap()
+}
+
+/// A rod of unit mass that falls flat on both its ends.
+fn rod(e: f64) -> SeveralProblem {
+    problem(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![-1.0, -1.0], vec![stop(e); 2])
+}
+
+fn energy_ratio(problem: &SeveralProblem, energy_change: f64) -> f64 {
+    let u = problem.u_minus();
+    let before = 0.5 * u.dot(&(problem.delassus().clone().try_inverse().unwrap() * u));
+    (before + energy_change) / before
+}
+
+fn wide(rng: &mut fastrand::Rng) -> f64 {
+    2.0 * rng.f64() - 1.0
+}
+
+#[test]
+fn the_end_of_a_rod_that_strikes_first_rebounds_faster() {
+    for (e, first, second, ratio, tiny) in
+        [(0.5, 0.40625, 0.265625, 0.114502, EXACT), (0.8, 0.728, 0.701, 0.510571, EXACT), (1.0, 1.0, 1.0, 1.0, EXACT)]
+    {
+        let rod = rod(e);
+        let left = run(&rod, Order::Cycle(vec![0, 1]));
+        let right = run(&rod, Order::Cycle(vec![1, 0]));
+        println!("e = {e}: {:?} after {} sub-impacts", left.u_plus.as_slice(), left.sub_impacts);
+        assert!(left.finished && right.finished);
+        close("first", left.u_plus[0], first, tiny);
+        close("second", left.u_plus[1], second, tiny);
+        close(
+            "mirrored",
+            (right.u_plus[0] - left.u_plus[1]).abs() + (right.u_plus[1] - left.u_plus[0]).abs(),
+            0.0,
+            EXACT,
+        );
+        close("energy", energy_ratio(&rod, left.energy_change), ratio, 5e-7);
+        let set = rod.all_orders(10, &Accuracy::default());
+        assert_eq!((set.tried, set.complete, set.unfinished), (2, true, 0));
+        close("spread", set.spread, 2.0_f64.sqrt() * (left.u_plus[0] - left.u_plus[1]).abs(), EXACT);
+        assert_eq!(set.outcomes.len(), if e < 1.0 { 2 } else { 1 });
+        for i in 0..2 {
+            close("lower", set.lower[i], left.u_plus.min(), EXACT);
+            close("upper", set.upper[i], left.u_plus.max(), EXACT);
+        }
+    }
+}
+
+/// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than 1e-12.
+#[test]
+fn a_rod_without_restitution_takes_42_sub_impacts() {
+    let hit = run(&rod(0.0), Order::Cycle(vec![0, 1]));
+    println!("e = 0: {} sub-impacts, residual {:.1e}", hit.sub_impacts, hit.residual);
+    assert!(hit.finished && hit.sub_impacts == 42);
+    close("rest", hit.u_plus.amax(), 0.0, 1e-12);
+    let few = Accuracy { max_iterations: 10, ..Accuracy::default() };
+    let hit = rod(0.0).sequential(&Order::MostApproaching, &few).unwrap();
+    assert_eq!((hit.sub_impacts, hit.finished), (10, false));
+    close("what is left", hit.residual, 1.5 * 0.5_f64.powi(9), EXACT);
+}
+
+#[test]
+fn newtons_cradle_sends_the_last_ball_away() {
+    for n in [3, 5, 8] {
+        let h = DMatrix::from_fn(n - 1, n - 1, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
+        let mut u = DVector::zeros(n - 1);
+        u[0] = -1.0;
+        let cradle = problem(h, u, vec![stop(1.0); n - 1]);
+        for order in
+            [Order::MostApproaching, Order::Cycle((0..n - 1).collect()), Order::Cycle((0..n - 1).rev().collect())]
+        {
+            let hit = run(&cradle, order);
+            assert_eq!((hit.sub_impacts, hit.finished), (n - 1, true));
+            for i in 0..n - 1 {
+                close("every contact passes all on", hit.impulse[i], 1.0, EXACT);
+            }
+        }
+        let set = cradle.all_orders(200, &Accuracy::default());
+        assert_eq!((set.outcomes.len(), set.spread, set.complete), (1, 0.0, n < 8));
+        assert_eq!(set.tried, [2, 24, 200][[3, 5, 8].iter().position(|&m| m == n).unwrap()]);
+    }
+}
+
+#[test]
+fn one_contact_is_moreaus() {
+    let mut rng = fastrand::Rng::with_seed(80);
+    for _ in 0..1000 {
+        let j = DMatrix::from_fn(3, 4, |_, _| wide(&mut rng));
+        let u = &j * DVector::from_fn(4, |_, _| wide(&mut rng));
+        let one = problem(&j * j.transpose(), u, vec![contact(rng.f64(), 2.0 * rng.f64())]);
+        let (hit, moreau) = (run(&one, Order::MostApproaching), one.simultaneous(&Accuracy::default(), None).unwrap());
+        assert!(hit.finished && hit.sub_impacts <= 1);
+        close("velocity", (hit.u_plus - moreau.u_plus).amax(), 0.0, 1e-11 * (1.0 + moreau.impulse.amax()));
+    }
+}
+
+/// Of all velocities after which nothing approaches, Moreau's is the nearest to those before, in the metric of kinetic
+/// energy; a sequence, which never takes an impulse back, goes at least as far.
+#[test]
+fn without_restitution_moreaus_law_goes_no_farther_than_a_sequence() {
+    let mut rng = fastrand::Rng::with_seed(81);
+    for _ in 0..200 {
+        let n = rng.usize(2..5);
+        let j = DMatrix::from_fn(n, n + 2, |_, _| wide(&mut rng));
+        let u = &j * DVector::from_fn(n + 2, |_, _| wide(&mut rng));
+        let problem = problem(&j * j.transpose(), u, vec![stop(0.0); n]);
+        let moreau = problem.simultaneous(&Accuracy::default(), None).unwrap();
+        let hit = problem.sequential(&Order::MostApproaching, &Accuracy { tolerance: 1e-12, max_iterations: 100_000 });
+        let hit = hit.unwrap();
+        assert!(hit.finished, "{hit:?}");
+        let way = |p: &DVector<f64>| p.dot(&(problem.delassus() * p)).sqrt();
+        assert!(way(&hit.impulse) >= way(&moreau.impulse) - 1e-9 && hit.energy_change <= EXACT);
+    }
+}
+
+/// Held directions are rigid throughout; dry friction takes what its bound allows.
+#[test]
+fn dry_joints_and_held_ones_take_what_they_can() {
+    let h = dmatrix![2.0, 0.5, 0.3; 0.5, 1.0, 0.2; 0.3, 0.2, 1.5];
+    let constraints = |bound| vec![Constraint::Dry { bound }, Constraint::Held, stop(0.5)];
+    for bound in [0.0, 0.1, 10.0] {
+        let one = problem(h.clone(), dvector![1.0, 1.0, -1.0], constraints(bound));
+        for order in [Order::MostApproaching, Order::Cycle(vec![2, 0]), Order::Cycle(vec![0, 1, 2])] {
+            let hit = run(&one, order);
+            assert!(hit.finished, "{hit:?}");
+            close("held", hit.u_plus[1], 0.0, EXACT);
+            assert!(hit.impulse[0].abs() <= bound && hit.u_plus[2] >= -EXACT && hit.energy_change < 0.0);
+            let at_rest = hit.u_plus[0].abs() <= EXACT;
+            assert!(at_rest || hit.impulse[0] == -bound * hit.u_plus[0].signum(), "{bound}: {hit:?}");
+            assert_eq!(at_rest, bound == 10.0);
+        }
+    }
+    // A stop that the held direction leaves nothing to move by.
+    let locked = problem(dmatrix![1.0, 1.0; 1.0, 1.0], dvector![-1.0, -1.0], vec![Constraint::Held, stop(0.5)]);
+    let hit = run(&locked, Order::MostApproaching);
+    close("at rest", hit.u_plus.amax(), 0.0, EXACT);
+    assert_eq!(hit.sub_impacts, 0);
+}
+
+/// Two walls that close in on a bead have no end at e = 1, and none that this bead could reach.
+#[test]
+fn what_grips_never_ends_and_says_so() {
+    let gripped = problem(dmatrix![1.0, -1.0; -1.0, 1.0], dvector![-1.0, 0.5], vec![stop(1.0); 2]);
+    for order in [Order::MostApproaching, Order::Cycle(vec![1, 0])] {
+        let hit = run(&gripped, order);
+        assert_eq!((hit.sub_impacts, hit.finished), (1000, false));
+        assert!(hit.residual > 0.1 && hit.impulse.iter().all(|p| p.is_finite()));
+    }
+    assert_eq!(gripped.all_orders(10, &Accuracy::default()).unfinished, 2);
+    // Nothing can move it: no impulse without bound, no endless loop.
+    let fixed = problem(dmatrix![0.0], dvector![-1.0], vec![stop(1.0)]);
+    let hit = run(&fixed, Order::Cycle(vec![0]));
+    assert_eq!((hit.sub_impacts, hit.finished, hit.residual), (0, false, 1.0));
+    assert!(hit.flags.contains(Flags::NO_APPROACH));
+}
+
+/// A time step of a body at rest under its weight, and of one that strikes meanwhile.
+#[test]
+fn forces_do_not_rebound() {
+    let step = |before, free| {
+        let step = problem(dmatrix![2.0], dvector![before], vec![stop(0.5)]).with_free_velocity(dvector![free]);
+        run(&step.unwrap(), Order::MostApproaching).u_plus[0]
+    };
+    close("rest", step(0.0, -0.01), 0.0, EXACT);
+    close("strike", step(-1.0, -1.01), 0.5, EXACT);
+}
+
+#[test]
+fn census_of_sequences() {
+    let mut rng = fastrand::Rng::with_seed(82);
+    let (mut gains, mut unfinished, mut most) = (0, 0, 0);
+    for case in 0..4000 {
+        let rough = case % 2 == 1;
+        let constraints: Vec<_> = (0..rng.usize(2..=5))
+            .map(|_| match rng.u8(0..6) {
+                0 => Constraint::Dry { bound: rng.f64() },
+                1 => Constraint::Held,
+                2 => stop(rng.f64()),
+                _ => contact(rng.f64(), if rough { rng.f64() } else { 0.0 }),
+            })
+            .collect();
+        let rows: usize = constraints.iter().map(Constraint::rows).sum();
+        let j = DMatrix::from_fn(rows, rows + 1, |_, _| wide(&mut rng));
+        let u = &j * DVector::from_fn(rows + 1, |_, _| wide(&mut rng));
+        let one = problem(&j * j.transpose(), u.clone(), constraints.clone());
+        let mut order: Vec<_> = (0..constraints.len()).collect();
+        rng.shuffle(&mut order);
+        let hit = run(&one, if rng.bool() { Order::Cycle(order) } else { Order::MostApproaching });
+        unfinished += usize::from(!hit.finished);
+        most = most.max(hit.sub_impacts);
+        let mut i = 0;
+        for constraint in &constraints {
+            let n = i + constraint.rows() - 1;
+            let p = hit.impulse[n];
+            match *constraint {
+                Constraint::Contact { friction, .. } => {
+                    assert!(p >= 0.0 && hit.impulse.rows(i, 2).norm() <= friction * p * (1.0 + EXACT));
+                    assert!(!hit.finished || hit.u_plus[n] >= -1e-11 * u.amax());
+                }
+                Constraint::Stop { .. } => assert!(p >= 0.0),
+                Constraint::Dry { bound } => assert!(p.abs() <= bound),
+                Constraint::Held => assert!(hit.u_plus[n].abs() <= 1e-9 * (1.0 + hit.impulse.amax()), "{hit:?}"),
+            }
+            i = n + 1;
+        }
+        let gain = hit.flags.contains(Flags::ENERGY_GAIN);
+        assert!(rough || !gain, "without friction none gains: {one:?} {hit:?}");
+        gains += usize::from(gain);
+    }
+    println!(
+        "sequences: {unfinished} of 4000 unfinished after 1000, most sub-impacts {most}; {gains} of 2000 rough gain"
+    );
+    assert!(unfinished <= 100);
+}
+
+#[test]
+fn sets_are_drawn_the_same_every_time() {
+    let mut rng = fastrand::Rng::with_seed(83);
+    let n = 7;
+    let j = DMatrix::from_fn(n, n, |_, _| wide(&mut rng));
+    let u = &j * DVector::from_fn(n, |_, _| wide(&mut rng));
+    let mut constraints = vec![stop(0.7); n];
+    constraints[3] = Constraint::Held;
+    let one = problem(&j * j.transpose(), u, constraints);
+    let set = one.all_orders(50, &Accuracy::default());
+    assert_eq!(set, one.all_orders(50, &Accuracy::default()));
+    assert_eq!((set.tried, set.complete), (50, false));
+    let all = one.all_orders(720, &Accuracy::default());
+    assert_eq!((all.tried, all.complete), (720, true));
+    println!("{} outcomes of 720 orders, spread {:.3}; of 50 {:.3}", all.outcomes.len(), all.spread, set.spread);
+    assert!(all.spread >= set.spread && all.outcomes.len() > 1);
+    for found in &all.outcomes {
+        assert!(!found.order.contains(&3), "what is held has no turn");
+        let again = run(&one, Order::Cycle(found.order.clone()));
+        assert_eq!(again, found.outcome);
+        for i in 0..n {
+            assert!((all.lower[i]..=all.upper[i]).contains(&again.u_plus[i]));
+        }
+    }
+    // Without constraints there is one order, the empty one; a limit of none tries one.
+    let none = problem(DMatrix::zeros(0, 0), DVector::zeros(0), vec![]).all_orders(0, &Accuracy::default());
+    assert_eq!((none.tried, none.complete, none.outcomes.len(), none.spread), (1, true, 1, 0.0));
+    assert_eq!(one.all_orders(0, &Accuracy::default()).tried, 1);
+}
+
+#[test]
+fn wrong_orders_are_named() {
+    let three =
+        problem(DMatrix::identity(3, 3), dvector![-1.0, 0.0, 0.0], vec![stop(0.0), Constraint::Held, stop(0.0)]);
+    let refused = |order| three.sequential(&Order::Cycle(order), &Accuracy::default()).unwrap_err().to_string();
+    assert_eq!(refused(vec![0, 3]), "the order names constraint 3, but there are 3, counted from 0");
+    assert_eq!(
+        refused(vec![0, 1, 0]),
+        "the order leaves out constraint 2: list every constraint that is not held, so that each has its turn"
+    );
+    assert!(run(&three, Order::Cycle(vec![2, 0, 2])).finished);
+}
