@@ -69,7 +69,8 @@ fn the_end_of_a_rod_that_strikes_first_rebounds_faster() {
     }
 }
 
-/// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than 1e-12.
+/// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than
+/// 1e-12.
 #[test]
 fn a_rod_without_restitution_takes_42_sub_impacts() {
     let hit = run(&rod(0.0), Order::Cycle(vec![0, 1]));

@@ -9,8 +9,8 @@
 //! | [`poisson`](SeveralProblem::poisson), Glocker & Pfeiffer | at once, in two phases | a ratio of impulses | never gains |
 //! | [`sequential`](SeveralProblem::sequential) | one after another | a ratio of velocities, each time | never gains |
 //!
-//! The third depends on the order; [`all_orders`](SeveralProblem::all_orders) says how much. Friction is Coulomb's, with
-//! the round cone as it is. The symbols, and Moreau's law:
+//! The third depends on the order; [`all_orders`](SeveralProblem::all_orders) says how much. Friction is Coulomb's,
+//! with the round cone as it is. The symbols, and Moreau's law:
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
@@ -220,16 +220,16 @@ impl SeveralProblem {
     /// `warm_start` is a guess of the impulses, those of the step before, say.
     ///
     /// **Guarantee.** Every impulse is in its cone or within its bound. With e = 0 no energy is gained, beyond
-    /// the residual; nor is it among smooth contacts if each that pushes was approaching, whatever their e: its share of
-    /// the change is `-½ (1 - e) p |u⁻|`. Else it may be ([`Flags::ENERGY_GAIN`]): with friction as under
-    /// [`Whittaker`](crate::Whittaker); without it by a contact that recedes and is pushed back to rest, share `½ p u⁻`,
-    /// even with one e for all. [`poisson`](Self::poisson) has no such gain. Where contacts are redundant there are many sets of impulses; without friction
-    /// all of them give the same `u_plus`.
+    /// the residual; nor is it among smooth contacts if each that pushes was approaching, whatever their e: its
+    /// share of the change is `-½ (1 - e) p |u⁻|`. Else it may be ([`Flags::ENERGY_GAIN`]): with friction as under
+    /// [`Whittaker`](crate::Whittaker); without it by a contact that recedes and is pushed back to rest, whose
+    /// share is `½ p u⁻`, even with one e for all. [`poisson`](Self::poisson) has no such gain. Where contacts are
+    /// redundant there are many sets of impulses; without friction all of them give the same `u_plus`.
     ///
     /// **Fails** where no impulses satisfy the law, which takes e > 0 and a singular H: friction wedges what
     /// restitution drives apart, or obstacles grip the robot from both sides, where the contact that recedes
-    /// (target 0, not -e u⁻) forbids the rebound from the other. It fails rarely where the iteration finds none. Neither
-    /// is an error here: `residual` says so.
+    /// (target 0, not -e u⁻) forbids the rebound from the other. It fails rarely where the iteration finds none.
+    /// Neither is an error here: `residual` says so.
     ///
     /// # Errors
     ///

@@ -61,9 +61,10 @@ impl SeveralProblem {
     /// ```
     ///
     /// **Fails** to keep the energy books otherwise: beside a rough contact of smaller e an elastic one may
-    /// gain several times the energy there was, if rarely ([`Flags::ENERGY_GAIN`](crate::Flags::ENERGY_GAIN)). The iteration
-    /// may miss a solution, more rarely; `residual` says so. Where contacts are redundant λ_c is one of many,
-    /// and with e > 0 `u_plus` may depend on which. The outer balls of Newton's cradle part as under Moreau's law: no
+    /// gain several times the energy there was, if rarely
+    /// ([`Flags::ENERGY_GAIN`](crate::Flags::ENERGY_GAIN)). More rarely yet the iteration misses a solution;
+    /// `residual` says so. Where contacts are redundant λ_c is one of many, and with different e `u_plus` may depend
+    /// on which. The outer balls of Newton's cradle part as under Moreau's law: no
     /// wave runs through an impact in two phases.
     ///
     /// **Source.** C. Glocker, F. Pfeiffer, *Multiple impacts with friction in rigid multibody systems*, Nonlinear

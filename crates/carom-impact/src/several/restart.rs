@@ -25,7 +25,7 @@ pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, sta
     };
     let (mut best, mut left) = run(problem, start);
     let mut draw = SplitMix(0);
-    for attempt in 0.. {
+    for attempt in 0_u64.. {
         if best.residual <= accuracy.tolerance || left == 0 {
             break;
         }

@@ -84,8 +84,8 @@ impl SeveralProblem {
     /// `accuracy.tolerance`, and in `accuracy.max_iterations` the most sub-impacts.
     ///
     /// **Guarantee.** Total impulses are in their cones or within their bounds, up to rounding. Without friction no
-    /// sub-impact gains energy in a pure impact, whatever the e and the order; with friction none with e = 0. With e = 1
-    /// Newton's cradle of equal balls sends the last one away alone.
+    /// sub-impact gains energy in a pure impact, whatever the e and the order; with friction none with e = 0. With
+    /// e = 1 Newton's cradle of equal balls sends the last one away alone.
     ///
     /// **Fails** to have one answer: it depends on the order ([`all_orders`](Self::all_orders)), and what is
     /// symmetric need not stay so. Sub-impacts may be infinitely many: those of a rod on both ends with e = 0 halve the
