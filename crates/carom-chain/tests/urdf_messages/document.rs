@@ -1,0 +1,213 @@
+//! The document: elements, names, one tree, and what is not used.
+
+use crate::texts::*;
+
+#[test]
+fn what_is_no_urdf() {
+    refused(&[
+        ("<robot".into(), "<string>:1: XML: not well-formed: the document does not have a root node; correct the file"),
+        ("".into(), "<string>:1: XML: not well-formed: the document does not have a root node; correct the file"),
+        (
+            "<robot name='r'>\n<link name='a'>\n</robot>".into(),
+            "<string>:3: XML: not well-formed: expected 'link' tag, not 'robot' at 3:1; correct the file",
+        ),
+        ("<sdf/>".into(), "<string>:1: <sdf>: this is SDF: convert it to URDF first"),
+        ("<mujoco/>".into(), "<string>:1: <mujoco>: this is MJCF, the format of MuJoCo: convert it to URDF first"),
+        ("<html/>".into(), "<string>:1: <html>: a URDF has <robot> as its outermost element"),
+        (
+            r#"<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="m"/></robot>"#.into(),
+            "<string>:1: robot 'r' <macro>: this is xacro, not yet URDF: expand it with xacro first",
+        ),
+        (
+            r#"<robot name="r"><xacro:macro name="m"/></robot>"#.into(),
+            "<string>:1: XML: not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first",
+        ),
+        (
+            robot(r#"<link name="${side}_arm"/>"#),
+            "<string>:1: link '${side}_arm': this is xacro, not yet URDF: expand it with xacro first",
+        ),
+        (robot(""), r#"<string>:1: robot 'r': has no link: a robot needs at least one <link name="...">"#),
+    ]);
+}
+
+#[test]
+fn names_and_structure() {
+    refused(&[
+        (robot("<link/>"), "<string>:1: <link>: the attribute name is missing: add it"),
+        (robot(r#"<link name=""/>"#), r#"<string>:1: <link name>: "" is empty: a name is needed"#),
+        (
+            robot("<link name='a'/>\n<link name='a'/>"),
+            "<string>:2: link 'a': the name is already taken on line 1: names must differ, rename one",
+        ),
+        (
+            joined("<joint type='fixed'><parent link='a'/><child link='b'/></joint>"),
+            "<string>:1: <joint>: the attribute name is missing: add it",
+        ),
+        (
+            joined("<joint name='j'><parent link='a'/><child link='b'/></joint>"),
+            "<string>:1: joint 'j': the attribute type is missing: add it",
+        ),
+        (
+            joined("<joint name='j' type='fixed'><child link='b'/></joint>"),
+            "<string>:1: joint 'j': <parent> is missing: add it",
+        ),
+        (
+            joined("<joint name='j' type='fixed'><parent link='a'/></joint>"),
+            "<string>:1: joint 'j': <child> is missing: add it",
+        ),
+        (
+            joined("<joint name='j' type='fixed'><parent/><child link='b'/></joint>"),
+            "<string>:1: joint 'j' <parent>: the attribute link is missing: add it",
+        ),
+        (
+            joint("fixed", "<child link='b'/>"),
+            "<string>:1: joint 'j': has 2 <child>, one is allowed: remove the others",
+        ),
+        (
+            joint("hinge", ""),
+            r#"<string>:1: joint 'j': type "hinge" is not supported: use revolute, continuous, prismatic, fixed, floating or planar"#,
+        ),
+        (
+            joint("spherical", ""),
+            r#"<string>:1: joint 'j': type "spherical" is not supported: use revolute, continuous, prismatic, fixed, floating or planar"#,
+        ),
+        (
+            robot("<link name='a'><inertial><mass value='1'/></inertial></link>"),
+            "<string>:1: link 'a' <inertial>: <inertia> is missing: add it",
+        ),
+        (robot("<link name='a'><inertial/></link>"), "<string>:1: link 'a' <inertial>: <mass> is missing: add it"),
+        (
+            robot("<link name='a'><collision/></link>"),
+            "<string>:1: link 'a' <collision>: <geometry> is missing: add it",
+        ),
+    ]);
+}
+
+#[test]
+fn one_tree() {
+    let join = |name, parent, child| {
+        format!("<joint name='{name}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>\n")
+    };
+    let links = |names: &[&str]| names.iter().map(|name| format!("<link name='{name}'/>\n")).collect::<String>();
+    refused(&[
+        (
+            robot(&(links(&["upper_arm", "hand"]) + &join("j", "uper_arm", "hand"))),
+            "<string>:3: joint 'j' <parent link>: no link is named 'uper_arm': did you mean 'upper_arm'?",
+        ),
+        (
+            robot(&(links(&["upper_arm", "hand"]) + &join("j", "upper_arm", "claw"))),
+            "<string>:3: joint 'j' <child link>: no link is named 'claw': there are 'upper_arm' and 'hand'",
+        ),
+        (
+            robot(&(links(&["a", "b", "c"]) + &join("j", "a", "b") + &join("j", "b", "c"))),
+            "<string>:5: joint 'j': the name is already taken on line 4: names must differ, rename one",
+        ),
+        (
+            robot(&(links(&["a", "b"]) + &join("j", "b", "b"))),
+            "<string>:3: joint 'j': joins link 'b' to itself: parent and child must differ",
+        ),
+        (
+            robot(&(links(&["a", "b", "c"]) + &join("j", "a", "c") + &join("k", "b", "c"))),
+            "<string>:5: joint 'k': link 'c' is already the child of joint 'j' (line 4): a link hangs on one joint, and a closed loop can't be written in URDF; remove one of the two",
+        ),
+        (
+            robot(&(links(&["a", "b", "c", "d"]) + &join("j", "a", "c"))),
+            "<string>:2: link 'b': links 'a', 'b' and 'd' hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+        ),
+        (
+            robot(&links(&["a", "b", "c", "d", "e", "f", "g"])),
+            "<string>:2: link 'b': links 'a', 'b', 'c', 'd', 'e' and 2 more hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+        ),
+        (
+            robot(&(links(&["a", "b"]) + &join("j", "a", "b") + &join("k", "b", "a"))),
+            "<string>:1: link 'a': links 'a' and 'b' form a loop, each the child of the next: one of them must hang on the rest of the robot",
+        ),
+        (
+            robot(
+                &(links(&["root", "x", "a", "b", "c"])
+                    + &join("i", "c", "x")
+                    + &join("j", "c", "a")
+                    + &join("k", "a", "b")
+                    + &join("l", "b", "c")),
+            ),
+            "<string>:3: link 'a': links 'a', 'b' and 'c' form a loop, each the child of the next: one of them must hang on the rest of the robot",
+        ),
+    ]);
+}
+
+#[test]
+fn what_is_not_used() {
+    warned(&[
+        ("<robot><link name='a'/></robot>".into(), &["<robot> (line 1): has no name and is called 'unnamed'"]),
+        (
+            "<robot name='r' xmlns:x='x'>
+              <link name='a'>
+                <visual><geometry/></visual><visual/>
+                <collision><origin xzy='1 0 0'/><geometry><sphere radius='1'/></geometry><verbose/></collision>
+              </link>
+              <material/>
+              <transmission name='t'><joint name='j'/></transmission>
+              <transmission/>
+              <transmission/>
+              <gazebo><x:link x:name='b'/></gazebo>
+              <x:link name='b'/>
+            </robot>"
+                .into(),
+            &[
+                "<gazebo> (line 10) is not used",
+                "<material> (line 6) is not used",
+                "<origin xzy> (line 4) is not used",
+                "<transmission> (3 times, first on line 7) is not used",
+                "<verbose> (line 4) is not used",
+                "<visual> (2 times, first on line 3) is not used",
+                "<x:link> (line 11) is not used",
+            ],
+        ),
+        (
+            joint("continuous", "<safety_controller/><calibration/><limit jerk='1'/>"),
+            &[
+                "<calibration> (line 1) is not used",
+                "<limit jerk> (line 1) is not used",
+                "<safety_controller> (line 1) is not used",
+            ],
+        ),
+    ]);
+}
+
+#[test]
+fn a_namespace_of_the_whole_document_is_no_obstacle() {
+    let text = joint("continuous", "<axis xyz='0 0 1'/>");
+    let plain = read(&text).unwrap();
+    assert_eq!(
+        read(&text.replace("<robot", "<robot xmlns='http://example.org' xmlns:x='y' x:z='1'")).unwrap().joints,
+        plain.joints
+    );
+    assert_eq!(read(&format!("\u{feff}{text}")).unwrap(), plain, "a byte order mark");
+}
+
+#[test]
+fn long_chains_and_deep_documents() {
+    let mut inside = String::from("<link name='l0'/>");
+    for i in 1..=3000 {
+        inside += &format!(
+            "<link name='l{i}'>{INERTIAL}</link>
+            <joint name='j{i}' type='continuous'><parent link='l{}'/><child link='l{i}'/></joint>",
+            i - 1
+        );
+    }
+    let start = std::time::Instant::now();
+    assert_eq!(read(&robot(&inside)).unwrap().joints.len(), 3000);
+    let took = start.elapsed();
+    assert!(took.as_secs_f64() < 3.0, "{took:?}: half a second without optimisation, far less with it");
+
+    // the same, closed to a loop
+    inside += "<joint name='j0' type='fixed'><parent link='l3000'/><child link='l0'/></joint>";
+    refused(&[(
+        robot(&inside),
+        "<string>:1: link 'l0': links 'l0', 'l1', 'l2', 'l3', 'l4' and 2996 more form a loop, each the child of the next: one of them must hang on the rest of the robot",
+    )]);
+
+    let deep = 100_000;
+    let nested = format!("<link name='a'/>{}{}", "<x>".repeat(deep), "</x>".repeat(deep));
+    assert_eq!(read(&robot(&nested)).unwrap().warnings, ["<x> (line 1) is not used"]);
+}

@@ -1,0 +1,329 @@
+//! The contract: keys, orders, lines.
+
+use crate::desk::*;
+use nalgebra::{DMatrix, DVector, Vector3};
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
+use std::sync::mpsc;
+use std::time::Duration;
+
+#[test]
+fn every_answer_has_the_keys_of_the_contract() {
+    let desk = Desk::new("keys");
+    let report = &desk.answers("inspect planar2.urdf --json", "")[0];
+    assert_eq!(keys(report), ["dof", "joints", "links", "name", "nq", "nv", "planar", "total_mass", "warnings"]);
+    for joint in report["joints"].as_array().unwrap() {
+        assert_eq!(keys(joint), ["child", "effort", "lower", "mimic", "name", "parent", "type", "upper", "velocity"]);
+    }
+    assert_eq!(keys(&report["planar"]), ["is", "normal", "reason"]);
+
+    let args = "dynamics planar2.urdf --json --tip tip --states -";
+    let always = [
+        "bias",
+        "delassus",
+        "gravity_force",
+        "jacobian",
+        "joints",
+        "kinetic_energy",
+        "mass_matrix",
+        "potential_energy",
+    ];
+    for (more, extra) in
+        [(json!({}), None), (json!({"tau": [0, 0]}), Some("qdd")), (json!({"qdd": [0, 0]}), Some("tau"))]
+    {
+        let mut state = json!({"q": [0, 0], "qd": [0, 0]});
+        state.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        let mut expected: Vec<&str> = always.into_iter().chain(extra).collect();
+        expected.sort_unstable();
+        assert_eq!(keys(&desk.answer(args, &state)), expected);
+    }
+
+    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
+    let impact = "impact planar2.urdf --json --tip tip --normal -1,0,0 --restitution 0.5 --friction 0.2 --states -";
+    let impact_keys = [
+        "energy_after",
+        "energy_before",
+        "flags",
+        "friction_work",
+        "impulse",
+        "law",
+        "mode",
+        "normal_work",
+        "qd_plus",
+        "u_minus",
+        "u_plus",
+    ];
+    let problem = json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [0.3, -1]});
+    let law = "law --json --restitution 0.5 --friction 0.2 --problems -";
+    let law_keys = ["energy_ratio", "flags", "friction_work", "impulse", "law", "mode", "normal_work", "u_plus"];
+    for (args, input, expected) in [(impact, state, &impact_keys[..]), (law, problem, &law_keys[..])] {
+        let all = desk.answer(&format!("{args} --law all"), &input);
+        assert_eq!(keys(&all), ["outcomes"], "nothing was refused");
+        let outcomes = all["outcomes"].as_array().unwrap();
+        assert!(outcomes.len() >= 5);
+        for outcome in outcomes {
+            assert_eq!(keys(outcome), expected);
+            // One law alone gives that outcome itself.
+            let name = outcome["law"].as_str().unwrap();
+            assert_eq!(desk.answer(&format!("{args} --law {name}"), &input), *outcome);
+        }
+    }
+}
+
+#[test]
+fn inspect_says_what_the_file_says() {
+    let desk = Desk::new("inspect");
+    let report = &desk.answers("inspect planar2.urdf --json", "")[0];
+    for (key, value) in [
+        ("name", json!("planar2")),
+        ("dof", json!(2)),
+        ("nq", json!(2)),
+        ("nv", json!(2)),
+        ("links", json!(["base", "link1", "elbow_stator", "link2", "tip"])),
+        ("total_mass", json!(19.689)),
+        ("planar", json!({"is": true, "normal": [0.0, 0.0, 1.0], "reason": null})),
+        ("warnings", json!([])),
+    ] {
+        assert_eq!(report[key], value, "{key}");
+    }
+    assert_eq!(
+        report["joints"][2],
+        json!({
+            "name": "elbow", "type": "revolute", "parent": "link1", "child": "link2",
+            "lower": -3.1, "upper": 3.1, "velocity": 18.85, "effort": 40.0, "mimic": null
+        })
+    );
+    let arm = &desk.answers("inspect arm7.urdf --json", "")[0];
+    assert_eq!(
+        arm["planar"],
+        json!({
+            "is": false, "normal": null,
+            "reason": "joint 'shoulder_pitch' leaves the plane: its axis (0.000000, 1.000000, 0.000000) is not parallel to that of 'shoulder_yaw'"
+        })
+    );
+    let floating = &desk.answers("inspect planar2.urdf --floating --json", "")[0];
+    assert_eq!((&floating["dof"], &floating["nq"], &floating["nv"]), (&json!(8), &json!(9), &json!(8)));
+    assert_eq!(
+        floating["joints"][0],
+        json!({
+            "name": "root_joint", "type": "floating", "parent": "world", "child": "base",
+            "lower": null, "upper": null, "velocity": null, "effort": null, "mimic": null
+        })
+    );
+}
+
+#[test]
+fn a_robot_without_mass_weighs_nothing() {
+    let desk = Desk::new("weightless");
+    desk.write("r.urdf", robot("<link name='a'/>"));
+    let ran = desk.run("inspect r.urdf --json");
+    done(&ran);
+    assert!(ran.out.contains(r#""total_mass":0.0"#), "{}", ran.out);
+}
+
+#[test]
+fn in_space_every_law_answers() {
+    let desk = Desk::new("space");
+    let state = json!({"q": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], "qd": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]});
+    let args = "impact arm7.urdf --json --tip tip --normal -1,-0.2,-0.4 --restitution 0.35 --states -";
+    let laws = ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
+    for friction in ["0", "0.2", "2"] {
+        let all = desk.answer(&format!("{args} --friction {friction} --law all"), &state);
+        assert_eq!(keys(&all), ["outcomes"], "nothing was refused");
+        let outcomes = all["outcomes"].as_array().unwrap();
+        assert_eq!(outcomes.iter().map(|hit| hit["law"].as_str().unwrap()).collect::<Vec<_>>(), laws);
+        for hit in outcomes {
+            // Asked for alone, it is the same answer.
+            let law = hit["law"].as_str().unwrap();
+            assert_eq!(*hit, desk.answer(&format!("{args} --friction {friction} --law {law}"), &state));
+            let (before, after) = (number(&hit["energy_before"]), number(&hit["energy_after"]));
+            let gains = hit["flags"].as_array().unwrap().contains(&json!("energy-gain"));
+            assert_eq!(gains, after > before * (1.0 + 1e-12), "{hit}");
+        }
+    }
+}
+
+#[test]
+fn tangential_restitution_reaches_the_law_that_has_one() {
+    let desk = Desk::new("tangential");
+    let sphere = json!({"delassus": [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], "u": [0.6, -0.8, -1]});
+    let args = "law --json --restitution 0.8 --friction 0.9 --problems - --law";
+    for (options, v_t) in [("", 0.0), (" --tangential-restitution 0.5", -0.5), (" --tangential-restitution -1", 1.0)] {
+        let ran = desk.feed(&format!("{args} chatterjee-ruina{options}"), sphere.to_string());
+        done(&ran);
+        let hit: Value = serde_json::from_str(&ran.out).unwrap();
+        let u_plus = numbers(&hit["u_plus"]);
+        close("u⁺", (u_plus[0] - 0.6 * v_t).abs() + (u_plus[1] + 0.8 * v_t).abs(), 0.0, 1e-15);
+        assert_eq!(ran.err, "", "no warning");
+    }
+    let ran = desk.feed(&format!("{args} newton --tangential-restitution 0.5"), sphere.to_string());
+    assert!(ran.err.contains("--tangential-restitution is not used by newton"), "{}", ran.err);
+}
+
+#[test]
+fn a_law_that_wedges_does_not_silence_the_others() {
+    let desk = Desk::new("wedge");
+    let problem = json!({"delassus": [[1, 1], [1, 1]], "u": [-1, -1]});
+    let args = "law --json --restitution 0.5 --friction 2 --problems - --law";
+    let alone = desk.answer(&format!("{args} frictionless"), &problem);
+    let all = desk.answer(&format!("{args} all"), &problem);
+    assert_eq!(all["outcomes"][0], alone);
+}
+
+#[test]
+fn joints_permutes_all_that_comes_in_and_all_that_goes_out() {
+    let desk = Desk::new("permuted");
+    let (file, asked) = (["shoulder", "elbow", "wrist"], ["wrist", "shoulder", "elbow"]);
+    let place: Vec<usize> = asked.iter().map(|name| file.iter().position(|own| own == name).unwrap()).collect();
+    let permuted = |x: &[f64]| -> Vec<f64> { place.iter().map(|&i| x[i]).collect() };
+    let (q, qd, tau, qdd) = ([0.3, -1.1, 0.7], [0.4, 0.9, -0.2], [1.0, -2.0, 0.5], [3.0, 0.1, -4.0]);
+
+    let dynamics = "dynamics planar3.urdf --json --tip tip --gravity 0,-9.81,0 --states -";
+    let plain = desk.answer(dynamics, &json!({"q": q, "qd": qd, "tau": tau, "qdd": qdd}));
+    let theirs = desk.answer(
+        &format!("{dynamics} --joints {}", asked.join(",")),
+        &json!({"q": permuted(&q), "qd": permuted(&qd), "tau": permuted(&tau), "qdd": permuted(&qdd)}),
+    );
+    assert_eq!(plain["joints"], json!(file));
+    assert_eq!(theirs["joints"], json!(asked));
+    for key in ["bias", "gravity_force", "qdd", "tau"] {
+        assert_eq!(numbers(&theirs[key]), permuted(&numbers(&plain[key])), "{key}");
+        assert!(numbers(&plain[key]).iter().all(|x| *x != 0.0), "{key} tells nothing");
+    }
+    let m = matrix(&plain["mass_matrix"]);
+    assert_eq!(matrix(&theirs["mass_matrix"]), DMatrix::from_fn(3, 3, |i, j| m[(place[i], place[j])]));
+    let jacobian = matrix(&plain["jacobian"]);
+    assert_eq!(matrix(&theirs["jacobian"]), DMatrix::from_fn(3, 3, |i, j| jacobian[(i, place[j])]));
+    for key in ["delassus", "kinetic_energy", "potential_energy"] {
+        assert_eq!(theirs[key], plain[key], "{key}");
+    }
+
+    let impact =
+        "impact planar3.urdf --json --tip tip --normal 0,-1,0 --law energetic --restitution 0.5 --friction 0.2";
+    let plain = desk.answer(&format!("{impact} --states -"), &json!({"q": q, "qd": qd}));
+    let theirs = desk.answer(
+        &format!("{impact} --states - --joints {}", asked.join(",")),
+        &json!({"q": permuted(&q), "qd": permuted(&qd)}),
+    );
+    assert_eq!(plain["flags"], json!([]));
+    assert_eq!(numbers(&theirs["qd_plus"]), permuted(&numbers(&plain["qd_plus"])));
+    assert_eq!(theirs["impulse"], plain["impulse"]);
+}
+
+/// A floating body with a hinged arm.
+fn floater() -> String {
+    let arm = limb("b", "a", "continuous", r#"<axis xyz="0 1 0"/>"#);
+    robot(&format!(r#"<link name="a">{INERTIAL}</link>{arm}"#))
+}
+
+#[test]
+fn floating_puts_root_joint_first_or_where_joints_names_it() {
+    let desk = Desk::new("floating");
+    desk.write("r.urdf", floater());
+    let (base_q, base_qd) = ([0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let args = "dynamics r.urdf --floating --json --tip b --states -";
+    let qd = [&base_qd[..], &[-2.0]].concat();
+    let first = json!({"q": ([&base_q[..], &[0.7]].concat()), "qd": (qd)});
+    let last = json!({"q": ([&[0.7], &base_q[..]].concat()), "qd": ([&[-2.0], &base_qd[..]].concat())});
+    let plain = desk.answer(args, &first);
+    assert_eq!(plain["joints"], json!(["root_joint", "continuous_b"]));
+    assert_eq!(numbers(&plain["bias"]).len(), 7);
+    assert_eq!(desk.answer(&format!("{args} --joints continuous_b"), &first), plain, "left out is first");
+    assert_eq!(desk.answer(&format!("{args} --joints root_joint,continuous_b"), &first), plain);
+
+    let turned = desk.answer(&format!("{args} --joints continuous_b,root_joint"), &last);
+    assert_eq!(turned["joints"], json!(["continuous_b", "root_joint"]));
+    let place = |i: usize| (i + 6) % 7;
+    let (m, n) = (matrix(&plain["mass_matrix"]), matrix(&turned["mass_matrix"]));
+    assert_eq!(n, DMatrix::from_fn(7, 7, |i, j| m[(place(i), place(j))]));
+    let bias = numbers(&plain["bias"]);
+    assert_eq!(numbers(&turned["bias"]), (0..7).map(|i| bias[place(i)]).collect::<Vec<_>>());
+    assert_eq!(turned["delassus"], plain["delassus"]);
+
+    // qd of the root: linear, then angular velocity in its own axes. Here turned by 2 atan(0.6/0.8) about y.
+    let own = |v: [f64; 3]| {
+        let (c, s) = (0.28, 0.96);
+        Vector3::new(c * v[0] + s * v[2], v[1], -s * v[0] + c * v[2])
+    };
+    let root = desk.answer("dynamics r.urdf --floating --json --tip a --states -", &first);
+    let u = matrix(&root["jacobian"]) * DVector::from_vec(qd);
+    assert!((u - own([1.0, 2.0, 3.0])).norm() < 1e-14);
+}
+
+#[test]
+fn floating_does_not_confuse_its_joint_with_one_of_the_file() {
+    let desk = Desk::new("namesake");
+    desk.write("r.urdf", floater().replace("continuous_b", "root_joint"));
+    let args = "dynamics r.urdf --floating --json --tip b --states -";
+    let state = json!({"q": [0, 0, 0, 0, 0, 0, 1, 0.5], "qd": [0, 0, 0, 0, 0, 0, 1]}).to_string();
+    // To refuse the file would do as well; to answer with fewer degrees of freedom than there are would not.
+    for joints in ["", " --joints root_joint"] {
+        let ran = desk.feed(&format!("{args}{joints}"), &state);
+        civil(&ran, joints);
+        for line in ran.out.lines() {
+            let answer: Value = serde_json::from_str(line).unwrap();
+            assert_eq!(matrix(&answer["mass_matrix"]).nrows(), 7, "{args}{joints}");
+        }
+    }
+}
+
+#[test]
+fn only_a_floating_base_may_be_left_out_of_joints() {
+    let desk = Desk::new("left-out");
+    let arm = limb("b", "a", "continuous", "") + &limb("c", "b", "continuous", "");
+    desk.write("r.urdf", robot(&format!(r#"<link name="a"/>{}"#, arm.replace("continuous_c", "root_joint"))));
+    refused(
+        desk.run("dynamics r.urdf --json --tip c --joints continuous_b --states -"),
+        "r.urdf: --joints: joint 'root_joint' is not in the list: name every moving joint",
+    );
+}
+
+#[test]
+fn a_pipe_is_answered_line_by_line() {
+    let desk = Desk::new("stream");
+    for (args, line) in [
+        ("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[0,1],"qd":[1,0]}"#),
+        ("dynamics planar2.urdf --tip tip --states -", r#"{"q":[0,1],"qd":[1,0]}"#),
+        (
+            "impact planar2.urdf --json --tip tip --normal -1,0,0 --law all --restitution 0.5 --states -",
+            r#"{"q":[0,1],"qd":[1,0]}"#,
+        ),
+        ("law --json --law newton --restitution 0.5 --problems -", r#"{"delassus":[[2,0],[0,1]],"u":[0,-1]}"#),
+    ] {
+        let mut child = desk.command(args).spawn().unwrap();
+        let (mut stdin, stdout) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+        let (answered, answers) = mpsc::channel();
+        let reader = std::thread::spawn(move || {
+            for line in BufReader::new(stdout).lines() {
+                answered.send(line.unwrap()).unwrap();
+            }
+        });
+        for _ in 0..3 {
+            writeln!(stdin, "{line}").unwrap();
+            stdin.flush().unwrap();
+            // The pipe stays open: whoever waited for its end would never answer.
+            let first = answers.recv_timeout(Duration::from_secs(60)).expect(args);
+            assert!(!first.is_empty(), "{args}");
+            if !args.contains("--json") {
+                while !answers.recv_timeout(Duration::from_secs(60)).expect(args).is_empty() {}
+            }
+        }
+        drop(stdin);
+        assert!(child.wait().unwrap().success(), "{args}");
+        reader.join().unwrap();
+        assert!(answers.try_recv().is_err(), "{args}: three lines, three answers");
+    }
+}
+
+#[test]
+fn answers_come_in_the_order_of_the_lines() {
+    let desk = Desk::new("sequence");
+    let lines: Vec<String> = (0..500).map(|i| json!({"q": [0, 0], "qd": [i, 0]}).to_string()).collect();
+    desk.write("s.jsonl", lines.join("\n"));
+    let answers = desk.answers("dynamics planar2.urdf --json --tip tip --states s.jsonl", "");
+    assert_eq!(answers.len(), 500);
+    for (i, answer) in answers.iter().enumerate() {
+        let energy = 0.5 * 3.957 * (i * i) as f64; // M₁₁ of the straight arm, kg m²
+        close("kinetic energy", number(&answer["kinetic_energy"]), energy, 1e-13 * energy);
+    }
+}

@@ -1,0 +1,204 @@
+//! A folder to work in, the command run there, and what is said of its answers.
+
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use serde_json::{Value, json};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+pub const INERTIAL: &str =
+    r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
+
+/// Elbow up, tip at rest against a wall whose normal points along -x.
+pub const UP_ELBOW: [f64; 2] = [FRAC_PI_4, -FRAC_PI_2];
+
+/// A folder that goes when the test ends. Commands run in it, so that messages name files without it.
+pub struct Desk(pub PathBuf);
+
+/// What a run left behind.
+#[derive(Debug, PartialEq)]
+pub struct Ran {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+impl Desk {
+    /// With the preset robots in it.
+    pub fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-cli-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for robot in ["planar2.urdf", "planar3.urdf", "arm7.urdf"] {
+            let preset = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots").join(robot);
+            std::fs::copy(preset, folder.join(robot)).unwrap();
+        }
+        Self(folder)
+    }
+
+    pub fn write(&self, file: &str, text: impl AsRef<[u8]>) {
+        std::fs::write(self.0.join(file), text).unwrap();
+    }
+
+    pub fn command(&self, args: &str) -> Command {
+        self.command_of(&args.split_whitespace().collect::<Vec<_>>())
+    }
+
+    pub fn command_of(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
+        command.args(args).current_dir(&self.0).env_remove("ROS_PACKAGE_PATH");
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    /// Runs with arguments that hold no spaces.
+    pub fn run(&self, args: &str) -> Ran {
+        self.feed(args, "")
+    }
+
+    /// The same, with text on standard input.
+    pub fn feed(&self, args: &str, input: impl AsRef<[u8]>) -> Ran {
+        finish(self.command(args).spawn().unwrap(), input.as_ref())
+    }
+
+    /// Answers as JSON. Nothing may be refused.
+    pub fn answers(&self, args: &str, input: &str) -> Vec<Value> {
+        let ran = self.feed(args, input);
+        assert_eq!(ran.code, Some(0), "{args}: {}", ran.err);
+        ran.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    /// The one answer to one line.
+    pub fn answer(&self, args: &str, input: &Value) -> Value {
+        let answers = self.answers(args, &input.to_string());
+        assert_eq!(answers.len(), 1, "{args}");
+        answers.into_iter().next().unwrap()
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Feeds a run and collects it. Whoever refuses early reads no input, so a broken pipe is no failure here.
+pub fn finish(mut child: Child, input: &[u8]) -> Ran {
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_vec();
+    let feeder = std::thread::spawn(move || {
+        let _ = stdin.write_all(&input);
+    });
+    let output = child.wait_with_output().unwrap();
+    feeder.join().unwrap();
+    Ran {
+        code: output.status.code(),
+        out: String::from_utf8(output.stdout).unwrap(),
+        err: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// Refused with exit status 1, nothing on standard output, and this one line on standard error.
+#[track_caller]
+pub fn refused(ran: Ran, message: &str) {
+    let expected = Ran { code: Some(1), out: String::new(), err: format!("error: {message}\n") };
+    assert_eq!(ran, expected);
+}
+
+/// Usage: exit status 2, nothing on standard output, these words on standard error.
+#[track_caller]
+pub fn usage(ran: Ran, words: &str) {
+    assert_eq!((ran.code, ran.out.as_str()), (Some(2), ""), "{}", ran.err);
+    assert!(ran.err.contains(words), "{:?} not in {:?}", words, ran.err);
+}
+
+/// Done with exit status 0 and nothing on standard error.
+#[track_caller]
+pub fn done(ran: &Ran) {
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+}
+
+/// Whatever was asked: no panic, an exit status of the contract, one line of refusal, and JSON without holes.
+#[track_caller]
+pub fn civil(ran: &Ran, what: &str) {
+    assert!(matches!(ran.code, Some(0..=2)), "{what}: {ran:?}");
+    assert!(!ran.err.contains("panicked"), "{what}: {ran:?}");
+    if ran.code == Some(1) {
+        let errors: Vec<&str> = ran.err.lines().filter(|line| !line.starts_with("warning: ")).collect();
+        assert_eq!(errors.len(), 1, "{what}: {ran:?}");
+        assert!(errors[0].starts_with("error: "), "{what}: {ran:?}");
+    }
+    for line in ran.out.lines() {
+        let value: Value = serde_json::from_str(line).unwrap();
+        assert!(has_no_hole(&value), "{what}: {line}");
+    }
+}
+
+/// JSON has no NaN and no infinity: serde writes `null` for them.
+pub fn has_no_hole(value: &Value) -> bool {
+    match value {
+        Value::Null => false,
+        Value::Array(items) => items.iter().all(has_no_hole),
+        Value::Object(items) => items.values().all(has_no_hole),
+        _ => true,
+    }
+}
+
+pub fn keys(value: &Value) -> Vec<&str> {
+    let mut keys: Vec<&str> = value.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    keys
+}
+
+pub fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+pub fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(number).collect()
+}
+
+pub fn vector(value: &Value) -> DVector<f64> {
+    numbers(value).into()
+}
+
+pub fn matrix(value: &Value) -> DMatrix<f64> {
+    let rows: Vec<Vec<f64>> = value.as_array().unwrap().iter().map(numbers).collect();
+    DMatrix::from_fn(rows.len(), rows.first().map_or(0, Vec::len), |i, j| rows[i][j])
+}
+
+pub fn texts(value: &Value) -> Vec<&str> {
+    value.as_array().unwrap().iter().map(|text| text.as_str().unwrap()).collect()
+}
+
+#[track_caller]
+pub fn close(what: &str, got: f64, want: f64, tolerance: f64) {
+    assert!((got - want).abs() <= tolerance, "{what}: {got} against {want}");
+}
+
+pub fn robot(inside: &str) -> String {
+    format!(r#"<robot name="r">{inside}</robot>"#)
+}
+
+/// Link `a` (root, without inertia), link `b`, and a hinge `j` between them.
+pub fn hinged(b: &str) -> String {
+    robot(&format!(
+        r#"<link name="a"/><link name="b">{b}</link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>"#
+    ))
+}
+
+/// A link with an inertial, and a joint that hangs it on another link 1 m along x.
+pub fn limb(name: &str, parent: &str, kind: &str, more: &str) -> String {
+    format!(
+        r#"<link name="{name}">{INERTIAL}</link><joint name="{kind}_{name}" type="{kind}">
+        <parent link="{parent}"/><child link="{name}"/><origin xyz="1 0 0"/>{more}</joint>"#
+    )
+}
+
+/// Joint velocities that move the tip of planar2 as wanted, in the plane.
+pub fn rates(desk: &Desk, q: [f64; 2], tip: [f64; 2]) -> [f64; 2] {
+    let still = json!({"q": q, "qd": [0, 0]});
+    let jacobian = matrix(&desk.answer("dynamics planar2.urdf --json --tip tip --states -", &still)["jacobian"]);
+    let jacobian = Matrix2::from_fn(|i, j| jacobian[(i, j)]);
+    (jacobian.try_inverse().unwrap() * Vector2::from(tip)).into()
+}

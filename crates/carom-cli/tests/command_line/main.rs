@@ -1,0 +1,10 @@
+//! The `carom` command from outside: what it takes, what it answers, what it refuses and in which words.
+
+mod contract;
+mod desk;
+mod numbers;
+mod options;
+mod people;
+mod refused_input;
+mod refused_robots;
+mod rough_handling;

@@ -1,0 +1,145 @@
+//! Options that are refused, and names that are not there.
+
+use crate::desk::*;
+use serde_json::json;
+
+#[test]
+fn coefficients_out_of_range_are_refused() {
+    let desk = Desk::new("coefficients");
+    for (options, message) in [
+        ("--restitution -0.1", "--restitution -0.1: a coefficient of restitution lies between 0 and 1"),
+        ("--restitution 1.5", "--restitution 1.5: a coefficient of restitution lies between 0 and 1"),
+        ("--restitution NaN", "--restitution NaN: a coefficient of restitution lies between 0 and 1"),
+        ("--restitution inf", "--restitution inf: a coefficient of restitution lies between 0 and 1"),
+        ("--restitution 1 --friction -0.2", "--friction -0.2: a coefficient of friction is finite and not negative"),
+        ("--restitution 0 --friction nan", "--friction NaN: a coefficient of friction is finite and not negative"),
+        ("--restitution 0 --friction inf", "--friction inf: a coefficient of friction is finite and not negative"),
+    ] {
+        for law in ["all", "frictionless", "energetic"] {
+            let impact = format!("impact planar2.urdf --tip tip --normal -1,0,0 --law {law} {options} --states -");
+            refused(desk.run(&impact), message);
+            refused(desk.run(&format!("law --law {law} {options} --problems -")), message);
+        }
+    }
+}
+
+#[test]
+fn usage_errors_exit_with_2() {
+    let desk = Desk::new("usage");
+    let impact = "impact planar2.urdf --tip tip --states - --restitution 0.5";
+    let laws = "[possible values: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
+    for (args, words) in [
+        (String::new(), "Usage: carom <COMMAND>"),
+        ("strike".into(), "unrecognized subcommand 'strike'"),
+        ("inspect".into(), "<ROBOT.urdf>"),
+        ("inspect planar2.urdf --jsn".into(), "unexpected argument '--jsn' found"),
+        ("dynamics planar2.urdf --states -".into(), "--tip <LINK>"),
+        (
+            "dynamics planar2.urdf --tip tip --states - --gravity 0,0".into(),
+            "invalid value '0,0' for '--gravity <X,Y,Z>': 2 numbers, three are needed: x,y,z",
+        ),
+        (format!("{impact} --normal -1,0,0 --law hertz"), "invalid value 'hertz' for '--law <LAW>'"),
+        (format!("{impact} --normal -1,0,0 --law hertz"), laws),
+        (format!("{impact} --law all"), "--normal <X,Y,Z>"),
+        (
+            format!("{impact} --law all --normal 1,0"),
+            "invalid value '1,0' for '--normal <X,Y,Z>': 2 numbers, three are needed: x,y,z",
+        ),
+        (
+            format!("{impact} --law all --normal 1,0,0,0"),
+            "invalid value '1,0,0,0' for '--normal <X,Y,Z>': 4 numbers, three are needed: x,y,z",
+        ),
+        (
+            format!("{impact} --law all --normal 1,x,0"),
+            "invalid value '1,x,0' for '--normal <X,Y,Z>': invalid float literal: write three numbers, like 0,0,-9.81",
+        ),
+        ("law --law all --problems - --restitution half".into(), "invalid value 'half' for '--restitution <E>'"),
+        ("law --law all --problems -".into(), "--restitution <E>"),
+    ] {
+        usage(desk.run(&args), words);
+    }
+}
+
+#[test]
+fn tips_and_joints_that_are_not_there_are_refused_with_names_that_are() {
+    let desk = Desk::new("names");
+    let with = |options: &str| desk.run(&format!("dynamics planar2.urdf --json --states - {options}"));
+    refused(
+        with("--tip tool"),
+        "planar2.urdf: --tip: no link is named 'tool'; there are 'base', 'link1', 'elbow_stator', 'link2' and 'tip'",
+    );
+    refused(
+        with("--tip tpi"),
+        "planar2.urdf: --tip: no link is named 'tpi'; there are 'base', 'link1', 'elbow_stator', 'link2' and 'tip'",
+    );
+    refused(with("--tip Tip"), "planar2.urdf: --tip: no link is named 'Tip'; did you mean 'tip'?");
+    for (joints, why) in [
+        ("shoulder,elbo", "no joint is named 'elbo'; did you mean 'elbow'?"),
+        ("elbow", "joint 'shoulder' is not in the list: name every moving joint"),
+        ("elbow,shoulder,elbow", "joint 'elbow' is named twice"),
+        ("elbow,probe,shoulder", "joint 'probe' is fixed: leave it out"),
+    ] {
+        refused(with(&format!("--tip tip --joints {joints}")), &format!("planar2.urdf: --joints: {why}"));
+    }
+    let follow = r#"<axis xyz="0 0 1"/><mimic joint="continuous_b" multiplier="-2" offset="0.5"/>"#;
+    let text = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#) + &limb("c", "b", "continuous", follow);
+    desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
+    refused(
+        desk.run("dynamics r.urdf --tip c --joints continuous_b,continuous_c --states -"),
+        "r.urdf: --joints: joint 'continuous_c' mimics 'continuous_b' and has no number of its own: leave it out",
+    );
+}
+
+#[test]
+fn normals_without_an_impulse_of_finite_size_are_refused() {
+    let desk = Desk::new("normals");
+    let strike = |tip: &str, normal: &str, q: &str| {
+        let args = format!(
+            "impact planar2.urdf --json --tip {tip} --normal {normal} --law all --restitution 0.5 --friction 0.3 --states -"
+        );
+        desk.feed(&args, format!(r#"{{"q":{q},"qd":[1,0]}}"#))
+    };
+    let zero = strike("tip", "0,0,0", "[0,0]");
+    assert_eq!((zero.code, zero.out.as_str()), (Some(1), ""));
+    let words = "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length\n";
+    assert!(zero.err.starts_with("error: ") && zero.err.ends_with(words), "{}", zero.err);
+    // A straight arm hit along its axis; and across its plane.
+    for (normal, unit, q) in [("-1,0,0", "[-1.0, 0.0, 0.0]", "[0,0]"), ("0,0,2", "[0.0, 0.0, 1.0]", "[0.3,1]")] {
+        refused(
+            strike("tip", normal, q),
+            &format!(
+                "<stdin>:1: at this pose no joint moves 'tip' along the normal {unit} (singular direction): the structure would take the impact, and the impulse of any rigid law would be infinite; change the pose or the normal"
+            ),
+        );
+    }
+    refused(
+        strike("base", "-1,0,0", "[0,0]"),
+        "<stdin>:1: link 'base' is fixed to the world: no impact can move it, choose a link that a joint moves",
+    );
+}
+
+#[test]
+fn a_normal_of_any_finite_length_is_a_direction() {
+    let desk = Desk::new("lengths");
+    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
+    let strike = |normal: &str| {
+        let args = format!("impact planar2.urdf --json --tip tip --normal {normal} --law newton --restitution 0.5");
+        desk.answer(&format!("{args} --states -"), &state)["qd_plus"].clone()
+    };
+    let unit = strike("-0.6,-0.8,0");
+    for normal in ["-3,-4,0", "-3e150,-4e150,0", "-3e307,-4e307,0", "-3e-150,-4e-150,0", "-3e-300,-4e-300,0"] {
+        let scaled = strike(normal);
+        for (a, b) in numbers(&scaled).iter().zip(numbers(&unit)) {
+            close(normal, *a, b, 1e-14);
+        }
+    }
+}
+
+#[test]
+fn a_point_of_the_base_feels_nothing_and_is_no_error_for_dynamics() {
+    let desk = Desk::new("base");
+    let state = json!({"q": UP_ELBOW, "qd": [1, 2]});
+    let answer = desk.answer("dynamics planar2.urdf --json --tip base --point 1,2,3 --states -", &state);
+    assert_eq!(answer["jacobian"], json!([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]));
+    assert_eq!(answer["delassus"], json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]));
+}

@@ -1,0 +1,84 @@
+//! What people read: tables, help, pictures.
+
+use crate::desk::*;
+use serde_json::json;
+
+#[test]
+fn people_get_tables() {
+    let desk = Desk::new("people");
+    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3], "tau": [1, 2], "qdd": [3, 4]}).to_string();
+    for (args, input, words) in [
+        (
+            "inspect planar2.urdf",
+            "",
+            &[
+                "planar2: 2 degrees of freedom (nq 2, nv 2), 19.689 kg in 5 links",
+                "moves in a plane, normal (0, 0, 1)",
+                "elbow         revolute    link1 → link2         -3.1 … 3.1",
+            ][..],
+        ),
+        (
+            "inspect arm7.urdf",
+            "",
+            &["does not move in one plane: joint 'shoulder_pitch' leaves the plane", "wrist_roll"],
+        ),
+        (
+            "dynamics planar2.urdf --tip tip --states -",
+            &state,
+            &[
+                "shoulder         elbow",
+                "mass matrix        3.4730000     0.1960000",
+                "Jacobian",
+                "Delassus",
+                "bias",
+                "gravity force",
+                "qdd",
+                "tau",
+                "kinetic energy 0.0320650 J",
+            ],
+        ),
+        (
+            "impact planar2.urdf --tip tip --normal -1,0,0 --law all --restitution 0.35 --friction 0.2 --states -",
+            &state,
+            &[
+                "u⁻     0.0954594     0.1590990             0 m/s, kinetic energy 0.0320650 J",
+                "qd⁺ in the order shoulder, elbow",
+                "frictionless     slip",
+                "energetic",
+                "N s",
+                "friction work -0.0039826 J",
+            ],
+        ),
+        (
+            "law --law all --restitution 0.5 --friction 0.5 --problems -",
+            r#"{"delassus":[[2.440338045696,1.521308658011],[1.521308658011,1.009560290504]],"u":[-0.267174342835,-0.134202014333]}"#,
+            &["whittaker        stick", "T⁺/T⁻ 1.5874947  [energy-gain]", "poisson"],
+        ),
+    ] {
+        let ran = desk.feed(args, input);
+        done(&ran);
+        for word in words {
+            assert!(ran.out.contains(word), "{args}: {word:?} not in\n{}", ran.out);
+        }
+    }
+}
+
+#[test]
+fn help_and_version_are_there() {
+    let desk = Desk::new("help");
+    for (args, words) in [
+        ("--help", "Usage: carom <COMMAND>"),
+        ("help impact", "--normal <X,Y,Z>"),
+        ("inspect --help", "<ROBOT.urdf>"),
+        ("dynamics --help", "--joints"),
+        ("impact --help", "from the environment to the robot"),
+        ("law --help", "tangents first, normal last"),
+        ("--version", "carom"),
+    ] {
+        let ran = desk.run(args);
+        done(&ran);
+        // Where a line breaks is the terminal's affair.
+        let flowing = ran.out.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(flowing.contains(words), "{args}");
+    }
+}

@@ -1,0 +1,138 @@
+//! States and problems that are refused, each with its line.
+
+use crate::desk::*;
+
+#[test]
+fn a_state_with_a_fault_is_refused_with_its_line() {
+    let desk = Desk::new("states");
+    for (line, reason) in [
+        (r#"{"q":[1e999,0],"qd":[0,0]}"#, "number out of range at column 11"),
+        (r#"{"q":[NaN,0],"qd":[0,0]}"#, "expected value at column 7"),
+        (r#"{"q":[null,0],"qd":[0,0]}"#, "invalid type: null, expected f64 at column 10"),
+        (r#"{"q":[0],"qd":[0,0]}"#, "q has 1 numbers, 2 are needed (shoulder, elbow)"),
+        (r#"{"q":[0,0,0],"qd":[0,0]}"#, "q has 3 numbers, 2 are needed (shoulder, elbow)"),
+        (r#"{"q":[0,0],"qd":[]}"#, "qd has 0 numbers, 2 are needed (shoulder, elbow)"),
+        (r#"{"q":[0,0],"qd":[0,0],"tau":[0]}"#, "tau has 1 numbers, 2 are needed (shoulder, elbow)"),
+        (r#"{"q":[0,0],"qd":[0,0],"qdd":[0,0,0]}"#, "qdd has 3 numbers, 2 are needed (shoulder, elbow)"),
+        (r#"{"q":[0,0]}"#, "missing field `qd` at column 11"),
+        (
+            r#"{"q":[0,0],"qd":[0,0],"tua":[0,0]}"#,
+            "unknown field `tua`, expected one of `q`, `qd`, `tau`, `qdd` at column 27",
+        ),
+        (r#"{"q":[0,0],"qd":[0,0]}{}"#, "trailing characters at column 23"),
+        ("shoulder 0", "expected value at column 1"),
+    ] {
+        refused(desk.feed("dynamics planar2.urdf --json --tip tip --states -", line), &format!("<stdin>:1: {reason}"));
+    }
+    // The impact reads the same lines with the same eyes.
+    desk.write("s.jsonl", "\n{\"q\":[0,0,0],\"qd\":[0,0]}\n");
+    refused(
+        desk.run("impact planar2.urdf --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states s.jsonl"),
+        "s.jsonl:2: q has 3 numbers, 2 are needed (shoulder, elbow)",
+    );
+}
+
+#[test]
+fn a_problem_with_a_fault_is_refused_with_its_line() {
+    let desk = Desk::new("problems");
+    for (line, reason) in [
+        (r#"{"delassus":[[1,0],[0,1e999]],"u":[0,-1]}"#, "number out of range at column 27"),
+        (
+            r#"{"delassus":[[1,0],[0,1]],"u":[-1]}"#,
+            "u has 1 numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed",
+        ),
+        (
+            r#"{"delassus":[[1,0],[0]],"u":[0,-1]}"#,
+            "delassus has rows of 2, 1 numbers: u has 2, so 2 rows of 2 are needed",
+        ),
+        (
+            r#"{"delassus":[[1,0],[0,1]],"u":[0,0,-1]}"#,
+            "delassus has rows of 2, 2 numbers: u has 3, so 3 rows of 3 are needed",
+        ),
+        (
+            r#"{"delassus":[[1,2],[2,1]],"u":[0,-1]}"#,
+            "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [0][0] is -3, below -0.0000000000004547473508864641 (rounding); no mass distribution has it, check the mass matrix and the order of the contact axes",
+        ),
+        (
+            r#"{"delassus":[[1,0],[0,0]],"u":[0,-1]}"#,
+            "the contact cannot move along its normal: H_nn = 0 1/kg is nothing beside the trace 1 1/kg of the Delassus matrix, so the impulse would be infinite; the structure takes such a blow: leave the singular pose or model what gives way",
+        ),
+        (r#"{"delassus":[[1,0],[0,1]],"v":[0,-1]}"#, "unknown field `v`, expected `delassus` or `u` at column 29"),
+    ] {
+        refused(
+            desk.feed("law --json --law all --restitution 0.5 --problems -", line),
+            &format!("<stdin>:1: {reason}"),
+        );
+    }
+}
+
+#[test]
+fn a_quaternion_that_is_not_unit_is_refused() {
+    let desk = Desk::new("quaternion");
+    desk.write("r.urdf", robot(&format!(r#"<link name="a">{INERTIAL}</link>"#)));
+    let args = "dynamics r.urdf --floating --json --tip a --states -";
+    refused(
+        desk.feed(args, r#"{"q":[0,0,0,0,0,0,2],"qd":[0,0,0,0,0,0]}"#),
+        "<stdin>:1: joint 'root_joint': quaternion (qx qy qz qw) has norm 2, not 1: normalise it",
+    );
+    refused(
+        desk.feed(args, r#"{"q":[0,0,0,0,0,1],"qd":[0,0,0,0,0,0]}"#),
+        "<stdin>:1: q has 6 numbers, 7 are needed (root_joint; a floating joint takes x y z qx qy qz qw)",
+    );
+}
+
+#[test]
+fn lines_before_a_fault_are_answered_and_blank_ones_only_counted() {
+    let desk = Desk::new("order");
+    let good = r#"{"q":[0,0],"qd":[1,0]}"#;
+    desk.write("s.jsonl", format!("\n{good}\r\n   \n\n{good}\noops\n{good}\n"));
+    let ran = desk.run("dynamics planar2.urdf --json --tip tip --states s.jsonl");
+    assert_eq!(ran.code, Some(1));
+    assert_eq!(ran.out.lines().count(), 2);
+    assert_eq!(ran.err, "error: s.jsonl:6: expected value at column 1\n");
+    let empty = desk.feed("dynamics planar2.urdf --json --tip tip --states -", "\n\n");
+    done(&empty);
+    assert_eq!(empty.out, "");
+}
+
+#[test]
+fn a_pose_outside_limits_is_a_warning_said_once_for_each_joint() {
+    let desk = Desk::new("limits");
+    let lines = "{\"q\":[0,0],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n";
+    for args in [
+        "dynamics planar2.urdf --json --tip tip --states -",
+        "impact planar2.urdf --json --tip tip --normal 0,-1,0 --law all --restitution 0.5 --states -",
+    ] {
+        let ran = desk.feed(args, lines);
+        assert_eq!((ran.code, ran.out.lines().count()), (Some(0), 3), "{args}");
+        assert_eq!(
+            ran.err,
+            "warning: <stdin>:2: joint 'shoulder' is at 3.5 rad, above its limit 3.1 rad (said once for this joint)\n\
+             warning: <stdin>:2: joint 'elbow' is at -4 rad, below its limit -3.1 rad (said once for this joint)\n"
+        );
+    }
+}
+
+#[test]
+fn a_state_that_is_refused_warns_of_no_limits() {
+    let desk = Desk::new("limits-refused");
+    refused(
+        desk.feed("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[9],"qd":[0,0]}"#),
+        "<stdin>:1: q has 1 numbers, 2 are needed (shoulder, elbow)",
+    );
+}
+
+#[test]
+fn every_joint_warns_whatever_its_name() {
+    let desk = Desk::new("limits-names");
+    let limit = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>"#;
+    let text = limb("b", "a", "revolute", limit) + &limb("c", "b", "revolute", limit);
+    let text = text.replace("revolute_b", "left's 1").replace("revolute_c", "left's 2");
+    desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
+    let ran = desk.feed("dynamics r.urdf --json --tip c --states -", r#"{"q":[2,2],"qd":[0,0]}"#);
+    assert_eq!(
+        ran.err,
+        "warning: <stdin>:1: joint 'left's 1' is at 2 rad, above its limit 1 rad (said once for this joint)\n\
+         warning: <stdin>:1: joint 'left's 2' is at 2 rad, above its limit 1 rad (said once for this joint)\n"
+    );
+}

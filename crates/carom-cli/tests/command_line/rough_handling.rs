@@ -1,0 +1,228 @@
+//! Rough handling: pipes that break, numbers of any size, rubbish.
+
+use crate::desk::*;
+use nalgebra::DMatrix;
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let desk = Desk::new("head");
+    desk.write("s.jsonl", "{\"q\":[0,1],\"qd\":[1,0]}\n".repeat(5000));
+    for args in [
+        "dynamics planar2.urdf --json --tip tip --states s.jsonl",
+        "dynamics planar2.urdf --tip tip --states s.jsonl",
+        "impact planar2.urdf --json --tip tip --normal -1,0,0 --law all --restitution 0.5 --states s.jsonl",
+    ] {
+        let mut child = desk.command(args).spawn().unwrap();
+        let mut first = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut first).unwrap();
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!((child.wait().unwrap().code(), said.as_str()), (Some(0), ""), "{args}");
+        assert!(!first.is_empty());
+    }
+}
+
+#[test]
+fn nobody_listening_to_warnings_is_no_panic() {
+    let desk = Desk::new("deaf");
+    let mut child = desk.command("dynamics planar2.urdf --json --tip tip --states -").spawn().unwrap();
+    drop(child.stderr.take());
+    child.stdin.take().unwrap().write_all(br#"{"q":[9,0],"qd":[1,0]}"#).unwrap();
+    let mut answer = String::new();
+    child.stdout.take().unwrap().read_to_string(&mut answer).unwrap();
+    assert_eq!((child.wait().unwrap().code(), answer.lines().count()), (Some(0), 1));
+
+    let mut child = desk.command("dynamics planar2.urdf --json --tip tip --states -").spawn().unwrap();
+    drop(child.stderr.take());
+    child.stdin.take().unwrap().write_all(b"oops").unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1));
+}
+
+#[test]
+fn numbers_of_any_size_give_numbers_or_a_refusal() {
+    let desk = Desk::new("sizes");
+    let sizes = ["0", "1", "-1e16", "1e150", "-1e150", "1e300", "1e-300", "1.7976931348623157e308", "5e-324"];
+    let mut next = 0;
+    let mut any = || {
+        next = (next * 5 + 3) % 97; // a walk through the residues of a prime
+        sizes[next % sizes.len()]
+    };
+    for _ in 0..60 {
+        let state = format!(r#"{{"q":[{},{}],"qd":[{},{}],"tau":[{},{}]}}"#, any(), any(), any(), any(), any(), any());
+        let point = format!("{},{},{}", any(), any(), any());
+        let args = format!("dynamics planar2.urdf --json --tip tip --point {point} --gravity 0,0,{} --states -", any());
+        civil(&desk.feed(&args, &state), &format!("{args} < {state}"));
+        let state = format!(r#"{{"q":[{},{}],"qd":[{},{}]}}"#, any(), any(), any(), any());
+        let friction = any().trim_start_matches('-');
+        let args = format!(
+            "impact planar2.urdf --json --tip tip --normal {},{},0 --law all --restitution 0.5 --friction {friction} --states -",
+            any(),
+            any()
+        );
+        civil(&desk.feed(&args, &state), &format!("{args} < {state}"));
+        let (a, c) = (any().trim_start_matches('-'), any().trim_start_matches('-'));
+        let problem = format!(r#"{{"delassus":[[{a},0],[0,{c}]],"u":[{},{}]}}"#, any(), any());
+        let args = format!("law --json --law all --restitution 0.5 --friction {friction} --problems -");
+        civil(&desk.feed(&args, &problem), &format!("{args} < {problem}"));
+    }
+}
+
+#[test]
+fn overflow_of_one_number_is_no_hole_in_the_json() {
+    let desk = Desk::new("holes");
+    let strike = "impact planar2.urdf --json --tip tip --normal -1,0,0 --restitution 0.7 --friction 1.7e308 --states -";
+    for law in ["whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith", "all"] {
+        let ran = desk.feed(&format!("{strike} --law {law}"), r#"{"q":[0.1,-0.2],"qd":[0,-2.8]}"#);
+        civil(&ran, law);
+    }
+    let problem = r#"{"delassus":[[0,0],[0,1e308]],"u":[-1.7e308,-6e139]}"#;
+    for law in ["whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith", "all"] {
+        let args = format!("law --json --law {law} --restitution 0.1 --friction 0.1 --problems -");
+        civil(&desk.feed(&args, problem), law);
+    }
+}
+
+/// Half the energy is normal to the surface and 1 - e² of that is lost, whatever the scale. A refusal would do as well.
+#[test]
+fn energy_ratio_does_not_overflow_or_underflow_in_silence() {
+    let desk = Desk::new("ratio");
+    for problem in [
+        r#"{"delassus":[[1,0],[0,1]],"u":[1,-1]}"#,
+        r#"{"delassus":[[1e-308,0],[0,1e-308]],"u":[1,-1]}"#,
+        r#"{"delassus":[[1,0],[0,1]],"u":[1e-200,-1e-200]}"#,
+    ] {
+        let ran = desk.feed("law --json --law frictionless --restitution 0.5 --problems -", problem);
+        civil(&ran, problem);
+        for line in ran.out.lines() {
+            let hit: Value = serde_json::from_str(line).unwrap();
+            close(problem, number(&hit["energy_ratio"]), 0.625, 1e-15);
+        }
+    }
+}
+
+#[test]
+fn a_refusal_is_one_line_whatever_the_file_holds() {
+    let desk = Desk::new("one-line");
+    for text in [
+        "<robot name='r'>\n<link name='a'/\n></robot>".to_owned(),
+        robot("<link name='a&#10;b'/><link name='a&#10;b'/>"),
+        robot("<link name='a\u{1b}[31m'/>"),
+    ] {
+        desk.write("r.urdf", &text);
+        let ran = desk.run("inspect r.urdf --json");
+        assert!(ran.code == Some(0) || (ran.code == Some(1) && ran.err.lines().count() == 1), "{text:?}: {ran:?}");
+    }
+}
+
+#[test]
+fn rubbish_is_refused_without_a_panic() {
+    let desk = Desk::new("rubbish");
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut byte = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 32) as u8
+    };
+    let mut rubbish: Vec<Vec<u8>> = (0..20).map(|_| (0..200).map(|_| byte()).collect()).collect();
+    rubbish.extend(
+        (0..20).map(|_| (0..200).map(|_| b" \n<>/=\"'{}[],:.0123456789eE+-"[usize::from(byte()) % 29]).collect()),
+    );
+    rubbish.push(b"[".repeat(100_000));
+    rubbish.push(br#"{"q":["#.repeat(50_000));
+    rubbish.push(b"<robot name='r'>".repeat(50_000));
+    for bytes in rubbish {
+        desk.write("r.urdf", &bytes);
+        let inspected = desk.run("inspect r.urdf");
+        assert_eq!((inspected.code, inspected.err.lines().count()), (Some(1), 1), "{}", inspected.err);
+        if bytes.iter().all(u8::is_ascii_whitespace) {
+            continue;
+        }
+        for args in [
+            "dynamics planar2.urdf --json --tip tip --states r.urdf",
+            "law --json --law all --restitution 0.5 --problems r.urdf",
+        ] {
+            let ran = desk.run(args);
+            civil(&ran, args);
+            assert_eq!(ran.code, Some(1), "{args}");
+        }
+    }
+    // Depth costs no stack where it is not used.
+    let deep = format!("<link name='a'/>{}{}", "<x>".repeat(50_000), "</x>".repeat(50_000));
+    desk.write("r.urdf", robot(&deep));
+    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    assert_eq!(texts(&report["warnings"]), ["<x> (line 1) is not used"]);
+}
+
+#[test]
+fn names_may_be_anything_xml_can_hold() {
+    let desk = Desk::new("unicode");
+    let arm = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#)
+        + &limb("c", "b", "continuous", r#"<axis xyz="0 0 1"/>"#);
+    let (elbow, hand) = ("coude d'été \u{1f9be}", "Fußgelenk &\"<");
+    let text = arm.replace("continuous_b", elbow).replace(r#""c""#, r#""Fußgelenk &amp;&quot;&lt;""#);
+    desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
+    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    assert_eq!((&report["joints"][0]["name"], &report["links"][2]), (&json!(elbow), &json!(hand)));
+    let joints = format!("continuous_c,{elbow}");
+    let args = ["dynamics", "r.urdf", "--json", "--tip", hand, "--joints", &joints, "--states", "-"];
+    let ran = finish(desk.command_of(&args).spawn().unwrap(), br#"{"q":[0,0],"qd":[1,2]}"#);
+    done(&ran);
+    let answer: Value = serde_json::from_str(&ran.out).unwrap();
+    assert_eq!(answer["joints"], json!(["continuous_c", elbow]));
+}
+
+#[test]
+fn followers_planar_and_floating_joints_stand_anywhere_in_a_chain() {
+    let desk = Desk::new("kinds");
+    let text = [
+        r#"<link name="a"/>"#.to_owned(),
+        limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#),
+        limb("c", "b", "planar", r#"<axis xyz="0 1 0"/>"#),
+        limb("d", "c", "floating", ""),
+        limb("e", "d", "prismatic", r#"<mimic joint="continuous_b" multiplier="-2" offset="0.1"/>"#),
+    ];
+    desk.write("r.urdf", robot(&text.concat()));
+    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    assert_eq!((&report["nq"], &report["nv"]), (&json!(11), &json!(10)));
+    assert_eq!(report["joints"][3]["mimic"], json!({"joint": "continuous_b", "multiplier": -2.0, "offset": 0.1}));
+
+    let q = json!([0.4, 0.1, 0.2, 0.3, 0.5, 0.6, 0.7, 0, 0, 0.6, 0.8]);
+    let qd = json!([1, 2, 3, 4, 5, 6, 7, 8, 9, 10]);
+    let state = json!({"q": q, "qd": qd, "tau": qd, "qdd": qd});
+    let answer = desk.answer("dynamics r.urdf --json --tip e --states -", &state);
+    assert_eq!(answer["joints"], json!(["continuous_b", "planar_c", "floating_d"]));
+    let [m, bias] = [matrix(&answer["mass_matrix"]), DMatrix::from_columns(&[vector(&answer["bias"])])];
+    let scale = 1e-12 * bias.norm();
+    assert!((&m * vector(&qd) + &bias - vector(&answer["tau"])).norm() < scale);
+    assert!((&m * vector(&answer["qdd"]) + &bias - vector(&qd)).norm() < scale);
+
+    let moved = json!({"q": [0, 0, 0, 1, 0.5, 0.6, 0.7, 0.1, 0.2, 0.3, 0.4], "qd": [9, 8, 7, 6, 5, 4, 3, 2, 1, 0]});
+    civil(
+        &desk.feed(
+            "dynamics r.urdf --json --tip e --joints floating_d,planar_c,continuous_b --states -",
+            moved.to_string(),
+        ),
+        "moved",
+    );
+}
+
+#[test]
+fn two_thousand_links_are_one_chain() {
+    let desk = Desk::new("long");
+    let n = 2000;
+    let axis = |i: usize| if i.is_multiple_of(2) { r#"<axis xyz="0 0 1"/>"# } else { r#"<axis xyz="0 1 0"/>"# };
+    let limbs: String =
+        (1..=n).map(|i| limb(&format!("l{i}"), &format!("l{}", i - 1), "continuous", axis(i))).collect();
+    desk.write("r.urdf", robot(&format!(r#"<link name="l0"/>{limbs}"#)));
+    assert_eq!(desk.answers("inspect r.urdf --json", "")[0]["dof"], json!(n));
+    let q: Vec<f64> = (0..n).map(|i| 0.1 * (i as f64).sin()).collect();
+    let qd: Vec<f64> = (0..n).map(|i| 0.1 * (i as f64).cos()).collect();
+    let args = "impact r.urdf --json --tip l2000 --normal 0.2,1,0.3 --law frictionless --restitution 0.5 --states -";
+    let state = json!({"q": q, "qd": qd});
+    let ran = desk.feed(args, state.to_string());
+    civil(&ran, args);
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+}
