@@ -75,20 +75,10 @@ fn a_rocking_block_loses_what_housner_says() {
         let shape = format!(r#"<collision><geometry><box size="{} 0.4 {}"/></geometry></collision>"#, 2.0 * b, 2.0 * h);
         let chain = in_plane(3.0, r * r, &shape); // I = m R²/3 = 1 for m = 3
         let mut sim = simulation(chain, slope(0.0), "newton", 0.0, 5.0);
-        // In the plane two corners are left of the eight.
-        let flat = sim.chain.to_planar().unwrap();
-        let mut seen: Vec<Vector3<f64>> = Vec::new();
-        let _ = &flat;
-        let mut touches = Vec::new();
-        for (k, touch) in sim.touches.drain(..).enumerate() {
-            // Corners come in the order of x, y, z signs: those with y < 0 stand for both.
-            if k & 2 == 0 {
-                touches.push(touch);
-                seen.push(Vector3::zeros());
-            }
-        }
-        assert_eq!(seen.len(), 4);
-        sim.touches = touches;
+        // Corners come in the order of their x, y, z signs: those with y < 0 stand for both.
+        let corners = sim.touches.drain(..).enumerate();
+        sim.touches = corners.filter(|(k, _)| k & 2 == 0).map(|(_, touch)| touch).collect();
+        assert_eq!(sim.touches.len(), 4);
         // Tilted by θ₀ about the right lower corner, which lies at the origin.
         let theta = 0.4 * alpha;
         let centre = |turn: f64, corner: f64| {
@@ -169,7 +159,10 @@ fn a_tumbling_box_comes_to_rest_on_a_face() {
             let EventKind::Impact { hit, .. } = &event.kind else { continue };
             assert!(hit.energy_after <= hit.energy_before * (1.0 + 1e-12));
         }
-        assert!(run.summary.statistics.worst_residual < 1e-4, "case {case}: {:?}", run.summary.statistics);
+        // Without restitution the problem of several contacts has a solution, and it is found; with it, friction may leave
+        // none for redundant corners, and the residual says by how much.
+        let allowed = if e == 0.0 { 1e-9 } else { 1e-4 };
+        assert!(run.summary.statistics.worst_residual < allowed, "case {case}: {:?}", run.summary.statistics);
     }
 }
 

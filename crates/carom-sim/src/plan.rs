@@ -218,8 +218,9 @@ impl Plan {
 
     /// The law, and friction.
     fn friction(&mut self) -> Result<(), SimError> {
-        let sim = self.simulation.clone();
-        let surfaces: Vec<&Touch> = sim.touches.iter().filter(|touch| touch.link().is_some()).collect();
+        let neglect = self.simulation.neglect;
+        let touches = self.simulation.touches.iter();
+        let surfaces: Vec<&Touch> = touches.filter(|touch| touch.link().is_some()).collect();
         let Some(first) = surfaces.first() else { return Ok(()) };
         let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
         let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
@@ -227,7 +228,7 @@ impl Plan {
             if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
         let gives_way = surfaces.iter().any(|touch| touch.contact.compliance.is_some());
         let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
-        let bound = match sim.neglect {
+        let bound = match neglect {
             Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
             _ => None,
         };
@@ -244,7 +245,7 @@ impl Plan {
                 "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
             self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
         }
-        if let Some(share) = sim.neglect.filter(|_| gives_way) {
+        if let Some(share) = neglect.filter(|_| gives_way) {
             let choice =
                 format!("taken for rigid at every impact where it gives way by less than {share} of the reach");
             let of = "greatest depth at the start's pose and speed, m; the run says the worst".to_owned();

@@ -125,7 +125,7 @@ impl Rows {
 impl<A: Space> Run<'_, '_, A> {
     /// The law of several contacts: Newton's restitution for all of them at once, and Coulomb's cone.
     fn solve(
-        &mut self,
+        &self,
         rows: &Rows,
         responses: &[DVector<f64>],
         u_minus: DVector<f64>,
@@ -138,9 +138,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows[i].dot(&responses[j])
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        let outcome = problem.simultaneous(&ACCURACY, None)?;
-        self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
-        Ok(outcome)
+        Ok(problem.simultaneous(&ACCURACY, None)?)
     }
 
     /// Touches that come together at one time, with what lasts already.
@@ -162,6 +160,7 @@ impl<A: Space> Run<'_, '_, A> {
         let v = DVector::from_column_slice(&qd);
         let u_minus = rows.velocities(&v);
         let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus)?;
+        self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
         let qd_plus = responses.iter().zip(outcome.impulse.iter()).fold(v, |v, (response, p)| v + response * *p);
         self.y[nq..nq + qd.len()].copy_from_slice(qd_plus.as_slice());
         together.iter().for_each(|&touch| self.motion.impacts[touch] += 1);
@@ -290,6 +289,7 @@ impl<A: Space> Run<'_, '_, A> {
             let (u_minus, u_free) = (rows.velocities(&v), rows.velocities(&free));
             fall = (&u_minus - &u_free).amax() * step;
             let outcome = self.solve(&rows, &responses, u_minus, u_free)?;
+            self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             next = responses.iter().zip(outcome.impulse.iter()).fold(next, |v, (response, p)| v + response * *p);
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;

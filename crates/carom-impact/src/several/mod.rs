@@ -243,7 +243,7 @@ impl SeveralProblem {
             check_size("warm_start", self.u_minus.len(), guess.len())?;
             check_velocity("warm_start", guess.as_slice())?;
         }
-        Ok(self.outcome(solve::solve(self, accuracy, warm_start)))
+        Ok(self.outcome(restart::solve_patiently(self, accuracy, warm_start)))
     }
 
     /// The books of impulses found.

@@ -2,7 +2,6 @@
 
 use nalgebra::DVector;
 
-use super::restart::SplitMix;
 use super::sequential::Reduced;
 use super::{Accuracy, Constraint, Order, SequentialOutcome, SeveralProblem};
 
@@ -71,7 +70,7 @@ impl SeveralProblem {
         let tried = if complete { all.unwrap_or(1) } else { limit.max(1) };
         let reduced = Reduced::new(self);
         let near = SAME * accuracy.tolerance * self.u_minus.amax().max(self.u_free.amax());
-        let mut draw = SplitMix(0);
+        let mut draw = fastrand::Rng::with_seed(0);
         let mut outcomes: Vec<OrderOutcome> = Vec::new();
         let mut unfinished = 0;
         for _ in 0..tried {

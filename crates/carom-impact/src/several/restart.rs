@@ -24,7 +24,7 @@ pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, sta
         (found, left)
     };
     let (mut best, mut left) = run(problem, start);
-    let mut draw = SplitMix(0);
+    let mut draw = fastrand::Rng::with_seed(0);
     for attempt in 0_u64.. {
         if best.residual <= accuracy.tolerance || left == 0 {
             break;
@@ -33,7 +33,7 @@ pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, sta
         let start = match attempt {
             0 => run(&problem.without_friction(), None).0.impulse,
             1 => &best.impulse * 10.0,
-            _ => DVector::from_fn(best.impulse.len(), |_, _| size * draw.wide()),
+            _ => DVector::from_fn(best.impulse.len(), |_, _| size * (2.0 * draw.f64() - 1.0)),
         };
         let found;
         (found, left) = run(problem, Some(&start));
@@ -51,32 +51,5 @@ impl SeveralProblem {
             other => other,
         });
         Self { constraints: constraints.collect(), ..self.clone() }
-    }
-}
-
-/// Steele, Lea & Flood's generator (2014): a few lines, and the same numbers everywhere.
-pub(super) struct SplitMix(pub u64);
-
-impl SplitMix {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    /// In [-1, 1).
-    fn wide(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// Fisher and Yates's.
-    pub fn shuffle(&mut self, order: &mut [usize]) {
-        for i in (1..order.len()).rev() {
-            // The bias of the remainder is of the order of i/2⁶⁴.
-            let j = (self.next() % (i as u64 + 1)) as usize;
-            order.swap(i, j);
-        }
     }
 }
