@@ -64,3 +64,11 @@ fn the_experiments_arm_strikes_its_wall_once() {
     let (_, run) = run("planar2");
     assert_eq!(run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>(), ["impact"]);
 }
+
+#[test]
+fn a_cradle_sends_its_last_ball_up() {
+    let (scene, run) = run("cradle");
+    happens(&run, &["several", "several"]);
+    let swings = run.at(&scene.simulation.chain, 0.5).q;
+    assert!(swings[2] < -0.4 && swings[0].abs() < 1e-9 && swings[1].abs() < 1e-9, "{swings:?}");
+}

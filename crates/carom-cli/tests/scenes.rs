@@ -234,6 +234,22 @@ fn contact_rules_that_can_not_be_are_refused() {
     desk.all_refused(
         "#contact",
         &[
+            (
+                "several = \"newton\"",
+                "line 11, several = \"newton\": unknown variant `newton`, expected one of `moreau`, `poisson`, `sequential`",
+            ),
+            (
+                "links = [[\"tip\", \"tip\"]]",
+                "[contact] links = [\"tip\", \"tip\"]: link 'tip' is paired with itself: name two links",
+            ),
+            (
+                "links = [[\"tip\", \"base\"]]",
+                "[contact] links = [\"tip\", \"base\"]: link 'base' has no collision shape: give it one in the URDF",
+            ),
+            (
+                "links = [[\"tip\", \"lnk2\"]]",
+                "[contact] links = [\"tip\", \"lnk2\"]: no link is named 'lnk2'; did you mean 'link2'?",
+            ),
             (&pair("restitution = 0.8"), kinds),
             (&pair("joint = \"elbow\"\nlink = \"tip\""), kinds),
             (&pair("link = \"tipp\""), "[[contact.pair]] no link is named 'tipp'; did you mean 'tip'?"),

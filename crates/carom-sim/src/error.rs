@@ -100,6 +100,14 @@ pub enum SimError {
         /// The rule.
         rule: &'static str,
     },
+    /// Two links that can't be a pair.
+    #[error("link '{link}' {problem}")]
+    LinkPair {
+        /// The link.
+        link: String,
+        /// What is wrong, and what to do.
+        problem: &'static str,
+    },
     /// A rigid contact has impulses, not forces.
     #[error("{touch} is rigid: only a contact with a compliance presses with a force while it is hit")]
     Rigid {

@@ -296,7 +296,7 @@ impl<'a, A: Space> Motion<'a, A> {
                 let u = touch.u(&place, &view, qd, time)?;
                 let rate = place.normal.dot(&u);
                 let force = compliance.force(&touch.contact, damping, (at.gap, rate), &place.normal, &u)?;
-                let joints = view.row(place.point, force)?;
+                let joints = place.row(&view, force)?;
                 tau.iter_mut().zip(joints.iter()).for_each(|(tau, f)| *tau += f);
                 power[1] += joints.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
                 pressed = Some((force, place.normal));
@@ -312,7 +312,7 @@ impl<'a, A: Space> Motion<'a, A> {
             let at = touch.at(&view, q, time);
             match (at.surface, hold) {
                 (Some(place), Hold::Sticks) => {
-                    let jacobian = view.jacobian(place.point);
+                    let jacobian = place.jacobian(&view);
                     rows.extend((0..3).map(|k| jacobian.row(k).transpose()));
                     forces.extend(rows.iter().cloned());
                     drifts.extend(u_drift.iter());
@@ -325,7 +325,7 @@ impl<'a, A: Space> Motion<'a, A> {
                     normal = place.normal;
                     along = if mu > 0.0 { normal - d * mu } else { normal };
                     rows.push(touch.row(&at, &view)?);
-                    forces.push(view.row(place.point, along)?);
+                    forces.push(place.row(&view, along)?);
                     drifts.push(gap_drift);
                 }
                 (_, Hold::Presses(_)) => {}
@@ -337,7 +337,7 @@ impl<'a, A: Space> Motion<'a, A> {
             }
             contact = rows.len();
             if let Some(place) = at.surface {
-                point_velocity = view.velocity(place.point, qd)?;
+                point_velocity = place.velocity(&view, qd)?;
             }
         }
         for joint in dry.iter().filter(|joint| joint.state == Dry::Holds) {

@@ -16,7 +16,7 @@ use crate::motion::{Motion, beyond, responses};
 use crate::scene::Scene;
 use crate::simulate::{Integrator, Simulation, friction_bound};
 use crate::space::View;
-use crate::touch::{Compliance, Touch, TouchKind};
+use crate::touch::{Compliance, ContactRule, Touch, TouchKind};
 use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -107,8 +107,9 @@ impl Plan {
     /// Branches that nothing touches.
     fn prune(&mut self, scene: &Scene) -> Result<(), SimError> {
         let whole = &scene.simulation;
-        let links = whole.touches.iter().filter_map(Touch::link).chain(scene.tip.as_deref());
-        let frames = links.filter_map(|link| whole.chain.frame(link).ok());
+        let both = |touch: &'_ Touch| [touch.link().map(str::to_owned), touch.other_link().map(str::to_owned)];
+        let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone());
+        let frames = links.filter_map(|link| whole.chain.frame(&link).ok());
         let points: Vec<_> = frames.map(|frame| whole.chain.point(frame, Vector3::zeros())).collect();
         let touched = whole.touches.iter().any(|touch| touch.link().is_some());
         let less = whole.chain.prune(&points);
@@ -125,6 +126,11 @@ impl Plan {
             "they hang on the fixed base beside all that touches: no contact moves them, and they move no contact",
         );
         let mut touches = Touch::all(&less.chain, &scene.surfaces, 0.0)?.touches;
+        let mut pairs: Vec<_> = whole.touches.iter().filter_map(|touch| touch.link().zip(touch.other_link())).collect();
+        pairs.dedup();
+        for (link, other) in pairs {
+            touches.extend(Touch::between(&less.chain, link, other, ContactRule::default())?);
+        }
         for touch in &mut touches {
             if let Some(same) = whole.touches.iter().find(|same| same.name == touch.name) {
                 touch.contact = same.contact;
@@ -203,7 +209,8 @@ impl Plan {
             format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
         self.keep("contacts", choice, why);
         if several {
-            let choice = format!("events one contact at a time; steps of {step} s while several last");
+            let law = self.simulation.several.name();
+            let choice = format!("events one contact at a time; steps of {step} s while several last; law {law}");
             self.keep("several", choice, "more than one of them may touch at once");
         } else if !none {
             self.keep("several", "events, one contact at a time", "only one point can touch");
@@ -280,10 +287,10 @@ impl Plan {
         let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
             return Ok(None);
         };
-        let jacobian = view.jacobian(place.point);
+        let jacobian = place.jacobian(&view);
         let response = responses(&mut view, &jacobian)?;
         let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let u = view.velocity(place.point, &self.qd)?;
+        let u = place.velocity(&view, &self.qd)?;
         let approach = (-place.normal.dot(&u)).max(0.0);
         let speed = u.norm();
         Ok((speed > 0.0).then(|| friction_bound(&delassus, &place.normal, approach, e, mu) / speed))

@@ -25,8 +25,8 @@
 //! | --- | --- |
 //! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
 //! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
-//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`; `compliance {stiffness (N/mⁿ), exponent = 1.5, slip_speed = 1e-3}` for contacts that give way |
-//! | `[[contact.pair]]` | `link` and/or `surface`, or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
+//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance {stiffness (N/mⁿ), exponent = 1.5, slip_speed = 1e-3}` for contacts that give way |
+//! | `[[contact.pair]]` | `link` and/or `surface` (or the other link of a pair), or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
 //! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `model = "auto"` or `"full"`, `neglect` |
 //! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
 
@@ -126,6 +126,10 @@ impl Scene {
         } else {
             Touch::all(&chain, &surfaces, limits)?
         };
+        for [link, other] in &file.contact.links {
+            let pair = Touch::between(&chain, link, other, rule);
+            touches.extend(pair.map_err(|e| refuse(format!("[contact] links = [\"{link}\", \"{other}\"]: {e}")))?);
+        }
         for pair in &file.contact.pair {
             let met = apply(pair, &chain, &surfaces, &mut touches);
             if !met.map_err(|why| refuse(format!("[[contact.pair]] {why}")))? {
@@ -160,6 +164,7 @@ impl Scene {
             max_step: file.run.max_step.unwrap_or(0.1),
             zeno_time: file.run.zeno_time,
             contact_step: file.run.contact_step,
+            several: file.contact.several,
             max_events: file.run.max_events,
             planar: !full,
             neglect: if full { None } else { file.run.neglect },
@@ -244,8 +249,10 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
     if let Some(link) = link {
         chain.frame(link).map_err(|e| e.to_string())?;
     }
-    if let Some(name) = surface.as_ref().filter(|name| !surfaces.iter().any(|it| it.name == **name)) {
-        let known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).collect();
+    let partners = touches.iter().filter_map(Touch::other_link);
+    let mut known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).chain(partners).collect();
+    known.dedup();
+    if let Some(name) = surface.as_ref().filter(|name| !known.contains(&name.as_str())) {
         return Err(format!("surface = \"{name}\": the surfaces are {}", known.join(", ")));
     }
     if let Some(joint) = joint {

@@ -1,5 +1,6 @@
 //! The keys of a scene file, as `scene.rs` documents them.
 
+use crate::several::SeveralLaw;
 use serde::Deserialize;
 use std::path::PathBuf;
 
@@ -92,6 +93,8 @@ pub(crate) struct Contact {
     pub limit_restitution: f64,
     pub latch: bool,
     pub compliance: Option<Compliance>,
+    pub several: SeveralLaw,
+    pub links: Vec<[String; 2]>,
     pub pair: Vec<Pair>,
 }
 
@@ -108,8 +111,9 @@ pub(crate) struct Compliance {
 impl Default for Contact {
     fn default() -> Self {
         let law = "frictionless".into();
-        let (latch, compliance, pair) = (false, None, Vec::new());
-        Self { law, restitution: 0.0, friction: 0.0, limit_restitution: 0.0, latch, compliance, pair }
+        let (latch, compliance, several) = (false, None, SeveralLaw::default());
+        let (links, pair) = (Vec::new(), Vec::new());
+        Self { law, restitution: 0.0, friction: 0.0, limit_restitution: 0.0, latch, compliance, several, links, pair }
     }
 }
 

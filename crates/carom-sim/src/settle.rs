@@ -130,7 +130,7 @@ impl<A: Space> Motion<'_, A> {
         let at = sim.touches[touch].at(&view, &q, time);
         let Some(place) = at.surface else { return Ok(()) };
         let u = sim.touches[touch].u(&place, &view, &qd, time)?;
-        let jacobian = view.jacobian(place.point);
+        let jacobian = place.jacobian(&view);
         let response = responses(&mut view, &jacobian)?;
         let h: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
         let jump = &response * (pseudo_inverse(h) * u);

@@ -8,8 +8,7 @@
 //! | p | m | impulses | `impulse` |
 //!
 //! One step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; all contacts that are closed
-//! at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, where p follows Newton's restitution and Coulomb's cone ([`carom_impact::SeveralProblem`]);
-//! the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts. Positions
+//! at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, where p follows the law of several contacts ([`SeveralLaw`]); the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts. Positions
 //! overlap by O(h v). They are put back along M⁻¹Rᵀ, but for what one step's fall makes: a contact that was put back to a
 //! gap of zero would open and close every other step for ever, and never come to rest.
 //!
@@ -23,7 +22,7 @@ use crate::touch::{At, Touch};
 use crate::trajectory::{Blow, ContactMode, EventKind};
 use carom_chain::ChainError;
 use carom_chain::algebra::z_onto;
-use carom_impact::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// How well a problem with several contacts is solved: beside the errors of stepping, nothing.
@@ -34,6 +33,40 @@ const OPEN_STEPS: usize = 10;
 const STILL_STEPS: usize = 20;
 /// Joint velocities below this are none, rad/s or m/s.
 const STILL: f64 = 1e-10;
+
+/// The law that several contacts at once follow, in impacts and in time steps. Each contact keeps its own coefficients;
+/// its own law is for when it is hit alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SeveralLaw {
+    /// Newton's restitution for all at once ([`SeveralProblem::simultaneous`]).
+    #[default]
+    Moreau,
+    /// Compression of all, then expansion of all ([`SeveralProblem::poisson`]).
+    Poisson,
+    /// One after another, always the one that approaches fastest ([`SeveralProblem::sequential`]).
+    Sequential,
+}
+
+impl SeveralLaw {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Moreau, Self::Poisson, Self::Sequential];
+
+    /// As scene files say it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Moreau => "moreau",
+            Self::Poisson => "poisson",
+            Self::Sequential => "sequential",
+        }
+    }
+}
+
+/// Impulses of all constraints, and by how much they miss their law.
+struct Solved {
+    impulse: DVector<f64>,
+    residual: f64,
+}
 
 /// The constraints of one instant.
 struct Rows {
@@ -81,7 +114,7 @@ impl Rows {
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
         for axis in directions {
             let direction = axes.column(axis).into_owned();
-            self.rows.push(view.row(place.point, direction)?);
+            self.rows.push(place.row(view, direction)?);
             self.surface.push(direction.dot(&velocity));
         }
         if rule.latch {
@@ -123,14 +156,15 @@ impl Rows {
 }
 
 impl<A: Space> Run<'_, '_, A> {
-    /// The law of several contacts: Newton's restitution for all of them at once, and Coulomb's cone.
+    /// Impulses by the law of several contacts.
     fn solve(
         &self,
         rows: &Rows,
         responses: &[DVector<f64>],
         u_minus: DVector<f64>,
         u_free: DVector<f64>,
-    ) -> Result<SeveralOutcome, SimError> {
+        law: SeveralLaw,
+    ) -> Result<Solved, SimError> {
         let m = rows.rows.len();
         let delassus = DMatrix::from_fn(m, m, |i, j| {
             // Both halves from one product: symmetric to the bit.
@@ -138,7 +172,21 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows[i].dot(&responses[j])
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        Ok(problem.simultaneous(&ACCURACY, None)?)
+        Ok(match law {
+            SeveralLaw::Moreau => {
+                let found = problem.simultaneous(&ACCURACY, None)?;
+                Solved { impulse: found.impulse, residual: found.residual }
+            }
+            SeveralLaw::Poisson => {
+                let found = problem.poisson(&ACCURACY).total;
+                Solved { impulse: found.impulse, residual: found.residual }
+            }
+            SeveralLaw::Sequential => {
+                let found = problem.sequential(&Order::MostApproaching, &ACCURACY);
+                let found = found.unwrap_or_else(|_| unreachable!("this order lists nothing that could be wrong"));
+                Solved { impulse: found.impulse, residual: found.residual }
+            }
+        })
     }
 
     /// Touches that come together at one time, with what lasts already.
@@ -159,7 +207,7 @@ impl<A: Space> Run<'_, '_, A> {
         let responses = rows.responses(&mut view)?;
         let v = DVector::from_column_slice(&qd);
         let u_minus = rows.velocities(&v);
-        let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus)?;
+        let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
         self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
         let qd_plus = responses.iter().zip(outcome.impulse.iter()).fold(v, |v, (response, p)| v + response * *p);
         self.y[nq..nq + qd.len()].copy_from_slice(qd_plus.as_slice());
@@ -288,7 +336,7 @@ impl<A: Space> Run<'_, '_, A> {
             let responses: Vec<DVector<f64>> = rows.rows.iter().map(|row| inertia.solve(row)).collect();
             let (u_minus, u_free) = (rows.velocities(&v), rows.velocities(&free));
             fall = (&u_minus - &u_free).amax() * step;
-            let outcome = self.solve(&rows, &responses, u_minus, u_free)?;
+            let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             next = responses.iter().zip(outcome.impulse.iter()).fold(next, |v, (response, p)| v + response * *p);
         }
@@ -345,7 +393,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let responses = rows.responses(&mut view)?;
         let gaps = DVector::from_vec(gaps);
-        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps)?;
+        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
         let back = DVector::zeros(sim.chain.nv());
         let back = responses.iter().zip(outcome.impulse.iter()).fold(back, |sum, (response, p)| sum + response * *p);
         let moved = sim.chain.integrate(&q, back.as_slice(), 1.0)?;

@@ -22,6 +22,7 @@ use crate::drive::Drive;
 use crate::error::SimError;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
 use crate::motion::{Dry, Motion, Watch};
+use crate::several::SeveralLaw;
 use crate::space::{Space, View};
 use crate::strike::carry;
 use crate::touch::{Compliance, ContactRule, Touch};
@@ -55,6 +56,8 @@ pub struct Simulation {
     pub zeno_time: f64,
     /// Step while several contacts last at once, s.
     pub contact_step: f64,
+    /// The law of several contacts at once.
+    pub several: SeveralLaw,
     /// Stop after so many events.
     pub max_events: usize,
     /// Compute in the plane what keeps to a plane: the same motion for less. `false`: always in space.
@@ -90,6 +93,7 @@ impl Simulation {
             max_step: 0.1,
             zeno_time: 1e-5,
             contact_step: 1e-3,
+            several: SeveralLaw::default(),
             max_events: usize::MAX,
             planar: true,
             integrator: Integrator::DormandPrince,
@@ -307,6 +311,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 if rate < 0.0 { hits.push(touch) } else { rests.push((touch, rate)) }
             }
         }
+        // What touches without being pressed is open.
+        let mut pressed = Vec::new();
+        for (touch, rate) in rests {
+            if !matches!(self.stays(touch, 0.0, rate)?, Stays::No) {
+                pressed.push((touch, rate));
+            }
+        }
+        let rests = pressed;
         let points = |touches: &[usize]| touches.iter().all(|&k| sim.touches[k].is_point());
         match (hits.len(), rests.len()) {
             (0, 0) => self.motion.settle_joints(self.time, &mut self.y),
@@ -431,7 +443,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
                 let law = law_by_name::<3>(law, coefficients);
                 let mut law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
-                let Some((delassus, response)) = view.inertia(place.point, place.normal)? else {
+                let Some((delassus, response)) = place.inertia(&mut view)? else {
                     let link = one.link().unwrap_or_default().to_owned();
                     return Err(SimError::SingularNormal { link, normal: place.normal.into() });
                 };

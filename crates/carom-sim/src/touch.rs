@@ -1,5 +1,5 @@
-//! What may come together: a link's shape with a surface, or a joint with its limit. Each has a gap, and the gap closes
-//! at the rate of the joint velocities times one row: to the event loop they are alike.
+//! What may come together: a link's shape with a surface or with another link's, or a joint with its limit. Each has a gap,
+//! and the gap closes at the rate of the joint velocities times one row: to the event loop they are alike.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -7,15 +7,17 @@
 //! | j | nv | ġ = j·qd − n·ṡ | `row` |
 //! | s | 3 | displacement of a surface that moves | [`Oscillation`] |
 //! | u | 3 | velocity of the touching point over the surface, J qd − ṡ | `u` |
+//! | J | 3×nv | of the touching point; between two links, of the first's less that of the second's | `jacobian` |
 
 use crate::error::SimError;
-use crate::space::{Space, View};
+use crate::motion::responses;
+use crate::space::{Felt, Space, View};
 use carom_chain::{Chain, Coordinates, FrameId, Point};
 use carom_contact::{
-    LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_points, link_shapes, reachable_pairs,
+    LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_between, gap_points, link_shapes, reachable_pairs,
 };
 use carom_impact::{HuntCrossley, LAW_NAMES};
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 
 /// The law of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -145,7 +147,7 @@ pub struct Touch {
     /// What happens when it does.
     pub contact: ContactRule,
     pub(crate) kind: TouchKind,
-    /// Name of the surface; of a limit, none.
+    /// Name of the surface, or of the other link; of a limit, none.
     pub(crate) surface: Option<String>,
     pub(crate) motion: Option<Oscillation>,
 }
@@ -156,6 +158,8 @@ pub(crate) enum TouchKind {
     Ball { shape: Box<LinkShape>, centre: Vector3<f64>, radius: f64, point: Vector3<f64>, normal: Vector3<f64> },
     /// Any other pair of a shape and an obstacle, at its nearest points.
     Pair { shape: Box<LinkShape>, obstacle: Box<Obstacle> },
+    /// Shapes of two links, at their nearest points.
+    Links { shape: Box<LinkShape>, other: Box<LinkShape> },
     /// A joint's limit.
     Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
 }
@@ -184,11 +188,93 @@ pub(crate) struct At<A: Space> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place<A: Space> {
     pub point: Point<A>,
+    /// The other link's touching point, where two links touch.
+    pub against: Option<Point<A>>,
     pub position: Vector3<f64>,
     pub normal: Vector3<f64>,
 }
 
+impl<A: Space> Place<A> {
+    /// nᵀJ.
+    pub fn row(&self, view: &View<A>, n: Vector3<f64>) -> Result<DVector<f64>, SimError> {
+        let own = view.row(self.point, n)?;
+        Ok(match self.against {
+            Some(other) => own - view.row(other, n)?,
+            None => own,
+        })
+    }
+
+    /// J: 3×nv, world axes.
+    pub fn jacobian(&self, view: &View<A>) -> DMatrix<f64> {
+        let own = view.jacobian(self.point);
+        match self.against {
+            Some(other) => own - view.jacobian(other),
+            None => own,
+        }
+    }
+
+    /// J qd, m/s.
+    pub fn velocity(&self, view: &View<A>, qd: &[f64]) -> Result<Vector3<f64>, SimError> {
+        let own = view.velocity(self.point, qd)?;
+        Ok(match self.against {
+            Some(other) => own - view.velocity(other, qd)?,
+            None => own,
+        })
+    }
+
+    /// What the contact feels; `None` if no joint moves it along its normal.
+    pub fn inertia(&self, view: &mut View<A>) -> Result<Option<Felt>, SimError> {
+        if self.against.is_none() {
+            return view.inertia(self.point, self.normal);
+        }
+        let jacobian = self.jacobian(view);
+        let response = responses(view, &jacobian)?;
+        let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+        // Each row of J is a difference of two: what they have in common leaves rounding.
+        let apart = view.jacobian(self.point);
+        let most = (&apart * responses(view, &apart)?).trace();
+        let along = self.normal.dot(&(delassus * self.normal));
+        Ok((along > STUCK * most.max(delassus.trace())).then_some((delassus, response)))
+    }
+}
+
+/// An inverse mass below this share of the others is rounding.
+const STUCK: f64 = 1e-13;
+
 impl Touch {
+    /// Every shape of one link with every shape of another, by their names.
+    ///
+    /// Two links touch only where this is asked for: neighbours on a chain often overlap at their joint.
+    ///
+    /// # Errors
+    /// A link that does not exist or has no collision shape; one link twice; a mesh that can't be used.
+    pub fn between(chain: &Chain, link: &str, other: &str, contact: ContactRule) -> Result<Vec<Self>, SimError> {
+        let shapes = link_shapes(chain)?;
+        let of = |name: &str| {
+            chain.frame(name)?;
+            let own: Vec<&LinkShape> = shapes.iter().filter(|shape| shape.link() == name).collect();
+            let problem = if link == other {
+                "is paired with itself: name two links"
+            } else {
+                "has no collision shape: give it one in the URDF"
+            };
+            if own.is_empty() || link == other {
+                return Err(SimError::LinkPair { link: name.to_owned(), problem });
+            }
+            Ok(own)
+        };
+        let (own, others) = (of(link)?, of(other)?);
+        let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (*shape, *other)));
+        let touch = |(shape, other): (&LinkShape, &LinkShape)| Self {
+            name: format!("{} on {}", shape.link(), other.link()),
+            contact,
+            surface: Some(other.link().to_owned()),
+            kind: TouchKind::Links { shape: Box::new(shape.clone()), other: Box::new(other.clone()) },
+            motion: None,
+        };
+        Ok(pairs.map(touch).collect())
+    }
+
     /// Every shape of a link with every surface that it can reach at some pose, and every joint limit, whose Newton's
     /// coefficient is `limit_restitution`. What is out of reach is left out, and exactly.
     ///
@@ -271,12 +357,22 @@ impl Touch {
     /// The link that touches; `None` for a limit.
     pub fn link(&self) -> Option<&str> {
         match &self.kind {
-            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } => Some(shape.link()),
+            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } | TouchKind::Links { shape, .. } => {
+                Some(shape.link())
+            }
             TouchKind::Limit { .. } => None,
         }
     }
 
-    /// The surface that is touched; `None` for a limit.
+    /// The other link, where two links touch.
+    pub fn other_link(&self) -> Option<&str> {
+        match &self.kind {
+            TouchKind::Links { other, .. } => Some(other.link()),
+            _ => None,
+        }
+    }
+
+    /// The surface, or the other link, that is touched; `None` for a limit.
     pub fn surface(&self) -> Option<&str> {
         self.surface.as_deref()
     }
@@ -291,9 +387,10 @@ impl Touch {
 
     /// How many points of this pair can touch at once: one, but where faces and edges may lie on each other.
     pub(crate) fn is_point(&self) -> bool {
+        let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
         match &self.kind {
+            TouchKind::Links { shape, other } => round(shape.solid()) || round(other.solid()),
             TouchKind::Pair { shape, obstacle } => {
-                let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
                 round(shape.solid()) || matches!(obstacle.surface(), Form::Solid { solid, .. } if round(solid))
             }
             _ => true,
@@ -325,13 +422,26 @@ impl Touch {
                 let centre = self.seen(view, shape.frame(), shift).point(*centre);
                 let height = normal.dot(&(centre - point));
                 let position = centre - normal * *radius + shift;
-                let place = Place { point: view.point(shape.frame(), position), position, normal: *normal };
+                let place =
+                    Place { point: view.point(shape.frame(), position), against: None, position, normal: *normal };
                 At { gap: height - radius, surface: Some(place) }
             }
             TouchKind::Pair { shape, obstacle } => {
                 let found = gap(shape, &self.seen(view, shape.frame(), shift), obstacle);
                 let position = found.on_robot + shift;
-                let place = Place { point: view.point(shape.frame(), position), position, normal: found.normal };
+                let place =
+                    Place { point: view.point(shape.frame(), position), against: None, position, normal: found.normal };
+                At { gap: found.distance, surface: Some(place) }
+            }
+            TouchKind::Links { shape, other } => {
+                let [a, b] = [shape, other].map(|shape| view.pose(shape.frame()));
+                let found = gap_between((shape, &a), (other, &b));
+                let place = Place {
+                    point: view.point(shape.frame(), found.on_robot),
+                    against: Some(view.point(other.frame(), found.on_environment)),
+                    position: found.on_robot,
+                    normal: found.normal,
+                };
                 At { gap: found.distance, surface: Some(place) }
             }
             TouchKind::Limit { q: at, bound, upper, .. } => {
@@ -348,7 +458,12 @@ impl Touch {
                 let corners = gap_points(shape, &self.seen(view, shape.frame(), shift), obstacle, f64::INFINITY);
                 let place = |found: carom_contact::Gap| {
                     let position = found.on_robot + shift;
-                    let place = Place { point: view.point(shape.frame(), position), position, normal: found.normal };
+                    let place = Place {
+                        point: view.point(shape.frame(), position),
+                        against: None,
+                        position,
+                        normal: found.normal,
+                    };
                     At { gap: found.distance, surface: Some(place) }
                 };
                 let mut points: Vec<At<A>> = corners.into_iter().map(place).collect();
@@ -378,7 +493,7 @@ impl Touch {
         qd: &[f64],
         time: f64,
     ) -> Result<Vector3<f64>, SimError> {
-        Ok(view.velocity(place.point, qd)? - self.shift(time)[1])
+        Ok(place.velocity(view, qd)? - self.shift(time)[1])
     }
 
     /// The row j.
@@ -389,7 +504,7 @@ impl Touch {
                 row[*v] = if *upper { -1.0 } else { 1.0 };
                 Ok(row)
             }
-            (_, Some(place)) => view.row(place.point, place.normal),
+            (_, Some(place)) => place.row(view, place.normal),
             (_, None) => Ok(DVector::zeros(view.kin.chain().nv())),
         }
     }

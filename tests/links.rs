@@ -1,0 +1,149 @@
+//! Links that touch each other.
+
+use carom::Chain;
+use carom::sim::{ContactRule, EventKind, SeveralLaw, Simulation, Touch};
+use carom_chain::urdf::LoadOptions;
+use nalgebra::Vector3;
+
+const RADIUS: f64 = 0.1;
+
+/// Balls of 1 kg on a common line, each with a slider of its own along it.
+fn row(count: usize) -> Chain {
+    let ball = |k: usize| {
+        format!(
+            r#"<link name="ball{k}"><inertial><mass value="1"/>
+              <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
+              <collision><geometry><sphere radius="{RADIUS}"/></geometry></collision></link>
+            <joint name="x{k}" type="prismatic"><parent link="world"/><child link="ball{k}"/><axis xyz="1 0 0"/>
+              <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>"#
+        )
+    };
+    let text =
+        format!(r#"<robot name="row"><link name="world"/>{}</robot>"#, (1..=count).map(ball).collect::<String>());
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+/// Neighbours may touch.
+fn neighbours(chain: Chain, contact: ContactRule) -> Simulation {
+    let pairs = 1..chain.nv();
+    let touches =
+        pairs.flat_map(|k| Touch::between(&chain, &format!("ball{k}"), &format!("ball{}", k + 1), contact).unwrap());
+    Simulation::new(chain.clone(), touches.collect())
+}
+
+/// B14: two balls of 1 kg, the first at 1 m/s, e = 1: the second takes its velocity over at contact, v₀T + x₁ + 2r at the end.
+#[test]
+fn an_elastic_pair_swaps_velocities() {
+    let sim = neighbours(row(2), ContactRule { restitution: 1.0, ..ContactRule::default() });
+    let run = sim.run(&[0.0, 0.52], &[1.0, 0.0], 1.0).unwrap();
+    let end = &run.summary.last;
+    assert!((end.q[1] - 1.2).abs() < 1e-13, "{:?}", end.q);
+    assert!((end.q[0] - 0.32).abs() < 1e-13, "{:?}", end.q);
+    assert!((end.qd[0]).abs() < 1e-14 && (end.qd[1] - 1.0).abs() < 1e-14, "{:?}", end.qd);
+    assert!((run.events[0].time - 0.32).abs() < 1e-14);
+}
+
+/// B8: the first ball strikes two (or four) that touch at rest.
+#[test]
+fn the_law_of_several_contacts_decides_the_cradle() {
+    let third = 1.0 / 3.0;
+    let cases: [(usize, f64, SeveralLaw, Vec<f64>); 6] = [
+        (3, 1.0, SeveralLaw::Moreau, vec![-third, 2.0 * third, 2.0 * third]),
+        (3, 1.0, SeveralLaw::Poisson, vec![-third, 2.0 * third, 2.0 * third]),
+        (3, 0.5, SeveralLaw::Moreau, vec![0.0, 0.5, 0.5]),
+        (3, 0.0, SeveralLaw::Moreau, vec![third; 3]),
+        (5, 1.0, SeveralLaw::Moreau, vec![-0.6, 0.4, 0.4, 0.4, 0.4]),
+        (5, 1.0, SeveralLaw::Sequential, vec![0.0, 0.0, 0.0, 0.0, 1.0]),
+    ];
+    for (count, restitution, several, after) in cases {
+        let contact = ContactRule { restitution, ..ContactRule::default() };
+        let sim = Simulation { several, ..neighbours(row(count), contact) };
+        let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
+        q[0] = -0.3;
+        let mut qd = vec![0.0; count];
+        qd[0] = 1.0;
+        let run = sim.run(&q, &qd, 0.5).unwrap();
+        let hit = &run.events[0];
+        assert!((hit.time - 0.3).abs() < 1e-14, "{several:?} {}", hit.time);
+        for (found, expected) in hit.qd_plus.iter().zip(&after) {
+            assert!((found - expected).abs() < 1e-11, "{several:?} e = {restitution}: {:?}", hit.qd_plus);
+        }
+        let momentum: f64 = run.summary.last.qd.iter().sum();
+        assert!((momentum - 1.0).abs() < 1e-11);
+    }
+}
+
+/// Two free bodies that collide askew, with friction: momentum and angular momentum of both together stay, energy does not
+/// grow, and the impulse is within the cone.
+#[test]
+fn a_collision_of_free_bodies_keeps_their_momenta() {
+    let body = |name: &str, mass: f64, inertia: f64, shape: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="{mass}"/>
+              <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>
+              <collision><geometry>{shape}</geometry></collision></link>
+            <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>"#
+        )
+    };
+    let text = format!(
+        r#"<robot name="pair"><link name="world"/>{}{}</robot>"#,
+        body("ball", 2.0, 0.02, r#"<sphere radius="0.1"/>"#),
+        body("box", 3.0, 0.05, r#"<box size="0.4 0.4 0.4"/>"#)
+    );
+    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let momenta = |q: &[f64], qd: &[f64]| {
+        let (mut linear, mut angular) = (Vector3::zeros(), Vector3::zeros());
+        for (k, (mass, inertia)) in [(2.0, 0.02), (3.0, 0.05)].into_iter().enumerate() {
+            let (place, pace) = (&q[7 * k..7 * k + 7], &qd[6 * k..6 * k + 6]);
+            let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+                place[6], place[3], place[4], place[5],
+            ));
+            let v = turn * Vector3::new(pace[0], pace[1], pace[2]) * mass;
+            linear += v;
+            angular += Vector3::new(place[0], place[1], place[2]).cross(&v);
+            angular += turn * Vector3::new(pace[3], pace[4], pace[5]) * inertia;
+        }
+        (linear, angular)
+    };
+    for law in ["energetic", "poisson", "chatterjee-ruina"] {
+        let contact = ContactRule { law, restitution: 0.6, friction: 0.4, ..ContactRule::default() };
+        let touches = Touch::between(&chain, "ball", "box", contact).unwrap();
+        let sim = Simulation::new(chain.clone(), touches);
+        let q = [-1.0, 0.05, -0.02, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        let qd = [2.0, 0.1, 0.2, 0.0, 5.0, -3.0, -1.0, 0.0, 0.0, 0.3, -0.2, 0.4];
+        let run = sim.run(&q, &qd, 1.0).unwrap();
+        let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0].kind) };
+        assert!(hit.energy_after < hit.energy_before);
+        let (before, after) = (momenta(&q, &qd), momenta(&run.summary.last.q, &run.summary.last.qd));
+        // Velocities are in the bodies' own axes: both momenta are as good as the flight's integration, 1e-9 a second.
+        assert!((before.0 - after.0).norm() < 1e-8, "{law}: {:?} {:?}", before.0, after.0);
+        assert!((before.1 - after.1).norm() < 1e-8, "{law}: {:?} {:?}", before.1, after.1);
+    }
+}
+
+/// A pendulum hits a ball that rests beside it: its period is that of its string, thirty times over, with the energy kept.
+#[test]
+fn a_cradle_swings_for_ever() {
+    let scene = carom::sim::Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cradle.toml")).unwrap();
+    let plan = scene.plan().unwrap();
+    let run = plan.simulation.run(&plan.q, &plan.qd, 6.0).unwrap();
+    let energy = &run.summary.energy;
+    assert!((energy.start - energy.end).abs() < 1e-7 * energy.start.abs(), "{energy:?}");
+    let mut strikes: Vec<f64> = run.events.iter().filter(|e| e.qd_minus != e.qd_plus).map(|e| e.time).collect();
+    // Balls that rest a rounding error apart are struck that much later.
+    strikes.dedup_by(|later, time| *later - *time < 1e-12);
+    let half = (strikes[1] - strikes[0]).abs();
+    assert!(strikes.len() > 9, "{strikes:?}");
+    for pair in strikes.windows(2) {
+        assert!((pair[1] - pair[0] - half).abs() < 1e-6, "{strikes:?}");
+    }
+}
+
+#[test]
+fn pairs_that_cannot_be_are_refused() {
+    let chain = row(2);
+    let refuse = |a: &str, b: &str| Touch::between(&chain, a, b, ContactRule::default()).unwrap_err().to_string();
+    assert_eq!(refuse("ball1", "ball1"), "link 'ball1' is paired with itself: name two links");
+    assert_eq!(refuse("ball1", "world"), "link 'world' has no collision shape: give it one in the URDF");
+    assert!(refuse("ball1", "ball3").contains("ball3"), "{}", refuse("ball1", "ball3"));
+}
