@@ -190,3 +190,24 @@ fn a_jammed_rod_does_not_fall_through() {
 fn modes_of_several_contacts_have_a_name() {
     assert_eq!(ContactMode::Several.name(), "several");
 }
+
+/// Time stepping throughout is first order in the step: over many starts, ten times shorter steps are some ten times better.
+#[test]
+fn time_stepping_converges_to_the_events() {
+    let ball = in_plane(1.0, 0.1, r#"<collision><geometry><sphere radius="0.1"/></geometry></collision>"#);
+    let exact = simulation(ball, slope(0.0), "newton", 0.5, 0.0);
+    let error = |step: f64| {
+        let steps = Simulation { stepping: true, contact_step: step, ..exact.clone() };
+        // One impact within the time; its phase within a step is luck, so take the mean over many.
+        let starts = (0..40).map(|k| 0.3 + 0.001_317 * f64::from(k));
+        let misses = starts.map(|height| {
+            let q = [0.0, 0.1 + height, 0.0];
+            let [found, expected] = [&steps, &exact].map(|sim| sim.run(&q, &[0.0; 3], 0.4).unwrap().summary.last.q[1]);
+            (found - expected).abs()
+        });
+        misses.sum::<f64>() / 40.0
+    };
+    let (coarse, fine) = (error(1e-2), error(1e-3));
+    let order = (coarse / fine).log10();
+    assert!((0.7..1.4).contains(&order), "{coarse} {fine}: order {order}");
+}

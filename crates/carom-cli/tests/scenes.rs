@@ -370,6 +370,15 @@ fn settings_that_can_not_be_are_refused() {
                 "line 14, model = \"ful\": unknown variant `ful`, expected `auto` or `full`; did you mean `full`?",
             ),
             ("model = 1", "line 14, model = 1: wanted string or table"),
+            (
+                "method = \"step\"",
+                "line 14, method = \"step\": unknown variant `step`, expected `events` or `steps`; did you mean `steps`?",
+            ),
+            (
+                "method = \"steps\"\n[contact.compliance]\nstiffness = 1e5",
+                "link2 on surface 1, corner 1: compliance stiffness is 100000: time steps know rigid contacts only: leave the \
+                 compliance or the steps out",
+            ),
             ("neglect = 0", &format!("[run] neglect = 0: {share}")),
             ("neglect = 1.5", &format!("[run] neglect = 1.5: {share}")),
             ("neglect = nan", &format!("[run] neglect = NaN: {share}")),
@@ -383,7 +392,7 @@ fn settings_that_can_not_be_are_refused() {
             (
                 "contact_stp = 1",
                 "line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, \
-                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `model`, `neglect`, `controller`, \
+                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `controller`, \
                  `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `gain`, `press`, `compensate`; did you \
                  mean `contact_step`?",
             ),

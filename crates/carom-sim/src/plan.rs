@@ -208,7 +208,11 @@ impl Plan {
         let why =
             format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
         self.keep("contacts", choice, why);
-        if several {
+        if self.simulation.stepping {
+            let law = self.simulation.several.name();
+            let choice = format!("time steps of {step} s throughout; law {law}");
+            self.keep("several", choice, "method = \"steps\"");
+        } else if several {
             let law = self.simulation.several.name();
             let choice = format!("events one contact at a time; steps of {step} s while several last; law {law}");
             self.keep("several", choice, "more than one of them may touch at once");

@@ -27,12 +27,12 @@
 //! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
 //! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance {stiffness (N/mⁿ), exponent = 1.5, slip_speed = 1e-3}` for contacts that give way |
 //! | `[[contact.pair]]` | `link` and/or `surface` (or the other link of a pair), or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
-//! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `model = "auto"` or `"full"`, `neglect` |
+//! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `method = "events"` or `"steps"` (of `contact_step` throughout), `model = "auto"` or `"full"`, `neglect` |
 //! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
 
 use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::error::SimError;
-use crate::scene_file::{self, Controller, File, Model, Robot, Run, Shape, TipVelocity};
+use crate::scene_file::{self, Controller, File, Method, Model, Robot, Run, Shape, TipVelocity};
 use crate::simulate::Simulation;
 use crate::touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
@@ -165,6 +165,7 @@ impl Scene {
             zeno_time: file.run.zeno_time,
             contact_step: file.run.contact_step,
             several: file.contact.several,
+            stepping: file.run.method == Method::Steps,
             max_events: file.run.max_events,
             planar: !full,
             neglect: if full { None } else { file.run.neglect },

@@ -157,6 +157,8 @@ pub(crate) struct Run {
     #[serde(default = "max_events")]
     pub max_events: usize,
     #[serde(default)]
+    pub method: Method,
+    #[serde(default)]
     pub model: Model,
     pub neglect: Option<f64>,
     #[serde(default)]
@@ -170,6 +172,16 @@ pub(crate) struct Run {
     pub gain: Option<f64>,
     pub press: Option<f64>,
     pub compensate: Option<bool>,
+}
+
+#[derive(Deserialize, Default, PartialEq, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Method {
+    /// From event to event.
+    #[default]
+    Events,
+    /// Steps of `contact_step` throughout.
+    Steps,
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]

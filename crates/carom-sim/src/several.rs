@@ -260,7 +260,7 @@ impl<A: Space> Run<'_, '_, A> {
         while self.time < self.end {
             let (open, still) = self.contact_step()?;
             open_steps = if open { open_steps + 1 } else { 0 };
-            if open_steps >= OPEN_STEPS {
+            if open_steps >= OPEN_STEPS && !self.motion.sim.stepping {
                 let opened = (0..self.motion.sim.touches.len()).map(|touch| Ok(self.gap(touch)?.0 > 0.0));
                 let opened: Vec<bool> = opened.collect::<Result<_, SimError>>()?;
                 if opened.into_iter().all(|open| open) {

@@ -58,6 +58,8 @@ pub struct Simulation {
     pub contact_step: f64,
     /// The law of several contacts at once.
     pub several: SeveralLaw,
+    /// Time steps of `contact_step` throughout, and no events but rest: what most simulators do, for comparison.
+    pub stepping: bool,
     /// Stop after so many events.
     pub max_events: usize,
     /// Compute in the plane what keeps to a plane: the same motion for less. `false`: always in space.
@@ -94,6 +96,7 @@ impl Simulation {
             zeno_time: 1e-5,
             contact_step: 1e-3,
             several: SeveralLaw::default(),
+            stepping: false,
             max_events: usize::MAX,
             planar: true,
             integrator: Integrator::DormandPrince,
@@ -187,6 +190,14 @@ impl Simulation {
         }
         for touch in &self.touches {
             touch.contact.check(&touch.name)?;
+            if let Some(compliance) = touch.contact.compliance.filter(|_| self.stepping) {
+                return Err(SimError::Contact {
+                    touch: touch.name.clone(),
+                    what: "compliance stiffness",
+                    value: compliance.stiffness,
+                    rule: "time steps know rigid contacts only: leave the compliance or the steps out",
+                });
+            }
         }
         self.drive.check(&self.chain)?;
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
@@ -319,6 +330,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         let rests = pressed;
+        if sim.stepping {
+            return self.enter(ContactMode::Several);
+        }
         let points = |touches: &[usize]| touches.iter().all(|&k| sim.touches[k].is_point());
         match (hits.len(), rests.len()) {
             (0, 0) => self.motion.settle_joints(self.time, &mut self.y),
