@@ -6,6 +6,7 @@
 
 mod dynamics;
 mod error;
+mod files;
 mod impact;
 mod input;
 mod inspect;
@@ -14,6 +15,7 @@ mod output;
 mod plan;
 mod record;
 mod simulate;
+mod stress;
 mod tosses;
 
 use clap::{Args, Parser, Subcommand};
@@ -47,6 +49,8 @@ enum Command {
     Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
     Simulate(simulate::Simulate),
+    /// Where methods fail: scenes that break laws and simulators, and what each makes of them
+    Stress(stress::StressCommand),
     /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
     Tosses(tosses::TossesCommand),
 }
@@ -76,6 +80,7 @@ fn main() -> ExitCode {
         Command::Law(command) => command.run(stdout),
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
+        Command::Stress(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {

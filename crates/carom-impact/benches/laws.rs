@@ -4,8 +4,7 @@
 //! they come; divide by `BATCH` or read the items per second.
 
 use carom_impact::{
-    Accuracy, Brach, ChatterjeeRuina, Constraint, Energetic, Frictionless, ImpactOutcome, ImpactProblem, Law, Newton,
-    Poisson, SeveralProblem, Smith, Whittaker,
+    Accuracy, Coefficients, Constraint, ImpactOutcome, ImpactProblem, LAW_NAMES, SeveralProblem, law_by_name,
 };
 use divan::{Bencher, black_box, counter::ItemsCount};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector3, matrix, vector};
@@ -78,46 +77,45 @@ fn entry<const D: usize>(bencher: Bencher, drawn: Vec<(SMatrix<f64, D, D>, SVect
     });
 }
 
-#[divan::bench]
-fn frictionless_2(bencher: Bencher) {
-    let law = Frictionless { restitution: RESTITUTION };
-    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+fn law<const D: usize>(name: &str) -> impl Fn(&ImpactProblem<f64, D>) -> ImpactOutcome<f64, D> + Sync {
+    let coefficients = Coefficients { restitution: RESTITUTION, friction: FRICTION, ..Coefficients::default() };
+    let law = law_by_name::<D>(name, coefficients).unwrap();
+    move |problem| law.resolve(problem).unwrap()
 }
 
-#[divan::bench]
-fn frictionless_3(bencher: Bencher) {
-    let law = Frictionless { restitution: RESTITUTION };
-    measure(bencher, spatial(), |problem| law.resolve(problem).unwrap());
+#[divan::bench(args = LAW_NAMES)]
+fn in_the_plane(bencher: Bencher, name: &str) {
+    measure(bencher, planar(), law(name));
 }
 
-#[divan::bench]
-fn whittaker_2(bencher: Bencher) {
-    let law = Whittaker { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+/// Problems of the plane, posed in space.
+#[divan::bench(args = LAW_NAMES)]
+fn in_space_slip_keeps_to_a_plane(bencher: Bencher, name: &str) {
+    measure(bencher, spatial(), law(name));
 }
 
-#[divan::bench]
-fn newton_2(bencher: Bencher) {
-    let law = Newton { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
+#[divan::bench(args = LAW_NAMES)]
+fn in_space_slip_turns(bencher: Bencher, name: &str) {
+    measure(bencher, turning(), law(name));
 }
 
-#[divan::bench]
-fn poisson_2(bencher: Bencher) {
-    let law = Poisson { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn energetic_2(bencher: Bencher) {
-    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, planar(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn energetic_3_in_plane(bencher: Bencher) {
-    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, spatial(), |problem| law.resolve(problem).unwrap());
+/// A raft of so many rough points on six freedoms strikes the floor askew.
+#[divan::bench(args = [2, 4, 10, 50])]
+fn several_contacts(bencher: Bencher, count: usize) {
+    let mut j = DMatrix::zeros(3 * count, 6);
+    for k in 0..count {
+        let (x, y) = ((k % 5) as f64 - 2.0, (k / 5) as f64 - (count / 5) as f64 / 2.0);
+        for axis in 0..3 {
+            let direction = Vector3::ith(axis, 1.0);
+            j.fixed_view_mut::<1, 3>(3 * k + axis, 0).copy_from(&direction.transpose());
+            j.fixed_view_mut::<1, 3>(3 * k + axis, 3).copy_from(&vector![x, y, -0.2].cross(&direction).transpose());
+        }
+    }
+    let weights = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 1.0, 1.0, 0.12, 0.5, 0.1]));
+    let u = &j * DVector::from_vec(vec![0.4, -0.2, -1.0, 0.05, -0.08, 0.1]);
+    let contact = Constraint::Contact { restitution: 0.0, friction: FRICTION };
+    let problem = SeveralProblem::new(&j * weights * j.transpose(), u, vec![contact; count]).unwrap();
+    bencher.bench(|| black_box(&problem).simultaneous(&Accuracy::default(), None).unwrap());
 }
 
 /// A cube at rest on its four lower corners, one time step of 1 ms: twelve rows on six freedoms; cold and warm.
@@ -141,46 +139,4 @@ fn box_on_four_corners(bencher: Bencher, warm: bool) {
     let accuracy = Accuracy::default();
     let guess = warm.then(|| problem.simultaneous(&accuracy, None).unwrap().impulse);
     bencher.bench(|| black_box(&problem).simultaneous(&accuracy, guess.as_ref()).unwrap());
-}
-
-#[divan::bench]
-fn whittaker_3(bencher: Bencher) {
-    let law = Whittaker { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn newton_3(bencher: Bencher) {
-    let law = Newton { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn poisson_3(bencher: Bencher) {
-    let law = Poisson { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn energetic_3(bencher: Bencher) {
-    let law = Energetic { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn chatterjee_ruina_3(bencher: Bencher) {
-    let law = ChatterjeeRuina { restitution: RESTITUTION, tangential_restitution: 0.0, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn brach_3(bencher: Bencher) {
-    let law = Brach { restitution: RESTITUTION, impulse_ratio: -FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
-}
-
-#[divan::bench]
-fn smith_3(bencher: Bencher) {
-    let law = Smith { restitution: RESTITUTION, friction: FRICTION };
-    measure(bencher, turning(), |problem| law.resolve(problem).unwrap());
 }

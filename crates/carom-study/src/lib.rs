@@ -7,6 +7,7 @@ mod impact_map;
 pub mod paper;
 mod routh_diagram;
 mod self_motion;
+pub mod stress;
 mod table;
 mod tosses;
 

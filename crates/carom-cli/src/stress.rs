@@ -1,0 +1,107 @@
+//! `carom stress`: where methods fail.
+
+use crate::error::CliError;
+use crate::files::Folder;
+use carom_study::stress::{self, METHODS, Row, Verdict};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub struct StressCommand {
+    /// Folder for stress.md, stress.json and stress.svg
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Only scenes whose name contains this
+    #[arg(long, value_name = "TEXT")]
+    scene: Option<String>,
+    /// The JSON on standard output too
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    methods: &'static [&'static str],
+    scenes: Vec<Scene>,
+}
+
+#[derive(Serialize)]
+struct Scene {
+    scene: &'static str,
+    story: &'static str,
+    measures: &'static str,
+    tolerance: f64,
+    cells: Vec<Cell>,
+}
+
+#[derive(Serialize)]
+struct Cell {
+    method: &'static str,
+    verdict: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    figure: Option<f64>,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    note: String,
+}
+
+impl StressCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let wanted = |scene: &&stress::Scene| self.scene.as_deref().is_none_or(|text| scene.name.contains(text));
+        let scenes: Vec<&stress::Scene> = stress::SCENES.iter().filter(wanted).collect();
+        if scenes.is_empty() {
+            let names: Vec<&str> = stress::SCENES.iter().map(|scene| scene.name).collect();
+            let text = self.scene.unwrap_or_default();
+            return Err(CliError::Option(format!(
+                "--scene {text}: no scene's name has that; they are {}",
+                names.join(", ")
+            )));
+        }
+        let folder = Folder::new(&self.out)?;
+        // Draws on a terminal only.
+        let bar = ProgressBar::new(scenes.len() as u64);
+        if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {bar:30} {pos}/{len} {msg}") {
+            bar.set_style(style);
+        }
+        let rows = stress::run(&scenes, &|row: &Row| {
+            bar.set_message(row.scene);
+            bar.inc(1);
+        });
+        bar.finish_and_clear();
+        let json = serde_json::to_string(&report(&rows)).map_err(|e| CliError::Option(e.to_string()))?;
+        folder.write(&[
+            ("stress.md", stress::markdown(&rows)),
+            ("stress.svg", stress::svg(&rows)),
+            ("stress.json", format!("{json}\n")),
+        ])?;
+        if self.json {
+            writeln!(out, "{json}")?;
+            return Ok(());
+        }
+        let count = |verdict| rows.iter().flat_map(|row| &row.cells).filter(|cell| cell.verdict == verdict).count();
+        for verdict in Verdict::ALL {
+            writeln!(out, "{:5} {}", count(verdict), verdict.name())?;
+        }
+        writeln!(out, "{} scenes; the table is {}", rows.len(), self.out.join("stress.md").display())?;
+        Ok(())
+    }
+}
+
+fn report(rows: &[Row]) -> Report {
+    let cell = |cell: &stress::Cell| Cell {
+        method: cell.method,
+        verdict: cell.verdict.name(),
+        figure: cell.figure,
+        note: cell.note.clone(),
+    };
+    let scene = |row: &Row| Scene {
+        scene: row.scene,
+        story: row.story,
+        measures: row.measures,
+        tolerance: row.tolerance,
+        cells: row.cells.iter().map(cell).collect(),
+    };
+    Report { methods: &METHODS, scenes: rows.iter().map(scene).collect() }
+}
