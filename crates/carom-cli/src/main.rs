@@ -4,6 +4,7 @@
 //! `--json`, one line of JSON for each line it read. Exit status: 0 done; 1 the input or the physics was refused, said
 //! in one `error: …` line on standard error; 2 usage.
 
+mod chart;
 mod dynamics;
 mod error;
 mod files;
@@ -49,6 +50,8 @@ enum Command {
     Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
     Simulate(simulate::Simulate),
+    /// Error against time for every method that can run a scene, other programs' runs on the same axes
+    Chart(chart::ChartCommand),
     /// Where methods fail: scenes that break laws and simulators, and what each makes of them
     Stress(stress::StressCommand),
     /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
@@ -80,6 +83,7 @@ fn main() -> ExitCode {
         Command::Law(command) => command.run(stdout),
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
+        Command::Chart(command) => command.run(stdout),
         Command::Stress(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
     };

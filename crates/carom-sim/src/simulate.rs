@@ -166,7 +166,7 @@ impl Simulation {
     }
 
     /// The chain in the plane, if it is to be computed there.
-    pub(crate) fn in_plane(&self) -> Option<PlanarChain> {
+    pub fn in_plane(&self) -> Option<PlanarChain> {
         self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
     }
 

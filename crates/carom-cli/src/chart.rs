@@ -1,0 +1,177 @@
+//! `carom chart`: error against time, for every method that can run a scene.
+
+use crate::error::CliError;
+use crate::files::Folder;
+use crate::output::say;
+use carom_sim::Scene;
+use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, svg};
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+#[derive(Args)]
+pub struct ChartCommand {
+    /// The scene, TOML
+    #[arg(value_name = "SCENE.toml")]
+    scene: PathBuf,
+    /// The picture; the numbers go beside it, with the ending .csv
+    #[arg(long, value_name = "X.svg")]
+    out: PathBuf,
+    /// Runs of other programs, JSON lines as benches/peers/ writes them; those of other scenes are left out
+    #[arg(long, value_name = "F.jsonl")]
+    peers: Option<PathBuf>,
+    /// The longest that a single run may take, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
+    budget: f64,
+    /// One line of JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A peer's line; what a chart does not need is left alone.
+#[derive(Deserialize)]
+struct PeerLine {
+    scene: String,
+    peer: String,
+    method: String,
+    #[serde(default)]
+    version: String,
+    knob: String,
+    value: f64,
+    wall_time_s: Option<f64>,
+    result: Option<PeerResult>,
+    failure: Option<String>,
+}
+
+#[derive(Deserialize)]
+struct PeerResult {
+    r#final: PeerState,
+    after_impact: Option<PeerState>,
+}
+
+#[derive(Deserialize)]
+struct PeerState {
+    q: Vec<f64>,
+    qd: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    runs: Vec<Line<'a>>,
+    absent: Vec<Missing<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    doubt_after_impact: Option<f64>,
+    doubt_at_end: f64,
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    method: &'a str,
+    knob: &'a str,
+    value: f64,
+    wall_time: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after_impact: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    at_end: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Missing<'a> {
+    method: &'a str,
+    reason: &'a str,
+}
+
+impl ChartCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        if !(self.budget > 0.0 && self.budget.is_finite()) {
+            return Err(CliError::Option(format!("--budget {}: it must be positive and finite", self.budget)));
+        }
+        let name = self.out.file_stem().and_then(|stem| stem.to_str());
+        let Some(name) = name.filter(|_| self.out.extension().is_some_and(|ending| ending == "svg")) else {
+            return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
+        };
+        let refuse = |e| CliError::scene(&self.scene, e);
+        let scene = Scene::from_file(&self.scene).map_err(refuse)?;
+        for warning in &scene.warnings {
+            say(&format!("warning: {}: {warning}", self.scene.display()));
+        }
+        let title = self.scene.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
+        let folder = Folder::new(self.out.parent().unwrap_or(Path::new("")))?;
+
+        let bar = ProgressBar::new_spinner();
+        if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
+            bar.set_style(style);
+        }
+        let mut chart = Chart::of(&scene, Duration::from_secs_f64(self.budget), &mut |method| {
+            bar.set_message(method.to_owned());
+            bar.inc(1);
+        })
+        .map_err(refuse)?;
+        chart.add_peers(&peers, &scene).map_err(refuse)?;
+        bar.finish_and_clear();
+        folder.write(&[(&format!("{name}.svg"), svg(&chart, &title)), (&format!("{name}.csv"), csv(&chart))])?;
+        if self.json {
+            let json = serde_json::to_string(&report(&chart)).map_err(|e| CliError::Option(e.to_string()))?;
+            writeln!(out, "{json}")?;
+            return Ok(());
+        }
+        for_people(&chart, out)?;
+        Ok(())
+    }
+}
+
+fn read_peers(file: &Path, scene: &str) -> Result<Vec<PeerRun>, CliError> {
+    let name = || file.display().to_string();
+    let text = std::fs::read_to_string(file).map_err(|reason| CliError::Unreadable { file: name(), reason })?;
+    let mut peers = Vec::new();
+    for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        let refuse = |reason: String| CliError::Line { file: name(), line: k + 1, reason };
+        let line: PeerLine = serde_json::from_str(line).map_err(|e| refuse(e.to_string()))?;
+        if line.scene != scene {
+            continue;
+        }
+        let outcome = match (line.result, line.wall_time_s) {
+            (Some(result), Some(wall_time)) if wall_time > 0.0 => Ok(PeerOutcome {
+                wall_time,
+                qd_after_impact: result.after_impact.map(|state| state.qd),
+                at_end: (result.r#final.q, result.r#final.qd),
+            }),
+            (Some(_), Some(time)) => return Err(refuse(format!("wall_time_s is {time}: it must be positive"))),
+            _ => Err(line.failure.unwrap_or_else(|| "it gave no result".to_owned())),
+        };
+        let method = format!("{} {}, {}", line.peer, line.version, line.method);
+        peers.push(PeerRun { method, knob: line.knob, value: line.value, outcome });
+    }
+    Ok(peers)
+}
+
+fn line(run: &Run) -> Line<'_> {
+    let Run { method, knob, value, wall_time, after_impact, at_end } = run;
+    Line { method, knob, value: *value, wall_time: *wall_time, after_impact: *after_impact, at_end: *at_end }
+}
+
+fn report(chart: &Chart) -> Report<'_> {
+    let runs = chart.runs.iter().map(line).collect();
+    let absent = chart.absent.iter().map(|Absent { method, reason }| Missing { method, reason }).collect();
+    Report { runs, absent, doubt_after_impact: chart.doubt_after_impact, doubt_at_end: chart.doubt_at_end }
+}
+
+fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
+    let number = |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{x:.1e}"));
+    writeln!(out, "{:36} {:>20} {:>10} {:>12} {:>10}", "method", "knob", "time, ms", "after impact", "at the end")?;
+    for run in &chart.runs {
+        let knob = format!("{} {:.0e}", run.knob, run.value);
+        let (after, end) = (number(run.after_impact), number(run.at_end));
+        writeln!(out, "{:36} {knob:>20} {:>10.4} {after:>12} {end:>10}", run.method, run.wall_time * 1e3)?;
+    }
+    for absent in &chart.absent {
+        writeln!(out, "not run: {}: {}", absent.method, absent.reason)?;
+    }
+    let doubt = number(chart.doubt_after_impact);
+    writeln!(out, "the yardstick's own error: {doubt} after the impact, {:.1e} at the end", chart.doubt_at_end)
+}

@@ -1,0 +1,151 @@
+//! The chart as a picture: two panels, time to the right, error upwards, both logarithmic.
+
+use super::{Chart, Run};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+const PANEL: (u32, u32) = (560, 460);
+const LINE: i32 = 19;
+
+/// Errors below this are drawn at it.
+const FLOOR: f64 = 1e-16;
+
+/// The chart as SVG; `title` names the scene.
+pub fn svg(chart: &Chart, title: &str) -> String {
+    let mut text = String::new();
+    let mut methods: Vec<&str> = Vec::new();
+    for run in &chart.runs {
+        if !methods.contains(&run.method.as_str()) {
+            methods.push(&run.method);
+        }
+    }
+    let rows = methods.len().div_ceil(2) + chart.absent.len();
+    let size = (2 * PANEL.0, PANEL.1 + 70 + (LINE * rows as i32) as u32);
+    let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
+    let drawn = draw(&root, chart, title, &methods);
+    drop(root);
+    // Text is all that is written to: there is nothing that could fail.
+    debug_assert!(drawn.is_ok(), "{drawn:?}");
+    text
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+
+/// Carom's methods in full colours, round; peers' in others, square.
+fn colour(k: usize) -> RGBColor {
+    const COLOURS: [(u8, u8, u8); 16] = [
+        (31, 120, 180),
+        (51, 160, 44),
+        (106, 61, 154),
+        (0, 150, 160),
+        (227, 26, 28),
+        (255, 127, 0),
+        (120, 120, 120),
+        (177, 89, 40),
+        (230, 120, 170),
+        (150, 190, 60),
+        (90, 90, 200),
+        (200, 160, 40),
+        (60, 60, 60),
+        (160, 60, 90),
+        (100, 170, 210),
+        (140, 140, 70),
+    ];
+    let (r, g, b) = COLOURS[k % COLOURS.len()];
+    RGBColor(r, g, b)
+}
+
+fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Drawn<'a> {
+    root.fill(&WHITE)?;
+    let font = |size: i32| ("sans-serif", size).into_font().color(&BLACK);
+    let (panels, below) = root.split_vertically(PANEL.1 + 30);
+    let (head, panels) = panels.split_vertically(30);
+    head.draw(&Text::new(title, (14, 8), font(18)))?;
+    let (left, right) = panels.split_horizontally(PANEL.0);
+    panel(&left, chart, methods, "error of q̇ right after the first impact", chart.doubt_after_impact, |run| {
+        run.after_impact
+    })?;
+    panel(&right, chart, methods, "error of q and q̇ at the end", Some(chart.doubt_at_end), |run| run.at_end)?;
+
+    let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));
+    for (k, method) in methods.iter().enumerate() {
+        let (x, y) = (20 + (k % 2) as i32 * PANEL.0 as i32, 12 + LINE * (k / 2) as i32);
+        below.draw(&PathElement::new([(x, y), (x + 22, y)], colour(k).stroke_width(2)))?;
+        below.draw(&Circle::new((x + 11, y), 4, colour(k).filled()))?;
+        let knobs = chart.runs.iter().filter(|run| run.method == *method);
+        let values: Vec<f64> = knobs.clone().map(|run| run.value).collect();
+        let knob = knobs.map(|run| run.knob.as_str()).next().unwrap_or_default();
+        let range = match values.as_slice() {
+            [one] => format!("{knob} {one:e}"),
+            [first, .., last] => format!("{knob} {first:e} … {last:e}"),
+            [] => String::new(),
+        };
+        below.draw(&Text::new(format!("{method} ({range})"), (x + 30, y), text.clone()))?;
+    }
+    let from = 12 + LINE * methods.len().div_ceil(2) as i32;
+    for (k, absent) in chart.absent.iter().enumerate() {
+        let reason: String = absent.reason.chars().take(150).collect();
+        let line = format!("not run: {}: {reason}", absent.method);
+        below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
+    }
+    root.present()
+}
+
+fn panel<'a>(
+    area: &Area<'a>,
+    chart: &Chart,
+    methods: &[&str],
+    what: &str,
+    doubt: Option<f64>,
+    error: impl Fn(&Run) -> Option<f64>,
+) -> Drawn<'a> {
+    let points = |method: &str| -> Vec<(f64, f64)> {
+        let own = chart.runs.iter().filter(|run| run.method == method);
+        own.filter_map(|run| Some((run.wall_time * 1e3, error(run)?.max(FLOOR)))).collect()
+    };
+    let all: Vec<(f64, f64)> = methods.iter().flat_map(|method| points(method)).collect();
+    if all.is_empty() {
+        let font = ("sans-serif", 14).into_font().color(&BLACK);
+        return area.draw(&Text::new(format!("{what}: nothing to show"), (60, 60), font));
+    }
+    let range = |of: fn(&(f64, f64)) -> f64, room: f64| {
+        let (low, high) = all.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
+        low / room..high * room
+    };
+    let mut axes = ChartBuilder::on(area)
+        .margin(10)
+        .x_label_area_size(44)
+        .y_label_area_size(66)
+        .build_cartesian_2d(range(|p| p.0, 1.6).log_scale(), range(|p| p.1, 4.0).log_scale())?;
+    axes.configure_mesh()
+        .light_line_style(WHITE)
+        .x_desc("time of the whole run, ms")
+        .y_desc(what)
+        .label_style(("sans-serif", 13))
+        .x_label_formatter(&|x| power(*x))
+        .y_label_formatter(&|x| power(*x))
+        .draw()?;
+    let times = range(|p| p.0, 1.6);
+    if let Some(doubt) = doubt {
+        let doubt = doubt.max(FLOOR);
+        let line = [(times.start, doubt), (times.end, doubt)];
+        let grey = RGBColor(150, 150, 150);
+        axes.draw_series(DashedLineSeries::new(line, 5, 4, grey.stroke_width(1)))?;
+        let font = ("sans-serif", 12).into_font().color(&grey);
+        axes.draw_series([Text::new("the yardstick's own error", (times.start * 1.05, doubt * 0.7), font)])?;
+    }
+    for (k, method) in methods.iter().enumerate() {
+        let points = points(method);
+        axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(2)))?;
+        axes.draw_series(points.iter().map(|p| Circle::new(*p, 4, colour(k).filled())))?;
+    }
+    Ok(())
+}
+
+/// A power of ten, as the axes mark them, without its rounding.
+fn power(x: f64) -> String {
+    let exponent = x.log10().round() as i32;
+    if (-2..4).contains(&exponent) { format!("{}", 10_f64.powi(exponent)) } else { format!("1e{exponent}") }
+}
