@@ -19,7 +19,7 @@
 
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
-use crate::contact::{Mobility, length};
+use crate::contact::{Contact, Mobility, length};
 use crate::problem::{NULL_PIVOT, rounding};
 
 /// One contact, prepared once for any velocity.
@@ -43,6 +43,11 @@ pub(crate) struct Touch<T> {
 }
 
 impl<T: RealField + Copy> Cone<T> {
+    /// That of a contact whose normal can move.
+    pub fn of(contact: &Contact<T>) -> Self {
+        Self::new(contact.tangents, contact.coupling, contact.normal)
+    }
+
     /// From `A`, `h` and `C > 0`.
     pub fn new(tangents: Matrix2<T>, coupling: Vector2<T>, normal: T) -> Self {
         let reduced = tangents - coupling * (coupling / normal).transpose();
@@ -57,31 +62,86 @@ impl<T: RealField + Copy> Cone<T> {
             return Some(Touch { tangent: Vector2::zeros(), normal: smooth, slip: T::zero() });
         }
         let mut b = c_t - self.tilt * c_n;
-        // Where nothing moves a tangent, velocity along it that is rounding of the rest is none.
-        let moved = self.mobility.moved(&b);
-        let stops = length(&(b - moved)) <= size * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax());
-        if stops {
+        if let Some(moved) = self.moved(&b, size) {
             b = moved;
-            let tangent = -self.mobility.least_solution(&b);
-            let normal = smooth - self.tilt.dot(&tangent);
-            if length(&tangent) <= mu * normal {
-                return Some(Touch { tangent, normal, slip: T::zero() });
+            if let Some(touch) = self.stick(mu, &b, smooth) {
+                return Some(touch);
             }
         }
         let slip = shift(&self.mobility, &b, mu, smooth, &self.tilt)?;
-        let tangent = -self.mobility.shifted_solution(slip, &b);
+        Some(self.slip(mu, &b, smooth, slip))
+    }
+
+    /// The part of `b` that can be stopped, if that is all of it: where nothing moves a tangent, velocity along it that
+    /// is rounding of the rest is none.
+    fn moved(&self, b: &Vector2<T>, size: T) -> Option<Vector2<T>> {
+        let moved = self.mobility.moved(b);
+        (length(&(b - moved)) <= size * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax())).then_some(moved)
+    }
+
+    /// Sticking, if it is in the cone.
+    fn stick(&self, mu: T, b: &Vector2<T>, smooth: T) -> Option<Touch<T>> {
+        let tangent = -self.mobility.least_solution(b);
+        let normal = smooth - self.tilt.dot(&tangent);
+        (length(&tangent) <= mu * normal).then_some(Touch { tangent, normal, slip: T::zero() })
+    }
+
+    /// The slip of a root s.
+    fn slip(&self, mu: T, b: &Vector2<T>, smooth: T, slip: T) -> Touch<T> {
+        let tangent = -self.mobility.shifted_solution(slip, b);
         // Two forms of one number: the first is the better of them where friction is strong.
         let normal = if mu > T::one() { length(&tangent) / mu } else { smooth - self.tilt.dot(&tangent) };
-        Some(Touch { tangent, normal, slip })
+        Touch { tangent, normal, slip }
+    }
+
+    /// Every impulse but zero that satisfies the law, for `c_n <= 0` and `μ > 0`: sticking first, then by growing s.
+    /// Where S is singular sticking alone is looked for.
+    pub fn all(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> Vec<Touch<T>> {
+        let smooth = -c_n / self.normal;
+        let b = c_t - self.tilt * c_n;
+        let mut all = Vec::new();
+        if let Some(moved) = self.moved(&b, length(c_t) - c_n) {
+            all.extend(self.stick(mu, &moved, smooth));
+        }
+        let Some((quartic, l)) = self.quartic(mu, c_t, c_n) else {
+            return all;
+        };
+        let roots = positive_roots(&quartic).into_iter().filter(|&s| value(&l, s) > T::zero());
+        let excess = excess(&self.mobility, &b, mu, smooth, &self.tilt);
+        // The polynomial's roots are rough: polished where they were asked for.
+        let polished = |mut s: T| {
+            for _ in 0..8 {
+                let (value, slope) = excess(s);
+                let next = s - value / slope;
+                let near = (next - s).abs() < s * convert(0.1);
+                s = if near { next } else { s };
+            }
+            s
+        };
+        all.extend(roots.map(|s| self.slip(mu, &b, smooth, polished(s))));
+        all
     }
 
     /// How many impulses satisfy the law, for `c_n < 0` and `μ > 0`; 1 where S is singular, uncounted.
     pub fn answers(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> usize {
         let zero = T::zero();
-        let smooth = -c_n / self.normal;
-        let Some(([y0, y1], det)) = self.mobility.polynomials(&(c_t - self.tilt * c_n)) else {
+        let Some((quartic, l)) = self.quartic(mu, c_t, c_n) else {
             return 1;
         };
+        let sticks = usize::from(quartic[0] <= zero && l[0] >= zero);
+        // Descartes: no more positive roots than changes of sign.
+        let changes = quartic.windows(2).filter(|pair| pair[0] * pair[1] < zero).count();
+        if sticks + changes <= 1 {
+            return 1;
+        }
+        let slips = positive_roots(&quartic).into_iter().filter(|&s| value(&l, s) > zero).count();
+        (sticks + slips).max(1)
+    }
+
+    /// The quartic of which the slips s are the positive roots with l > 0, and l; none where S is singular.
+    fn quartic(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> Option<([T; 5], [T; 3])> {
+        let smooth = -c_n / self.normal;
+        let ([y0, y1], det) = self.mobility.polynomials(&(c_t - self.tilt * c_n))?;
         // With λ_t = -y/det and l = det λ_n: |y|² = μ² l², where l >= 0.
         let l = [smooth * det[0] + self.tilt.dot(&y0), smooth * det[1] + self.tilt.dot(&y1), smooth];
         let two: T = convert(2.0);
@@ -93,14 +153,7 @@ impl<T: RealField + Copy> Cone<T> {
             -two * squares * l[1] * l[2],
             -squares * l[2] * l[2],
         ];
-        let sticks = usize::from(quartic[0] <= zero && l[0] >= zero);
-        // Descartes: no more positive roots than changes of sign.
-        let changes = quartic.windows(2).filter(|pair| pair[0] * pair[1] < zero).count();
-        if sticks + changes <= 1 {
-            return 1;
-        }
-        let slips = positive_roots(&quartic).into_iter().filter(|&s| value(&l, s) > zero).count();
-        (sticks + slips).max(1)
+        Some((quartic, l))
     }
 }
 
@@ -111,7 +164,10 @@ fn value<T: RealField + Copy>(c: &[T], s: T) -> T {
 
 /// The positive roots of a polynomial, each between two of its derivative's; roughly, for counting.
 fn positive_roots<T: RealField + Copy>(c: &[T]) -> Vec<T> {
-    let Some(last) = c.last().filter(|_| c.len() > 1) else {
+    // Without approach the highest powers are missing.
+    let degree = c.iter().rposition(|&c| c != T::zero()).unwrap_or(0);
+    let c = &c[..=degree];
+    let Some(last) = c.last().filter(|_| degree > 0) else {
         return Vec::new();
     };
     let derivative: Vec<T> = c.iter().enumerate().skip(1).map(|(k, &c)| c * convert(k as f64)).collect();
@@ -144,12 +200,7 @@ pub(crate) fn shift<T: RealField + Copy>(
     normal: T,
     tilt: &Vector2<T>,
 ) -> Option<T> {
-    let excess = |s: T| {
-        let x = -mobility.shifted_solution(s, b);
-        let fall = mobility.shifted_solution(s, &x); // -dx/ds
-        let size = length(&x);
-        (size - mu * (normal - tilt.dot(&x)), -x.dot(&fall) / size - mu * tilt.dot(&fall))
-    };
+    let excess = excess(mobility, b, mu, normal, tilt);
     // Without coupling and M the root would be here.
     let mut high = length(b) / (mu * normal);
     for _ in 0..300 {
@@ -159,6 +210,22 @@ pub(crate) fn shift<T: RealField + Copy>(
         high *= convert(16.0);
     }
     root(high, excess)
+}
+
+/// `|x| - μ (normal - tiltᵀ x)` and its derivative, as a function of s.
+fn excess<T: RealField + Copy>(
+    mobility: &Mobility<T>,
+    b: &Vector2<T>,
+    mu: T,
+    normal: T,
+    tilt: &Vector2<T>,
+) -> impl Fn(T) -> (T, T) {
+    move |s: T| {
+        let x = -mobility.shifted_solution(s, b);
+        let fall = mobility.shifted_solution(s, &x); // -dx/ds
+        let size = length(&x);
+        (size - mu * (normal - tilt.dot(&x)), -x.dot(&fall) / size - mu * tilt.dot(&fall))
+    }
 }
 
 /// The root of a function that is positive near 0 and not at `high`, to full precision: Newton's method, kept in

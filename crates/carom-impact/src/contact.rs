@@ -49,6 +49,21 @@ impl<T: RealField + Copy> Contact<T> {
         SVector::from_fn(|i, _| if i == D - 1 { normal } else { tangent[i] })
     }
 
+    /// Whether friction drives the contact deeper at once: `dv_n/dp = C - μ h·u < 0`, or zero and, as slip turns, not
+    /// about to be positive.
+    pub fn jams(&self, mu: T) -> bool {
+        let (h, r) = (&self.coupling, length(&self.slip));
+        let (drive, hold) = (mu * h.dot(&self.slip), self.normal * r);
+        if drive != hold || hold <= T::zero() {
+            return drive > hold;
+        }
+        // On the boundary: d²v_n/dp² = -μ (h·u⊥) dφ/dp.
+        let u = self.slip / r;
+        let across = |x: Vector2<T>| u.x * x.y - u.y * x.x;
+        let turning = across(h - self.tangents * u * mu);
+        turning == T::zero() || across(*h) * turning > T::zero()
+    }
+
     pub fn at_held_normal(&self) -> Mobility<T> {
         let s = self.tangents - self.coupling * (self.coupling / self.normal).transpose();
         Mobility::new(s, self.floor())

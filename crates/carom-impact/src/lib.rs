@@ -73,6 +73,7 @@
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.
 
+mod branches;
 mod compliant;
 mod cone;
 mod contact;

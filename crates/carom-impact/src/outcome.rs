@@ -36,11 +36,12 @@ pub struct ImpactOutcome<T, const D: usize> {
     pub normal_work: T,
     /// `∫ v_t·dp_t` over the whole impact (J).
     pub friction_work: T,
-    /// Realised kinematic coefficient `-v_n⁺/v_n⁻`; `None` without an impact.
+    /// Realised kinematic coefficient `-v_n⁺/v_n⁻`; `None` without an impact, or without approach before it.
     pub newton: Option<T>,
-    /// Realised kinetic coefficient: impulse of restitution over impulse of compression.
+    /// Realised kinetic coefficient: impulse of restitution over impulse of compression. `None` without an impact, or
+    /// where a law without a path had no approach.
     pub poisson: Option<T>,
-    /// Realised energetic coefficient: root of the normal work returned over the work put in.
+    /// Realised energetic coefficient: root of the normal work returned over the work put in. `None` as above.
     pub energetic: Option<T>,
     /// Phase in which the first slip stopped; `None` if it never did or never began. Friction-free
     /// and algebraic laws follow no path in time and leave it `None`.
@@ -64,17 +65,8 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     }
 
     /// Nothing happens: the contact does not approach.
-    ///
-    /// A sliding contact at `v_n = 0` whose friction jams may still answer with a finite impulse
-    /// (impact without collision): that other answer is flagged, not given.
-    pub(crate) fn none(law: &'static str, problem: &ImpactProblem<T, D>, mu: T) -> Self {
-        let n = D - 1;
+    pub(crate) fn none(law: &'static str, problem: &ImpactProblem<T, D>, flags: Flags) -> Self {
         let u = *problem.u_minus();
-        let mut slip = u;
-        slip[n] = T::zero();
-        // μ s B > C with s = u_t/|u_t|, before the division.
-        let drive = problem.delassus().column(n).dot(&slip);
-        let jams = u[n] == T::zero() && mu * drive > problem.delassus()[(n, n)] * slip.norm();
         let energy = problem.kinetic_energy(&u);
         Self {
             law,
@@ -91,7 +83,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             poisson: None,
             energetic: None,
             slip_end: None,
-            flags: Flags::NO_APPROACH | (Flags::JAM | Flags::NON_UNIQUE).when(jams),
+            flags: flags | Flags::NO_APPROACH,
         }
     }
 
@@ -123,9 +115,9 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             energy_change,
             normal_work: account.normal_work,
             friction_work: account.friction_work,
-            newton: Some(account.newton),
-            poisson: Some(account.poisson),
-            energetic: Some(account.energetic),
+            newton: account.newton,
+            poisson: account.poisson,
+            energetic: account.energetic,
             slip_end: account.slip_end,
             flags: account.flags
                 | Flags::ENERGY_GAIN.when(gains)
@@ -140,9 +132,9 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
 pub(crate) struct Account<T> {
     pub normal_work: T,
     pub friction_work: T,
-    pub newton: T,
-    pub poisson: T,
-    pub energetic: T,
+    pub newton: Option<T>,
+    pub poisson: Option<T>,
+    pub energetic: Option<T>,
     pub mode: Mode,
     pub slip_end: Option<Phase>,
     pub flags: Flags,
@@ -150,7 +142,7 @@ pub(crate) struct Account<T> {
 
 impl<T: RealField + Copy> Account<T> {
     /// The account of a law without a path in time: that of the straight one from u⁻ to u⁺, on which all three
-    /// realised coefficients are `e = -u_n⁺/u_n⁻`.
+    /// realised coefficients are `e = -u_n⁺/u_n⁻`; without approach there are none.
     pub fn straight<const D: usize>(
         e: T,
         impulse: &SVector<T, D>,
@@ -161,6 +153,7 @@ impl<T: RealField + Copy> Account<T> {
         let half: T = convert(0.5);
         let mean = (u_minus + u_plus) * half;
         let normal_work = impulse[n] * mean[n];
+        let e = (u_minus[n] != T::zero()).then_some(e);
         Self {
             normal_work,
             friction_work: impulse.dot(&mean) - normal_work,

@@ -8,6 +8,8 @@
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
+use crate::branches::Answers;
+use crate::contact::Contact;
 use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
 use crate::outcome::Account;
@@ -29,19 +31,31 @@ pub(crate) struct Answer<T> {
     pub account: Account<T>,
 }
 
-/// Answers `problem` by Routh's method, in the plane of slip or in space.
-pub(crate) fn resolve_by_walk<T: RealField + Copy, const D: usize>(
-    law: &'static str,
-    e: T,
-    mu: T,
-    problem: &ImpactProblem<T, D>,
-    ending: Ending,
-) -> Result<ImpactOutcome<T, D>, ImpactError> {
-    let in_plane = |contact: &_| walk(contact, e, mu, ending);
-    resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
+/// A law that answers by Routh's method, in the plane of slip or in space.
+pub(crate) struct Routh<T> {
+    pub law: &'static str,
+    pub restitution: T,
+    pub friction: T,
+    pub ending: Ending,
 }
 
-/// Answers `problem` with a law that works in the plane of slip where there is one, and else in space.
+impl<T: RealField + Copy> Routh<T> {
+    pub fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        let Self { law, restitution: e, friction: mu, ending } = *self;
+        check_restitution(e)?;
+        check_friction(mu)?;
+        let strike = || {
+            let in_plane = |contact: &_| walk(contact, e, mu, ending);
+            resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
+        };
+        // At v_n = 0 there is a path only where friction drives the contact deeper.
+        let from_rest = || if Contact::of(problem).jams(mu) { Ok(vec![strike()?]) } else { Ok(Vec::new()) };
+        Answers::of(law, mu, problem, strike, from_rest)
+    }
+}
+
+/// Answers `problem` with a law that works in the plane of slip where there is one, and else in space: an approach
+/// along a normal that can move, coefficients in their range.
 pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     law: &'static str,
     restitution: T,
@@ -50,13 +64,6 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     in_plane: impl FnOnce(&ImpactProblem<T, 2>) -> Result<Answer<T>, ImpactError>,
     in_space: impl FnOnce() -> Result<Found<T, D>, ImpactError>,
 ) -> Result<ImpactOutcome<T, D>, ImpactError> {
-    check_restitution(restitution)?;
-    check_friction(mu)?;
-    if problem.approach_speed() <= T::zero() {
-        return Ok(ImpactOutcome::none(law, problem, mu));
-    }
-    problem.check_normal()?;
-
     let Some(plane) = SlipPlane::of(problem) else {
         // Without friction no direction of slip is needed.
         if mu == T::zero() {
@@ -66,14 +73,24 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
         return ImpactOutcome::of(law, problem, impulse, u_plus, &account).if_finite();
     };
     let contact = plane.contact(problem);
-    let mut answer = in_plane(&contact)?;
+    let answer = in_plane(&contact)?;
+    Ok(plane.lift(law, problem, mu, answer))
+}
 
-    let (_, b, c) = contact.abc();
-    let (v_t, _) = contact.velocity();
-    // dv_n/dp = C - μ s B <= 0 in the first slip.
-    let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
-    answer.account.flags |= Flags::JAM.when(jams);
-    Ok(plane.lift(law, problem, &answer))
+/// The answers beside the first of a law that has several.
+pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
+    law: &'static str,
+    mu: T,
+    problem: &ImpactProblem<T, D>,
+    in_plane: impl FnOnce(&ImpactProblem<T, 2>) -> Option<Answer<T>>,
+    in_space: impl FnOnce() -> Vec<Found<T, D>>,
+) -> Vec<ImpactOutcome<T, D>> {
+    if let Some(plane) = SlipPlane::of(problem) {
+        let answer = in_plane(&plane.contact(problem));
+        return answer.into_iter().map(|answer| plane.lift(law, problem, mu, answer)).collect();
+    }
+    let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
+    in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
 }
 
 /// The plane through the normal in which the slip stays.
@@ -135,7 +152,19 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     }
 
     /// The answer in contact axes: across the plane nothing moves.
-    fn lift(&self, law: &'static str, problem: &ImpactProblem<T, D>, answer: &Answer<T>) -> ImpactOutcome<T, D> {
+    fn lift(
+        &self,
+        law: &'static str,
+        problem: &ImpactProblem<T, D>,
+        mu: T,
+        mut answer: Answer<T>,
+    ) -> ImpactOutcome<T, D> {
+        let contact = self.contact(problem);
+        let (_, b, c) = contact.abc();
+        let (v_t, _) = contact.velocity();
+        // dv_n/dp = C - μ s B <= 0 in the first slip.
+        let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
+        answer.account.flags |= Flags::JAM.when(jams);
         let mut impulse = self.t * answer.p_t;
         impulse[D - 1] = answer.p_n;
         let mut u_plus = self.t * answer.v_t;

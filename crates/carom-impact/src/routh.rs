@@ -125,7 +125,7 @@ impl<T: RealField + Copy> Walk<T> {
     }
 }
 
-/// Walks the contact from `v_n < 0` to the end of restitution.
+/// Walks the contact from `v_n < 0`, or from a jam at `v_n = 0`, to the end of restitution.
 ///
 /// A held contact without mobility along its normal (`det H = 0`) cannot be pushed off: if it is
 /// held exactly when compression ends, as a single-joint arm is, it stays at `v_n = 0`, with no
@@ -210,9 +210,9 @@ pub(crate) fn walk<T: RealField + Copy>(
         account: Account {
             normal_work: down.normal_work + up.normal_work,
             friction_work: down.friction_work + up.friction_work,
-            newton: -up.v_n / v_n,
-            poisson: up.p / down.p,
-            energetic: coefficient_of_work(up.normal_work, down.normal_work),
+            newton: (v_n != zero).then(|| -up.v_n / v_n),
+            poisson: Some(up.p / down.p),
+            energetic: Some(coefficient_of_work(up.normal_work, down.normal_work)),
             mode: if slip_end.is_some() { then.mode } else { first.mode },
             slip_end: if v_t == zero { None } else { slip_end },
             flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),

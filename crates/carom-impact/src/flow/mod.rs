@@ -139,7 +139,7 @@ pub(crate) struct Found<T, const D: usize> {
     pub account: Account<T>,
 }
 
-/// Follows an approaching contact with friction `μ > 0` to the end of restitution.
+/// Follows a contact that approaches, or jams at `v_n = 0`, with friction `μ > 0` to the end of restitution.
 ///
 /// A held contact without mobility along its normal is treated as in the plane: see `routh.rs`.
 pub(crate) fn follow<T: RealField + Copy, const D: usize>(
@@ -177,9 +177,9 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let account = Account {
         normal_work: down.normal_work + up.normal_work,
         friction_work: down.friction_work + up.friction_work,
-        newton: -up.v_n / contact.v_n,
-        poisson: up.p / down.p,
-        energetic: coefficient_of_work(up.normal_work, down.normal_work),
+        newton: (contact.v_n != zero).then(|| -up.v_n / contact.v_n),
+        poisson: Some(up.p / down.p),
+        energetic: Some(coefficient_of_work(up.normal_work, down.normal_work)),
         mode: if up.r == zero { Mode::Stick } else { Mode::between(problem.u_minus(), &u_plus) },
         slip_end,
         flags: Flags::JAM.when(flow.jams) | Flags::SINGULAR.when(contact.is_singular()),

@@ -1,6 +1,7 @@
 use nalgebra::{RealField, Vector2, convert};
 
 use super::{Law, check_friction, check_impulse_ratio, check_restitution};
+use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -61,21 +62,39 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        let (name, e) = (Law::<T, D>::name(self), self.restitution);
-        check_restitution(e)?;
-        check_impulse_ratio(self.impulse_ratio)?;
-        if problem.approach_speed() <= T::zero() {
-            // Jamming is friction's: without braking there is none.
-            return Ok(ImpactOutcome::none(name, problem, (-self.impulse_ratio).max(T::zero())));
-        }
-        problem.check_normal()?;
+        Ok(self.answers(problem)?.first)
+    }
 
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.answers(problem)?.all())
+    }
+}
+
+impl<T: RealField + Copy> Brach<T> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        let name = Law::<T, D>::name(self);
+        check_restitution(self.restitution)?;
+        check_impulse_ratio(self.impulse_ratio)?;
+        let strike = || self.strike(name, problem);
+        // Jamming is friction's: without braking there is none.
+        let mu = (-self.impulse_ratio).max(T::zero());
+        Answers::of(name, mu, problem, strike, || Ok(vec![strike()?]))
+    }
+
+    fn strike<const D: usize>(
+        &self,
+        name: &'static str,
+        problem: &ImpactProblem<T, D>,
+    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let e = self.restitution;
         let contact = Contact::of(problem);
         let t = direction(&contact);
         let plane = Plane::of(&contact, &t, e);
         let (ratio, rests) = plane.clipped(self.impulse_ratio);
         let det = plane.determinant();
-        let push = if rests { plane.gain * det / plane.stops() } else { plane.c + ratio * plane.b };
+        // At rest P_n stays finite as approach and push fade together, if the held contact can move.
+        let push =
+            if rests { (plane.gain * det / plane.stops()).max(det / plane.a) } else { plane.c + ratio * plane.b };
         if contact.is_locked(push) {
             return Err(contact.wedged(ratio.abs(), contact.v_n, push));
         }
@@ -112,12 +131,22 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        Ok(self.towards_rest(problem)?.answers(problem)?.first)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.towards_rest(problem)?.answers(problem)?.all())
+    }
+}
+
+impl<T: RealField + Copy> BrachTowardsRest<T> {
+    fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Brach<T>, ImpactError> {
         let Self { restitution, friction } = *self;
         check_friction(friction)?;
         let contact = Contact::of(problem);
         let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
         let impulse_ratio = if turned { friction } else { -friction };
-        Brach { restitution, impulse_ratio }.resolve(problem)
+        Ok(Brach { restitution, impulse_ratio })
     }
 }
 
@@ -185,6 +214,9 @@ impl<T: RealField + Copy> Plane<T> {
             None if asked > T::zero() => (T::zero(), false),
             _ => (asked, false),
         };
+        if self.gain == T::zero() {
+            return (ratio, rests); // no approach: rest costs energy, and nothing else moves any
+        }
         let bounded = self.within_energy(ratio);
         (bounded, rests && bounded == ratio)
     }

@@ -1,6 +1,7 @@
 use nalgebra::RealField;
 
 use super::{Law, check_friction, check_restitution, check_tangential_restitution};
+use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -62,15 +63,30 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        Ok(self.answers(problem)?.first)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.answers(problem)?.all())
+    }
+}
+
+impl<T: RealField + Copy> ChatterjeeRuina<T> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
         check_restitution(e)?;
         check_tangential_restitution(self.tangential_restitution)?;
         check_friction(mu)?;
-        if problem.approach_speed() <= T::zero() {
-            return Ok(ImpactOutcome::none(name, problem, mu));
-        }
-        problem.check_normal()?;
+        let strike = || self.strike(name, problem);
+        Answers::of(name, mu, problem, strike, || Ok(vec![strike()?]))
+    }
 
+    fn strike<const D: usize>(
+        &self,
+        name: &'static str,
+        problem: &ImpactProblem<T, D>,
+    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (e, mu) = (self.restitution, self.friction);
         let contact = Contact::of(problem);
         let (h, c) = (contact.coupling, contact.normal);
         let mobility = contact.at_held_normal();

@@ -2,7 +2,7 @@ use nalgebra::RealField;
 
 use super::{Law, check_restitution};
 use crate::outcome::{Account, Mode};
-use crate::{ImpactError, ImpactOutcome, ImpactProblem};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Impact along the normal alone; the tangential velocity jumps only by inertial coupling.
 ///
@@ -49,7 +49,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
         check_restitution(self.restitution)?;
         let name = Law::<T, D>::name(self);
         if problem.approach_speed() <= T::zero() {
-            return Ok(ImpactOutcome::none(name, problem, T::zero()));
+            return Ok(ImpactOutcome::none(name, problem, Flags::NONE));
         }
         problem.check_normal()?;
         Ok(frictionless(name, self.restitution, problem))

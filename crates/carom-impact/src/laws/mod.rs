@@ -40,6 +40,37 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     /// A coefficient out of its range; a normal without mobility
     /// ([`ImpactError::SingularNormal`]); a held contact that wedges ([`ImpactError::Wedged`]).
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError>;
+
+    /// Every outcome that satisfies the law, that of [`resolve`](Self::resolve) first: one, unless the outcome is
+    /// flagged `non-unique`.
+    ///
+    /// - A contact that slides at `u_n = 0` and whose friction jams: no impulse, then the finite one, to which the
+    ///   outcome tends as the approach fades (impact without collision, Painlevé).
+    /// - [`Whittaker`]'s several answers: stick, then slips in the order of falling impulse; where H is singular in
+    ///   the plane, the ends of the range of impulses; where it is singular in space, those that are found.
+    ///
+    /// A law that does not say has one.
+    ///
+    /// # Errors
+    ///
+    /// As [`resolve`](Self::resolve).
+    ///
+    /// ```
+    /// use carom_impact::{Energetic, Flags, ImpactProblem, Law};
+    /// use nalgebra::{matrix, vector};
+    ///
+    /// // A rod at 60° whose lower end slides on a floor as rough as 1.5.
+    /// let h = matrix![3.25, -1.299038105676658; -1.299038105676658, 1.75];
+    /// let sliding = ImpactProblem::new(h, vector![-1.0_f64, 0.0])?;
+    /// let branches = Energetic { restitution: 0.0, friction: 1.5 }.branches(&sliding)?;
+    /// assert_eq!(branches[0].impulse, vector![0.0, 0.0]);
+    /// assert!((branches[1].impulse - vector![0.4375, 0.32475953]).norm() < 1e-8);
+    /// assert!(branches.iter().all(|b| b.flags.contains(Flags::JAM | Flags::NON_UNIQUE)));
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(vec![self.resolve(problem)?])
+    }
 }
 
 /// Names [`law_by_name`] knows.

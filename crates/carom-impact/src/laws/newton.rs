@@ -1,7 +1,7 @@
 use nalgebra::RealField;
 
 use super::Law;
-use crate::plane::resolve_by_walk;
+use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -55,7 +55,17 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        resolve_by_walk(name, e, mu, problem, Ending::Velocity)
+        Ok(self.path().answers(problem)?.first)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.path().answers(problem)?.all())
+    }
+}
+
+impl<T: RealField + Copy> Newton<T> {
+    fn path(&self) -> Routh<T> {
+        let Self { restitution, friction } = *self;
+        Routh { law: "newton", restitution, friction, ending: Ending::Velocity }
     }
 }

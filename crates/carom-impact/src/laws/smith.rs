@@ -1,6 +1,7 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
 use super::{Law, check_friction, check_restitution};
+use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
@@ -62,18 +63,37 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        Ok(self.answers(problem)?.first)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        Ok(self.answers(problem)?.all())
+    }
+}
+
+impl<T: RealField + Copy> Smith<T> {
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
         check_restitution(e)?;
         check_friction(mu)?;
-        if problem.approach_speed() <= T::zero() {
-            return Ok(ImpactOutcome::none(name, problem, mu));
-        }
-        problem.check_normal()?;
-
         let contact = Contact::of(problem);
-        let Some((tangent, p_n, v_t)) = answer(&contact, e, mu) else {
-            return Err(contact.wedged(mu, contact.v_n, contact.held_inverse_mass()));
+        let strike = || {
+            let found = answer(&contact, e, mu);
+            let refused = || contact.wedged(mu, contact.v_n, contact.held_inverse_mass());
+            self.outcome(name, problem, found.ok_or_else(refused)?)
         };
+        let from_rest =
+            || from_rest(&contact, mu).map(|found| self.outcome(name, problem, found)).into_iter().collect();
+        Answers::of(name, mu, problem, strike, from_rest)
+    }
+
+    fn outcome<const D: usize>(
+        &self,
+        name: &'static str,
+        problem: &ImpactProblem<T, D>,
+        (tangent, p_n, v_t): (Vector2<T>, T, Vector2<T>),
+    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let (e, mu, contact) = (self.restitution, self.friction, Contact::of(problem));
         let impulse = Contact::lift(&tangent, p_n);
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
         let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
@@ -97,13 +117,7 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
         let touch = cone()?;
         return Some((touch.tangent, touch.normal, touch.tangent * -touch.slip));
     }
-    let equation = Equation {
-        slip: contact.slip,
-        smooth: gain / contact.normal,
-        tilt: contact.coupling / contact.normal,
-        tangents: contact.tangents - contact.coupling * (contact.coupling / contact.normal).transpose(),
-        start: contact.slip + contact.coupling * (gain / contact.normal),
-    };
+    let equation = Equation::of(contact, gain);
     let near = || equation.near(mu, &cone()?, &contact.at_held_normal());
     // So slow that w turns round within the rounding of v_t⁺; the error of `near` is of second order.
     let slow = length(&contact.slip) <= length(&equation.start) * T::default_epsilon().sqrt();
@@ -115,6 +129,20 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
     }
     let x = equation.solve(mu, || near().map(|(x, _)| x))?;
     Some((x, equation.normal(&x), equation.end(&x)))
+}
+
+/// The finite answer at `v_n = 0`, if there is one: that of an approach slow enough, and from there.
+fn from_rest<T: RealField + Copy>(contact: &Contact<T>, mu: T) -> Option<(Vector2<T>, T, Vector2<T>)> {
+    let (zero, speed) = (T::zero(), length(&contact.slip));
+    if speed == zero || mu == zero {
+        return None;
+    }
+    let slow = Contact { v_n: -speed * convert(1e-6), ..*contact };
+    let equation = Equation::of(contact, zero);
+    let x = equation.newton(mu, answer(&slow, zero, mu)?.0)?;
+    // An impulse that does nothing to the slip is zero but for rounding.
+    let moves = length(&(equation.tangents * x)) > speed * convert(1e-3);
+    moves.then(|| (x, equation.normal(&x), equation.end(&x)))
 }
 
 /// `x + μ P_n(x) w(x) = 0` for `x = P_t`, the normal impulse eliminated.
@@ -131,6 +159,17 @@ struct Equation<T> {
 }
 
 impl<T: RealField + Copy> Equation<T> {
+    fn of(contact: &Contact<T>, gain: T) -> Self {
+        let tilt = contact.coupling / contact.normal;
+        Self {
+            slip: contact.slip,
+            smooth: gain / contact.normal,
+            tilt,
+            tangents: contact.tangents - contact.coupling * tilt.transpose(),
+            start: contact.slip + contact.coupling * (gain / contact.normal),
+        }
+    }
+
     fn normal(&self, x: &Vector2<T>) -> T {
         self.smooth - self.tilt.dot(x)
     }

@@ -1,12 +1,13 @@
 use nalgebra::{RealField, convert};
 
-use super::Law;
-use crate::cone::Cone;
+use super::{Law, check_friction, check_restitution};
+use crate::branches::Answers;
+use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
-use crate::plane::{Answer, resolve_with_friction};
-use crate::problem::{plain, rounding};
+use crate::plane::{Answer, others_with_friction, resolve_with_friction};
+use crate::problem::rounding;
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -30,7 +31,7 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// **Fails** to keep the energy books. Friction points against the *last* slip, so it may push the
 /// wrong way most of the time. Such an outcome carries the flag `energy-gain`. At det H = 0 there
 /// may be no answer ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the slip
-/// that continues the first is taken, and flagged `non-unique`.
+/// that continues the first is taken, and flagged `non-unique`; [`branches`](Law::branches) gives both ends.
 ///
 /// **Works.** The law has no path; they are those of the straight one,
 /// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised
@@ -39,7 +40,7 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// **In space** slip is opposed by friction of size `μ P_n` along `-v_t⁺`: with the normal impulse eliminated,
 /// `P_t = -(S + s 1)⁻¹ b` for an s >= 0 found to rounding (`cone.rs`). One such s exists for
 /// every regular H, but there may be three (in 1 of 1000 random problems); then sticking is taken if it is among them,
-/// and the outcome is flagged `non-unique`.
+/// and the outcome is flagged `non-unique`; [`branches`](Law::branches) gives all.
 ///
 /// **Source.** Whittaker, *Analytical Dynamics* (1904); its paradox: Kane and Levinson,
 /// *Dynamics* (1985).
@@ -71,34 +72,95 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
-        let in_plane = |contact: &_| algebraic(contact, e, mu);
-        resolve_with_friction(name, e, mu, problem, in_plane, || in_space(problem, e, mu))
+        Ok(self.answers(problem)?.first)
+    }
+
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        let mut answers = self.answers(problem)?;
+        if problem.approach_speed() > T::zero() && answers.first.flags.contains(Flags::NON_UNIQUE) {
+            answers.others = self.others(problem, Which::Second);
+            for other in &mut answers.others {
+                other.flags |= Flags::NON_UNIQUE;
+            }
+        }
+        Ok(answers.all())
     }
 }
 
-fn in_space<T: RealField + Copy, const D: usize>(
-    problem: &ImpactProblem<T, D>,
-    e: T,
-    mu: T,
-) -> Result<Found<T, D>, ImpactError> {
-    let contact = Contact::of(problem);
-    let Contact { tangents, coupling, normal, slip, v_n } = contact;
-    let gain = -(T::one() + e) * v_n;
-    let cone = Cone::new(tangents, coupling, normal);
-    let Some(touch) = cone.solve(mu, &slip, -gain, length(&slip) + gain) else {
-        return Err(contact.wedged(mu, v_n, contact.held_inverse_mass()));
-    };
-    let impulse = Contact::lift(&touch.tangent, touch.normal);
-    // Exactly against the friction; nothing where it sticks.
-    let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * v_n);
-    let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
-    let others = cone.answers(mu, &slip, -gain) > 1;
-    account.flags |= Flags::SINGULAR.when(contact.is_singular()) | Flags::NON_UNIQUE.when(others);
-    Ok(Found { impulse, u_plus, account })
+impl<T: RealField + Copy> Whittaker<T> {
+    /// The others of an approach are left out: it is cheaper to count them.
+    fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        check_restitution(e)?;
+        check_friction(mu)?;
+        let strike = || {
+            let refused = |contact: &Contact<T>| contact.wedged(mu, contact.v_n, contact.held_inverse_mass());
+            let in_plane = |contact: &_| {
+                let found = algebraic(contact, e, mu, Which::First);
+                found.ok_or_else(|| refused(&Contact::of(contact)))
+            };
+            let in_space = || {
+                let contact = Contact::of(problem);
+                let (cone, gain) = (Cone::of(&contact), self.gain(&contact));
+                let touch = cone.solve(mu, &contact.slip, -gain, length(&contact.slip) + gain);
+                let mut found = self.found(problem, &touch.ok_or_else(|| refused(&contact))?);
+                found.account.flags |= Flags::NON_UNIQUE.when(cone.answers(mu, &contact.slip, -gain) > 1);
+                Ok(found)
+            };
+            resolve_with_friction(name, e, mu, problem, in_plane, in_space)
+        };
+        // Without approach the first answer is no impulse, and all others are others.
+        Answers::of(name, mu, problem, strike, || Ok(self.others(problem, Which::First)))
+    }
+
+    fn others<const D: usize>(&self, problem: &ImpactProblem<T, D>, in_plane: Which) -> Vec<ImpactOutcome<T, D>> {
+        let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
+        if mu == T::zero() {
+            return Vec::new();
+        }
+        let in_space = || {
+            let contact = Contact::of(problem);
+            let (cone, gain) = (Cone::of(&contact), self.gain(&contact));
+            let mut touches = cone.all(mu, &contact.slip, -gain);
+            if gain > T::zero()
+                && let Some(first) = cone.solve(mu, &contact.slip, -gain, length(&contact.slip) + gain)
+            {
+                // The first is among them, to the rounding of its slip.
+                let off = |touch: &Touch<T>| (touch.slip - first.slip).abs();
+                let nearest = touches.iter().map(off).reduce(T::min);
+                touches.retain(|touch| Some(off(touch)) != nearest);
+            }
+            touches.iter().map(|touch| self.found(problem, touch)).collect()
+        };
+        others_with_friction(name, mu, problem, |contact| algebraic(contact, e, mu, in_plane), in_space)
+    }
+
+    /// `C P_n + h·P_t`.
+    fn gain(&self, contact: &Contact<T>) -> T {
+        -(T::one() + self.restitution) * contact.v_n
+    }
+
+    fn found<const D: usize>(&self, problem: &ImpactProblem<T, D>, touch: &Touch<T>) -> Found<T, D> {
+        let (e, contact) = (self.restitution, Contact::of(problem));
+        let impulse = Contact::lift(&touch.tangent, touch.normal);
+        // Exactly against the friction; nothing where it sticks.
+        let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * contact.v_n);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        account.flags |= Flags::SINGULAR.when(contact.is_singular());
+        Found { impulse, u_plus, account }
+    }
 }
 
-fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) -> Result<Answer<T>, ImpactError> {
+/// Which answer of a planar contact.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Which {
+    First,
+    /// The other end of a range of impulses, if there is a range.
+    Second,
+}
+
+/// `None` without an answer: where the contact wedges, or has no second one.
+fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, which: Which) -> Option<Answer<T>> {
     let (zero, one, half) = (T::zero(), T::one(), convert::<f64, T>(0.5));
     let (a, b, c) = contact.abc();
     let (v_t, v_n) = contact.velocity();
@@ -122,24 +184,21 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
     let first = if v_t < zero { -one } else { one };
     let mut flags = Flags::SINGULAR.when(locked && mu > zero);
     let at_rest = v_t == zero && (b == zero || contact.tangent_is_frozen());
+    if which == Which::Second && (at_rest || slip(first).is_none() || slip(-first).is_none()) {
+        return None;
+    }
     let (p_t, p_n, v_t_plus) = if at_rest {
         // Nothing moves or drives the tangent.
         (zero, gain / c, zero)
     } else {
         match (slip(first), slip(-first)) {
+            (_, Some((sigma, p_n, v_t_plus))) if which == Which::Second => (-sigma * mu * p_n, p_n, v_t_plus),
             (Some((sigma, p_n, v_t_plus)), other) => {
                 flags |= Flags::NON_UNIQUE.when(other.is_some() && mu > zero);
                 (-sigma * mu * p_n, p_n, v_t_plus)
             }
             (None, Some((sigma, p_n, v_t_plus))) => (-sigma * mu * p_n, p_n, v_t_plus),
-            (None, None) if locked => {
-                return Err(ImpactError::Wedged {
-                    friction: plain(mu),
-                    normal_velocity: plain(v_n),
-                    inverse_mass: plain(held),
-                    free_inverse_mass: plain(c),
-                });
-            }
+            (None, None) if locked => return None,
             (None, None) => {
                 // Stick: A P_t + B P_n = -v_t and B P_t + C P_n = gain; hold, then push.
                 let p_n = (gain + b / a * v_t) / held;
@@ -155,11 +214,13 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
     } else {
         Mode::Slip
     };
-    // On the straight path v_n = 0 parts the impulse as the velocities: v_n⁺ to -v_n⁻.
+    // On the straight path v_n = 0 parts the impulse as the velocities: v_n⁺ to -v_n⁻. Without approach there are no
+    // coefficients.
+    let approaches = gain != zero;
     let share = -v_n / gain;
     let taken = share * p_n * v_n * half;
     let returned = (one - share) * p_n * v_n_plus * half;
-    Ok(Answer {
+    Some(Answer {
         p_t,
         p_n,
         v_t: v_t_plus,
@@ -167,9 +228,9 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
         account: Account {
             normal_work: p_n * (v_n + v_n_plus) * half,
             friction_work: p_t * (v_t + v_t_plus) * half,
-            newton: e,
-            poisson: e,
-            energetic: coefficient_of_work(returned, taken),
+            newton: approaches.then_some(e),
+            poisson: approaches.then_some(e),
+            energetic: approaches.then(|| coefficient_of_work(returned, taken)),
             mode,
             slip_end: None,
             flags,
