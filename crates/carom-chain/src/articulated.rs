@@ -36,6 +36,15 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints.
     pub fn articulate(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
+        self.articulate_with(None)
+    }
+
+    /// With inertia added to each coordinate, as a rotor's: it enters at the joint's own Dᵢ. Infinite, it makes 1/Dᵢ
+    /// zero, and the joint passes on everything: it is locked.
+    pub(crate) fn articulate_with(
+        &mut self,
+        added: Option<&[A::Scalar]>,
+    ) -> Result<Articulation<'_, 'b, A>, ChainError> {
         if self.chain.is_coupled() {
             return Err(ChainError::Coupled { chain: self.chain.name().into() });
         }
@@ -45,7 +54,8 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
         }
         for (i, body) in bodies.iter().enumerate().rev() {
             let u = ws.articulated[i].along(ws.axis[i]);
-            let inverse_d = A::Scalar::one() / ws.axis[i].dot(u);
+            let own = added.map_or_else(A::Scalar::zero, |added| added[body.v_index]);
+            let inverse_d = A::Scalar::one() / (ws.axis[i].dot(u) + own);
             ws.transmitted[i] = u;
             ws.inverse_d[i] = inverse_d;
             if let Some(p) = body.parent {

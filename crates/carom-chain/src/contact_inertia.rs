@@ -156,7 +156,7 @@ where
         if self.chain.is_coupled() {
             self.delassus_dense(point)
         } else {
-            Ok(self.articulate_checked()?.delassus(point))
+            Ok(self.articulate_checked(None)?.delassus(point))
         }
     }
 
@@ -171,7 +171,7 @@ where
             return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
         }
         let mut out = DVector::zeros(self.chain.nv);
-        self.articulate_checked()?.solve_into(joint_force, out.as_mut_slice())?;
+        self.articulate_checked(None)?.solve_into(joint_force, out.as_mut_slice())?;
         Ok(out)
     }
 
@@ -191,13 +191,13 @@ where
             return self.solve(left.as_slice());
         }
         let mut qdd = DVector::zeros(self.chain.nv);
-        self.articulate_checked()?.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
+        self.articulate_checked(None)?.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
         Ok(qdd)
     }
 
     /// [`Kinematics::articulate`], refused where a joint moves no inertia: where Dᵢ is lost in the rounding of the
     /// composite inertia beyond the joint, of which it is what remains.
-    fn articulate_checked(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
+    fn articulate_checked(&mut self, added: Option<&[A::Scalar]>) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.composites();
         let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
         let size = |(axis, composite): (&Axis<A>, &Inertia<A>)| match *axis {
@@ -205,7 +205,7 @@ where
             Axis::Slide(z) => A::dot(z, z) * composite.mass,
         };
         let sizes: Vec<A::Scalar> = self.ws.axis.iter().zip(&self.ws.composite).map(size).collect();
-        self.articulate()?;
+        self.articulate_with(added)?;
         for (i, size) in sizes.into_iter().enumerate() {
             let d = A::Scalar::one() / self.ws.inverse_d[i];
             let moves_inertia = d > size * rounding; // false for NaN too
@@ -220,6 +220,15 @@ where
     /// M = L Lᵀ, refused where a pivot is lost in the rounding of its diagonal entry.
     fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
         let m = self.mass_matrix();
+        self.factored(m, |k| k)
+    }
+
+    /// The same of a part of M, whose row k belongs to the coordinate `v_index(k)`.
+    fn factored(
+        &self,
+        m: DMatrix<A::Scalar>,
+        v_index: impl Fn(usize) -> usize,
+    ) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
         let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
         let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
             let root = c.l_dirty()[(k, k)];
@@ -233,7 +242,7 @@ where
             // Where it broke down, it does not say: at the end of the first leading block that has no factor.
             None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
         };
-        Err(self.no_inertia(at.unwrap_or(0)))
+        Err(self.no_inertia(v_index(at.unwrap_or(0))))
     }
 
     fn no_inertia(&self, v_index: usize) -> ChainError {
@@ -249,16 +258,48 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn contact_inertia(&mut self, point: Point<A>) -> Result<ContactInertia, ChainError> {
-        let rows = self.point_jacobian(point).transpose();
-        if self.chain.is_coupled() {
-            let cholesky = self.cholesky()?;
-            let mut x = rows.clone();
-            cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
-            return Ok(ContactInertia::new(&x.transpose(), cholesky.solve(&rows)));
+        self.contact_inertia_adding(point, None)
+    }
+
+    /// The same of a chain whose joints resist: inertia `added` to the diagonal of M, one number per velocity
+    /// coordinate (kg m² or kg, 0 or more). An infinite one locks the coordinate: its row of the response is zero, and
+    /// what it carries moves with what carries it.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`]; [`ChainError::OutOfRange`] for a number that is negative or NaN;
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn contact_inertia_with(&mut self, point: Point<A>, added: &[f64]) -> Result<ContactInertia, ChainError> {
+        self.chain.check_nv("added inertia", added.len())?;
+        match added.iter().find(|x| x.is_nan() || **x < 0.0) {
+            Some(&value) => {
+                Err(ChainError::OutOfRange { what: "added inertia", value, rule: "it is 0 or more; infinite locks" })
+            }
+            None => self.contact_inertia_adding(point, Some(added)),
         }
-        let mut articulation = self.articulate_checked()?;
-        let factor = articulation.delassus_factor(point);
+    }
+
+    fn contact_inertia_adding(&mut self, point: Point<A>, added: Option<&[f64]>) -> Result<ContactInertia, ChainError> {
+        let rows = self.point_jacobian(point).transpose();
         let mut response = rows.clone();
+        if self.chain.is_coupled() {
+            let own = |k: usize| added.map_or(0.0, |added| added[k]);
+            let free: Vec<usize> = (0..self.chain.nv).filter(|&k| own(k).is_finite()).collect();
+            let mut m = self.mass_matrix().select_rows(&free).select_columns(&free);
+            for (i, &k) in free.iter().enumerate() {
+                m[(i, i)] += own(k);
+            }
+            let cholesky = self.factored(m, |i| free[i])?;
+            let pushed = rows.select_rows(&free);
+            let mut x = pushed.clone();
+            cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
+            response.fill(0.0);
+            for (&k, row) in free.iter().zip(cholesky.solve(&pushed).row_iter()) {
+                response.set_row(k, &row);
+            }
+            return Ok(ContactInertia::new(&x.transpose(), response));
+        }
+        let mut articulation = self.articulate_checked(added)?;
+        let factor = articulation.delassus_factor(point);
         for (row, mut column) in rows.column_iter().zip(response.column_iter_mut()) {
             articulation.solve_into(row.as_slice(), column.as_mut_slice())?;
         }

@@ -341,6 +341,43 @@ proptest! {
     }
 
     #[test]
+    fn inertia_added_to_joints_is_added_to_the_mass_matrix(mut s in zoo()) {
+        // Some joints free, some with a rotor, some locked; mimic couplings take the dense way, the others the recursion.
+        let (q, tip) = (s.q(), tip(&mut s));
+        let nv = s.chain.nv();
+        let added: Vec<f64> = (0..nv).map(|_| match s.rng.u8(0..4) {
+            0 => 0.0,
+            1 => f64::INFINITY,
+            _ => 10.0_f64.powf(4.0 * s.rng.f64() - 2.0),
+        }).collect();
+        let mut ws = s.chain.workspace();
+        let mut kin = ws.update(&s.chain, &q).unwrap();
+        let inertia = kin.contact_inertia_with(tip, &added).unwrap();
+        let free: Vec<usize> = (0..nv).filter(|&k| added[k].is_finite()).collect();
+        let (m, j) = (kin.mass_matrix(), kin.point_jacobian(tip));
+        let m = DMatrix::from_fn(free.len(), free.len(), |a, b| {
+            m[(free[a], free[b])] + if a == b { added[free[a]] } else { 0.0 }
+        });
+        let j_free = j.select_columns(&free);
+        if free.is_empty() {
+            prop_assert!(inertia.delassus.amax() == 0.0 && inertia.rank == 0);
+        } else {
+            let response = m.clone().lu().solve(&j_free.transpose()).unwrap();
+            let scale = j.amax().powi(2) / m.diagonal().min();
+            close("H", inertia.delassus.iter(), (&j_free * &response).iter(), solved(&m), scale);
+            for (k, row) in inertia.response.row_iter().enumerate() {
+                match free.iter().position(|&f| f == k) {
+                    None => prop_assert!(row.amax() == 0.0),
+                    Some(a) => close("M⁻¹Jᵀ", row.iter(), response.row(a).iter(), solved(&m), response.amax()),
+                }
+            }
+        }
+        // Nothing added is nothing; endless inertia is a lock.
+        let without = kin.contact_inertia_with(tip, &vec![0.0; nv]).unwrap();
+        prop_assert_eq!(without.delassus, kin.contact_inertia(tip).unwrap().delassus);
+    }
+
+    #[test]
     fn turning_a_little_turns_a_little((size, seed) in (-9.0..0.3_f64, any::<u64>())) {
         // The screw of a rotation by θ, from 1e-9 to 2 rad: two half steps make one.
         let mut s = sample(0, Zoo::All, seed);

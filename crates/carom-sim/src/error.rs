@@ -38,6 +38,18 @@ pub enum SimError {
         /// The unit normal.
         normal: [f64; 3],
     },
+    /// With these joints locked nothing moves the point along the normal.
+    #[error(
+        "with its joints locked nothing moves '{link}' along the normal {normal:?}: the inverse inertia there is zero, and the \
+         impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one \
+         rigid body), or give the joints a finite stiffness and a contact time"
+    )]
+    Locked {
+        /// The link.
+        link: String,
+        /// The unit normal.
+        normal: [f64; 3],
+    },
     /// The motion can't be integrated.
     #[error("from t = {time} s the motion can't be integrated: {reason}")]
     Integration {

@@ -34,7 +34,7 @@ pub use plan::{Bounded, Decision, Plan};
 pub use scene::Scene;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
-pub use strike::{ChainImpact, Contact, Impacts, Strike};
+pub use strike::{ChainImpact, Contact, Impacts, JointModel, Strike};
 pub use touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,

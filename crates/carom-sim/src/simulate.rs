@@ -470,7 +470,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
                 }
                 let energy = &mut |qd: &[f64]| Ok(view.kin.kinetic_energy(qd)?);
-                let hit = Box::new(carry(law.as_ref(), &problem, &axes, &response, &qd, energy)?);
+                let hit = Box::new(carry(law.resolve(&problem)?, &axes, &response, &qd, energy)?);
                 let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
                 (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
             }

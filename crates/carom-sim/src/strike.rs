@@ -11,10 +11,13 @@
 //! | H | 3×3 | Delassus matrix, world | `delassus` |
 //! | u⁻, u⁺ | 3 | velocity of the contact point before and after, world | `u_minus`, `u_plus` |
 //! | p | 3 | impulse on the robot, world, N s | `impulse` |
+//! | W | nv | inertia by which drives resist, added to the diagonal of M; infinite where a joint is locked | – |
+//! | j | nv | impulse of the drives, −W (q̇⁺ − q̇⁻) | `drive_impulse` |
 
 use crate::error::SimError;
 use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, ChainError, ContactInertia, FrameId, Point, Spatial, Workspace};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, ChainError, ContactInertia, Coordinates, FrameId, Point, Spatial, Workspace};
 use carom_impact::{Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -26,7 +29,8 @@ pub trait Impacts {
 
 impl Impacts for Chain {
     fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a> {
-        Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None }
+        let joints = JointModel::Free;
+        Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None, joints }
     }
 }
 
@@ -39,6 +43,7 @@ pub struct Strike<'a> {
     frame: Option<FrameId>,
     offset: Vector3<f64>,
     normal: Option<[f64; 3]>,
+    joints: JointModel<'a>,
 }
 
 impl<'a> Strike<'a> {
@@ -60,10 +65,17 @@ impl<'a> Strike<'a> {
         self
     }
 
+    /// What the drives do during the impact; without this, nothing.
+    pub fn joints(mut self, joints: JointModel<'a>) -> Self {
+        self.joints = joints;
+        self
+    }
+
     /// Computes what all laws share.
     ///
     /// # Errors
-    /// [`SimError`]: a state that does not fit, a normal without direction, a point that can't move along it.
+    /// [`SimError`]: a state that does not fit, a normal without direction, a point that can't move along it, joints that
+    /// can't be locked or resist so.
     pub fn contact(self) -> Result<Contact<'a>, SimError> {
         let Some(frame) = self.frame else {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
@@ -78,7 +90,12 @@ impl<'a> Strike<'a> {
         let Some(normal) = normal else {
             return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
         };
-        Contact::new(self.chain, self.q, self.qd, frame, self.offset, normal)
+        let added = self.joints.added_inertia(self.chain)?;
+        let contact = Contact::new(self.chain, self.q, self.qd, frame, self.offset, normal, added);
+        contact.map_err(|why| match why {
+            SimError::SingularNormal { link, normal } if self.joints.locks() => SimError::Locked { link, normal },
+            why => why,
+        })
     }
 
     /// The impact under one law.
@@ -87,6 +104,14 @@ impl<'a> Strike<'a> {
     /// As [`Strike::contact`], and what the law refuses.
     pub fn resolve(self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
         self.contact()?.resolve(law)
+    }
+
+    /// Every impact that satisfies the law, see [`Law::branches`]; that of [`Strike::resolve`] first.
+    ///
+    /// # Errors
+    /// As [`Strike::resolve`].
+    pub fn branches(self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
+        self.contact()?.branches(law)
     }
 }
 
@@ -102,6 +127,8 @@ pub struct Contact<'a> {
     jacobian: DMatrix<f64>,
     inertia: ContactInertia,
     problem: ImpactProblem<f64, 3>,
+    /// Diagonal of W, if the drives act.
+    added: Option<Vec<f64>>,
 }
 
 impl<'a> Contact<'a> {
@@ -112,6 +139,7 @@ impl<'a> Contact<'a> {
         frame: FrameId,
         offset: Vector3<f64>,
         normal: Vector3<f64>,
+        added: Option<Vec<f64>>,
     ) -> Result<Self, SimError> {
         let link = || chain.frame_name(frame).to_owned();
         let point: Point<Spatial<f64>> = chain.point(frame, offset);
@@ -120,7 +148,10 @@ impl<'a> Contact<'a> {
         }
         let mut workspace = chain.workspace();
         let mut kin = workspace.update(chain, q)?;
-        let inertia = kin.contact_inertia(point)?;
+        let inertia = match &added {
+            None => kin.contact_inertia(point)?,
+            Some(added) => kin.contact_inertia_with(point, added)?,
+        };
         if inertia.effective_mass(normal.as_slice()).is_none() {
             return Err(SimError::SingularNormal { link: link(), normal: normal.into() });
         }
@@ -129,7 +160,7 @@ impl<'a> Contact<'a> {
         let axes = z_onto(normal);
         let delassus = Matrix3::from_fn(|i, j| inertia.delassus[(i, j)]);
         let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
-        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem })
+        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem, added })
     }
 
     /// The numbers that a law sees: contact axes, tangents first, normal last.
@@ -152,23 +183,48 @@ impl<'a> Contact<'a> {
     /// # Errors
     /// What the law refuses.
     pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
-        let Self { chain, q, qd, workspace, axes, inertia, problem, .. } = self;
-        carry(law, problem, axes, &inertia.response, qd, &mut |qd| {
+        let outcome = law.resolve(&self.problem)?;
+        self.carry(outcome)
+    }
+
+    /// Every impact that satisfies the law, see [`Law::branches`]; that of [`Contact::resolve`] first.
+    ///
+    /// # Errors
+    /// What the law refuses.
+    pub fn branches(&mut self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
+        let outcomes = law.branches(&self.problem)?;
+        outcomes.into_iter().map(|outcome| self.carry(outcome)).collect()
+    }
+
+    fn carry(&mut self, outcome: ImpactOutcome<f64, 3>) -> Result<ChainImpact, SimError> {
+        let Self { chain, q, qd, workspace, axes, inertia, added, jacobian, .. } = self;
+        let mut hit = carry(outcome, axes, &inertia.response, qd, &mut |qd| {
             Ok(workspace.update(chain, q)?.kinetic_energy(qd)?)
-        })
+        })?;
+        if let Some(added) = added {
+            let qd_plus = DVector::from_column_slice(&hit.qd_plus);
+            let before = DVector::from_column_slice(qd);
+            let jump = &qd_plus - &before;
+            // A locked joint gives what is missing in M Δq̇ = Jᵀp + j.
+            let missing = workspace.update(chain, q)?.mass_matrix() * &jump - jacobian.transpose() * hit.impulse;
+            let given = added.iter().enumerate();
+            let given = given.map(|(k, w)| if w.is_finite() { -w * jump[k] } else { missing[k] });
+            hit.drive_impulse = given.collect();
+            hit.drive_work = 0.5 * DVector::from_column_slice(&hit.drive_impulse).dot(&(before + qd_plus));
+        }
+        Ok(hit)
     }
 }
 
 /// A law's impulse, carried back into the joints: qd⁺ = qd⁻ + M⁻¹Jᵀp, where `response` is M⁻¹Jᵀ in world axes.
+/// The drives do nothing.
 pub(crate) fn carry(
-    law: &dyn Law<f64, 3>,
-    problem: &ImpactProblem<f64, 3>,
+    outcome: ImpactOutcome<f64, 3>,
     axes: &Matrix3<f64>,
     response: &DMatrix<f64>,
     qd: &[f64],
     kinetic_energy: &mut dyn FnMut(&[f64]) -> Result<f64, SimError>,
 ) -> Result<ChainImpact, SimError> {
-    let outcome = law.resolve(problem)?;
     let impulse = axes * outcome.impulse;
     let qd_plus = DVector::from_column_slice(qd) + response * impulse;
     Ok(ChainImpact {
@@ -180,8 +236,95 @@ pub(crate) fn carry(
         mode: outcome.mode,
         flags: outcome.flags,
         contact: outcome,
+        drive_impulse: vec![0.0; qd.len()],
+        drive_work: 0.0,
         qd_plus: qd_plus.as_slice().to_vec(),
     })
+}
+
+/// What the drives do while the impact lasts: the inertia that the contact feels is M + W.
+///
+/// ```text
+/// (M + W)(q̇⁺ − q̇⁻) = Jᵀp,   j = −W (q̇⁺ − q̇⁻),   T⁺ − T⁻ = ½ p·(u⁻ + u⁺) + ½ j·(q̇⁻ + q̇⁺)
+/// ```
+///
+/// A drive resists a *change* of its joint's rate: a joint that moves goes on as its controller has it. An impact law
+/// keeps its promises about energy for ½ p·(u⁻ + u⁺), which is the change of ½ q̇ᵀ(M + W)q̇; the drives' work comes
+/// on top, and may have either sign.
+///
+/// Measured impacts of an arm under stiff position control were found much nearer to the locked inertia than to the
+/// free one (arXiv:2202.12646).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum JointModel<'a> {
+    /// Nothing: what a rigid impact in no time means, for a drive with finite force.
+    #[default]
+    Free,
+    /// These joints keep their rates, whatever it takes.
+    Locked(&'a [&'a str]),
+    /// All joints but floating ones keep their rates: with a floating base the robot is one rigid body.
+    AllLocked,
+    /// Each drive is a spring and a damper about the motion before the impact, over a contact of some duration Δt:
+    /// `W = Δt (K Δt + D)`, from one implicit step of that length.
+    Impedance {
+        /// K, one for each velocity coordinate, N m/rad or N/m; 0 for coordinates without a drive.
+        stiffness: &'a [f64],
+        /// D, likewise, N m s/rad or N s/m.
+        damping: &'a [f64],
+        /// Δt, s.
+        contact_time: f64,
+    },
+}
+
+impl JointModel<'_> {
+    fn locks(&self) -> bool {
+        matches!(self, Self::Locked(_) | Self::AllLocked)
+    }
+
+    /// The diagonal of W; none if it is zero.
+    fn added_inertia(&self, chain: &Chain) -> Result<Option<Vec<f64>>, SimError> {
+        let mut added = vec![0.0; chain.nv()];
+        match *self {
+            Self::Free => return Ok(None),
+            Self::Locked(joints) => {
+                for name in joints {
+                    let Coordinates::Own { v, .. } = &chain.joint(name)?.coordinates else {
+                        return Err(ChainError::NotReducible(format!(
+                            "joint '{name}' has no coordinate of its own to lock (it is fixed, or follows another joint)"
+                        ))
+                        .into());
+                    };
+                    added[v.clone()].fill(f64::INFINITY);
+                }
+            }
+            Self::AllLocked => {
+                for joint in chain.joints().iter().filter(|joint| joint.kind != JointType::Floating) {
+                    if let Coordinates::Own { v, .. } = &joint.coordinates {
+                        added[v.clone()].fill(f64::INFINITY);
+                    }
+                }
+            }
+            Self::Impedance { stiffness, damping, contact_time } => {
+                chain.check_v("stiffness", stiffness)?;
+                chain.check_v("damping", damping)?;
+                let not = |what, value, rule| Err(SimError::Setting { what, value, rule });
+                if !(contact_time > 0.0 && contact_time.is_finite()) {
+                    return not("the contact time", contact_time, "it is a finite number of seconds above 0");
+                }
+                for (k, sum) in added.iter_mut().enumerate() {
+                    for (what, value) in [("a joint's stiffness", stiffness[k]), ("a joint's damping", damping[k])] {
+                        if value < 0.0 {
+                            return not(what, value, "a drive resists, so it is 0 or more");
+                        }
+                    }
+                    *sum = contact_time * (stiffness[k] * contact_time + damping[k]);
+                    if !sum.is_finite() {
+                        return not("the inertia Δt (K Δt + D)", *sum, "it must be finite: lock the joint instead");
+                    }
+                }
+            }
+        }
+        Ok(Some(added))
+    }
 }
 
 /// What an impact does to a chain.
@@ -197,13 +340,18 @@ pub struct ChainImpact {
     pub u_plus: Vector3<f64>,
     /// Kinetic energy of the whole chain before, J.
     pub energy_before: f64,
-    /// Kinetic energy of the whole chain after, J, from `qd_plus`.
+    /// Kinetic energy of the whole chain after, J, from `qd_plus`: `energy_before + ½ p·(u⁻ + u⁺) + drive_work`.
     pub energy_after: f64,
+    /// Impulse that the drives gave each joint, N m s or N s; zeros where they do nothing ([`JointModel::Free`]).
+    pub drive_impulse: Vec<f64>,
+    /// Work of that impulse, J.
+    pub drive_work: f64,
     /// How the contact ended.
     pub mode: Mode,
     /// What to beware of.
     pub flags: Flags,
-    /// The outcome in contact axes: work, realised coefficients, phases.
+    /// The outcome in contact axes: work, realised coefficients, phases. Its energies are those of the inertia that the
+    /// contact felt, drives included.
     pub contact: ImpactOutcome<f64, 3>,
 }
 

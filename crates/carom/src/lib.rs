@@ -17,12 +17,13 @@ pub use carom_impact::{
     Brach, ChatterjeeRuina, Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode,
     Newton, Poisson, Smith, Whittaker,
 };
-pub use carom_sim::{ChainImpact, Impacts, SimError};
+pub use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
 
 /// Everything a script needs: `use carom::prelude::*;`
 pub mod prelude {
     pub use crate::{
         Brach, Chain, ChainError, ChainImpact, ChatterjeeRuina, Energetic, FrameId, Frictionless, ImpactError,
-        ImpactProblem, Impacts, Kinematics, Law, Mode, Newton, Poisson, SimError, Smith, Whittaker, uniform_chain,
+        ImpactProblem, Impacts, JointModel, Kinematics, Law, Mode, Newton, Poisson, SimError, Smith, Whittaker,
+        uniform_chain,
     };
 }
