@@ -5,7 +5,9 @@ use crate::error::CliError;
 use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
 use crate::law::{All, LawArgs};
 use crate::output::{row, short};
-use carom_sim::{ChainImpact, Impacts, SimError};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, Coordinates};
+use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -21,6 +23,66 @@ pub struct Impact {
     normal: [f64; 3],
     #[command(flatten)]
     law: LawArgs,
+    #[command(flatten)]
+    drives: Drives,
+}
+
+/// What the drives do during the impact; nothing, if none of this is given.
+#[derive(Args)]
+struct Drives {
+    /// Joints that keep their rates through the impact, or `all` but a floating base: the inertia of a stiffly controlled arm
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["joint_stiffness", "joint_damping"])]
+    locked: Option<Vec<String>>,
+    /// Stiffness K of the drives, N m/rad or N/m: one number for all joints but a floating base, or one for each number
+    /// of qd. The contact feels M + Δt (K Δt + D)
+    #[arg(long, value_name = "K,…", value_delimiter = ',', requires = "contact_time", allow_hyphen_values = true)]
+    joint_stiffness: Option<Vec<f64>>,
+    /// Damping D of the drives, N m s/rad or N s/m, likewise
+    #[arg(long, value_name = "D,…", value_delimiter = ',', requires = "contact_time", allow_hyphen_values = true)]
+    joint_damping: Option<Vec<f64>>,
+    /// Duration Δt of the contact, s
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    contact_time: Option<f64>,
+}
+
+/// Drives as springs and dampers, one number for each velocity coordinate of the chain.
+struct Impedance {
+    stiffness: Vec<f64>,
+    damping: Vec<f64>,
+    contact_time: f64,
+}
+
+impl Drives {
+    fn impedance(&self, chain: &Chain, order: &JointOrder) -> Result<Option<Impedance>, CliError> {
+        let Some(contact_time) = self.contact_time else { return Ok(None) };
+        if self.joint_stiffness.is_none() && self.joint_damping.is_none() {
+            let why = "--contact-time says how long the drives resist: give --joint-stiffness or --joint-damping too";
+            return Err(CliError::Option(why.into()));
+        }
+        let spread = |option: &str, given: &Option<Vec<f64>>| {
+            let given = given.as_deref().unwrap_or(&[0.0]);
+            if let [one] = given
+                && chain.nv() != 1
+            {
+                let mut all = vec![*one; chain.nv()];
+                for joint in chain.joints().iter().filter(|joint| joint.kind == JointType::Floating) {
+                    if let Coordinates::Own { v, .. } = &joint.coordinates {
+                        all[v.clone()].fill(0.0);
+                    }
+                }
+                return Ok(all);
+            }
+            if given.len() != chain.nv() {
+                let (got, names) = (given.len(), order.names.join(", "));
+                let why = format!("{option}: {got} numbers; give one, or {} as qd has ({names})", chain.nv());
+                return Err(CliError::Option(why));
+            }
+            Ok(order.v(given))
+        };
+        let stiffness = spread("--joint-stiffness", &self.joint_stiffness)?;
+        let damping = spread("--joint-damping", &self.joint_damping)?;
+        Ok(Some(Impedance { stiffness, damping, contact_time }))
+    }
 }
 
 #[derive(Serialize)]
@@ -36,6 +98,23 @@ struct Answer {
     normal_work: f64,
     friction_work: f64,
     flags: Vec<&'static str>,
+    /// Only where drives act.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drive_impulse: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    drive_work: Option<f64>,
+    /// Every outcome that satisfies the law, this one first; only where there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    branches: Vec<Branch>,
+}
+
+#[derive(Serialize)]
+struct Branch {
+    qd_plus: Vec<f64>,
+    impulse: [f64; 3],
+    u_plus: [f64; 3],
+    mode: &'static str,
+    energy_ratio: f64,
 }
 
 impl Impact {
@@ -44,15 +123,26 @@ impl Impact {
         let chain = self.robot.load()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let tip = self.robot.frame(&chain, &self.state.tip)?;
+        let impedance = self.drives.impedance(&chain, &order)?;
+        let locked = self.drives.locked.iter().flatten().map(String::as_str).collect::<Vec<_>>();
+        let joints = match (&impedance, locked.as_slice()) {
+            (Some(Impedance { stiffness, damping, contact_time }), _) => {
+                JointModel::Impedance { stiffness, damping, contact_time: *contact_time }
+            }
+            (None, []) => JointModel::Free,
+            (None, ["all"]) => JointModel::AllLocked,
+            (None, names) => JointModel::Locked(names),
+        };
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
             let (q, qd) = (order.q(&state.q), order.v(&state.qd));
-            let mut contact = chain.impact(&q, &qd).at(tip).offset(self.state.point).normal(self.normal).contact()?;
+            let strike = chain.impact(&q, &qd).at(tip).offset(self.state.point).normal(self.normal);
+            let mut contact = strike.joints(joints).contact()?;
             limits.check(&chain, &q, place);
             let mut all = All::default();
             for (name, law) in &laws {
-                match contact.resolve(law.as_ref()) {
-                    Ok(hit) => all.outcomes.push(outcome(name, &hit, &order)),
+                match contact.branches(law.as_ref()) {
+                    Ok(hits) => all.outcomes.extend(outcome(name, &hits, &order, joints != JointModel::Free)),
                     Err(SimError::Impact(why)) if laws.len() > 1 => all.refuse(name, &why)?,
                     Err(why) => return Err(why.into()),
                 }
@@ -62,8 +152,16 @@ impl Impact {
     }
 }
 
-fn outcome(law: &'static str, hit: &ChainImpact, order: &JointOrder) -> Answer {
-    Answer {
+fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: bool) -> Option<Answer> {
+    let branch = |hit: &ChainImpact| Branch {
+        qd_plus: order.theirs(&hit.qd_plus),
+        impulse: hit.impulse.into(),
+        u_plus: hit.u_plus.into(),
+        mode: hit.mode.name(),
+        energy_ratio: hit.energy_ratio(),
+    };
+    let hit = hits.first()?;
+    Some(Answer {
         law,
         qd_plus: order.theirs(&hit.qd_plus),
         impulse: hit.impulse.into(),
@@ -75,7 +173,10 @@ fn outcome(law: &'static str, hit: &ChainImpact, order: &JointOrder) -> Answer {
         normal_work: hit.contact.normal_work,
         friction_work: hit.contact.friction_work,
         flags: hit.flags.names().collect(),
-    }
+        drive_impulse: driven.then(|| order.theirs(&hit.drive_impulse)),
+        drive_work: driven.then_some(hit.drive_work),
+        branches: if hits.len() > 1 { hits.iter().map(branch).collect() } else { Vec::new() },
+    })
 }
 
 fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io::Result<()> {
@@ -96,6 +197,14 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
             short(a.normal_work),
             short(a.friction_work)
         )?;
+        if let (Some(impulse), Some(work)) = (&a.drive_impulse, a.drive_work) {
+            writeln!(out, "{:29} drives {} N m s, work {} J", "", row(impulse), short(work))?;
+        }
+        for other in a.branches.iter().skip(1) {
+            writeln!(out, "  or also        {:12} qd⁺ {}", other.mode, row(&other.qd_plus))?;
+            writeln!(out, "{:29} u⁺  {} m/s", "", row(&other.u_plus))?;
+            writeln!(out, "{:29} p   {} N s, T⁺/T⁻ {}", "", row(&other.impulse), short(other.energy_ratio))?;
+        }
     }
     for refused in &all.refused {
         writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;

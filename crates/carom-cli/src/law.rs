@@ -3,7 +3,7 @@
 use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
 use crate::output::{answer, row, say, short};
-use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use carom_study::{LawPoint, routh_diagram};
 use clap::{Args, builder::PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
@@ -143,6 +143,17 @@ struct Answer {
     normal_work: f64,
     friction_work: f64,
     flags: Vec<&'static str>,
+    /// Every outcome that satisfies the law, this one first; only where there are several.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    branches: Vec<Branch>,
+}
+
+#[derive(Serialize)]
+struct Branch {
+    impulse: Vec<f64>,
+    u_plus: Vec<f64>,
+    mode: &'static str,
+    energy_ratio: f64,
 }
 
 impl LawCommand {
@@ -201,8 +212,9 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
     let problem = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
     let mut all = All::default();
     for (name, law) in laws {
-        match law.resolve(&problem) {
-            Ok(hit) => {
+        match law.branches(&problem) {
+            Ok(hits) => {
+                let Some(hit) = hits.first() else { continue };
                 let (before, still) = (hit.energy_before, hit.u_minus.amax() == 0.0);
                 if !before.is_finite() || (before < f64::MIN_POSITIVE && !still) {
                     let why = format!(
@@ -219,6 +231,7 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
                     normal_work: hit.normal_work,
                     friction_work: hit.friction_work,
                     flags: hit.flags.names().collect(),
+                    branches: if hits.len() > 1 { hits.iter().map(branch).collect() } else { Vec::new() },
                 });
             }
             Err(why) if laws.len() > 1 => all.refuse(name, &why)?,
@@ -226,6 +239,15 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
         }
     }
     Ok(all)
+}
+
+fn branch<const D: usize>(hit: &ImpactOutcome<f64, D>) -> Branch {
+    Branch {
+        impulse: hit.impulse.as_slice().to_vec(),
+        u_plus: hit.u_plus.as_slice().to_vec(),
+        mode: hit.mode.name(),
+        energy_ratio: hit.energy_ratio(),
+    }
 }
 
 fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
@@ -240,6 +262,15 @@ fn for_people(all: &All<Answer>, out: &mut dyn Write) -> io::Result<()> {
             row(&a.impulse),
             short(a.energy_ratio)
         )?;
+        for other in a.branches.iter().skip(1) {
+            let (u_plus, p) = (row(&other.u_plus), row(&other.impulse));
+            writeln!(
+                out,
+                "  or also        {:12} u⁺ {u_plus}  p {p}  T⁺/T⁻ {}",
+                other.mode,
+                short(other.energy_ratio)
+            )?;
+        }
     }
     for refused in &all.refused {
         writeln!(out, "{:16} not applicable: {}", refused.law, refused.reason)?;

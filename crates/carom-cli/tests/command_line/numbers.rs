@@ -161,3 +161,62 @@ fn the_routh_diagram_is_drawn_for_planar_problems_and_refused_for_others() {
     assert_eq!(ran.err.trim_end(), "error: <stdin>:1: --svg draws planar problems: delassus 2×2, u = [t, n]");
     assert!(!desk.0.join("s.svg").exists());
 }
+
+/// Painlevé's rod: sliding at u_n = 0 into a jam, every law with friction has two answers, and the line gives both.
+#[test]
+fn two_answers_are_both_given() {
+    let desk = Desk::new("branches");
+    let b = -0.75 * 3.0_f64.sqrt();
+    let problem = json!({"delassus": [[3.25, b], [b, 1.75]], "u": [-1.0, 0.0]});
+    let all = desk.answer("law --json --law all --restitution 0 --friction 1.5 --problems -", &problem);
+    for hit in all["outcomes"].as_array().unwrap() {
+        if hit["law"] == json!("frictionless") {
+            assert!(hit.get("branches").is_none(), "one answer needs no list");
+            continue;
+        }
+        assert_eq!(hit["flags"], json!(["jam", "non-unique", "no-approach"]));
+        let branches = hit["branches"].as_array().unwrap();
+        assert_eq!(branches.len(), 2);
+        for key in ["impulse", "u_plus", "mode", "energy_ratio"] {
+            assert_eq!(branches[0][key], hit[key], "the first is the answer");
+        }
+        // What stops the slip: H⁻¹ (1, 0) = (7/16, 3√3/16); Smith's law can't stick, and pushes on.
+        let impulse = numbers(&branches[1]["impulse"]);
+        if hit["law"] == json!("smith") {
+            assert!(impulse[0] > 0.44 && numbers(&branches[1]["u_plus"])[0] > 0.1);
+        } else {
+            close("P_t", impulse[0], 7.0 / 16.0, 1e-14);
+            close("P_n", impulse[1], 3.0 * 3.0_f64.sqrt() / 16.0, 1e-14);
+            close("T⁺/T⁻", number(&branches[1]["energy_ratio"]), 0.0, 1e-14);
+        }
+    }
+    let ran = desk.feed("law --law energetic --restitution 0 --friction 1.5 --problems -", problem.to_string());
+    done(&ran);
+    assert!(ran.out.contains("  or also        stick        u⁺             0             0"), "{}", ran.out);
+}
+
+/// Locked joints keep their rates, drives pay for it, and the books close.
+#[test]
+fn drives_that_act_are_in_the_books() {
+    let desk = Desk::new("drives");
+    let state = json!({"q": [0.3, -1.1, 0.7], "qd": [0.4, 0.9, -0.2]});
+    let args = "impact planar3.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.3";
+    let free = desk.answer(&format!("{args} --states -"), &state);
+    assert!(free.get("drive_work").is_none() && free.get("drive_impulse").is_none());
+    let names = desk.answer("dynamics planar3.urdf --json --tip tip --states -", &state)["joints"].clone();
+    let second = names[1].as_str().unwrap();
+    let impulse_of = |options: &str| {
+        let hit = desk.answer(&format!("{args} {options} --states -"), &state);
+        let [p, before, after] = ["impulse", "u_minus", "u_plus"].map(|key| vector(&hit[key]));
+        let [t_before, t_after, work] = ["energy_before", "energy_after", "drive_work"].map(|key| number(&hit[key]));
+        close(options, 0.5 * p.dot(&(before + after)) + work, t_after - t_before, 1e-12 * t_before);
+        (p.norm(), hit)
+    };
+    let (locked, hit) = impulse_of(&format!("--locked {second}"));
+    assert_eq!(hit["qd_plus"][1], json!(0.9), "a locked joint goes on as before");
+    let stiff = impulse_of("--joint-stiffness 0,1e9,0 --contact-time 0.01").0;
+    close("stiff is nearly locked", stiff, locked, 1e-3 * locked);
+    let soft = impulse_of("--joint-stiffness 0 --joint-damping 0,0,0 --contact-time 0.01").0;
+    close("without stiffness it is free", soft, vector(&free["impulse"]).norm(), 1e-14 * soft);
+    assert!(impulse_of("--joint-damping 50 --contact-time 0.01").0 != soft);
+}

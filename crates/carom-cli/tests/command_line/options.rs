@@ -143,3 +143,49 @@ fn a_point_of_the_base_feels_nothing_and_is_no_error_for_dynamics() {
     assert_eq!(answer["jacobian"], json!([[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]));
     assert_eq!(answer["delassus"], json!([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]));
 }
+
+#[test]
+fn drives_that_can_t_be_are_refused() {
+    let desk = Desk::new("drives-refused");
+    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]}).to_string();
+    let with = |options: &str| {
+        let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.5";
+        desk.feed(&format!("{args} --states - {options}"), &state)
+    };
+    for (options, message) in [
+        (
+            "--locked all",
+            "<stdin>:1: with its joints locked nothing moves 'tip' along the normal [-1.0, 0.0, 0.0]: the inverse inertia there is zero, and the impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one rigid body), or give the joints a finite stiffness and a contact time",
+        ),
+        ("--locked elbo", "<stdin>:1: no joint is named 'elbo'; did you mean 'elbow'?"),
+        (
+            "--locked probe",
+            "<stdin>:1: joint 'probe' has no coordinate of its own to lock (it is fixed, or follows another joint)",
+        ),
+        (
+            "--joint-stiffness 1,2,3 --contact-time 0.01",
+            "--joint-stiffness: 3 numbers; give one, or 2 as qd has (shoulder, elbow)",
+        ),
+        (
+            "--joint-stiffness -5 --contact-time 0.01",
+            "<stdin>:1: a joint's stiffness is -5: a drive resists, so it is 0 or more",
+        ),
+        (
+            "--joint-stiffness 5 --contact-time 0",
+            "<stdin>:1: the contact time is 0: it is a finite number of seconds above 0",
+        ),
+        (
+            "--contact-time 0.01",
+            "--contact-time says how long the drives resist: give --joint-stiffness or --joint-damping too",
+        ),
+    ] {
+        refused(with(options), message);
+    }
+    for (options, words) in [
+        ("--joint-stiffness 5", "--contact-time <S>"),
+        ("--locked elbow --joint-stiffness 5 --contact-time 0.1", "cannot be used with"),
+        ("--joint-damping x --contact-time 0.1", "invalid value 'x' for '--joint-damping"),
+    ] {
+        usage(with(options), words);
+    }
+}
