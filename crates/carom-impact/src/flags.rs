@@ -27,7 +27,7 @@ impl Flags {
     pub const SINGULAR: Self = Self(1 << 2);
     /// Approach slower than 1e-9 of the contact speed: angles and ratios lose their meaning.
     pub const GRAZING: Self = Self(1 << 3);
-    /// Another impulse satisfies the law too.
+    /// Another impulse satisfies the law too: [`Law::branches`](crate::Law::branches) gives all.
     pub const NON_UNIQUE: Self = Self(1 << 4);
     /// The contact does not approach: there is no impact, and the impulse is zero.
     pub const NO_APPROACH: Self = Self(1 << 5);
