@@ -90,6 +90,7 @@ mod several;
 pub use compliant::{HuntCrossley, damping_root};
 pub use error::ImpactError;
 pub use flags::Flags;
+pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
 pub use laws::{
     Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith, Whittaker,
     law_by_name,

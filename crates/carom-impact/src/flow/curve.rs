@@ -152,6 +152,12 @@ impl<T: RealField + Copy> Curve<T> {
         Some(root(from, to, |t| self.v_n.with_slope(t)))
     }
 
+    /// τ at which the normal impulse has grown by `dp`, if it is within the step.
+    pub fn reaches(&self, dp: T) -> Option<T> {
+        let end = self.end();
+        (self.p.at(end) >= dp).then(|| root(T::zero(), end, |t| shifted(self.p.with_slope(t), -dp)))
+    }
+
     pub fn returns(&self, state: &State<T>, end: &End<T>) -> Return<T> {
         let zero = T::zero();
         let over = |t: T| match end.ending {

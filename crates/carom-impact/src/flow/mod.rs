@@ -33,6 +33,7 @@
 
 mod curve;
 mod line;
+mod path;
 mod series;
 #[cfg(test)]
 mod tests;
@@ -47,6 +48,7 @@ use crate::routh::{End, Ending, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactProblem};
 use curve::Curve;
 use line::Line;
+pub use path::{ImpulsePath, InvariantDirection, PathPoint};
 
 /// Slip below this multiple of ε, beside the speeds before the impact, is about to stop or has just begun.
 const SLOW: f64 = 1.0 / 64.0;
@@ -72,6 +74,13 @@ struct State<T> {
 }
 
 impl<T: RealField + Copy> State<T> {
+    fn start(contact: &Contact<T>) -> Self {
+        let zero = T::zero();
+        let r = length(&contact.slip);
+        let heading = if r > zero { contact.slip / r } else { contact.slip };
+        Self { p: zero, p_t: Vector2::zeros(), heading, r, v_n: contact.v_n, normal_work: zero, friction_work: zero }
+    }
+
     /// Here, with empty books: a small work returned would drown in the rounding of the work put in.
     fn turn(&self) -> Self {
         let zero = T::zero();
@@ -151,12 +160,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let zero = T::zero();
     let contact = Contact::of(problem);
     let mut flow = Flow::new(&contact, mu);
-    let r = length(&contact.slip);
-    let heading = if r > zero { contact.slip / r } else { contact.slip };
-    let start =
-        State { p: zero, p_t: Vector2::zeros(), heading, r, v_n: contact.v_n, normal_work: zero, friction_work: zero };
-
-    let mut state = start;
+    let mut state = State::start(&contact);
     let mut slip_end = None;
     let (down, up) = loop {
         let stopped = flow.compress(&mut state)?;

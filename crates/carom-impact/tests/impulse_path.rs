@@ -1,0 +1,275 @@
+//! The path of an impact and the directions in which slip does not turn, each by a second route.
+
+mod common;
+
+use carom_impact::{Energetic, ImpactError, ImpactProblem, ImpulsePath, Law, Mode, PathPoint, law_by_name};
+use common::{Spatial, any_case, any_spatial, close, rough};
+use nalgebra::{Matrix3, Vector2, Vector3, matrix, vector};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+const FOLLOWING: [&str; 3] = ["newton", "poisson", "energetic"];
+const H: Matrix3<f64> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
+
+fn reference(u: Vector3<f64>) -> ImpactProblem<f64, 3> {
+    ImpactProblem::new(H, u).unwrap()
+}
+
+fn last<const D: usize>(path: &ImpulsePath<D>) -> &PathPoint<D> {
+    path.points.last().unwrap()
+}
+
+/// In plane and space; a restitution that presses the contact back moves its end of compression, not its path.
+fn ends_with<const D: usize>(problem: &ImpactProblem<f64, D>, e: f64, mu: f64) -> usize {
+    let mut stops = 0;
+    for law in FOLLOWING {
+        let hit = law_by_name::<D>(law, rough(e, mu)).unwrap().resolve(problem).unwrap();
+        let path = problem.impulse_path(mu, hit.impulse[D - 1]).unwrap();
+        // Both carry the rounding of some dozens of pieces, amplified by the condition of H, up to 400.
+        let within = 1e-11 * (1.0 + mu).min(10.0);
+        close(law, (last(&path).impulse - hit.impulse).norm(), 0.0, within * hit.impulse.norm().max(1.0));
+        close(law, (last(&path).velocity - hit.u_plus).norm(), 0.0, within * hit.u_plus.norm().max(1.0));
+        if mu > 0.0 {
+            assert_eq!(path.slip_end.is_some(), hit.slip_end.is_some(), "{law} {problem:?} {e} {mu}");
+        }
+        assert_eq!(path.points[path.compression_end].velocity[D - 1], 0.0);
+        stops += usize::from(path.slip_end.is_some());
+    }
+    stops
+}
+
+#[test]
+fn path_ends_where_the_laws_that_follow_it_end() {
+    let mut rng = fastrand::Rng::with_seed(61);
+    let mut stops = 0;
+    for _ in 0..1_000 {
+        let case = any_spatial(&mut rng, 0.05);
+        stops += ends_with(&case.problem(), case.restitution, case.friction);
+        let case = any_case(&mut rng, 0.05);
+        stops += ends_with(&case.problem(), case.restitution, case.friction);
+    }
+    assert!(stops > 1_000 && stops < 5_000, "{stops}");
+}
+
+/// Along the whole path: u = u⁻ + H P, the cone, and friction that only takes energy.
+#[test]
+fn every_point_of_the_path_obeys_momentum_and_cone() {
+    let mut rng = fastrand::Rng::with_seed(62);
+    for _ in 0..1_000 {
+        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let problem = ImpactProblem::new(delassus, u).unwrap();
+        let path = problem.impulse_path(friction, 3.0).unwrap();
+        assert!(last(&path).impulse.z >= 3.0);
+        for (k, point) in path.points.iter().enumerate() {
+            let off = (u + problem.delassus() * point.impulse - point.velocity).norm();
+            close("momentum", off, 0.0, 1e-12 * (1.0 + point.impulse.norm()));
+            let slack = 1e-12 * (1.0 + friction) * point.impulse.z;
+            assert!(point.impulse.xy().norm() <= friction * point.impulse.z + slack);
+            let next = path.points.get(k + 1).unwrap_or(point);
+            let (dp, mean) = (next.impulse - point.impulse, (next.velocity + point.velocity) / 2.0);
+            assert!(dp.z >= 0.0);
+            // The chord's work, ½ ΔP·(u + u'), is exact: momentum is linear in P.
+            assert!(dp.xy().dot(&mean.xy()) <= 1e-12, "{point:?} {next:?}");
+            assert_eq!(k < path.compression_end, point.velocity.z < 0.0 && k < path.compression_end);
+        }
+    }
+}
+
+/// Runge and Kutta's classical method, which knows neither series nor pieces, from point to point of the path.
+#[test]
+fn small_steps_follow_the_path() {
+    let mut rng = fastrand::Rng::with_seed(63);
+    let (mut compared, mut worst) = (0, 0.0_f64);
+    let cases =
+        (0..200).map(|_| any_spatial(&mut rng, 0.3)).map(|case| (case.delassus, case.u, case.friction.min(2.0)));
+    for (h, u, mu) in cases.chain([(H, vector![0.6, -0.2, -1.0], 0.3)]) {
+        let problem = ImpactProblem::new(h, u).unwrap();
+        let path = problem.impulse_path(mu, 2.0).unwrap();
+        let rate = |v: &Vector3<f64>| {
+            let slip = v.xy().normalize() * -mu;
+            h * vector![slip.x, slip.y, 1.0]
+        };
+        let mut v = u;
+        for ends in path.points.windows(2).take(path.slip_end.unwrap_or(usize::MAX)) {
+            // Slip that is about to stop turns in no time.
+            if ends[1].velocity.xy().norm() < 0.05 {
+                break;
+            }
+            let span = ends[1].impulse.z - ends[0].impulse.z;
+            let steps = (span / 2e-3).ceil().max(1.0);
+            let dp = span / steps;
+            for _ in 0..steps as usize {
+                let k1 = rate(&v);
+                let k2 = rate(&(v + k1 * (dp / 2.0)));
+                let k3 = rate(&(v + k2 * (dp / 2.0)));
+                let k4 = rate(&(v + k3 * dp));
+                v += (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (dp / 6.0);
+            }
+            worst = worst.max((v - ends[1].velocity).norm());
+            compared += 1;
+        }
+    }
+    // Fourth order: (2e-3/0.05)⁴ of the speed where slip is slowest, much less elsewhere.
+    assert!(worst < 1e-7 && compared > 3_000, "{worst:e} {compared}");
+}
+
+/// After a stop the rates are constant: held, or slipping straight out.
+#[test]
+fn stopped_slip_sticks_or_leaves_along_the_way_out() {
+    let mut rng = fastrand::Rng::with_seed(64);
+    let (mut held, mut gone) = (0, 0);
+    for _ in 0..2_000 {
+        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let problem = ImpactProblem::new(delassus, u).unwrap();
+        let path = problem.impulse_path(friction, 4.0).unwrap();
+        let Some(stop) = path.slip_end.filter(|&stop| path.points[stop].impulse.z < 3.9) else { continue };
+        assert_eq!(path.points[stop].velocity.xy(), Vector2::zeros());
+        let slip = last(&path).velocity.xy();
+        let out: Vec<_> =
+            problem.invariant_directions(friction).unwrap().into_iter().filter(|way| way.slip_rate > 0.0).collect();
+        if friction >= problem.mu_stick() {
+            assert!(slip == Vector2::zeros() && out.is_empty(), "{slip} {out:?}");
+            held += 1;
+        } else {
+            assert_eq!(out.len(), 1, "Bhatt and Koechling: exactly one way out");
+            let expected = Vector2::new(out[0].angle.cos(), out[0].angle.sin()) * out[0].slip_rate;
+            let rate = slip / (last(&path).impulse.z - path.points[stop].impulse.z);
+            close("rate", (rate - expected).norm(), 0.0, 1e-9);
+            gone += 1;
+        }
+    }
+    assert!(held > 100 && gone > 20, "{held} {gone}");
+}
+
+/// Zeros of k_φ for this H, computed apart from this crate in double precision, to the digits given.
+#[test]
+fn reference_invariant_directions() {
+    let found = reference(vector![0.6, -0.2, -1.0]).invariant_directions(0.3).unwrap();
+    assert_eq!(found.len(), 2);
+    close("out", found[0].angle.to_degrees(), -45.30081, 5e-6);
+    close("in", found[1].angle.to_degrees(), 151.39478, 5e-6);
+    assert!(found[0].slip_rate > 0.0 && found[1].slip_rate < 0.0);
+}
+
+/// k_φ = u⊥·(h - μ A u) on a fine circle changes sign where the directions are, and nowhere else.
+#[test]
+fn invariant_directions_are_all_the_zeros_of_turning() {
+    let mut rng = fastrand::Rng::with_seed(65);
+    let mut counts = [0; 5];
+    for _ in 0..3_000 {
+        let Spatial { delassus: h, u, friction: mu, .. } = any_spatial(&mut rng, 0.1);
+        let turning = |angle: f64| {
+            let v = h * vector![-mu * angle.cos(), -mu * angle.sin(), 1.0];
+            v.y * angle.cos() - v.x * angle.sin()
+        };
+        let found = ImpactProblem::new(h, u).unwrap().invariant_directions(mu).unwrap();
+        let size = h.fixed_view::<2, 1>(0, 2).norm() + mu;
+        for way in &found {
+            close("k_φ", turning(way.angle), 0.0, 1e-13 * size);
+            let rate = h * vector![-mu * way.angle.cos(), -mu * way.angle.sin(), 1.0];
+            close("k_r", rate.x * way.angle.cos() + rate.y * way.angle.sin(), way.slip_rate, 1e-13 * size);
+        }
+        let n = 4_000;
+        let at = |i: i32| turning(TAU * (f64::from(i) + 0.5) / f64::from(n));
+        let changes = (0..n).filter(|&i| (at(i) > 0.0) != (at(i + 1) > 0.0)).count();
+        // Two of four that are about to merge may lie between neighbours on the circle.
+        let nearest = found.windows(2).map(|pair| pair[1].angle - pair[0].angle).fold(TAU, f64::min);
+        if nearest > 2.0 * TAU / f64::from(n) {
+            assert_eq!(changes, found.len(), "{found:?} {h} {mu}");
+        }
+        counts[found.len()] += 1;
+    }
+    assert!(counts[2] > 300 && counts[4] > 300 && counts[2] + counts[4] == 3_000, "{counts:?}");
+}
+
+/// Slip never turns across an invariant direction: k_φ keeps its sign along a path.
+#[test]
+fn path_stays_between_invariant_directions() {
+    let mut rng = fastrand::Rng::with_seed(66);
+    for _ in 0..500 {
+        let Spatial { delassus, u, friction, .. } = any_spatial(&mut rng, 0.1);
+        let problem = ImpactProblem::new(delassus, u).unwrap();
+        let path = problem.impulse_path(friction, 3.0).unwrap();
+        let ways = problem.invariant_directions(friction).unwrap();
+        let slipping = &path.points[..path.slip_end.unwrap_or(path.points.len())];
+        let sector = |v: &Vector3<f64>| ways.iter().filter(|way| way.angle < v.y.atan2(v.x)).count() % ways.len();
+        let near = |v: &Vector3<f64>| {
+            let away = |way: f64| (v.y.atan2(v.x) - way).sin().abs();
+            ways.iter().any(|way| away(way.angle) < 1e-9)
+        };
+        let slow = |v: &Vector3<f64>| v.xy().norm() < 1e-9;
+        for point in slipping.iter().filter(|point| !near(&point.velocity) && !slow(&point.velocity)) {
+            assert_eq!(sector(&point.velocity), sector(&u), "{point:?} {ways:?}");
+        }
+    }
+}
+
+/// Closed forms at the borders: h = 0, equal mobilities, h along an axis, both sides of the astroid.
+#[test]
+fn invariant_directions_of_symmetric_bodies() {
+    let ways = |a1: f64, a2: f64, h1: f64, h2: f64, mu: f64| {
+        let delassus = matrix![a1, 0.0, h1; 0.0, a2, h2; h1, h2, 4.0];
+        let problem = ImpactProblem::new(delassus, vector![1.0, 0.0, -1.0]).unwrap();
+        problem.invariant_directions(mu).unwrap()
+    };
+    let angles = |found: Vec<carom_impact::InvariantDirection>| found.iter().map(|way| way.angle).collect::<Vec<_>>();
+    assert!(ways(3.5, 3.5, 0.0, 0.0, 0.4).is_empty(), "a sphere");
+    assert!(ways(3.5, 1.0, 0.0, 0.0, 0.0).is_empty(), "nothing turns slip");
+    for (found, expected) in [
+        (ways(3.0, 1.0, 0.0, 0.0, 0.4), vec![-FRAC_PI_2, 0.0, FRAC_PI_2, PI]),
+        (ways(2.0, 2.0, 0.3, 0.0, 0.4), vec![0.0, PI]),
+        (ways(3.0, 1.0, 0.0, 0.5, 0.0), vec![-FRAC_PI_2, FRAC_PI_2]),
+        // sin φ = h₂/(μ (A₂ - A₁)): a plane of symmetry, and slip that turns out of it.
+        (ways(1.0, 3.0, 0.0, 0.4, 0.4), vec![-FRAC_PI_2, PI / 6.0, FRAC_PI_2, PI - PI / 6.0]),
+    ] {
+        let mut found = angles(found);
+        found.iter_mut().filter(|angle| **angle <= -PI + 1e-12).for_each(|angle| *angle += TAU);
+        found.sort_by(f64::total_cmp);
+        assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+        assert!(found.iter().zip(&expected).all(|(x, y)| (x - y).abs() < 1e-12), "{found:?} {expected:?}");
+    }
+    // h₁ = h₂ = c: the astroid is met at c = μ Δ/2^{3/2}.
+    let edge = 0.5 * 2.0 / 8.0_f64.sqrt();
+    assert_eq!(ways(1.0, 3.0, edge * 1.001, edge * 1.001, 0.5).len(), 2);
+    assert_eq!(ways(1.0, 3.0, edge * 0.999, edge * 0.999, 0.5).len(), 4);
+}
+
+#[test]
+fn path_of_a_contact_that_leaves_or_feels_no_friction() {
+    let leaving = reference(vector![0.6, -0.2, 1.0]);
+    for mu in [0.0, 0.3] {
+        let path = leaving.impulse_path(mu, 0.0).unwrap();
+        assert_eq!((path.points.len(), path.compression_end, path.slip_end), (1, 0, None));
+        assert_eq!(path.points[0].velocity, *leaving.u_minus());
+    }
+    let path = reference(vector![0.6, -0.2, -1.0]).impulse_path(0.0, 1.5).unwrap();
+    let impulses: Vec<f64> = path.points.iter().map(|point| point.impulse.z).collect();
+    assert_eq!((impulses, path.compression_end), (vec![0.0, 1.0 / 1.2, 1.5], 1));
+    // At rest along the surface: friction 1 holds it, friction 0.3 does not.
+    let still = reference(vector![0.0, 0.0, -1.0]);
+    for (mu, mode) in [(1.0, Mode::Stick), (0.3, Mode::Slip)] {
+        let hit = Energetic { restitution: 0.5, friction: mu }.resolve(&still).unwrap();
+        let path = still.impulse_path(mu, hit.impulse.z).unwrap();
+        assert_eq!((hit.mode, path.slip_end, path.points.len()), (mode, None, 3));
+        close("u⁺", (last(&path).velocity - hit.u_plus).norm(), 0.0, 1e-14);
+    }
+}
+
+#[test]
+fn what_has_no_path_is_refused() {
+    let problem = reference(vector![0.6, -0.2, -1.0]);
+    for bad in [f64::NAN, f64::INFINITY, -0.1] {
+        assert!(matches!(problem.impulse_path(bad, 1.0), Err(ImpactError::Friction { .. })), "{bad}");
+        assert!(matches!(problem.invariant_directions(bad), Err(ImpactError::Friction { .. })), "{bad}");
+    }
+    for bad in [f64::NAN, f64::INFINITY] {
+        assert!(matches!(problem.impulse_path(0.3, bad), Err(ImpactError::NotFinite { .. })), "{bad}");
+    }
+    let frozen = ImpactProblem::new(Matrix3::from_diagonal(&vector![1.0, 1.0, 0.0]), vector![1.0, 0.0, -1.0]).unwrap();
+    assert!(matches!(frozen.impulse_path(0.3, 1.0), Err(ImpactError::SingularNormal { .. })));
+    // One joint, held by friction while it is carried along.
+    let row = vector![0.3, 0.0, 0.7];
+    let wedged = ImpactProblem::new(row * row.transpose(), vector![0.5, 0.0, -0.7]).unwrap();
+    assert!(matches!(wedged.impulse_path(4.0, 1.0), Err(ImpactError::Wedged { .. })));
+    let huge = ImpactProblem::new(H * 1e300, vector![1e300, 0.0, -1e300]).unwrap();
+    assert!(huge.impulse_path(0.3, 1e300).is_err());
+}
