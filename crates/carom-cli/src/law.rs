@@ -3,8 +3,9 @@
 use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
 use crate::output::{answer, row, say, short};
+use crate::record::{Record, record_diagrams};
 use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
-use carom_study::{LawPoint, routh_diagram};
+use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
 use clap::{Args, builder::PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
@@ -117,10 +118,13 @@ pub struct LawCommand {
     /// JSON lines {"delassus":[[…]],"u":[…]} in contact axes, tangents first, normal last; - is standard input
     #[arg(long, value_name = "FILE")]
     problems: PathBuf,
-    /// Draw the Routh diagram of the first problem, which must be planar: the plane of impulses with cone, lines of
-    /// compression and sticking, energy ellipse, permissible region, and every law's impulse
+    /// Draw the first problem. A planar one as Routh diagram: the plane of impulses with cone, lines of compression and
+    /// sticking, energy ellipse, permissible region, and every law's impulse. One in space as hodograph: the plane of
+    /// slip velocities with the path of the slip, the directions in which slip does not turn, and every law's u⁺
     #[arg(long, value_name = "X.svg")]
     svg: Option<PathBuf>,
+    #[command(flatten)]
+    record: Record,
     /// One line of JSON for each line read
     #[arg(long)]
     json: bool,
@@ -159,14 +163,27 @@ struct Branch {
 impl LawCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
-        let mut diagram = self.svg.as_deref();
+        let mut drawn = self.svg.is_none() && !self.record.is_asked();
         for_each_line(&self.problems, out, |problem: Problem, _, out| {
-            if let Some(path) = diagram.take() {
-                draw(path, &problem, &plane, self.law.friction)?;
-            }
+            let first = !std::mem::replace(&mut drawn, true);
             let all = match problem.u.len() {
-                2 => resolve(&problem, &plane)?,
-                3 => resolve(&problem, &space)?,
+                2 => {
+                    let all = resolve(&problem, &plane)?;
+                    if first {
+                        let routh = routh_diagram(&problem.checked()?, self.law.friction, &points(&all));
+                        self.draw(&all, routh, None)?;
+                    }
+                    all
+                }
+                3 => {
+                    let all = resolve(&problem, &space)?;
+                    if first {
+                        let (problem, points) = (problem.checked()?, points(&all));
+                        let slips = hodograph(&problem, self.law.friction, &points);
+                        self.draw(&all, slips, impulse_space(&problem, self.law.friction, &points))?;
+                    }
+                    all
+                }
                 n => {
                     return Err(LineError(format!(
                         "u has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed"
@@ -175,29 +192,63 @@ impl LawCommand {
                 }
             };
             all.answer(out, self.json, plane.len(), for_people)
-        })
+        })?;
+        if drawn {
+            return Ok(());
+        }
+        let file = if self.problems == Path::new("-") { "<stdin>".into() } else { self.problems.display().to_string() };
+        Err(CliError::Option(format!("{file}: there is no problem to draw")))
+    }
+
+    /// Writes what pictures were asked for; `space` is for recordings alone.
+    fn draw(&self, all: &All<Answer>, plane: Option<Diagram<2>>, space: Option<Diagram<3>>) -> Result<(), LineError> {
+        let missing =
+            || LineError("a picture needs a contact that approaches, and a delassus that is not singular".into());
+        let plane = plane.ok_or_else(missing)?;
+        let svg = plane.svg().ok_or_else(missing)?;
+        // First what may be refused for more reasons: then nothing has been written.
+        if self.record.is_asked() {
+            record_diagrams(&self.record, &plane, space.as_ref(), &page(all)).map_err(|e| LineError(e.to_string()))?;
+        }
+        self.svg.as_ref().map_or(Ok(()), |path| write_beside(path, &svg))
     }
 }
 
-/// Writes the Routh diagram beside its place and moves it there.
-fn draw(path: &Path, problem: &Problem, laws: &Named<2>, friction: f64) -> Result<(), LineError> {
-    if problem.u.len() != 2 {
-        return Err(LineError("--svg draws planar problems: delassus 2×2, u = [t, n]".into()));
+impl Problem {
+    /// The problem of a size that has been checked.
+    fn checked<const D: usize>(&self) -> Result<ImpactProblem<f64, D>, LineError> {
+        let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| self.delassus[i][j]);
+        Ok(ImpactProblem::new(delassus, SVector::from_column_slice(&self.u))?)
     }
-    let all = resolve(problem, laws)?;
-    let points = all.outcomes.iter().map(|a| LawPoint { law: a.law.into(), impulse: [a.impulse[0], a.impulse[1]] });
-    let rows = &problem.delassus;
-    let delassus = SMatrix::<f64, 2, 2>::from_fn(|i, j| rows[i][j]);
-    let checked = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
-    let Some(svg) = routh_diagram(&checked, friction, &points.collect::<Vec<_>>()) else {
-        return Err(LineError("--svg needs a contact that approaches, and a delassus that is not singular".into()));
-    };
+}
+
+fn points<const D: usize>(all: &All<Answer>) -> Vec<LawPoint<D>> {
+    let point = |a: &Answer| LawPoint { law: a.law.into(), impulse: std::array::from_fn(|k| a.impulse[k]) };
+    all.outcomes.iter().map(point).collect()
+}
+
+/// Writes the file beside its place and moves it there.
+fn write_beside(path: &Path, text: &str) -> Result<(), LineError> {
     let partial = path.with_extension("svg.part");
-    let written = std::fs::write(&partial, svg).and_then(|()| std::fs::rename(&partial, path));
+    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
     written.map_err(|e| {
         let _ = std::fs::remove_file(&partial);
         LineError(format!("{}: cannot be written: {e}", path.display()))
     })
+}
+
+/// The answers as a page for a recording.
+fn page(all: &All<Answer>) -> String {
+    let vector = |numbers: &[f64]| numbers.iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
+    let mut page = "| law | mode | u⁺, m/s | P, N s | T⁺/T⁻ | |\n| --- | --- | --- | --- | --- | --- |\n".to_owned();
+    for a in &all.outcomes {
+        let (u_plus, impulse, ratio) = (vector(&a.u_plus), vector(&a.impulse), short(a.energy_ratio));
+        page += &format!("| {} | {} | {u_plus} | {impulse} | {ratio} | {} |\n", a.law, a.mode, a.flags.join(", "));
+    }
+    for refused in &all.refused {
+        page += &format!("\n{} is not applicable: {}\n", refused.law, refused.reason);
+    }
+    page
 }
 
 fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Answer>, LineError> {
@@ -208,8 +259,7 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
             "delassus has rows of {shape} numbers: u has {D}, so {D} rows of {D} are needed"
         )));
     }
-    let delassus = SMatrix::<f64, D, D>::from_fn(|i, j| rows[i][j]);
-    let problem = ImpactProblem::new(delassus, SVector::from_column_slice(&problem.u))?;
+    let problem = problem.checked::<D>()?;
     let mut all = All::default();
     for (name, law) in laws {
         match law.branches(&problem) {

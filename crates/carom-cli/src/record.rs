@@ -2,6 +2,7 @@
 
 use crate::error::CliError;
 use carom_sim::{Plan, Scene, Seen, Summary};
+use carom_study::Diagram;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -21,6 +22,50 @@ pub struct Record {
     spawn: bool,
 }
 
+impl Record {
+    /// Whether there is to be one.
+    pub fn is_asked(&self) -> bool {
+        self.out.is_some() || self.connect.is_some() || self.spawn
+    }
+
+    #[cfg(feature = "rerun")]
+    fn target(&self) -> Option<carom_record::Target> {
+        use carom_record::Target;
+        match self {
+            Self { out: Some(path), .. } => Some(Target::File(path.clone())),
+            Self { connect: Some(url), .. } => Some(Target::Connect(url.clone())),
+            Self { spawn: true, .. } => Some(Target::Spawn),
+            _ => None,
+        }
+    }
+}
+
+/// Records the diagrams of one impact, with a page of words.
+#[cfg(feature = "rerun")]
+pub fn record_diagrams(
+    asked: &Record,
+    plane: &Diagram<2>,
+    space: Option<&Diagram<3>>,
+    words: &str,
+) -> Result<(), CliError> {
+    match asked.target() {
+        Some(target) => Ok(carom_record::record_diagrams(&target, plane, space, words)?),
+        None => Ok(()),
+    }
+}
+
+/// Refuses: there are no recordings.
+#[cfg(not(feature = "rerun"))]
+pub fn record_diagrams(_: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &str) -> Result<(), CliError> {
+    Err(without())
+}
+
+#[cfg(not(feature = "rerun"))]
+fn without() -> CliError {
+    let refusal = "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
+    CliError::Option(refusal.into())
+}
+
 /// A recording on its way.
 #[cfg(feature = "rerun")]
 pub struct Recorder(carom_record::SceneRecorder);
@@ -28,14 +73,8 @@ pub struct Recorder(carom_record::SceneRecorder);
 #[cfg(feature = "rerun")]
 impl Recorder {
     pub fn begin(asked: &Record, scene: &Scene, plan: &Plan) -> Result<Option<Self>, CliError> {
-        use carom_record::{SceneRecorder, Target};
-        let target = match asked {
-            Record { out: Some(path), .. } => Target::File(path.clone()),
-            Record { connect: Some(url), .. } => Target::Connect(url.clone()),
-            Record { spawn: true, .. } => Target::Spawn,
-            _ => return Ok(None),
-        };
-        Ok(Some(Self(SceneRecorder::begin(&target, scene, plan)?)))
+        let Some(target) = asked.target() else { return Ok(None) };
+        Ok(Some(Self(carom_record::SceneRecorder::begin(&target, scene, plan)?)))
     }
 
     pub fn see(&mut self, seen: Seen) {
@@ -54,12 +93,7 @@ pub enum Recorder {}
 #[cfg(not(feature = "rerun"))]
 impl Recorder {
     pub fn begin(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Self>, CliError> {
-        if asked.out.is_none() && asked.connect.is_none() && !asked.spawn {
-            return Ok(None);
-        }
-        let refusal =
-            "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
-        Err(CliError::Option(refusal.into()))
+        if asked.is_asked() { Err(without()) } else { Ok(None) }
     }
 
     pub fn see(&mut self, _: Seen) {

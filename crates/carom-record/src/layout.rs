@@ -36,11 +36,8 @@ impl View {
 /// The scene in space. Of `trails` everything up to now is shown, of the rest the present.
 pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
     let mut view = View::new("3D", name, "/world");
-    let [position, target, up] = [eye.position, eye.target, eye.up].map(xyz);
-    let eye = blueprint::EyeControls3D::new().with_position(position).with_look_target(target).with_eye_up(up);
-    view.settings.push(("EyeControls3D".into(), Box::new(eye)));
-    let dark = blueprint::Background::new(part::BackgroundKind::SolidColor).with_color(0x16_1a21ff);
-    view.settings.push(("Background".into(), Box::new(dark)));
+    view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
+    view.settings.push(("Background".into(), Box::new(dark())));
     view.settings.push(("LineGrid3D".into(), Box::new(blueprint::LineGrid3D::new().with_visible(false))));
     for trail in trails {
         let past = rerun::datatypes::VisibleTimeRange {
@@ -54,6 +51,35 @@ pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
         view.settings.push((place, Box::new(blueprint::VisibleTimeRanges::new([past]))));
     }
     Tile::View(view)
+}
+
+/// A diagram in the plane, as far as its window goes; y up.
+pub(crate) fn plane(name: &str, origin: &'static str, window: [[f64; 2]; 2]) -> Tile {
+    let mut view = View::new("2D", name, origin);
+    let [[left, right], [low, high]] = window;
+    let (x_range, y_range) = ([left, right].into(), [-high, -low].into());
+    let range = rerun::datatypes::Range2D { x_range, y_range };
+    view.settings.push(("VisualBounds2D".into(), Box::new(blueprint::VisualBounds2D::new(range))));
+    view.settings.push(("Background".into(), Box::new(dark())));
+    Tile::View(view)
+}
+
+/// A diagram in space.
+pub(crate) fn diagram_in_space(name: &str, origin: &'static str, eye: &Eye) -> Tile {
+    let mut view = View::new("3D", name, origin);
+    view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
+    view.settings.push(("Background".into(), Box::new(dark())));
+    view.settings.push(("LineGrid3D".into(), Box::new(blueprint::LineGrid3D::new().with_visible(false))));
+    Tile::View(view)
+}
+
+fn dark() -> blueprint::Background {
+    blueprint::Background::new(part::BackgroundKind::SolidColor).with_color(0x16_1a21ff)
+}
+
+fn controls(eye: &Eye) -> blueprint::EyeControls3D {
+    let [position, target, up] = [eye.position, eye.target, eye.up].map(xyz);
+    blueprint::EyeControls3D::new().with_position(position).with_look_target(target).with_eye_up(up)
 }
 
 /// Numbers over time; all of these views keep to one time axis. `legend`: names beside the colours.

@@ -5,6 +5,7 @@
 //! kept: the format promises no compatibility.
 
 mod bounds;
+mod diagrams;
 mod geometry;
 mod layout;
 mod measures;
@@ -13,6 +14,7 @@ mod scene;
 mod summary;
 mod target;
 
+pub use diagrams::record_diagrams;
 pub use planar2::{Side, record_planar2};
 pub use scene::SceneRecorder;
 pub use target::Target;
@@ -43,4 +45,10 @@ pub enum RecordError {
         /// What the system or the recorder said.
         reason: String,
     },
+}
+
+/// The nearest of 1, 2, 5, 10, … below.
+fn round(scale: f64) -> f64 {
+    let ten = 10.0_f64.powf(scale.log10().floor());
+    [5.0, 2.0, 1.0].into_iter().map(|k| k * ten).find(|step| *step <= scale).unwrap_or(ten)
 }

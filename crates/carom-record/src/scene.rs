@@ -18,7 +18,7 @@ use crate::geometry::{self, Drawn, entity, fixed, transform};
 use crate::layout::{self, Tile};
 use crate::measures::Measures;
 use crate::target::{Sink, Target};
-use crate::{RecordError, summary};
+use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, link_shapes};
@@ -345,10 +345,4 @@ impl SceneRecorder {
 /// Logs at the present time.
 fn now(sink: &Sink, path: rerun::EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
     sink.rec.log(path, what).map_err(|e| sink.error(e.to_string()))
-}
-
-/// The nearest of 1, 2, 5, 10, … below.
-fn round(scale: f64) -> f64 {
-    let ten = 10.0_f64.powf(scale.log10().floor());
-    [5.0, 2.0, 1.0].into_iter().map(|k| k * ten).find(|step| *step <= scale).unwrap_or(ten)
 }

@@ -148,18 +148,81 @@ fn the_pendulum_of_kane_and_levinson() {
     }
 }
 
+/// In the plane the Routh diagram, in space the hodograph, of the first problem alone.
 #[test]
-fn the_routh_diagram_is_drawn_for_planar_problems_and_refused_for_others() {
-    let desk = Desk::new("routh");
+fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
+    let desk = Desk::new("drawn");
     let planar = json!({"delassus": [[2.44, 1.52], [1.52, 1.01]], "u": [-0.27, -0.13]});
-    desk.answer("law --json --law all --restitution 0.5 --friction 0.5 --svg r.svg --problems -", &planar);
-    let svg = std::fs::read_to_string(desk.0.join("r.svg")).unwrap();
-    assert!(svg.starts_with("<svg") && svg.contains("permissible") && svg.contains("chatterjee-ruina"));
-    let spatial = "{\"delassus\":[[2,0,0],[0,2,0],[0,0,1]],\"u\":[1,0,-1]}";
-    let ran = desk.feed("law --law poisson --restitution 0.5 --friction 0.5 --svg s.svg --problems -", spatial);
-    assert_eq!(ran.code, Some(1));
-    assert_eq!(ran.err.trim_end(), "error: <stdin>:1: --svg draws planar problems: delassus 2×2, u = [t, n]");
-    assert!(!desk.0.join("s.svg").exists());
+    let spatial = json!({"delassus": [[2.0, 0.3, 0.5], [0.3, 1.5, -0.4], [0.5, -0.4, 1.2]], "u": [-0.25, 0.35, -1.0]});
+    let args = "law --json --law all --restitution 0.6 --friction 0.3 --problems - --svg";
+    let drawn = |file: &str, problems: &str| {
+        assert!(!desk.answers(&format!("{args} {file}"), problems).is_empty());
+        let svg = std::fs::read_to_string(desk.0.join(file)).unwrap();
+        assert!(svg.starts_with("<svg"));
+        for law in ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"]
+        {
+            assert!(svg.contains(law), "{law} in {file}");
+        }
+        svg
+    };
+    let routh = drawn("r.svg", &format!("{planar}\n{spatial}"));
+    assert!(routh.contains("permissible") && !routh.contains("invariant"));
+    let hodograph = drawn("h.svg", &format!("{spatial}\n{planar}"));
+    // Reference digits of this H at this friction: -45.30081° out, 151.39478° in.
+    assert!(hodograph.contains("invariant -45.3°, out") && hodograph.contains("invariant 151.4°, in"));
+    assert!(!hodograph.contains("permissible"));
+    let one = "law --law whittaker --restitution 0.6 --friction 0.3 --svg one.svg --problems -";
+    done(&desk.feed(one, spatial.to_string()));
+    let one = std::fs::read_to_string(desk.0.join("one.svg")).unwrap();
+    assert!(one.contains("whittaker") && one.contains("end of compression") && !one.contains("newton"));
+}
+
+#[test]
+fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
+    let desk = Desk::new("undrawn");
+    let args = "law --law all --restitution 0.5 --friction 0.3 --problems - --svg";
+    let refusals = [
+        (
+            r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,1]}"#,
+            "x.svg",
+            "<stdin>:1: a picture needs a contact that approaches, and a delassus that is not singular",
+        ),
+        (
+            r#"{"delassus":[[1,1],[1,1]],"u":[1,-1]}"#,
+            "x.svg",
+            "<stdin>:1: a picture needs a contact that approaches, and a delassus that is not singular",
+        ),
+        ("", "x.svg", "<stdin>: there is no problem to draw"),
+        (
+            r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#,
+            "none/x.svg",
+            "<stdin>:1: none/x.svg: cannot be written: No such file or directory (os error 2)",
+        ),
+    ];
+    let before = files(&desk);
+    for (problem, file, message) in refusals {
+        refused(desk.feed(&format!("{args} {file}"), problem), message);
+        assert_eq!(files(&desk), before, "{message}");
+    }
+    let both = "law --law all --restitution 0.5 --friction 0.3 --problems - --svg x.svg --out x.rrd";
+    let ran = desk.feed(both, r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#);
+    if cfg!(feature = "rerun") {
+        done(&ran);
+        assert!(std::fs::read(desk.0.join("x.rrd")).unwrap().starts_with(b"RRF2"));
+        assert!(desk.0.join("x.svg").exists());
+    } else {
+        assert_eq!(ran.code, Some(1));
+        assert!(ran.err.contains("without which this carom was built"), "{}", ran.err);
+        assert_eq!(files(&desk), before);
+    }
+    usage(desk.feed(&format!("{both} --spawn"), ""), "cannot be used with");
+}
+
+fn files(desk: &Desk) -> Vec<String> {
+    let mut names: Vec<String> =
+        desk.0.read_dir().unwrap().map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
 }
 
 /// Painlevé's rod: sliding at u_n = 0 into a jam, every law with friction has two answers, and the line gives both.
