@@ -65,13 +65,14 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
         let u = problem.u_minus() + problem.delassus() * Vector3::from(law.impulse);
         [u.x, u.y]
     };
-    let mut marks = stations(&path, slip);
-    marks.extend(laws.iter().map(|law| Mark {
+    let mark = |law: &LawPoint<3>| Mark {
         name: law.law.clone(),
         colour: law_colour(&law.law),
         symbol: Symbol::Law,
         at: answer(law),
-    }));
+    };
+    // What happens on the way comes after the laws, or a heap of them at rest would hide it.
+    let marks: Vec<_> = laws.iter().map(mark).chain(stations(&path, slip)).collect();
 
     let seen = || path.points.iter().map(slip).chain(marks.iter().map(|mark| mark.at));
     let ends = [0, 1].map(|k| spread(seen().map(|p| p[k])));

@@ -87,7 +87,7 @@ impl Diagram<2> {
                     .label(&mark.name)
                     .legend(move |(x, y)| Cross::new((x + swatch, y), size, hollow)),
                 Symbol::Stop => chart
-                    .draw_series([TriangleMarker::new(at, 8 * FINE, full)])?
+                    .draw_series([TriangleMarker::new(at, size, full)])?
                     .label(&mark.name)
                     .legend(move |(x, y)| TriangleMarker::new((x + swatch, y), size, full)),
             };
