@@ -2,8 +2,7 @@
 
 use crate::error::CliError;
 use crate::files::Folder;
-use crate::output::say;
-use carom_sim::Scene;
+use crate::scene::load;
 use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, svg};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -95,10 +94,7 @@ impl ChartCommand {
             return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
         };
         let refuse = |e| CliError::scene(&self.scene, e);
-        let scene = Scene::from_file(&self.scene).map_err(refuse)?;
-        for warning in &scene.warnings {
-            say(&format!("warning: {}: {warning}", self.scene.display()));
-        }
+        let scene = load(&self.scene)?;
         let title = self.scene.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
         let folder = Folder::new(self.out.parent().unwrap_or(Path::new("")))?;

@@ -15,6 +15,7 @@ mod law;
 mod output;
 mod plan;
 mod record;
+mod scene;
 mod simulate;
 mod stress;
 mod tosses;

@@ -1,8 +1,9 @@
 //! `carom plan`: what a scene needs, and what it does not.
 
 use crate::error::CliError;
-use crate::output::{answer, say, short};
-use carom_sim::{Bounded, Decision, Plan, Scene};
+use crate::output::{answer, short};
+use crate::scene::load;
+use carom_sim::{Bounded, Decision, Plan};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -64,10 +65,7 @@ pub fn moving_joints(plan: &Plan) -> Vec<&str> {
 impl PlanCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let refuse = |e| CliError::scene(&self.scene, e);
-        let scene = Scene::from_file(&self.scene).map_err(refuse)?;
-        for warning in &scene.warnings {
-            say(&format!("warning: {}: {warning}", self.scene.display()));
-        }
+        let scene = load(&self.scene)?;
         let plan = scene.plan().map_err(refuse)?;
         let written = answer(out, &Account::of(&plan), self.json, |_, out| for_people(&plan, out));
         written.map_err(|refused| CliError::refused(&self.scene, refused))

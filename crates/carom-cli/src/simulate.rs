@@ -1,11 +1,12 @@
 //! `carom simulate`: a scene, from its file to its events.
 
 use crate::error::CliError;
-use crate::output::{answer, say, short};
+use crate::output::{answer, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
+use crate::scene::load;
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{Event, EventKind, Moment, Plan, Sampling, Scene, Seen, Simulation};
+use carom_sim::{Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
 use carom_study::{Table, TableError};
 use clap::Args;
 use serde::Serialize;
@@ -114,10 +115,7 @@ struct Cost {
 impl Simulate {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let refuse = |e| CliError::scene(&self.scene, e);
-        let scene = Scene::from_file(&self.scene).map_err(refuse)?;
-        for warning in &scene.warnings {
-            say(&format!("warning: {}: {warning}", self.scene.display()));
-        }
+        let scene = load(&self.scene)?;
         let plan = scene.plan().map_err(refuse)?;
         let sim = &plan.simulation;
         let mut tables = Tables::begin([self.csv.as_deref(), self.parquet.as_deref()], &sim.chain)?;

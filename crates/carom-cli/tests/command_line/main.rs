@@ -8,3 +8,4 @@ mod people;
 mod refused_input;
 mod refused_robots;
 mod rough_handling;
+mod studies;

@@ -204,7 +204,7 @@ impl Chart {
         let before = self.runs.len();
         for value in values {
             let sim = simulation(value);
-            match measure(scene, &sim, reference) {
+            match measure(scene, &sim, reference, MEASURE.min(budget)) {
                 Ok((wall_time, after_impact, at_end)) => {
                     let (method, knob) = (method.to_owned(), knob.to_owned());
                     self.runs.push(Run { method, knob, value, wall_time, after_impact, at_end });
@@ -243,12 +243,13 @@ fn measure(
     scene: &Scene,
     sim: &Simulation,
     reference: &Reference,
+    long: Duration,
 ) -> Result<(f64, Option<f64>, Option<f64>), SimError> {
     let bare = Sampling { every: None, dense: false };
     let begin = Instant::now();
     let mut times = Vec::new();
-    while times.is_empty() || (times.len() < 1000 && begin.elapsed() < MEASURE) || {
-        times.len() < FEWEST && begin.elapsed() < 10 * MEASURE
+    while times.is_empty() || (times.len() < 1000 && begin.elapsed() < long) || {
+        times.len() < FEWEST && begin.elapsed() < 10 * long
     } {
         let start = Instant::now();
         sim.stream(&scene.q, &scene.qd, scene.duration, bare, &mut |_| {})?;

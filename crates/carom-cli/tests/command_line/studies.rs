@@ -1,0 +1,106 @@
+//! Tables and charts: files that are whole or not there.
+
+use crate::desk::Desk;
+use serde_json::Value;
+
+fn files(desk: &Desk, folder: &str) -> Vec<String> {
+    let Ok(entries) = std::fs::read_dir(desk.0.join(folder)) else { return Vec::new() };
+    let mut names: Vec<String> = entries.map(|it| it.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn stress_writes_its_table_three_ways() {
+    let desk = Desk::new("stress");
+    let ran = desk.run("stress --out table --scene jam");
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    assert!(ran.out.contains("8 exact\n") && ran.out.ends_with("the table is table/stress.md\n"), "{}", ran.out);
+    assert_eq!(files(&desk, "table"), ["stress.json", "stress.md", "stress.svg"]);
+    let read = |name: &str| std::fs::read_to_string(desk.0.join("table").join(name)).unwrap();
+    let json: Value = serde_json::from_str(&read("stress.json")).unwrap();
+    assert_eq!(json["methods"].as_array().unwrap().len(), 14);
+    let cells = json["scenes"][0]["cells"].as_array().unwrap();
+    assert!(cells.len() == 8 && cells.iter().all(|cell| cell["verdict"] == "exact"), "{cells:?}");
+    assert!(read("stress.md").contains("| jam | exact |") && read("stress.svg").starts_with("<svg"));
+}
+
+#[test]
+fn stress_refuses_what_it_can_not_do() {
+    let desk = Desk::new("stress-refused");
+    let ran = desk.run("stress --out table --scene grzing");
+    assert_eq!(ran.code, Some(1));
+    assert!(
+        ran.err.starts_with("error: --scene grzing: no scene's name has that; they are energy paradox, "),
+        "{}",
+        ran.err
+    );
+    desk.write("file", "");
+    let ran = desk.run("stress --out file --scene jam");
+    assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: file: cannot be written: File exists (os error 17)\n"));
+    assert_eq!(desk.run("stress").code, Some(2));
+}
+
+const SCENE: &str = r#"[robot]
+urdf = "planar2.urdf"
+q = [0.7854, -1.5708]
+qd = [-0.444444, 0.444444]
+[[surface]]
+shape = { halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] } }
+[contact]
+law = "energetic"
+restitution = 0.35
+[run]
+duration = 0.05
+"#;
+
+const PEERS: &str = r#"{"scene":"wall","peer":"x","version":"1","method":"steps","knob":"dt","value":0.001,"wall_time_s":0.002,"result":{"final":{"q":[0.77,-1.55],"qd":[-0.4,0.4]},"after_impact":null}}
+{"scene":"wall","peer":"y","version":"2","method":"default","knob":"dt","value":0.001,"wall_time_s":null,"result":null,"failure":"no rebound"}
+{"scene":"other","peer":"y","version":"2","method":"default","knob":"dt","value":0.001,"wall_time_s":null,"result":null}
+"#;
+
+#[test]
+fn a_chart_holds_every_method_and_the_peers() {
+    let desk = Desk::new("chart");
+    desk.write("wall.toml", SCENE);
+    desk.write("peers.jsonl", PEERS);
+    let ran = desk.run("chart wall.toml --out c/wall.svg --peers peers.jsonl --budget 0.01 --json");
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    let chart: Value = serde_json::from_str(&ran.out).unwrap();
+    let runs = chart["runs"].as_array().unwrap();
+    let of = |method: &str| -> Vec<&Value> { runs.iter().filter(|run| run["method"] == method).collect() };
+    // Events are exact at the impact at every tolerance; steps are not, and the finer the better.
+    for run in of("events, DOP853, in the plane") {
+        assert!(run["after_impact"].as_f64().unwrap() < 1e-9, "{run}");
+    }
+    let steps: Vec<f64> = of("Moreau–Jean steps").iter().map(|run| run["at_end"].as_f64().unwrap()).collect();
+    assert!(steps.len() > 1 && steps[0] > 1e-6, "{steps:?}");
+    let soft: Vec<f64> = of("compliant, Hunt–Crossley").iter().map(|run| run["at_end"].as_f64().unwrap()).collect();
+    assert!(soft.first() > soft.last(), "{soft:?}");
+    assert_eq!(of("x 1, steps").len(), 1);
+    assert_eq!(chart["absent"][0]["method"], "y 2, default");
+    assert_eq!(chart["absent"][0]["reason"], "dt = 0.001: no rebound");
+    assert_eq!(files(&desk, "c"), ["wall.csv", "wall.svg"]);
+    let table = std::fs::read_to_string(desk.0.join("c/wall.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + runs.len());
+    let picture = std::fs::read_to_string(desk.0.join("c/wall.svg")).unwrap();
+    assert!(picture.contains("not run: y 2, default") && picture.contains("yardstick"));
+}
+
+#[test]
+fn charts_refuse_what_they_can_not_read() {
+    let desk = Desk::new("chart-refused");
+    desk.write("wall.toml", SCENE);
+    desk.write("broken.jsonl", "{\"scene\":\"wall\"}\n");
+    for (args, message) in [
+        ("wall.toml --out wall.png", "--out wall.png: give a file that ends in .svg"),
+        ("wall.toml --out w.svg --budget 0", "--budget 0: it must be positive and finite"),
+        ("no.toml --out w.svg", "no.toml: cannot be read: No such file or directory (os error 2)"),
+        ("wall.toml --out w.svg --peers no.jsonl", "no.jsonl: cannot be read: No such file or directory (os error 2)"),
+        ("wall.toml --out w.svg --peers broken.jsonl", "broken.jsonl:1: missing field `peer` at line 1 column 16"),
+    ] {
+        let ran = desk.run(&format!("chart {args}"));
+        assert_eq!((ran.code, ran.err), (Some(1), format!("error: {message}\n")));
+        assert!(!desk.0.join("w.svg").exists() && ran.out.is_empty());
+    }
+}
