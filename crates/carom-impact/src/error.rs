@@ -165,4 +165,30 @@ pub enum ImpactError {
         /// The rule, and what to do.
         rule: &'static str,
     },
+
+    /// Compliant contacts and the rows of their problem do not fit.
+    #[error(
+        "{what} has {found} rows for {contacts} compliant contacts: each takes one (its normal), two (in the plane) or \
+         three (in space), tangents first, normal last"
+    )]
+    CompliantSizes {
+        /// What has the wrong size: `delassus`, `u_minus`.
+        what: &'static str,
+        /// Rows found.
+        found: usize,
+        /// How many contacts there are.
+        contacts: usize,
+    },
+
+    /// An impact through compliant contacts could not be followed to its end.
+    #[error(
+        "the impact has not ended at {time} s, after {steps} steps: friction wedges it, or its equations are too stiff; \
+         raise the slip speed below which friction is smoothed, or the bristle's damping, or lower the friction"
+    )]
+    Unfinished {
+        /// Time reached (s).
+        time: f64,
+        /// Steps made.
+        steps: usize,
+    },
 }

@@ -51,13 +51,25 @@
 //! | [`ChatterjeeRuina`] | a ratio of velocities, and a tangential one | towards sticking, within the cone | never gains | whenever `C > 0`, one |
 //! | [`Brach`] | a ratio of velocities | along the first slip, by a ratio clipped | never gains | for regular H, one |
 //! | [`Smith`] | a ratio of velocities | against a mean of the first and last slip | never gains | for regular H; in the plane one |
-//! | [`HuntCrossley`] (a force) | a ratio of velocities | – | never gains | for e > 0 |
 //!
 //! Start with [`Energetic`]. [`ChatterjeeRuina`] is the cheap law in space: a formula, where the three that follow the
 //! slip integrate its turning (to rounding, and a hundred times slower).
 //!
-//! The last of the table is a contact that gives way: no [`Law`], but the normal force for those who integrate
-//! through the impact, with the damping that rebounds exactly.
+//! A contact may also give way. Then it has a force instead of an impulse, for those who integrate through the impact;
+//! [`compliant_impact`] does it in a fixed configuration, for one contact or several, and
+//! [`ImpactProblem::compliant`] for one problem:
+//!
+//! | normal force | restitution is | energy | fails |
+//! |---|---|---|---|
+//! | [`HuntCrossley`], damped exactly; with e = 1 Hertz's | a ratio of velocities | never gains | at e = 0; its damping is set by the speed of first touch |
+//! | the same, by a published [`Damping`] | none: see [`restitution_obtained`] | never gains | asked for 0.2 it may give 0.7 |
+//! | [`KelvinVoigt`] | a ratio of velocities | never gains | the force jumps; its damping is set by the mass at first touch |
+//! | [`WaltonBraun`] | a ratio of works (root): the compliant [`Energetic`] | never gains | doesn't damp a contact at rest |
+//!
+//! | tangential force | holds | energy |
+//! |---|---|---|
+//! | [`SmoothedCoulomb`] | creeps where it should stick | never gains |
+//! | [`Bristle`] | sticks, after it has yielded a little | never gains |
 //!
 //! These answer one contact. Several at once, with joint limits, dry joints and held directions among them, are a
 //! [`SeveralProblem`]:
@@ -87,7 +99,10 @@ mod problem;
 mod routh;
 mod several;
 
-pub use compliant::{HuntCrossley, damping_root};
+pub use compliant::{
+    Bristle, CompliantOutcome, Damping, HuntCrossley, KelvinVoigt, NormalForce, Pressed, RoundBody, SmoothedCoulomb,
+    TangentialForce, WaltonBraun, compliant_impact, damping_root, hertz_stiffness, restitution_obtained,
+};
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};

@@ -1,0 +1,272 @@
+//! How much a Hunt–Crossley contact must be damped to rebound with e: the exact answer, and those in use.
+//!
+//! | Symbol | Meaning | Our name |
+//! |---|---|---|
+//! | d, w | penetration (m) and its rate ḋ (m/s) | |
+//! | k, n, m | stiffness (N/mⁿ), exponent, effective mass (kg) | |
+//! | a | damping (s/m) in F = k dⁿ (1 + a w) | |
+//! | v0 | rate at first touch (m/s) | |
+//! | e | ratio of the rates at lift-off and first touch | `restitution` |
+//! | x | a v0, a function of e alone | `number`, local `x` |
+//!
+//! # The root
+//!
+//! While they touch, m ẇ = −F = −k dⁿ (1 + a w). Penetration, not time, is the handy variable: with
+//! ẇ = w dw/dd the rates part from the penetrations,
+//!
+//! ```text
+//! m w dw / (1 + a w) = -k dⁿ dd
+//! ```
+//!
+//! From first touch (d = 0, w = v0) to lift-off (d = 0, w = −e v0) the right side adds up to nothing,
+//! whatever k and n are, so the left does too, whatever m is: ∫ w dw/(1 + a w) from v0 to −e v0 is zero.
+//! Its antiderivative is G(a w)/a² with G(y) = y − ln(1 + y), hence G(x) = G(−e x), or
+//!
+//! ```text
+//! ln[(1 + x) / (1 - e x)] = x (1 + e)
+//! ```
+//!
+//! which x = 0 solves for every e. Divided by x² it does not: with g(y) = G(y)/y², which falls from
+//! g(0) = 1/2 for y > 0 and grows without bound towards y = −1,
+//!
+//! ```text
+//! h(x) = g(x) - e² g(-e x) = 0,   h(0) = (1 - e²)/2,   h(1/e) = -∞
+//! ```
+//!
+//! falls all the way and has one root, x < 1/e. So 1 + a w stays positive until lift-off, and the
+//! force fades out just there: cutting off its pull changes nothing. Up to the greatest d, where
+//! w = 0, the same integral gives m v0² g(x) = k d^(n+1)/(n+1).
+//!
+//! Read the other way the equation says what e *any* damping obtains: G(−y) = G(x) has one root
+//! y = e x in [0, 1), since G(−y) grows from 0 without bound.
+
+use crate::ImpactError;
+
+/// Which damping a [`HuntCrossley`](crate::HuntCrossley) contact gets for a coefficient of restitution.
+///
+/// All but the first are approximations of the first, published as formulas for a v0; what rebound each
+/// really gives is [`restitution_obtained`] of its [`number`](Self::number), and depends on the formula and on e
+/// alone, not on mass, stiffness, exponent or speed. Use them to repeat what others computed.
+///
+/// | formula | a v0 | asked 0.2 / 0.5 / 0.8, obtained |
+/// |---|---|---|
+/// | `Exact` | the root of `ln[(1 + x)/(1 − e x)] = x (1 + e)` | 0.200 / 0.500 / 0.800 |
+/// | `HuntCrossley` | 3/2 (1 − e) | 0.547 / 0.663 / 0.833 |
+/// | `HerbertMcWhannell` | 6 (1 − e)/((2e − 1)² + 3) | 0.501 / 0.594 / 0.807 |
+/// | `LeeWang` | 3/4 (1 − e) | 0.712 / 0.799 / 0.909 |
+/// | `LankaraniNikravesh` | 3/4 (1 − e²) | 0.672 / 0.725 / 0.847 |
+/// | `Gonthier` | (1 − e²)/e | 0.205 / 0.488 / 0.768 |
+/// | `ZhiyingQishao` | 3/4 (1 − e²) exp(2 (1 − e)) | 0.266 / 0.483 / 0.787 |
+/// | `Flores` | 8 (1 − e)/(5 e) | 0.156 / 0.470 / 0.789 |
+/// | `HuGuo` | 3 (1 − e)/(2 e) | 0.166 / 0.488 / 0.799 |
+///
+/// **Source.** The exact one is derived at the head of this module's source; the others are collected in P. Flores,
+/// H. M. Lankarani, *Contact Force Models for Multibody Dynamics*, Springer 2016.
+///
+/// ```
+/// # use carom_impact::{Damping, restitution_obtained};
+/// let asked = 0.5;
+/// let number = Damping::LankaraniNikravesh.number(asked).unwrap();
+/// assert!((restitution_obtained(number) - 0.725).abs() < 5e-4); // far too bouncy
+/// let number = Damping::Exact.number(asked).unwrap();
+/// assert!((restitution_obtained(number) - asked).abs() < 1e-15);
+/// ```
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Damping {
+    /// The one that rebounds with e: [`damping_root`].
+    #[default]
+    Exact,
+    /// Hunt & Crossley 1975: the limit of the root for e → 1.
+    HuntCrossley,
+    /// Herbert & McWhannell 1977.
+    HerbertMcWhannell,
+    /// Lee & Wang 1983.
+    LeeWang,
+    /// Lankarani & Nikravesh 1990.
+    LankaraniNikravesh,
+    /// Gonthier, McPhee, Lange & Piedbœuf 2004, to first order.
+    Gonthier,
+    /// Zhiying & Qishao 2006.
+    ZhiyingQishao,
+    /// Flores, Machado, Silva & Martins 2011.
+    Flores,
+    /// Hu & Guo 2015.
+    HuGuo,
+}
+
+impl Damping {
+    /// All formulas, the exact one first.
+    pub const ALL: [Self; 9] = [
+        Self::Exact,
+        Self::HuntCrossley,
+        Self::HerbertMcWhannell,
+        Self::LeeWang,
+        Self::LankaraniNikravesh,
+        Self::Gonthier,
+        Self::ZhiyingQishao,
+        Self::Flores,
+        Self::HuGuo,
+    ];
+
+    /// Kebab-case name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::HuntCrossley => "hunt-crossley",
+            Self::HerbertMcWhannell => "herbert-mcwhannell",
+            Self::LeeWang => "lee-wang",
+            Self::LankaraniNikravesh => "lankarani-nikravesh",
+            Self::Gonthier => "gonthier",
+            Self::ZhiyingQishao => "zhiying-qishao",
+            Self::Flores => "flores",
+            Self::HuGuo => "hu-guo",
+        }
+    }
+
+    /// The formula called `name`.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|formula| formula.name() == name)
+    }
+
+    /// Damping times approach speed, a v0, for the `restitution` that is asked for; `None` outside (0, 1], where the
+    /// root and half of the formulas have no finite value.
+    pub fn number(self, restitution: f64) -> Option<f64> {
+        let e = restitution;
+        // the same range for all, so that a formula can be swapped for another
+        let exact = damping_root(e)?;
+        let x = match self {
+            Self::Exact => exact,
+            Self::HuntCrossley => 1.5 * (1.0 - e),
+            Self::HerbertMcWhannell => 6.0 * (1.0 - e) / ((2.0 * e - 1.0).powi(2) + 3.0),
+            Self::LeeWang => 0.75 * (1.0 - e),
+            Self::LankaraniNikravesh => 0.75 * (1.0 - e * e),
+            Self::Gonthier => (1.0 - e * e) / e,
+            Self::ZhiyingQishao => 0.75 * (1.0 - e * e) * (2.0 * (1.0 - e)).exp(),
+            Self::Flores => 1.6 * (1.0 - e) / e,
+            Self::HuGuo => 1.5 * (1.0 - e) / e,
+        };
+        // 1.6/e may overflow where 1/e does not
+        Some(x.min(f64::MAX))
+    }
+}
+
+/// The positive root x of `ln[(1 + x)/(1 − e x)] = x (1 + e)` for a `restitution` e in (0, 1], to the
+/// last digits: damping times approach speed of a [`HuntCrossley`](crate::HuntCrossley) contact that rebounds with e.
+///
+/// It falls from x ≈ 1/e for small e (below e = 0.02 the same to all digits) to 0 at e = 1, which it
+/// reaches as 3(1 − e)/2. `None` outside (0, 1]: at e = 0 there is no finite root.
+pub fn damping_root(restitution: f64) -> Option<f64> {
+    let e = restitution;
+    // below the least normal number 1/e overflows
+    if !(f64::MIN_POSITIVE..=1.0).contains(&e) {
+        return None;
+    }
+    // here 1 − e x = (1 + x) exp(−x (1 + e)) is less than half a unit in x's last place
+    if e < 0.02 {
+        return Some(e.recip());
+    }
+    let cube = e * e * e;
+    let start = (1.0 - e) * (1.0 + e) / 2.0; // h(0)
+    let (mut low, mut high) = (0.0, e.recip());
+    // h's tangent at 0 starts Newton's iteration, and halving the bracket takes over where it leaves it
+    let mut x = (3.0 * start / (1.0 + cube)).min(0.5 * high);
+    for _ in 0..HALVINGS {
+        let (ahead, back) = (defect(x), defect(-e * x));
+        // h with g(y) = 1/2 − y r(y), so that nothing cancels near e = 1
+        let h = start - x * (ahead + cube * back);
+        if h > 0.0 {
+            low = x;
+        } else {
+            high = x;
+        }
+        let slope = (2.0 * ahead - 1.0 / (1.0 + x)) + cube * (2.0 * back - 1.0 / (1.0 - e * x));
+        let newton = x - h / slope;
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - x).abs() <= f64::EPSILON * x {
+            return Some(next);
+        }
+        x = next;
+    }
+    Some(x)
+}
+
+/// The coefficient of restitution that a [`HuntCrossley`](crate::HuntCrossley) contact obtains whose damping times
+/// approach speed, a v0, is `number`: the inverse of [`damping_root`], to the last digits but a few.
+///
+/// 1 without damping; it falls as 1/x for strong damping and stays below it, so no contact of this kind ever parts
+/// faster than 1/a, however fast it was hit. NaN for a `number` below 0 (a contact that drives) or without a value.
+///
+/// ```
+/// # use carom_impact::{damping_root, restitution_obtained};
+/// assert_eq!(restitution_obtained(0.0), 1.0);
+/// assert!((restitution_obtained(damping_root(0.3).unwrap()) - 0.3).abs() < 1e-15);
+/// ```
+pub fn restitution_obtained(number: f64) -> f64 {
+    let x = number;
+    if x.is_nan() || x < 0.0 {
+        return f64::NAN;
+    }
+    if x == 0.0 {
+        return 1.0;
+    }
+    if x < SERIES / 2.0 {
+        // e² g(−e x) = g(x) by Newton's iteration in e; the left side grows with a slope of about 1
+        let target = work_share(x);
+        let mut e = 1.0;
+        for _ in 0..HALVINGS {
+            let y = -e * x;
+            let share = work_share(y);
+            // d(e² g(−e x))/de = e/(1 − e x)
+            let next = e - (e * e * share - target) * (1.0 + y) / e;
+            if (next - e).abs() <= f64::EPSILON {
+                return next;
+            }
+            e = next;
+        }
+        return e;
+    }
+    // G(−y) with y = 1 − exp(−u) is u − 1 + exp(−u): convex in u, so Newton's iteration from above only falls
+    let target = x - x.ln_1p();
+    let mut u = target + 1.0;
+    for _ in 0..HALVINGS {
+        let y = -(-u).exp_m1();
+        let next = u - (u - y - target) / y;
+        if (next - u).abs() <= f64::EPSILON * u {
+            break;
+        }
+        u = next;
+    }
+    // for an infinite x nothing comes back
+    if x.is_infinite() { 0.0 } else { -(-u).exp_m1() / x }
+}
+
+/// Steps after which even halving alone has found the root: more than the digits of a double.
+const HALVINGS: usize = 100;
+
+/// g(y) = (y − ln(1 + y))/y²: the share of m v0² that is left for the spring, 1/2 at y = 0.
+pub(super) fn work_share(y: f64) -> f64 {
+    if y.abs() < SERIES { 0.5 - y * defect(y) } else { (y - y.ln_1p()) / (y * y) }
+}
+
+/// r(y) = (1/2 − g(y))/y = 1/3 − y/4 + y²/5 − …: by the series where the closed form would cancel.
+fn defect(y: f64) -> f64 {
+    if y.abs() < SERIES {
+        (3..45).rev().fold(0.0, |sum, j| 1.0 / f64::from(j) - y * sum)
+    } else {
+        (0.5 - work_share(y)) / y
+    }
+}
+
+/// Below this, 42 terms of the series give all digits: 0.4⁴² < 2e-17.
+const SERIES: f64 = 0.4;
+
+/// The refusal of a restitution without a finite damping.
+pub(super) fn check_restitution(value: f64) -> Result<(), ImpactError> {
+    let rule = "a compliant contact rebounds with more than 0 and at most 1, since without any rebound its \
+                damping would be infinite: take a small one such as 0.01, or a rigid law";
+    if damping_root(value).is_some() {
+        Ok(())
+    } else {
+        Err(ImpactError::Compliance { what: "restitution", value, rule })
+    }
+}

@@ -1,0 +1,150 @@
+//! Friction of a contact that gives way: two laws that are ordinary differential equations, where Coulomb's is not.
+//!
+//! | Symbol | Meaning | Our name |
+//! |---|---|---|
+//! | v | slip velocity, tangential (m/s) | `slip` |
+//! | v_d | slip at which friction is 76 % of Coulomb's (m/s) | `slip_speed` |
+//! | F_n | normal force (N) | `normal_force` |
+//! | μ | coefficient of friction | `friction` |
+//! | z | deflection of the bristle, tangential (m) | `deflection` |
+//! | k, c | stiffness (N/m) and damping (N s/m) of the bristle | `stiffness`, `damping` |
+//! | P | nearest point of the disc of radius μ F_n | local `capped` |
+//!
+//! Vectors have as many rows as the caller likes: one or two along contact axes, or three in the world.
+
+use nalgebra::SVector;
+
+use super::{POSITIVE, check_positive};
+use crate::ImpactError;
+use crate::laws::check_friction;
+
+/// Coulomb's friction, smoothed at small slip: `F_t = -μ F_n tanh(|v|/v_d) v/|v|`.
+///
+/// **Guarantee.** Passive (F_t·v ≤ 0), within the cone, no memory. As v_d → 0 an impact goes to that with Coulomb's
+/// friction, at first order in v_d.
+///
+/// **Fails** to stick: what would rest on a slope of angle θ below the angle of friction creeps, at
+/// v_d atanh(tan θ/μ). The smaller v_d the stiffer the equation: its rate is μ F_n H_tt/v_d.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SmoothedCoulomb {
+    /// Coulomb's coefficient μ, at least 0.
+    pub friction: f64,
+    /// v_d, m/s, above 0.
+    pub slip_speed: f64,
+}
+
+impl SmoothedCoulomb {
+    /// Friction μ, smoothed below `slip_speed` (m/s).
+    ///
+    /// # Errors
+    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a slip speed that is not positive and finite.
+    pub fn new(friction: f64, slip_speed: f64) -> Result<Self, ImpactError> {
+        check_friction(friction)?;
+        check_positive("slip speed", slip_speed, POSITIVE)?;
+        Ok(Self { friction, slip_speed })
+    }
+
+    /// Force on the robot (N).
+    pub fn force<const N: usize>(&self, slip: &SVector<f64, N>, normal_force: f64) -> SVector<f64, N> {
+        let speed = slip.norm();
+        let share = if speed > 0.0 { (speed / self.slip_speed).tanh() / speed } else { 0.0 };
+        slip * (-self.friction * share * normal_force.max(0.0))
+    }
+}
+
+/// Friction by a bristle that holds by bending and slides when it is bent as far as friction can bend it: a spring and a
+/// dashpot side by side, in a row with Coulomb's slider. With f = k z + c v, the force it would take to carry the
+/// bristle along,
+///
+/// ```text
+/// F_t = -P(f),   c ż = P(f) - k z
+/// ```
+///
+/// P being the nearest point of the disc of radius μ F_n. While |f| ≤ μ F_n this says ż = v: it **sticks**, and what
+/// rests on a slope below the angle of friction stands still. Beyond, the slider slips at v − ż, along the force.
+///
+/// As c → 0 it is Cundall & Strack's spring with a cap. The dashpot makes it one continuous equation without switches
+/// or the rate of F_n, and lets the bristle's swinging die out.
+///
+/// **Guarantee.** Passive for any history of slip and normal force: −F_t·v = d(k|z|²/2)/dt + c|ż|² + P(f)·(v − ż), whose
+/// last terms are never negative. Within the cone always.
+///
+/// **Fails** to be rigid: the contact yields by F_t/k before it holds, and in an impact swings back: a tangential
+/// restitution of its own, which depends on k and c against the normal stiffness.
+///
+/// **Source.** The capped spring: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47.
+///
+/// ```
+/// # use carom_impact::Bristle;
+/// # use nalgebra::vector;
+/// let bristle = Bristle::new(0.5, 1e5, 10.0)?;
+/// let (bent, still) = (vector![1e-5], vector![0.0]);
+/// assert_eq!(bristle.force(&bent, &still, 10.0), vector![-1.0]); // it holds, without any slip
+/// assert_eq!(bristle.rate(&bent, &still, 10.0), vector![0.0]);
+/// assert_eq!(bristle.force(&bent, &still, 1.0), vector![-0.5]); // pressed less, it slides
+/// # Ok::<(), carom_impact::ImpactError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bristle {
+    /// Coulomb's coefficient μ, at least 0.
+    pub friction: f64,
+    /// Stiffness k, N/m, above 0.
+    pub stiffness: f64,
+    /// Damping c, N s/m, above 0. A bent bristle that is let go needs about c/k to come back.
+    pub damping: f64,
+}
+
+impl Bristle {
+    /// A bristle of `friction` μ, `stiffness` k (N/m) and `damping` c (N s/m).
+    ///
+    /// # Errors
+    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a stiffness or damping that is not positive and finite.
+    pub fn new(friction: f64, stiffness: f64, damping: f64) -> Result<Self, ImpactError> {
+        check_friction(friction)?;
+        check_positive("bristle's stiffness", stiffness, POSITIVE)?;
+        let rule =
+            "it must be finite and above 0: the bristle's swinging must die out; 2 √(k m) stops a mass m without any";
+        check_positive("bristle's damping", damping, rule)?;
+        Ok(Self { friction, stiffness, damping })
+    }
+
+    /// Force on the robot (N).
+    pub fn force<const N: usize>(
+        &self,
+        deflection: &SVector<f64, N>,
+        slip: &SVector<f64, N>,
+        normal_force: f64,
+    ) -> SVector<f64, N> {
+        -self.carried(deflection, slip, normal_force).0
+    }
+
+    /// ż (m/s).
+    pub fn rate<const N: usize>(
+        &self,
+        deflection: &SVector<f64, N>,
+        slip: &SVector<f64, N>,
+        normal_force: f64,
+    ) -> SVector<f64, N> {
+        match self.carried(deflection, slip, normal_force) {
+            (capped, true) => (capped - deflection * self.stiffness) / self.damping,
+            (_, false) => *slip,
+        }
+    }
+
+    /// k|z|²/2 (J).
+    pub fn stored_energy<const N: usize>(&self, deflection: &SVector<f64, N>) -> f64 {
+        0.5 * self.stiffness * deflection.norm_squared()
+    }
+
+    /// P(f), and whether the slider slips.
+    fn carried<const N: usize>(
+        &self,
+        deflection: &SVector<f64, N>,
+        slip: &SVector<f64, N>,
+        normal_force: f64,
+    ) -> (SVector<f64, N>, bool) {
+        let wanted = deflection * self.stiffness + slip * self.damping;
+        let (size, most) = (wanted.norm(), self.friction * normal_force.max(0.0));
+        if size <= most { (wanted, false) } else { (wanted * (most / size), true) }
+    }
+}
