@@ -108,7 +108,7 @@ fn place(sim: &Simulation, run: &Trajectory, time: f64) -> Result<Point, Fault> 
 
 /// Normal and tangential force on the wall while the contact gives way.
 fn pressing(arm: &Chain, elbow: Elbow, colours: [RGBColor; 2]) -> Result<[Curve; 2], Fault> {
-    let compliance = Some(Compliance { stiffness: 1e9, exponent: 1.5, slip_speed: 1e-3 });
+    let compliance = Some(Compliance::new(1e9));
     let rule = ContactRule { restitution: 0.35, friction: 0.1, compliance, ..Default::default() };
     let (sim, run) = simulate(arm, elbow, rule)?;
     let [first, last] = [&run.events[0], run.events.get(1).ok_or("the contact does not open again")?];

@@ -1,6 +1,7 @@
 //! Contacts that give way: the rebound that was asked for, a force whose integral is the impulse, and the rigid limit.
 
-use carom::sim::{Compliance, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
+use carom::impact::Damping;
+use carom::sim::{Compliance, ContactMode, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Yielding};
 use carom::{Chain, Energetic, Impacts};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
@@ -12,7 +13,8 @@ fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule) -> Vec<Touc
 }
 
 fn soft(stiffness: f64, restitution: f64, friction: f64) -> ContactRule {
-    let compliance = Some(Compliance { stiffness, exponent: 1.5, slip_speed: 1e-4 });
+    let compliance =
+        Some(Compliance { tangential: Holding::Smoothed { slip_speed: 1e-4 }, ..Compliance::new(stiffness) });
     ContactRule { law: "energetic", restitution, friction, compliance, ..ContactRule::default() }
 }
 
@@ -133,4 +135,174 @@ fn neglected_compliance_says_how_deep_it_would_have_been() {
     // A tolerance that is smaller than the depth leaves nothing out.
     let strict = Simulation { neglect: Some(depth / 2.0), ..full };
     assert_eq!(strict.run(&q, &qd, 1.0).unwrap().events[0].kind.name(), "pressing");
+}
+
+fn sliding_block(mass: f64) -> Chain {
+    // Translations along and off the slope; a small ball is its foot.
+    let text = format!(
+        r#"<robot name="block"><link name="world"/><link name="carriage"/>
+        <link name="block"><inertial><mass value="{mass}"/>
+          <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="along" type="prismatic"><parent link="world"/><child link="carriage"/><axis xyz="1 0 0"/>
+          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint>
+        <joint name="off" type="prismatic"><parent link="carriage"/><child link="block"/><axis xyz="0 0 1"/>
+          <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
+    );
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+fn block_on_slope(tangent: f64, compliance: Compliance) -> Simulation {
+    let chain = sliding_block(2.0);
+    let rule =
+        ContactRule { law: "energetic", restitution: 0.2, friction: 0.5, compliance: Some(compliance), latch: false };
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let touches = touching(&chain, floor, rule);
+    let gravity = Vector3::new(tangent, 0.0, -1.0) * (9.81 / tangent.hypot(1.0));
+    Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) }
+}
+
+/// Every normal force in a chain: e in, e out, books closed, also when the mass differs from scene to scene.
+#[test]
+fn every_force_law_rebounds_with_its_coefficient_in_a_scene() {
+    for normal in [Yielding::KelvinVoigt { pulls: false }, Yielding::KelvinVoigt { pulls: true }, Yielding::WaltonBraun]
+    {
+        for (stiffness, speed, e) in [(1e5, 1.0, 0.35), (1e7, 0.05, 0.8), (1e4, 2.0, 0.1)] {
+            let sim = block_on_slope(0.0, Compliance { normal, ..Compliance::new(stiffness) });
+            let mut sim = Simulation { gravity: Vector3::zeros(), max_events: 2, ..sim };
+            for touch in &mut sim.touches {
+                touch.contact.restitution = e;
+            }
+            let run = sim.run(&[0.0, 0.1 + 0.01 * speed], &[0.0, -speed], 1.0).unwrap();
+            let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
+            assert_eq!(kinds, ["pressing", "lift-off"], "{normal:?}");
+            let leaves = &run.events[1];
+            assert!((leaves.qd_plus[1] / (e * speed) - 1.0).abs() < 1e-6, "{normal:?}: {:?}", leaves.qd_plus);
+            assert!(run.summary.energy.error().abs() < 1e-8 * run.summary.energy.start, "{normal:?}");
+        }
+    }
+}
+
+/// A block dropped on a slope below the angle of friction: on a bristle it comes to stand still, with smoothed friction it
+/// creeps at v_s atanh(tan θ/μ), whatever normal force carries it.
+#[test]
+fn a_block_on_a_slope_stands_on_a_bristle_and_creeps_on_smoothed_friction() {
+    let tangent = 0.4;
+    let bristle = Holding::Bristle { stiffness: 1e4, damping: 150.0 };
+    for normal in [Compliance::new(1.0).normal, Yielding::KelvinVoigt { pulls: false }] {
+        let on = |tangential, duration| {
+            let sim = block_on_slope(tangent, Compliance { normal, tangential, ..Compliance::new(1e6) });
+            sim.run(&[0.0, 0.1], &[0.0, -0.05], duration).unwrap()
+        };
+        let run = on(bristle, 2.0);
+        assert_eq!(run.summary.mode.name(), "pressing", "{:?}", run.events);
+        let [along, off] = [run.summary.last.qd[0], run.summary.last.qd[1]];
+        // what is left is the noise of the integration
+        assert!(along.abs() < 1e-8 && off.abs() < 1e-8, "{normal:?}: creeps at {along:e} m/s");
+        assert!(run.summary.energy.error().abs() < 1e-7 && run.summary.energy.resistance < 0.0);
+        let run = on(Holding::Smoothed { slip_speed: 1e-3 }, 2.0);
+        let expected = 1e-3 * (tangent / 0.5_f64).atanh();
+        let creep = run.summary.last.qd[0];
+        assert!((creep / expected - 1.0).abs() < 1e-6, "{normal:?}: {creep} instead of {expected}");
+    }
+}
+
+/// Above the angle of friction the bristle slides with Coulomb's acceleration.
+#[test]
+fn a_bristle_slides_as_coulomb_says() {
+    let (tangent, mu) = (0.8, 0.5);
+    let tangential = Holding::Bristle { stiffness: 1e5, damping: 100.0 };
+    let normal = Yielding::KelvinVoigt { pulls: false };
+    let sim = block_on_slope(tangent, Compliance { normal, tangential, ..Compliance::new(1e6) });
+    let run = sim.run(&[0.0, 0.1], &[0.0, -0.05], 1.0).unwrap();
+    let late = |time| run.at(&sim.chain, time).qd[0];
+    let acceleration = (late(1.0) - late(0.5)) / 0.5;
+    let coulomb = 9.81 / tangent.hypot(1.0) * (tangent - mu);
+    assert!((acceleration / coulomb - 1.0).abs() < 1e-6, "{acceleration} instead of {coulomb}");
+}
+
+/// An arm's tip with Walton & Braun's spring, stiffer and stiffer: Stronge's impact, which another force is not.
+#[test]
+fn an_arm_on_walton_and_brauns_spring_has_stronges_impact() {
+    let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
+    let tangential = Holding::Smoothed { slip_speed: 1e-5 };
+    let compliance = Compliance { normal: Yielding::WaltonBraun, tangential, ..Compliance::new(1e9) };
+    let rule =
+        ContactRule { law: "energetic", restitution: 0.5, friction: 0.4, compliance: Some(compliance), latch: false };
+    let touches = touching(&chain, wall, rule).into_iter().filter(|touch| touch.link() == Some("tip")).collect();
+    let sim = Simulation { tolerance: 1e-11, max_events: 2, ..Simulation::new(chain.clone(), touches) };
+    let run = sim.run(&[0.78, -1.57], &[0.1, 0.5], 1.0).unwrap();
+    let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
+    let law = Energetic { restitution: 0.5, friction: 0.4 };
+    let tip = chain.frame("tip").unwrap();
+    let rigid = chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
+    for (a, b) in leaves.qd_plus.iter().zip(&rigid.qd_plus) {
+        assert!((a - b).abs() < 1e-3, "{:?} {:?}", leaves.qd_plus, rigid.qd_plus);
+    }
+    let EventKind::Mode { mode: ContactMode::Pressing { touch, damping } } = presses.kind else { panic!() };
+    let refused = sim.pressing_force(touch, damping, &run.summary.last).unwrap_err().to_string();
+    assert!(refused.starts_with("tip on surface: its force has a memory"), "{refused}");
+}
+
+/// The scene file's words: what they choose, and what is refused with key, value and rule.
+#[test]
+fn a_scene_chooses_its_forces_and_says_what_is_wrong() {
+    let folder = std::env::temp_dir().join(format!("carom-compliance-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let file = folder.join("s.toml");
+    let scene = |compliance: &str| {
+        let robot = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
+        let text = format!(
+            "[robot]\nurdf = \"{robot}\"\nq = [0.78, -1.57]\nqd = [0.1, 0.5]\n[[surface]]\nshape = {{ halfspace = {{ point = \
+             [0.6464, 0, 0], normal = [-1, 0, 0] }} }}\n[contact]\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = \
+             0.1\ncompliance = {{ {compliance} }}\n[run]\nduration = 0.3\n"
+        );
+        std::fs::write(&file, text).unwrap();
+        carom::sim::Scene::from_file(&file)
+    };
+    let chosen = |text: &str| scene(text).unwrap().simulation.touches[0].contact.compliance.unwrap();
+    assert_eq!(chosen("stiffness = 1e8"), Compliance::new(1e8));
+    let flores = Yielding::HuntCrossley { exponent: 1.2, damping: Damping::Flores };
+    let said = "stiffness = 1e8, force = \"hunt-crossley\", exponent = 1.2, damping = \"flores\"";
+    assert_eq!(chosen(said), Compliance { normal: flores, ..Compliance::new(1e8) });
+    let bristle = Holding::Bristle { stiffness: 1e7, damping: 100.0 };
+    let said = "stiffness = 1e8, force = \"walton-braun\", bristle = { stiffness = 1e7, damping = 100 }";
+    let expected = Compliance { stiffness: 1e8, normal: Yielding::WaltonBraun, tangential: bristle };
+    assert_eq!(chosen(said), expected);
+    let said = "stiffness = 1e5, force = \"kelvin-voigt\", pulls = true, slip_speed = 0.01";
+    let tangential = Holding::Smoothed { slip_speed: 0.01 };
+    let expected = Compliance { stiffness: 1e5, normal: Yielding::KelvinVoigt { pulls: true }, tangential };
+    assert_eq!(chosen(said), expected);
+    for (said, why) in [
+        (
+            "stiffness = 1, force = \"drake\"",
+            "[contact] compliance force = \"drake\": the forces are hunt-crossley, kelvin-voigt, walton-braun",
+        ),
+        (
+            "stiffness = 1, damping = \"best\"",
+            "[contact] compliance damping = \"best\": the formulas are exact, hunt-crossley,",
+        ),
+        (
+            "stiffness = 1, force = \"kelvin-voigt\", exponent = 2",
+            "[contact] compliance exponent belongs to force = \"hunt-crossley\"",
+        ),
+        ("stiffness = 1, pulls = true", "[contact] compliance pulls belongs to force = \"kelvin-voigt\""),
+        (
+            "stiffness = 1, slip_speed = 1, bristle = { stiffness = 1, damping = 1 }",
+            "[contact] compliance has slip_speed and bristle",
+        ),
+        ("stiffness = -1, force = \"walton-braun\"", "[contact]: stiffness is -1: it must be finite and above 0"),
+        ("stiffness = 1, slip_speed = 0", "[contact]: slip speed is 0: it must be finite and above 0"),
+        (
+            "stiffness = 1, bristle = { stiffness = 1, damping = 0 }",
+            "[contact]: bristle's damping is 0: it must be finite and above 0",
+        ),
+        ("stiffness = 1, bristle = { stiffness = 1 }", "missing field `damping`"),
+        ("stifness = 1", "did you mean `stiffness`?"),
+    ] {
+        let refused = scene(said).unwrap_err().to_string();
+        assert!(refused.contains("s.toml: ") && refused.contains(why), "{refused}\n{why}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
 }

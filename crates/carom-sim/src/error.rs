@@ -126,6 +126,15 @@ pub enum SimError {
         /// What touches.
         touch: String,
     },
+    /// A force that depends on what happened before.
+    #[error(
+        "{touch}: its force has a memory (where it was turned back, or a bristle's deflection), which a single moment does \
+         not hold; choose the Hunt-Crossley or Kelvin-Voigt force and smoothed friction to ask for forces afterwards"
+    )]
+    Memory {
+        /// What touches.
+        touch: String,
+    },
     /// Rigid sliding has no consistent acceleration (Painlevé).
     #[error(
         "at t = {time} s {touch} slides into a jam: with friction {friction} no rigid acceleration is consistent (Painlevé); \

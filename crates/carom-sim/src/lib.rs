@@ -9,6 +9,7 @@
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
 
+mod compliance;
 mod drive;
 mod error;
 mod free_motion;
@@ -26,6 +27,7 @@ mod strike;
 mod touch;
 mod trajectory;
 
+pub use compliance::{Compliance, Holding, Yielding};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::free_motion;
@@ -35,7 +37,7 @@ pub use scene::Scene;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
 pub use strike::{ChainImpact, Contact, Impacts, JointModel, Strike};
-pub use touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
+pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
     Trajectory,

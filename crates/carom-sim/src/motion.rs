@@ -12,8 +12,10 @@
 //! rows (R = F = J); a sliding one has the normal row, and its force acts along n − μ d; a joint held by its dry friction
 //! has its own.
 //!
-//! State vectors are (q, qd, work of the drive, work of resistance): the energy's books are integrated with the motion.
+//! State vectors are (q, qd, work of the drive, work of resistance): the energy's books are integrated with the motion. If a
+//! compliant contact has a bristle its deflection (world, m) comes last.
 
+use crate::compliance::Memory;
 use crate::drive::{Asked, Drive};
 use crate::error::SimError;
 use crate::leg::{Flow, Witness};
@@ -35,6 +37,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub dry: Vec<DryJoint>,
     /// Impacts so far, by touch.
     pub impacts: Vec<usize>,
+    /// How deep the compliant contact that presses was when it was last turned back, m; −∞ if it never was.
+    pub deepest: f64,
     /// How far the chain reaches, m.
     pub reach: f64,
 }
@@ -69,6 +73,8 @@ pub(crate) struct Held {
     pub joints: Vec<f64>,
     /// Power of the drive, and of everything that resists.
     pub power: [f64; 2],
+    /// Rate of the bristle's deflection, world, m/s.
+    pub bends: Vector3<f64>,
 }
 
 /// Slip slower than this share of the joints' speed has no direction of its own.
@@ -86,6 +92,8 @@ pub(crate) enum Watch {
     Cone,
     /// A compliant contact comes out of its surface.
     Depth,
+    /// A compliant contact stops to yield.
+    Turns,
     /// A joint braked by dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// Dry friction no longer holds a joint.
@@ -150,6 +158,7 @@ impl<'a, A: Space> Motion<'a, A> {
             slip: Vector3::zeros(),
             dry,
             impacts: vec![0; sim.touches.len()],
+            deepest: 0.0,
             reach: reach(&sim.chain),
         }
     }
@@ -286,16 +295,21 @@ impl<'a, A: Space> Motion<'a, A> {
         let constrains = lasting.filter(|(_, hold)| !matches!(hold, Hold::Presses(_)));
         let drift = constrains.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
         let (mut tau, mut power) = self.applied(time, q, qd)?;
-        let (sim, slip, dry) = (self.sim, self.slip, self.dry.clone());
+        let (sim, slip, dry, deepest) = (self.sim, self.slip, self.dry.clone(), self.deepest);
+        let deflection = y.get(q.len() + qd.len() + 2..).filter(|tail| !tail.is_empty());
+        let deflection = deflection.map_or_else(Vector3::zeros, Vector3::from_column_slice);
         let mut view = self.view(q)?;
-        let mut pressed = None;
+        let (mut pressed, mut bends) = (None, Vector3::zeros());
         if let Some((touch, Hold::Presses(damping))) = lasting {
             let touch = &sim.touches[touch];
             let at = touch.at(&view, q, time);
             if let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) {
                 let u = touch.u(&place, &view, qd, time)?;
                 let rate = place.normal.dot(&u);
-                let force = compliance.force(&touch.contact, damping, (at.gap, rate), &place.normal, &u)?;
+                let memory = Memory { damping, deepest, deflection };
+                let found = compliance.press(&touch.contact, &memory, (at.gap, rate), &place.normal, &u)?;
+                let force = found.force;
+                bends = found.bends;
                 let joints = place.row(&view, force)?;
                 tau.iter_mut().zip(joints.iter()).for_each(|(tau, f)| *tau += f);
                 power[1] += joints.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
@@ -348,8 +362,15 @@ impl<'a, A: Space> Motion<'a, A> {
             drifts.push(0.0);
         }
 
-        let mut held =
-            Held { qdd: free, force: Vector3::zeros(), normal, normal_force: 0.0, joints: vec![0.0; dry.len()], power };
+        let mut held = Held {
+            qdd: free,
+            force: Vector3::zeros(),
+            normal,
+            normal_force: 0.0,
+            joints: vec![0.0; dry.len()],
+            power,
+            bends,
+        };
         if let Some((force, normal)) = pressed {
             (held.force, held.normal, held.normal_force) = (force, normal, normal.dot(&force));
         }
@@ -412,7 +433,12 @@ impl<'a, A: Space> Motion<'a, A> {
             }
             ContactMode::Sliding { .. } => watches.extend([Watch::NormalForce, Watch::SlipStops]),
             ContactMode::Sticking { .. } => watches.extend([Watch::NormalForce, Watch::Cone]),
-            ContactMode::Pressing { .. } => watches.push(Watch::Depth),
+            ContactMode::Pressing { touch, .. } => {
+                watches.push(Watch::Depth);
+                if sim.touches[touch].contact.compliance.is_some_and(|it| it.turns()) {
+                    watches.push(Watch::Turns);
+                }
+            }
         }
         watches.extend(self.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Watch::JointBreaksLoose(k),
@@ -485,7 +511,10 @@ impl<A: Space> Flow for Motion<'_, A> {
         let (nq, nv) = (q.len(), qd.len());
         self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
         out[nq..nq + nv].copy_from_slice(held.qdd.as_slice());
-        out[nq + nv..].copy_from_slice(&held.power);
+        out[nq + nv..nq + nv + 2].copy_from_slice(&held.power);
+        if let Some(bends) = out.get_mut(nq + nv + 2..).filter(|tail| !tail.is_empty()) {
+            bends.copy_from_slice(held.bends.as_slice());
+        }
         Ok(())
     }
 
@@ -494,12 +523,12 @@ impl<A: Space> Flow for Motion<'_, A> {
         let (q, qd) = self.split(y);
         let watches = self.watches();
         // Forces only where one of them is watched.
-        let forces = watches
-            .iter()
-            .any(|w| !matches!(w, Watch::Gap(_) | Watch::Depth | Watch::SlipStops | Watch::JointStops(_)));
+        let forces = watches.iter().any(|w| {
+            !matches!(w, Watch::Gap(_) | Watch::Depth | Watch::Turns | Watch::SlipStops | Watch::JointStops(_))
+        });
         let held = if forces { Some(self.in_mode(time, y)?) } else { None };
         let sim = self.sim;
-        let (mode, slip, dry) = (self.mode, self.slip, self.dry.clone());
+        let (mode, slip, dry, deepest) = (self.mode, self.slip, self.dry.clone(), self.deepest);
         let view = self.view(q)?;
         for watch in watches {
             let witness = match (watch, &held) {
@@ -512,6 +541,15 @@ impl<A: Space> Flow for Motion<'_, A> {
                     let touch = &sim.touches[mode.touch().unwrap_or(0)];
                     let at = touch.at(&view, q, time);
                     Witness { value: -at.gap, rate: Some(-touch.rate(&at, &view, qd, time)?) }
+                }
+                (Watch::Turns, _) => {
+                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
+                    let at = touch.at(&view, q, time);
+                    // Above the deepest point so far it may go to and fro as it likes; and one that has just turned there
+                    // doesn't do so again by the rounding of its rate.
+                    let deeper = -at.gap > deepest;
+                    let value = if deeper { -touch.rate(&at, &view, qd, time)? } else { 0.0 };
+                    Witness { value, rate: None }
                 }
                 (Watch::SlipStops, _) => {
                     let touch = &sim.touches[mode.touch().unwrap_or(0)];

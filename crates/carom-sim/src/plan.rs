@@ -10,13 +10,14 @@
 //!
 //! What is not exactly zero is left out only with the user's tolerance ([`Simulation::neglect`]), and with a bound.
 
+use crate::compliance::Compliance;
 use crate::drive::Drive;
 use crate::error::SimError;
 use crate::motion::{Motion, beyond, responses};
 use crate::scene::Scene;
 use crate::simulate::{Integrator, Simulation, friction_bound};
 use crate::space::View;
-use crate::touch::{Compliance, ContactRule, Touch, TouchKind};
+use crate::touch::{ContactRule, Touch, TouchKind};
 use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -276,7 +277,7 @@ impl Plan {
             if nearest.is_none_or(|(least, _)| gap < least) {
                 let speed = (-rate).max(Compliance::SLOWEST);
                 let mass = motion.effective_mass(k, &self.q, 0.0)?;
-                nearest = Some((gap, compliance.law(touch.contact.restitution)?.greatest_penetration(speed, mass)));
+                nearest = Some((gap, compliance.normal(touch.contact.restitution)?.greatest_penetration(speed, mass)));
             }
         }
         Ok(nearest.map_or(0.0, |(_, depth)| depth))

@@ -25,20 +25,22 @@
 //! | --- | --- |
 //! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
 //! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
-//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance {stiffness (N/mⁿ), exponent = 1.5, slip_speed = 1e-3}` for contacts that give way |
+//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance` for contacts that give way |
+//! | `compliance` | `stiffness` (N/m, N/mⁿ); `force = "hunt-crossley"` (`exponent = 1.5`, `damping = "exact"` or a published formula's name, see [`Damping`]), `"kelvin-voigt"` (`pulls = false`) or `"walton-braun"`; `slip_speed = 1e-3` below which friction is smoothed, or `bristle {stiffness (N/m), damping (N s/m)}`, which sticks |
 //! | `[[contact.pair]]` | `link` and/or `surface` (or the other link of a pair), or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
 //! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `method = "events"` or `"steps"` (of `contact_step` throughout), `model = "auto"` or `"full"`, `neglect` |
 //! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
 
+use crate::compliance::{Compliance, Holding, Yielding};
 use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::error::SimError;
 use crate::scene_file::{self, Controller, File, Method, Model, Robot, Run, Shape, TipVelocity};
 use crate::simulate::Simulation;
-use crate::touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
+use crate::touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError};
 use carom_contact::{LeftOut, Obstacle};
-use carom_impact::LAW_NAMES;
+use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
 
@@ -94,11 +96,13 @@ impl Scene {
             restitution: file.contact.restitution,
             friction: file.contact.friction,
             latch: file.contact.latch,
-            compliance: file.contact.compliance.map(|it| Compliance {
-                stiffness: it.stiffness,
-                exponent: it.exponent,
-                slip_speed: it.slip_speed,
-            }),
+            compliance: file
+                .contact
+                .compliance
+                .as_ref()
+                .map(compliance)
+                .transpose()
+                .map_err(|why| refuse(format!("[contact] compliance {why}")))?,
         };
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
@@ -191,6 +195,37 @@ fn suggest(message: &str) -> String {
 fn law(name: &str) -> Result<&'static str, String> {
     let found = LAW_NAMES.into_iter().find(|&known| known == name);
     found.ok_or_else(|| format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", ")))
+}
+
+fn compliance(given: &scene_file::Compliance) -> Result<Compliance, String> {
+    let scene_file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle } = given;
+    let names = NormalForce::NAMES;
+    let force = force.as_deref().unwrap_or(names[0]);
+    let normal = match names.iter().position(|&name| name == force) {
+        Some(0) => {
+            let named = |name: &String| {
+                let known = || Damping::ALL.map(Damping::name).join(", ");
+                Damping::by_name(name).ok_or_else(|| format!("damping = \"{name}\": the formulas are {}", known()))
+            };
+            let damping = damping.as_ref().map_or(Ok(Damping::Exact), named)?;
+            Yielding::HuntCrossley { exponent: exponent.unwrap_or(1.5), damping }
+        }
+        Some(1) => Yielding::KelvinVoigt { pulls: pulls.unwrap_or(false) },
+        Some(_) => Yielding::WaltonBraun,
+        None => return Err(format!("force = \"{force}\": the forces are {}", names.join(", "))),
+    };
+    let owned = [("exponent", exponent.is_some(), 0), ("damping", damping.is_some(), 0), ("pulls", pulls.is_some(), 1)];
+    if let Some((key, _, owner)) = owned.into_iter().find(|&(_, given, owner)| given && names[owner] != force) {
+        return Err(format!("{key} belongs to force = \"{}\"", names[owner]));
+    }
+    let tangential = match (slip_speed, bristle) {
+        (Some(_), Some(_)) => {
+            return Err("has slip_speed and bristle: smoothed friction has no bristle, give one".into());
+        }
+        (_, Some(bristle)) => Holding::Bristle { stiffness: bristle.stiffness, damping: bristle.damping },
+        (speed, None) => Holding::Smoothed { slip_speed: speed.unwrap_or(1e-3) },
+    };
+    Ok(Compliance { stiffness: *stiffness, normal, tangential })
 }
 
 fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: ContactRule) -> Result<Surface, String> {

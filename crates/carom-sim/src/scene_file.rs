@@ -98,14 +98,23 @@ pub(crate) struct Contact {
     pub pair: Vec<Pair>,
 }
 
-#[derive(Deserialize, Clone, Copy)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Compliance {
     pub stiffness: f64,
-    #[serde(default = "exponent")]
-    pub exponent: f64,
-    #[serde(default = "slip_speed")]
-    pub slip_speed: f64,
+    pub force: Option<String>,
+    pub exponent: Option<f64>,
+    pub damping: Option<String>,
+    pub pulls: Option<bool>,
+    pub slip_speed: Option<f64>,
+    pub bristle: Option<Bristle>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Bristle {
+    pub stiffness: f64,
+    pub damping: f64,
 }
 
 impl Default for Contact {
@@ -228,12 +237,6 @@ fn unscaled() -> [f64; 3] {
 /// The link that is the tip where a scene names none.
 pub(crate) fn tip() -> String {
     "tip".into()
-}
-fn exponent() -> f64 {
-    1.5
-}
-fn slip_speed() -> f64 {
-    1e-3
 }
 fn tolerance() -> f64 {
     1e-9

@@ -18,6 +18,7 @@
 //! **Several contacts** at one time go through `several.rs`: their impact is one problem for all of them. If one contact
 //! or none is left after it, events go on; if more are, time steps take over until all are open again.
 
+use crate::compliance::{Compliance, Memory};
 use crate::drive::Drive;
 use crate::error::SimError;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
@@ -25,7 +26,7 @@ use crate::motion::{Dry, Motion, Watch};
 use crate::several::SeveralLaw;
 use crate::space::{Space, View};
 use crate::strike::carry;
-use crate::touch::{Compliance, ContactRule, Touch};
+use crate::touch::{ContactRule, Touch};
 use crate::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
     Trajectory,
@@ -152,7 +153,9 @@ impl Simulation {
     /// ([`ContactMode::Pressing`] names its touch and damping).
     ///
     /// # Errors
-    /// A state that does not fit, a touch that is not compliant.
+    /// A state that does not fit; a touch that is not compliant, or whose force has a memory
+    /// ([`Yielding::WaltonBraun`](crate::Yielding::WaltonBraun), [`Holding::Bristle`](crate::Holding::Bristle)), which a
+    /// moment does not hold.
     pub fn pressing_force(&self, touch: usize, damping: f64, moment: &Moment) -> Result<Vector3<f64>, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
@@ -161,8 +164,12 @@ impl Simulation {
         let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else {
             return Err(SimError::Rigid { touch: touch.name.clone() });
         };
+        if compliance.has_memory() {
+            return Err(SimError::Memory { touch: touch.name.clone() });
+        }
         let u = touch.u(&place, &view, &moment.qd, moment.time)?;
-        compliance.force(&touch.contact, damping, (at.gap, place.normal.dot(&u)), &place.normal, &u)
+        let memory = Memory { damping, ..Memory::default() };
+        Ok(compliance.press(&touch.contact, &memory, (at.gap, place.normal.dot(&u)), &place.normal, &u)?.force)
     }
 
     /// The chain in the plane, if it is to be computed there.
@@ -228,10 +235,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
         let sizes = (sim.chain.nq(), sim.chain.nv());
+        let bristles = sim.touches.iter().any(|touch| touch.contact.compliance.is_some_and(|it| it.has_bristle()));
         let mut run = Self {
             motion: Motion::new(sim, model),
             time: 0.0,
-            y: [q, qd, &[0.0, 0.0]].concat(),
+            y: [q, qd, &[0.0, 0.0], if bristles { &[0.0; 3] } else { &[] }].concat(),
             end,
             sampler: Sampler { sampling, sizes, count: 0, watch },
             events: 0,
@@ -352,6 +360,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 self.note(EventKind::LiftOff { touch }, &y, Vec::new());
                 self.motion.settle_joints(time, &mut self.y)
             }
+            (Watch::Turns, Some(touch)) => {
+                let (gap, _) = self.gap(touch)?;
+                self.motion.deepest = self.motion.deepest.max(-gap);
+                Ok(())
+            }
             (Watch::SlipStops, Some(touch)) => {
                 let before = self.y.clone();
                 if self.motion.follow_slip(touch, time, &before)? > TURNED {
@@ -436,11 +449,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let one = &sim.touches[touch];
         if let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) {
             let speed = (-approach).max(Compliance::SLOWEST);
-            let law = compliance.law(one.contact.restitution)?;
-            let depth = law.greatest_penetration(speed, self.motion.effective_mass(touch, &q, time)?);
+            let law = compliance.normal(one.contact.restitution)?;
+            let mass = self.motion.effective_mass(touch, &q, time)?;
+            let depth = law.greatest_penetration(speed, mass);
             if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
                 self.motion.impacts[touch] += 1;
-                return self.enter(ContactMode::Pressing { touch, damping: law.damping(speed) });
+                self.motion.deepest = f64::NEG_INFINITY;
+                self.y[nq + qd.len() + 2..].fill(0.0); // the bristle is new
+                return self.enter(ContactMode::Pressing { touch, damping: law.damping(speed, mass) });
             }
             self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
         }

@@ -9,6 +9,7 @@
 //! | u | 3 | velocity of the touching point over the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | of the touching point; between two links, of the first's less that of the second's | `jacobian` |
 
+use crate::compliance::Compliance;
 use crate::error::SimError;
 use crate::motion::responses;
 use crate::space::{Felt, Space, View};
@@ -16,7 +17,7 @@ use carom_chain::{Chain, Coordinates, FrameId, Point};
 use carom_contact::{
     LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_between, gap_points, link_shapes, reachable_pairs,
 };
-use carom_impact::{HuntCrossley, LAW_NAMES};
+use carom_impact::LAW_NAMES;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// The law of a contact.
@@ -32,46 +33,6 @@ pub struct ContactRule {
     pub latch: bool,
     /// A contact that gives way: it has a duration and a force. `None`: rigid.
     pub compliance: Option<Compliance>,
-}
-
-/// A compliant contact after Hunt & Crossley, whose rebound is `restitution` times the approach, exactly
-/// ([`HuntCrossley`]), with Coulomb's friction smoothed at small slip: F_t = −μ Fₙ tanh(|v|/v_s) v/|v|.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Compliance {
-    /// k in Fₙ = k dⁿ (1 + a ḋ), N/mⁿ.
-    pub stiffness: f64,
-    /// n: 1.5 for round bodies, 1 for flat ones.
-    pub exponent: f64,
-    /// v_s, m/s.
-    pub slip_speed: f64,
-}
-
-impl Compliance {
-    /// Approaches slower than this are damped as at this speed, m/s: the damping grows as 1/speed.
-    pub(crate) const SLOWEST: f64 = 1e-3;
-
-    pub(crate) fn law(&self, restitution: f64) -> Result<HuntCrossley, SimError> {
-        Ok(HuntCrossley::new(self.stiffness, self.exponent, restitution)?)
-    }
-
-    /// Normal and friction force on the robot, for gap g ≤ 0, its rate, and slip.
-    pub(crate) fn force(
-        &self,
-        rule: &ContactRule,
-        damping: f64,
-        (gap, rate): (f64, f64),
-        normal: &Vector3<f64>,
-        u: &Vector3<f64>,
-    ) -> Result<Vector3<f64>, SimError> {
-        if gap >= 0.0 {
-            return Ok(Vector3::zeros());
-        }
-        let force = self.law(rule.restitution)?.force(-gap, -rate, damping);
-        let slip = u - normal * normal.dot(u);
-        let speed = slip.norm();
-        let share = if speed > 0.0 { (speed / self.slip_speed).tanh() / speed } else { 0.0 };
-        Ok((normal - slip * (rule.friction * share)) * force)
-    }
 }
 
 impl Default for ContactRule {
@@ -95,14 +56,7 @@ impl ContactRule {
         if !(self.friction >= 0.0 && self.friction.is_finite()) {
             return refuse("friction", self.friction, "a coefficient of friction is finite and not negative");
         }
-        if let Some(compliance) = &self.compliance {
-            compliance.law(self.restitution)?;
-            let speed = compliance.slip_speed;
-            if !(speed > 0.0 && speed.is_finite()) {
-                return refuse("compliance slip_speed", speed, "it must be positive and finite");
-            }
-        }
-        Ok(())
+        self.compliance.map_or(Ok(()), |compliance| compliance.check(self, touch))
     }
 }
 

@@ -264,7 +264,7 @@ const SERIES: f64 = 0.4;
 pub(super) fn check_restitution(value: f64) -> Result<(), ImpactError> {
     let rule = "a compliant contact rebounds with more than 0 and at most 1, since without any rebound its \
                 damping would be infinite: take a small one such as 0.01, or a rigid law";
-    if damping_root(value).is_some() {
+    if (f64::MIN_POSITIVE..=1.0).contains(&value) {
         Ok(())
     } else {
         Err(ImpactError::Compliance { what: "restitution", value, rule })
