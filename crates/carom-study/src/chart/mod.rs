@@ -8,8 +8,9 @@ mod picture;
 
 pub use picture::svg;
 
+use carom_impact::Damping;
 use carom_sim::{
-    Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Trajectory,
+    Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Trajectory, Yielding,
 };
 use std::time::{Duration, Instant};
 
@@ -154,15 +155,22 @@ impl Chart {
         let steps = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6];
         let knob = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
         chart.sweep((scene, &reference, budget), "Moreau–Jean steps", "step, s", steps, knob, done);
-        let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
-        let knob = |stiffness| {
-            let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
-            for touch in soft.touches.iter_mut().filter(|touch| touch.link().is_some()) {
-                touch.contact.compliance = Some(Compliance { stiffness, exponent: 1.5, slip_speed: 1e-4 });
-            }
-            soft
-        };
-        chart.sweep((scene, &reference, budget), "compliant, Hunt–Crossley", "stiffness", stiffnesses, knob, done);
+        let forces = [
+            ("compliant, Hunt–Crossley", Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
+            ("compliant, Kelvin–Voigt", Yielding::KelvinVoigt { pulls: false }),
+            ("compliant, Walton–Braun", Yielding::WaltonBraun),
+        ];
+        for (method, normal) in forces {
+            let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
+            let knob = |stiffness| {
+                let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
+                for touch in soft.touches.iter_mut().filter(|touch| touch.link().is_some()) {
+                    touch.contact.compliance = Some(Compliance { normal, ..Compliance::new(stiffness) });
+                }
+                soft
+            };
+            chart.sweep((scene, &reference, budget), method, "stiffness", stiffnesses, knob, done);
+        }
         Ok(chart)
     }
 

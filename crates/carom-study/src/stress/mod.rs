@@ -413,6 +413,14 @@ pub const SCENES: &[Scene] = &[
         judge: motion::slope,
     },
     Scene {
+        name: "the same on bristles",
+        story: "friction that deflects before it slips (1e7 N/m, 1e3 N s/m)",
+        measures: "way crept, m",
+        tolerance: 1e-6,
+        methods: &[COMPLIANT],
+        judge: motion::slope_on_a_bristle,
+    },
+    Scene {
         name: "Painlevé's rod",
         story: "the rod of 60° and μ = 1.5 slides into its jam, e = 0 (compliant: 0.01)",
         measures: "deepest overlap, m",

@@ -5,8 +5,9 @@ use super::{COMPLIANT, EVENTS, Found, Judged, STEPS};
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
-use carom_sim::{Compliance, ContactRule, EventKind, SimError, Simulation, Surface, Touch, Trajectory};
-use nalgebra::{UnitQuaternion, Vector3};
+use carom_impact::{HuntCrossley, NormalForce, TangentialForce, compliant_impact};
+use carom_sim::{Compliance, ContactRule, EventKind, Holding, SimError, Simulation, Surface, Touch, Trajectory};
+use nalgebra::{UnitQuaternion, Vector3, dmatrix, dvector};
 
 const G: f64 = 9.81;
 /// Where a scene does not say otherwise.
@@ -49,7 +50,8 @@ fn scene(
     contact: ContactRule,
     stiffness: f64,
 ) -> Result<Simulation, String> {
-    let compliance = Compliance { stiffness, exponent: 1.5, slip_speed: 1e-3 };
+    // Hunt & Crossley's force; friction smoothed below 1e-3 m/s.
+    let compliance = Compliance::new(stiffness);
     let contact = ContactRule { compliance: (method == COMPLIANT).then_some(compliance), ..contact };
     let surface = Surface { name: "surface".into(), obstacle: surface, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).map_err(said)?.touches;
@@ -190,10 +192,25 @@ pub fn ten_thousand_bounces(method: &str) -> Judged {
 
 /// tan θ = 0.2 under μ = 0.3. With friction smoothed below the speed v_s it creeps with v_s artanh(tan θ/μ).
 pub fn slope(method: &str) -> Judged {
+    slope_with(method, Holding::Smoothed { slip_speed: CREEP })
+}
+
+/// The same with friction that sticks on a bristle.
+pub fn slope_on_a_bristle(method: &str) -> Judged {
+    slope_with(method, Holding::Bristle { stiffness: STIFFNESS, damping: 1e3 })
+}
+
+const CREEP: f64 = 1e-3;
+
+fn slope_with(method: &str, tangential: Holding) -> Judged {
     let angle = 0.2_f64.atan();
     let (s, c) = angle.sin_cos();
     let normal = Vector3::new(s, 0.0, c);
-    let sim = scene(method, ball(&[[1.0, 0.0, 0.0], UP])?, plane(normal)?, rule(inelastic(method), 0.3), STIFFNESS)?;
+    let mut sim =
+        scene(method, ball(&[[1.0, 0.0, 0.0], UP])?, plane(normal)?, rule(inelastic(method), 0.3), STIFFNESS)?;
+    for compliance in sim.touches.iter_mut().filter_map(|touch| touch.contact.compliance.as_mut()) {
+        compliance.tangential = tangential;
+    }
     // A contact that gives way rests where it bears the weight.
     let sunk = if method == COMPLIANT { (G * c / STIFFNESS).powf(1.0 / 1.5) } else { 0.0 };
     let start = normal * (0.1 - sunk);
@@ -202,10 +219,10 @@ pub fn slope(method: &str) -> Judged {
     let along = Vector3::new(c, 0.0, -s);
     let way = along.dot(&Vector3::new(last.q[0] - start.x, 0.0, last.q[1] - start.z));
     let found = Found::figure(way.abs());
-    if method != COMPLIANT {
+    if method != COMPLIANT || matches!(tangential, Holding::Bristle { .. }) {
         return Ok(found);
     }
-    let creep = 1e-3 * (0.2_f64 / 0.3).atanh();
+    let creep = CREEP * (0.2_f64 / 0.3).atanh();
     let as_predicted = (way / 2.0 / creep - 1.0).abs() < 0.05;
     let how = format!("creeps with {:.3e} m/s: friction smoothed over 1e-3 m/s can't stick", way / 2.0);
     Ok(if as_predicted { found.failing(Some(how)) } else { found })
@@ -288,6 +305,13 @@ pub fn quaternions() -> Judged {
     Ok(Found::figure(worse(error, (norm - 1.0).abs())).noting(format!("norm off by {:.1e}", (norm - 1.0).abs())))
 }
 
-pub fn elastic_cradle(_ratio: f64) -> Result<[f64; 3], String> {
-    Err("soon".into())
+/// Velocities after the first of three balls of 1 kg struck with 1 m/s, elastic contacts after Hertz, the first `ratio` times
+/// as stiff as the second.
+pub fn elastic_cradle(ratio: f64) -> Result<[f64; 3], String> {
+    let hertz = |stiffness| HuntCrossley::new(stiffness, 1.5, 1.0).map(NormalForce::HuntCrossley);
+    let said = |e: carom_impact::ImpactError| e.to_string();
+    let contacts = [ratio, 1.0].map(|k| hertz(1e9 * k).map(|force| (force, TangentialForce::Frictionless)));
+    let contacts = contacts.into_iter().collect::<Result<Vec<_>, _>>().map_err(said)?;
+    let hit = compliant_impact(&dmatrix![2.0, -1.0; -1.0, 2.0], &dvector![-1.0, 0.0], &contacts).map_err(said)?;
+    Ok([1.0 - hit.impulse[0], hit.impulse[0] - hit.impulse[1], hit.impulse[1]])
 }
