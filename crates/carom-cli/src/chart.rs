@@ -1,7 +1,7 @@
 //! `carom chart`: error against time, for every method that can run a scene.
 
 use crate::error::CliError;
-use crate::files::Folder;
+use crate::output::{make_folder, write_whole};
 use crate::scene::load;
 use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, svg};
 use clap::Args;
@@ -89,15 +89,15 @@ impl ChartCommand {
         if !(self.budget > 0.0 && self.budget.is_finite()) {
             return Err(CliError::Option(format!("--budget {}: it must be positive and finite", self.budget)));
         }
-        let name = self.out.file_stem().and_then(|stem| stem.to_str());
-        let Some(name) = name.filter(|_| self.out.extension().is_some_and(|ending| ending == "svg")) else {
+        if self.out.extension().is_none_or(|ending| ending != "svg") {
             return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
-        };
+        }
         let refuse = |e| CliError::scene(&self.scene, e);
         let scene = load(&self.scene)?;
         let title = self.scene.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
-        let folder = Folder::new(self.out.parent().unwrap_or(Path::new("")))?;
+        let folder = self.out.parent().filter(|folder| !folder.as_os_str().is_empty());
+        folder.map_or(Ok(()), make_folder)?;
 
         let bar = ProgressBar::new_spinner();
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
@@ -110,7 +110,8 @@ impl ChartCommand {
         .map_err(refuse)?;
         chart.add_peers(&peers, &scene).map_err(refuse)?;
         bar.finish_and_clear();
-        folder.write(&[(&format!("{name}.svg"), svg(&chart, &title)), (&format!("{name}.csv"), csv(&chart))])?;
+        write_whole(&self.out, &svg(&chart, &title))?;
+        write_whole(&self.out.with_extension("csv"), &csv(&chart))?;
         if self.json {
             let json = serde_json::to_string(&report(&chart)).map_err(|e| CliError::Option(e.to_string()))?;
             writeln!(out, "{json}")?;

@@ -22,6 +22,20 @@ pub enum CliError {
     /// A table.
     #[error(transparent)]
     Table(#[from] carom_study::TableError),
+    /// Measurements, which name their file themselves.
+    #[error(transparent)]
+    Measured(#[from] carom_study::consistency::MeasuredError),
+    /// The paper's figures, which name their folder themselves.
+    #[error(transparent)]
+    Paper(#[from] carom_study::paper::PaperError),
+    /// A file that can't be written.
+    #[error("{file}: cannot be written: {reason}")]
+    Unwritable {
+        /// The file.
+        file: String,
+        /// What the system said.
+        reason: io::Error,
+    },
     /// An option, with the file it speaks of.
     #[error("{0}")]
     Option(String),

@@ -2,7 +2,7 @@
 
 use crate::error::{CliError, LineError};
 use crate::input::{Refused, for_each_line};
-use crate::output::{answer, row, say, short};
+use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
 use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
@@ -210,7 +210,7 @@ impl LawCommand {
         if self.record.is_asked() {
             record_diagrams(&self.record, &plane, space.as_ref(), &page(all)).map_err(|e| LineError(e.to_string()))?;
         }
-        self.svg.as_ref().map_or(Ok(()), |path| write_beside(path, &svg))
+        self.svg.as_ref().map_or(Ok(()), |path| write_whole(path, &svg).map_err(|e| LineError(e.to_string())))
     }
 }
 
@@ -225,16 +225,6 @@ impl Problem {
 fn points<const D: usize>(all: &All<Answer>) -> Vec<LawPoint<D>> {
     let point = |a: &Answer| LawPoint { law: a.law.into(), impulse: std::array::from_fn(|k| a.impulse[k]) };
     all.outcomes.iter().map(point).collect()
-}
-
-/// Writes the file beside its place and moves it there.
-fn write_beside(path: &Path, text: &str) -> Result<(), LineError> {
-    let partial = path.with_extension("svg.part");
-    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
-    written.map_err(|e| {
-        let _ = std::fs::remove_file(&partial);
-        LineError(format!("{}: cannot be written: {e}", path.display()))
-    })
 }
 
 /// The answers as a page for a recording.

@@ -5,14 +5,15 @@
 //! in one `error: …` line on standard error; 2 usage.
 
 mod chart;
+mod consistency;
 mod dynamics;
 mod error;
-mod files;
 mod impact;
 mod input;
 mod inspect;
 mod law;
 mod output;
+mod paper;
 mod plan;
 mod record;
 mod scene;
@@ -55,6 +56,10 @@ enum Command {
     Chart(chart::ChartCommand),
     /// Where methods fail: scenes that break laws and simulators, and what each makes of them
     Stress(stress::StressCommand),
+    /// Figures 4 to 10 and Table I of Pagilla & Yu (2004) from the preset arm, and what the model confirms of the paper
+    Paper(paper::PaperCommand),
+    /// Whether a table of restitutions and energies over angles can come from a frictionless impact at all, and of which pose
+    Consistency(consistency::ConsistencyCommand),
     /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
     Tosses(tosses::TossesCommand),
 }
@@ -86,6 +91,8 @@ fn main() -> ExitCode {
         Command::Simulate(command) => command.run(stdout),
         Command::Chart(command) => command.run(stdout),
         Command::Stress(command) => command.run(stdout),
+        Command::Paper(command) => command.run(stdout),
+        Command::Consistency(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {

@@ -1,10 +1,11 @@
 //! What goes out: JSON lines, or tables for people.
 
-use crate::error::LineError;
+use crate::error::{CliError, LineError};
 use crate::input::Refused;
 use serde::Serialize;
 use serde_json::Value;
 use std::io::{self, Write};
+use std::path::Path;
 
 /// Writes one answer: as a line of JSON, or in the words of `for_people`.
 ///
@@ -37,6 +38,23 @@ fn first_null(key: &str, value: &Value) -> Option<String> {
         Value::Object(all) => all.iter().find_map(|(k, v)| first_null(k, v)),
         _ => None,
     }
+}
+
+/// Writes a file beside its place and moves it there, so that it is whole or not there.
+pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    let partial = path.with_file_name(name);
+    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
+    written.map_err(|reason| {
+        let _ = std::fs::remove_file(&partial);
+        CliError::Unwritable { file: path.display().to_string(), reason }
+    })
+}
+
+/// Makes a folder for files, before any long work.
+pub fn make_folder(path: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
 }
 
 /// One line on standard error. That nobody listens there is no failure.

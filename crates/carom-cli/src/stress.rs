@@ -1,7 +1,7 @@
 //! `carom stress`: where methods fail.
 
 use crate::error::CliError;
-use crate::files::Folder;
+use crate::output::{make_folder, write_whole};
 use carom_study::stress::{self, METHODS, Row, Verdict};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -59,7 +59,7 @@ impl StressCommand {
                 names.join(", ")
             )));
         }
-        let folder = Folder::new(&self.out)?;
+        make_folder(&self.out)?;
         // Draws on a terminal only.
         let bar = ProgressBar::new(scenes.len() as u64);
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {bar:30} {pos}/{len} {msg}") {
@@ -71,11 +71,9 @@ impl StressCommand {
         });
         bar.finish_and_clear();
         let json = serde_json::to_string(&report(&rows)).map_err(|e| CliError::Option(e.to_string()))?;
-        folder.write(&[
-            ("stress.md", stress::markdown(&rows)),
-            ("stress.svg", stress::svg(&rows)),
-            ("stress.json", format!("{json}\n")),
-        ])?;
+        write_whole(&self.out.join("stress.md"), &stress::markdown(&rows))?;
+        write_whole(&self.out.join("stress.svg"), &stress::svg(&rows))?;
+        write_whole(&self.out.join("stress.json"), &format!("{json}\n"))?;
         if self.json {
             writeln!(out, "{json}")?;
             return Ok(());

@@ -5,8 +5,10 @@
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888: "the paper" throughout.
 
 pub mod chart;
+pub mod consistency;
 mod diagram;
 mod impact_map;
+mod line_chart;
 pub mod paper;
 mod self_motion;
 pub mod stress;

@@ -4,6 +4,7 @@ mod contract;
 mod desk;
 mod numbers;
 mod options;
+mod paper;
 mod people;
 mod refused_input;
 mod refused_robots;

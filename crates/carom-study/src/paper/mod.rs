@@ -10,6 +10,14 @@
 //! The tip meets a wall at x = 0.6364 m. The paper prints no geometry, no joint angles and no inertia; poses and arm are
 //! the stand-in of `robots/planar2.urdf`, in which the base–tip line is the surface normal.
 
+mod claims;
+mod report;
+mod simulated;
+
+pub use claims::{Claim, claims};
+pub use report::{Paper, PaperError, Row, stand_in};
+pub use simulated::{Forces, TipMotion, TipState};
+
 use carom_chain::Chain;
 use carom_impact::Frictionless;
 use carom_sim::{ChainImpact, Impacts, SimError};
@@ -202,115 +210,4 @@ pub fn experiment(chain: &Chain) -> Result<Vec<Run>, SimError> {
         }
     }
     Ok(runs)
-}
-
-/// A statement of the paper, and whether the model says so too.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Claim {
-    /// The statement, in our words.
-    pub statement: &'static str,
-    /// Whether the model agrees.
-    pub holds: bool,
-    /// The numbers that decide.
-    pub evidence: String,
-}
-
-/// Holds the paper's claims against the model.
-///
-/// # Errors
-/// As [`strike`].
-pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
-    let oblique = |r: &&Run| r.angle_deg < 90.0;
-    let of = |elbow: Elbow| runs.iter().filter(move |r| r.elbow == elbow);
-    let mut claims = Vec::new();
-
-    let up: Vec<f64> = of(Elbow::Up).filter(oblique).map(|r| r.tangential().1 / r.tangential().0).collect();
-    let (least, most) = bounds(&up);
-    claims.push(Claim {
-        statement: "up-elbow: the tangential velocity grows without changing direction",
-        holds: of(Elbow::Up).filter(oblique).all(|r| r.tangential_change() == Tangential::Grows),
-        evidence: format!("v_t+/v_t- from {least:.2} to {most:.2} at 30, 45, 60 deg"),
-    });
-
-    let down: Vec<&Run> = of(Elbow::Down).filter(oblique).collect();
-    let reversing: Vec<String> = down
-        .iter()
-        .filter(|r| r.speed == 0.2 && r.tangential_change() == Tangential::Reverses)
-        .map(|r| format!("{:.0}", r.angle_deg))
-        .collect();
-    claims.push(Claim {
-        statement: "down-elbow: the tangential velocity shrinks or reverses, and reverses at the higher angles",
-        holds: down.iter().all(|r| r.tangential_change() != Tangential::Grows)
-            && down.iter().any(|r| r.tangential_change() == Tangential::Reverses)
-            && down.iter().filter(|r| r.angle_deg == 30.0).all(|r| r.tangential_change() == Tangential::Shrinks),
-        evidence: format!("shrinks at 30 deg, reverses at {} deg", reversing.join(", ")),
-    });
-
-    // Reversal at e for every e: does the direction after depend on the coefficient?
-    let mut signs = Vec::new();
-    for angle in [45.0, 60.0] {
-        let mut after = Vec::new();
-        for e in [0.2, 0.35, 0.5, 0.76, 0.93] {
-            after.push(strike(chain, Elbow::Down, angle, 0.2, e)?.tangential().1);
-        }
-        signs.push(bounds(&after));
-    }
-    claims.push(Claim {
-        statement: "the reversal does not depend on the coefficient's value (e from 0.2 to 0.93)",
-        holds: signs.iter().all(|(_, most)| *most < 0.0),
-        evidence: format!(
-            "down-elbow v_t+ from {:.3} to {:.3} m/s at 45 deg, {:.3} to {:.3} at 60 deg",
-            signs[0].0, signs[0].1, signs[1].0, signs[1].1
-        ),
-    });
-
-    let off: f64 = runs
-        .iter()
-        .map(|r| (r.normal().1 + r.restitution * r.normal().0).abs() / r.normal().0.abs())
-        .fold(0.0, f64::max);
-    claims.push(Claim {
-        statement: "the normal velocity after depends on e alone, not on the configuration (eq. 11; by construction here)",
-        holds: off < 1e-12,
-        evidence: format!("largest |v_n+ + e v_n-| / |v_n-| is {off:.0e}"),
-    });
-
-    let per_square = |elbow: Elbow, angle: f64| -> Vec<f64> {
-        let same = of(elbow).filter(|r| r.angle_deg == angle);
-        same.map(|r| r.hit.energy_loss() / (r.speed * r.speed)).collect()
-    };
-    let uneven = Elbow::BOTH.into_iter().flat_map(|e| ANGLES_DEG.map(|a| bounds(&per_square(e, a))));
-    let uneven = uneven.map(|(least, most)| (most - least) / most).fold(0.0, f64::max);
-    claims.push(Claim {
-        statement: "the kinetic energy loss grows with the square of the speed (by construction: the law is linear)",
-        holds: uneven < 1e-10,
-        evidence: format!("loss/speed^2 is the same at all speeds to {uneven:.0e}"),
-    });
-
-    let mut worst: (f64, String) = (0.0, String::new());
-    for elbow in Elbow::BOTH {
-        for (k, measured) in elbow.measured_energy_root().into_iter().enumerate() {
-            let same = |r: &&Run| r.speed == 0.2 && r.angle_deg == ANGLES_DEG[k];
-            if let Some(run) = of(elbow).find(same) {
-                let model = run.hit.energy_ratio().sqrt();
-                if (model - measured).abs() > worst.0 {
-                    let text = format!(
-                        "{}-elbow {:.0} deg: {measured} measured, {model:.4} here",
-                        elbow.name(),
-                        run.angle_deg
-                    );
-                    worst = ((model - measured).abs(), text);
-                }
-            }
-        }
-    }
-    claims.push(Claim {
-        statement: "Table I's kinetic-energy ratios sqrt(T+/T-) come out within 0.05 (with this stand-in arm)",
-        holds: worst.0 <= 0.05,
-        evidence: format!("worst: {}", worst.1),
-    });
-    Ok(claims)
-}
-
-fn bounds(numbers: &[f64]) -> (f64, f64) {
-    numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }

@@ -1,0 +1,198 @@
+//! `carom paper` and `carom consistency`.
+
+use crate::desk::*;
+use serde_json::Value;
+use std::path::Path;
+
+const TABLE1: &str = include_str!("../../../../docs/table1.csv");
+
+/// A CSV file of numbers, by column.
+fn csv(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let names = lines.next().unwrap().split(',').map(str::to_owned).collect();
+    (names, lines.map(|line| line.split(',').map(|x| x.parse().unwrap()).collect()).collect())
+}
+
+fn column(path: &Path, name: &str) -> Vec<f64> {
+    let (names, rows) = csv(path);
+    let k = names.iter().position(|column| column == name).unwrap_or_else(|| panic!("{name} in {names:?}"));
+    rows.iter().map(|row| row[k]).collect()
+}
+
+/// Derived for the stand-in (p₁ = 3.473, p₂ = .196, p₃ = .242 kg m², links of .45 m) at .2 m/s with Table I's e, by hand from
+/// eqs. (10) to (16); five digits.
+#[test]
+fn the_papers_data_are_the_documented_numbers_of_the_stand_in() {
+    let desk = Desk::new("paper");
+    let ran = desk.run("paper --out figures");
+    done(&ran);
+    let folder = desk.0.join("figures");
+    for (file, name, digits, unit) in [
+        ("fig9.csv", "up_before", [0.17321, 0.14142, 0.10000, 0.0], 5e-6),
+        ("fig9.csv", "up_after_newton", [0.29740, 0.31079, 0.29668, 0.23952], 5e-6),
+        ("fig9.csv", "down_after_newton", [0.05788, -0.02795, -0.10590, -0.23952], 5e-6),
+        ("table1.csv", "up_energy_root_model", [0.9873, 0.9749, 0.9575, 0.9017], 5e-5),
+        ("table1.csv", "down_energy_root_model", [0.8893, 0.4148, 0.6247, 0.9017], 5e-5),
+        ("table1.csv", "down_energy_root", [0.76, 0.93, 0.91, 0.79], 0.0),
+    ] {
+        for (got, want) in column(&folder.join(file), name).iter().zip(digits) {
+            close(name, *got, want, unit);
+        }
+    }
+    // Fig. 8: rows by speed, then angle; the loss goes with the square of the speed
+    for (name, digits) in [("up_loss", [7.672, 16.028, 25.250, 32.056]), ("down_loss", [8.311, 16.028, 24.231, 32.056])]
+    {
+        let (loss, speed) = (column(&folder.join("fig8.csv"), name), column(&folder.join("fig8.csv"), "speed"));
+        assert_eq!(loss.len(), 12);
+        for (k, want) in digits.iter().enumerate() {
+            close(name, loss[4 + k] * 1e3, *want, 5e-4);
+            for j in [k, 8 + k] {
+                close(name, loss[j] / loss[4 + k], (speed[j] / 0.2).powi(2), 1e-12);
+            }
+        }
+    }
+    // Fig. 10: by definition of e
+    for (k, e) in [0.40, 0.35, 0.28, 0.35].into_iter().enumerate() {
+        let path = folder.join("fig10.csv");
+        close("e", column(&path, "up_measured")[k] / -column(&path, "up_before")[k], e, 1e-12);
+    }
+    // Fig. 4 jumps where Fig. 9 says
+    let (time, along) = (column(&folder.join("fig4.csv"), "time"), column(&folder.join("fig4.csv"), "up_tangential"));
+    let after = time.iter().rposition(|t| *t == 0.0).unwrap();
+    close("v_t⁺", along[after], 0.31079, 5e-6);
+    close("v_t⁻", along[after - 1], 0.14142, 5e-6);
+}
+
+#[test]
+fn the_papers_report_names_every_file_and_they_are_there() {
+    let desk = Desk::new("report");
+    let report = &desk.answers("paper --out figures --json", "")[0];
+    assert_eq!(keys(report), ["arm", "claims", "files", "impacts", "stand_in"]);
+    assert_eq!(report["impacts"].as_array().unwrap().len(), 24);
+    let folder = desk.0.join("figures");
+    let mut there: Vec<String> =
+        std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut named: Vec<String> = texts(&report["files"]).into_iter().map(str::to_owned).collect();
+    there.sort();
+    named.sort();
+    assert_eq!(there, named);
+    let text = std::fs::read_to_string(folder.join("report.md")).unwrap();
+    for file in named.iter().filter(|file| file.ends_with(".svg")) {
+        assert!(text.contains(&format!("]({file})")), "{file} is shown");
+        assert!(std::fs::read_to_string(folder.join(file)).unwrap().trim_end().ends_with("</svg>"), "{file} is whole");
+    }
+    assert!(text.contains("stand-in, not the authors' arm"));
+    let claims = report["claims"].as_array().unwrap();
+    let confirmed = claims.iter().filter(|claim| claim["confirmed"] == true).count();
+    assert!(text.contains(&format!("{confirmed} of {} confirmed", claims.len())));
+    for claim in claims {
+        assert!(text.contains(claim["evidence"].as_str().unwrap()), "{claim}");
+    }
+    let others: Vec<_> = std::fs::read_dir(&desk.0).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(others.len(), 4, "three robots and the report, nothing half done: {others:?}");
+}
+
+#[test]
+fn the_papers_folder_is_replaced_only_if_it_holds_nothing_else() {
+    let desk = Desk::new("occupied");
+    let folder = desk.0.join("out");
+    std::fs::create_dir(&folder).unwrap();
+    done(&desk.run("paper --out out")); // empty
+    std::fs::write(folder.join("report.md"), "old").unwrap();
+    done(&desk.run("paper --out out/")); // an earlier report
+    assert!(std::fs::read_to_string(folder.join("report.md")).unwrap().len() > 1000);
+    std::fs::write(folder.join("thesis.tex"), "mine").unwrap();
+    let before = std::fs::read(folder.join("fig4.svg")).unwrap();
+    refused(
+        desk.run("paper --out out"),
+        "out: there is 'thesis.tex' in it, which is none of this report's files: choose a new or empty folder, or one of an \
+         earlier report, which is replaced",
+    );
+    assert_eq!(std::fs::read_to_string(folder.join("thesis.tex")).unwrap(), "mine");
+    assert_eq!(std::fs::read(folder.join("fig4.svg")).unwrap(), before);
+    for (out, words) in [
+        ("planar2.urdf", "error: planar2.urdf: cannot be written: Not a directory"),
+        ("no/such/folder", "error: no/such/folder: cannot be written: No such file or directory"),
+    ] {
+        let ran = desk.run(&format!("paper --out {out}"));
+        assert_eq!((ran.code, ran.out.as_str()), (Some(1), ""));
+        assert!(ran.err.starts_with(words), "{}", ran.err);
+    }
+    let empty = desk.0.join("empty");
+    std::fs::create_dir(&empty).unwrap();
+    let ran = finish(desk.command("paper --out .").current_dir(&empty).spawn().unwrap(), b"");
+    refused(ran, ".: cannot be written: it is the working directory, which can't be replaced: name a folder in it");
+    usage(desk.run("paper"), "--out <DIR>");
+}
+
+#[test]
+fn table_1_is_told_in_json_words_and_a_picture() {
+    let desk = Desk::new("table1");
+    desk.write("table1.csv", TABLE1);
+    let report = &desk.answers("consistency table1.csv --json --svg v.svg", "")[0];
+    assert_eq!(keys(report), ["rows"]);
+    let [up, down] = report["rows"].as_array().unwrap().as_slice() else { panic!("{report}") };
+    for row in [up, down] {
+        let expected = ["branches", "changes", "consistent", "directions", "fit", "points", "row", "verdict"];
+        assert_eq!(keys(row), expected);
+        assert_eq!(row["directions"]["agree"], false);
+    }
+    assert_eq!((&up["consistent"], &down["consistent"]), (&Value::Bool(true), &Value::Bool(false)));
+    close("factor", number(&up["fit"]["factor"]), 0.99799, 1e-5);
+    close("factor", number(&down["fit"]["factor"]), 13.62666, 1e-4);
+    let h = &up["branches"][0]["h"];
+    assert!(number(&h["least"]) < number(&up["fit"]["h"]) && number(&up["fit"]["h"]) < number(&h["most"]));
+    assert_eq!(up["points"][1]["implied"]["changes"], serde_json::json!(["reverses"]));
+    let svg = std::fs::read_to_string(desk.0.join("v.svg")).unwrap();
+    assert!(svg.contains("up-elbow: a V within its rounding") && svg.contains("down-elbow: the nearest V"));
+
+    let ran = desk.run("consistency table1.csv");
+    done(&ran);
+    assert!(
+        ran.out.contains("up-elbow: consistent\n") && ran.out.contains("down-elbow: NOT consistent\n"),
+        "{}",
+        ran.out
+    );
+    // twenty times as coarse, anything goes
+    let coarse = &desk.answers("consistency table1.csv --json --rounding 0.1", "")[0];
+    assert!(coarse["rows"].as_array().unwrap().iter().all(|row| row["consistent"] == true));
+}
+
+/// What nothing bounds is left out, and is no hole in the JSON.
+#[test]
+fn unbounded_answers_leave_their_ends_out() {
+    let desk = Desk::new("unbounded");
+    desk.write("t.csv", "row,angle_deg,newton,energy_root\na,45,0.4,0.7\n");
+    let ran = desk.run("consistency t.csv --json");
+    civil(&ran, "one angle");
+    let report: Value = serde_json::from_str(&ran.out).unwrap();
+    let branches = report["rows"][0]["branches"].as_array().unwrap();
+    assert!(branches.iter().any(|branch| branch["h"].get("most").is_none()), "{report}");
+    done(&desk.run("consistency t.csv"));
+}
+
+#[test]
+fn tables_with_a_fault_are_refused_and_draw_nothing() {
+    let desk = Desk::new("faulty");
+    desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,1.4,0.7\n");
+    let refusal = "t.csv: line 2, row 'up', column 'newton': '1.4': a coefficient of restitution lies between 0 and 1";
+    refused(desk.run("consistency t.csv --svg x.svg"), refusal);
+    desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,1e-9,0.4,0.7\n");
+    refused(
+        desk.run("consistency t.csv --svg x.svg"),
+        "t.csv: row 'up': no picture holds cot α = 5.7e10: leave angles within 0.01° of 0 and 180 out of it",
+    );
+    assert!(!desk.0.join("x.svg").exists());
+    refused(
+        desk.run("consistency t.csv --rounding -1"),
+        "t.csv: the rounding is -1: it lies between 1e-12, which f64 still resolves, and 1",
+    );
+    desk.write("t.csv", b"row,angle_deg\xff");
+    let ran = desk.run("consistency t.csv");
+    assert!(ran.code == Some(1) && ran.err.starts_with("error: t.csv: cannot be read: "), "{}", ran.err);
+    desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,0.4,0.7\n");
+    let ran = desk.run("consistency t.csv --svg no/such/x.svg");
+    assert!(ran.code == Some(1) && ran.err.starts_with("error: no/such/x.svg: cannot be written: "), "{}", ran.err);
+    assert_eq!(ran.out, "");
+}

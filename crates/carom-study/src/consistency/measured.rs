@@ -1,0 +1,290 @@
+//! Measured coefficients from a CSV file.
+
+use super::Range;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Most measurements of a row.
+const MOST: usize = 200;
+const COLUMNS: [&str; 5] = ["row", "angle_deg", "newton", "energy_root", "tangential"];
+
+/// Why measurements can't be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeasuredError {
+    /// The file system says no.
+    #[error("{file}: cannot be read: {reason}")]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What was said.
+        reason: io::Error,
+    },
+    /// The file is no such table.
+    #[error("{file}: {rule}")]
+    Shape {
+        /// The file.
+        file: PathBuf,
+        /// The rule, and what to do.
+        rule: String,
+    },
+    /// A value breaks its rule.
+    #[error("{file}: line {line}, row '{row}', column '{column}': '{value}': {rule}")]
+    Value {
+        /// The file.
+        file: PathBuf,
+        /// The line, counted from 1.
+        line: u64,
+        /// The name of its row.
+        row: String,
+        /// The column.
+        column: &'static str,
+        /// What is written there.
+        value: String,
+        /// The rule, and what to do.
+        rule: String,
+    },
+}
+
+/// A number that was rounded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rounded {
+    /// As written.
+    pub value: f64,
+    /// How far off the true value may be.
+    pub half_unit: f64,
+}
+
+impl Rounded {
+    /// No half unit is less: below it the arithmetic of `f64` would decide.
+    pub const FINEST: f64 = 1e-12;
+
+    /// All that rounds to it, with the half unit `factor` times as large; between 0 and 1.
+    pub(super) fn range(&self, factor: f64) -> Range {
+        let half = self.half_unit * factor;
+        Range { least: (self.value - half).max(0.0), most: (self.value + half).min(1.0) }
+    }
+
+    /// From digits: half a unit of the last one.
+    fn from_digits(text: &str) -> Option<Self> {
+        let value: f64 = text.parse().ok()?;
+        let (digits, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
+        let decimals = digits.split_once('.').map_or(0, |(_, after)| after.len());
+        let exponent: i32 = exponent.parse().unwrap_or_default();
+        let unit = 10_f64.powi(exponent.saturating_sub(i32::try_from(decimals).unwrap_or(i32::MAX)));
+        Some(Self { value, half_unit: (0.5 * unit).max(Self::FINEST) })
+    }
+}
+
+/// What was seen of the tangential velocity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Seen {
+    /// Larger than before, in the same direction.
+    Grows,
+    /// Smaller than before, in the same direction.
+    Shrinks,
+    /// The other direction.
+    Reverses,
+    /// Not larger in the same direction.
+    ShrinksOrReverses,
+    /// The same direction.
+    GrowsOrShrinks,
+}
+
+impl Seen {
+    const ALL: [Self; 5] = [Self::Grows, Self::Shrinks, Self::Reverses, Self::ShrinksOrReverses, Self::GrowsOrShrinks];
+
+    /// As in the file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grows => "grows",
+            Self::Shrinks => "shrinks",
+            Self::Reverses => "reverses",
+            Self::ShrinksOrReverses => "shrinks or reverses",
+            Self::GrowsOrShrinks => "grows or shrinks",
+        }
+    }
+
+    /// The jump h (1+e) as a share of cot α: v_t⁺/v_t⁻ = 1 − jump.
+    pub(super) fn jump(self) -> Range {
+        let (least, most) = match self {
+            Self::Grows => (f64::NEG_INFINITY, 0.0),
+            Self::Shrinks => (0.0, 1.0),
+            Self::Reverses => (1.0, f64::INFINITY),
+            Self::ShrinksOrReverses => (0.0, f64::INFINITY),
+            Self::GrowsOrShrinks => (f64::NEG_INFINITY, 1.0),
+        };
+        Range { least, most }
+    }
+}
+
+/// One measured impact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Angle between the path and the surface, degrees, between 0 and 180; 90 is a normal impact.
+    pub angle_deg: f64,
+    /// Newton's coefficient e, between 0 and 1.
+    pub newton: Rounded,
+    /// E = √(T⁺/T⁻), between 0 and 1.
+    pub energy_root: Rounded,
+    /// What was seen of the tangential velocity.
+    pub seen: Option<Seen>,
+}
+
+impl Entry {
+    /// cot α, exactly 0 at 90°.
+    pub fn cot(&self) -> f64 {
+        let (sin, cos) = self.angle_deg.to_radians().sin_cos();
+        if self.angle_deg == 90.0 { 0.0 } else { cos / sin }
+    }
+}
+
+/// The measurements of one pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasuredRow {
+    /// Its name.
+    pub name: String,
+    /// Its measurements, in the order of the file.
+    pub entries: Vec<Entry>,
+}
+
+/// Reads a CSV file with a header and the columns, in any order,
+///
+/// | column | meaning |
+/// | --- | --- |
+/// | `row` | name of the pose; lines of one name are one row |
+/// | `angle_deg` | α, degrees |
+/// | `newton` | e |
+/// | `energy_root` | E = √(T⁺/T⁻) |
+/// | `tangential` | may be left out, or empty: `grows`, `shrinks`, `reverses`, `shrinks or reverses`, `grows or shrinks` |
+///
+/// Lines that begin with `#` are remarks. A number is taken to be rounded to its last printed digit (`0.30` is not `0.3`),
+/// or to be off by at most `rounding` if that is given.
+///
+/// # Errors
+/// [`MeasuredError`]: what file, line, row, column and value break which rule.
+pub fn read_measured(path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, MeasuredError> {
+    let unreadable = |reason| MeasuredError::Unreadable { file: path.to_owned(), reason };
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    measured_from(&text, path, rounding)
+}
+
+/// The same from text; `path` is its name in messages.
+///
+/// # Errors
+/// As [`read_measured`].
+pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, MeasuredError> {
+    let shape = |rule: String| MeasuredError::Shape { file: path.to_owned(), rule };
+    if let Some(rounding) = rounding
+        && !(Rounded::FINEST..=1.0).contains(&rounding)
+    {
+        return Err(shape(format!(
+            "the rounding is {rounding}: it lies between {:e}, which f64 still resolves, and 1",
+            Rounded::FINEST
+        )));
+    }
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let mut reader = csv::ReaderBuilder::new();
+    let mut reader = reader.comment(Some(b'#')).flexible(true).trim(csv::Trim::All).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|e| shape(e.to_string()))?.clone();
+    let place = columns(&header).map_err(shape)?;
+    let mut rows: Vec<MeasuredRow> = Vec::new();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(|e| shape(e.to_string()))? {
+        // where it ends: its beginning is counted from before the remarks above it
+        let end = usize::try_from(reader.position().byte()).unwrap_or(usize::MAX).min(text.len());
+        let line = || 1 + text.as_bytes()[..end].trim_ascii_end().iter().filter(|byte| **byte == b'\n').count() as u64;
+        if record.len() != header.len() {
+            return Err(shape(format!(
+                "line {} has {} values for {} columns: write a point in decimals, and quote what holds a comma",
+                line(),
+                record.len(),
+                header.len()
+            )));
+        }
+        let cell = |column: usize| place[column].and_then(|k| record.get(k)).unwrap_or_default();
+        let name = cell(0).to_owned();
+        let refuse = |column: usize, rule: &str| MeasuredError::Value {
+            file: path.to_owned(),
+            line: line(),
+            row: name.clone(),
+            column: COLUMNS[column],
+            value: cell(column).to_owned(),
+            rule: rule.to_owned(),
+        };
+        if name.is_empty() {
+            return Err(refuse(0, "a measurement belongs to a row: name its pose"));
+        }
+        let number = |column: usize| -> Result<Rounded, MeasuredError> {
+            let found = Rounded::from_digits(cell(column)).ok_or_else(|| refuse(column, "write a number"))?;
+            if !found.value.is_finite() {
+                return Err(refuse(column, "a measurement is finite"));
+            }
+            let half_unit = rounding.unwrap_or(found.half_unit);
+            Ok(Rounded { half_unit, ..found })
+        };
+        let angle = number(1)?.value;
+        if !(0.0 < angle && angle < 180.0) {
+            return Err(refuse(
+                1,
+                "an impact angle lies between 0 and 180 degrees, both left out; 90 is a normal impact",
+            ));
+        }
+        let newton = number(2)?;
+        if !(0.0..=1.0).contains(&newton.value) {
+            return Err(refuse(2, "a coefficient of restitution lies between 0 and 1"));
+        }
+        let energy_root = number(3)?;
+        if !(0.0..=1.0).contains(&energy_root.value) {
+            let rule = "the root of a ratio of kinetic energies lies between 0 and 1: a frictionless impact gains none";
+            return Err(refuse(3, rule));
+        }
+        let seen = match cell(4) {
+            "" => None,
+            word => Some(Seen::ALL.into_iter().find(|seen| seen.name() == word).ok_or_else(|| {
+                let known = Seen::ALL.map(|seen| format!("'{}'", seen.name())).join(", ");
+                refuse(4, &format!("write nothing or one of {known}"))
+            })?),
+        };
+        let entry = Entry { angle_deg: angle, newton, energy_root, seen };
+        if seen.is_some() && entry.cot() == 0.0 {
+            return Err(refuse(4, "a normal impact has no tangential velocity that could change: leave it empty"));
+        }
+        let row = match rows.iter_mut().position(|row| row.name == name) {
+            Some(k) => &mut rows[k],
+            None => {
+                rows.push(MeasuredRow { name: name.clone(), entries: Vec::new() });
+                let last = rows.len() - 1;
+                &mut rows[last]
+            }
+        };
+        row.entries.push(entry);
+        if row.entries.len() > MOST {
+            return Err(refuse(0, &format!("a row has at most {MOST} measurements: split it")));
+        }
+    }
+    if rows.is_empty() {
+        return Err(shape("there is no measurement in it: a line for each, below the header".into()));
+    }
+    Ok(rows)
+}
+
+/// Where each of [`COLUMNS`] stands.
+fn columns(header: &csv::StringRecord) -> Result<[Option<usize>; 5], String> {
+    let known = COLUMNS.join(", ");
+    let mut place = [None; 5];
+    for (k, name) in header.iter().enumerate() {
+        let Some(column) = COLUMNS.iter().position(|column| *column == name) else {
+            return Err(format!("column '{name}' is not known: the columns are {known}"));
+        };
+        if place[column].replace(k).is_some() {
+            return Err(format!("there are two columns '{name}': keep one"));
+        }
+    }
+    match COLUMNS[..4].iter().zip(place).find(|(_, place)| place.is_none()) {
+        Some((missing, _)) => {
+            Err(format!("column '{missing}' is missing: the header names {known} (the last may be left out)"))
+        }
+        None => Ok(place),
+    }
+}
