@@ -94,7 +94,7 @@ struct Fit {
 
 #[derive(Serialize)]
 struct Implied {
-    tangential_ratio: Bounds,
+    tangential_per_speed: Bounds,
     changes: Vec<&'static str>,
 }
 
@@ -149,7 +149,7 @@ fn told<'a>(row: &'a MeasuredRow, found: &Findings) -> Row<'a> {
         y: point.y,
         y_range: point.range.map(Bounds::from),
         implied: found.implied.get(k).map(|implied| Implied {
-            tangential_ratio: implied.velocity.into(),
+            tangential_per_speed: implied.velocity.into(),
             changes: implied.changes.iter().map(|change| change.name()).collect(),
         }),
     });
@@ -202,7 +202,7 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             };
             let y = point.y_range.as_ref().map_or_else(|| "none: E < e".into(), |y| range(y, "∞"));
             let implied = point.implied.as_ref().map_or_else(String::new, |implied| {
-                format!("{:19} {}", range(&implied.tangential_ratio, "unbounded"), implied.changes.join(" or "))
+                format!("{:19} {}", range(&implied.tangential_per_speed, "unbounded"), implied.changes.join(" or "))
             });
             let seen = point.seen.map_or_else(String::new, |seen| format!(" (seen: {seen})"));
             writeln!(

@@ -86,6 +86,8 @@ fn the_papers_report_names_every_file_and_they_are_there() {
     let claims = report["claims"].as_array().unwrap();
     let confirmed = claims.iter().filter(|claim| claim["confirmed"] == true).count();
     assert!(text.contains(&format!("{confirmed} of {} confirmed", claims.len())));
+    let rows = text.lines().filter(|line| line.starts_with("| ") && line.contains("confirmed"));
+    assert!(rows.clone().count() == claims.len() && rows.into_iter().all(|row| row.matches('|').count() == 5));
     for claim in claims {
         assert!(text.contains(claim["evidence"].as_str().unwrap()), "{claim}");
     }

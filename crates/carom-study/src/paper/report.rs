@@ -139,7 +139,7 @@ impl Paper {
             runs: experiment(arm)?,
             rows,
             motions: [motion(arm, up)?, motion(arm, down)?],
-            forces: [forces(arm, up)?, forces(arm, down)?],
+            forces: [forces(arm, up, FRICTION)?, forces(arm, down, FRICTION)?],
             table: table.into_iter().map(|row| (row.clone(), consistency(&row))).collect(),
             claims: Vec::new(),
         };
@@ -393,7 +393,8 @@ impl Paper {
         text += "| what the paper says | where | this model | numbers |\n| --- | --- | --- | --- |\n";
         for Claim { place, statement, holds, evidence } in &self.claims {
             let verdict = if *holds { "confirmed" } else { "**not confirmed**" };
-            let _ = writeln!(text, "| {statement} | {place} | {verdict} | {evidence} |");
+            let cells = [statement, *place, verdict, evidence].map(|cell| cell.replace('|', "\\|"));
+            let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
         text += "\nThe sizes in Figs. 4 to 10 can't be compared: the text of the paper prints no velocity, force, path or \
                  energy, and Table I is all that it prints of its measurements.\n\n";

@@ -124,9 +124,9 @@ pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError>
 }
 
 /// Fig. 5: a rigid impact has no force, so the contact gives way (Hunt & Crossley, damped so that e comes out as asked).
-pub(super) fn forces(arm: &Chain, elbow: Elbow) -> Result<Forces, PaperError> {
+pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, PaperError> {
     let compliance = Some(Compliance { stiffness: STIFFNESS, exponent: 1.5, slip_speed: SLIP_SPEED });
-    let rule = ContactRule { restitution: RESTITUTION, friction: FRICTION, compliance, ..Default::default() };
+    let rule = ContactRule { restitution: RESTITUTION, friction, compliance, ..Default::default() };
     let (sim, run) = run(arm, elbow, rule)?;
     let missed = || PaperError::Missed { elbow: elbow.name() };
     let [first, last, ..] = run.events.as_slice() else { return Err(missed()) };
