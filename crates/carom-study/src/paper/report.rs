@@ -3,8 +3,8 @@
 use super::claims::{Claim, claims, claims_of_figures};
 use super::simulated::{ANGLE, FRICTION, Forces, RESTITUTION, SPEED, STIFFNESS, TipMotion, forces, motion};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS, experiment, strike};
-use crate::line_chart::{COLOURS, Curve, GREY, PALE, svg};
 use crate::consistency::{Findings, MeasuredRow, consistency, measured_from, v_plot};
+use crate::line_chart::{COLOURS, Curve, GREY, PALE, svg};
 use crate::table::{Table, TableError};
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};

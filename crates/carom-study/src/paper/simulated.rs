@@ -4,7 +4,7 @@ use super::{Elbow, NORMAL, PaperError, TANGENT, strike};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_sim::{
-    Compliance, ContactMode, ContactRule, EventKind, Moment, SimError, Simulation, Surface, Touch, Trajectory,
+    Compliance, ContactMode, ContactRule, EventKind, Holding, Moment, SimError, Simulation, Surface, Touch, Trajectory,
     free_motion,
 };
 use nalgebra::Vector3;
@@ -125,7 +125,8 @@ pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError>
 
 /// Fig. 5: a rigid impact has no force, so the contact gives way (Hunt & Crossley, damped so that e comes out as asked).
 pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, PaperError> {
-    let compliance = Some(Compliance { stiffness: STIFFNESS, exponent: 1.5, slip_speed: SLIP_SPEED });
+    let tangential = Holding::Smoothed { slip_speed: SLIP_SPEED };
+    let compliance = Some(Compliance { tangential, ..Compliance::new(STIFFNESS) });
     let rule = ContactRule { restitution: RESTITUTION, friction, compliance, ..Default::default() };
     let (sim, run) = run(arm, elbow, rule)?;
     let missed = || PaperError::Missed { elbow: elbow.name() };
