@@ -73,7 +73,7 @@ fn scenes_that_can_not_be_are_refused_with_the_reason() {
     desk.refused(
         |text| text.replace("restitution =", "restituton ="),
         "error: s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, \
-         `limit_restitution`, `latch`, `compliance`, `pair`; did you mean `restitution`?",
+         `limit_restitution`, `latch`, `compliance`, `several`, `links`, `pair`; did you mean `restitution`?",
     );
     desk.refused(
         |text| text.replace("0.6364, 0, 0]", "0.63, 0, 0]"),
