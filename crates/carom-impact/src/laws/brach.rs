@@ -1,6 +1,6 @@
 use nalgebra::{RealField, Vector2, convert};
 
-use super::{Law, check_friction, check_impulse_ratio, check_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_impulse_ratio, check_restitution};
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -97,6 +97,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
         let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
     }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Brach(*self)))
+    }
 }
 
 /// Brach's law with the impulse ratio of Coulomb's coefficient towards rest.
@@ -106,19 +110,36 @@ pub(crate) struct BrachTowardsRest<T = f64> {
     pub friction: T,
 }
 
+impl<T: RealField + Copy> BrachTowardsRest<T> {
+    pub(crate) fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Brach<T> {
+        let Self { restitution, friction } = *self;
+        let contact = Contact::of(problem);
+        let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
+        Brach { restitution, impulse_ratio: if turned { friction } else { -friction } }
+    }
+}
+
 impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
     fn name(&self) -> &'static str {
         "brach"
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        let Self { restitution, friction } = *self;
-        check_friction(friction)?;
-        let contact = Contact::of(problem);
-        let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
-        let impulse_ratio = if turned { friction } else { -friction };
-        Brach { restitution, impulse_ratio }.resolve(problem)
+        check_friction(self.friction)?;
+        self.towards_rest(problem).resolve(problem)
     }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::BrachTowardsRest(*self)))
+    }
+}
+
+/// The ratio asked for along the first slip, and the bound that would clip a stronger one of the same sign.
+pub(crate) fn asked_and_bound<const D: usize>(law: &Brach, problem: &ImpactProblem<f64, D>) -> (f64, f64) {
+    let contact = Contact::of(problem);
+    let plane = Plane::of(&contact, &direction(&contact), law.restitution);
+    let asked = law.impulse_ratio;
+    (asked, plane.clipped(asked.signum() * (1.0 + asked.abs()) * 1e6).0)
 }
 
 /// Along the slip; without slip where the normal impulse drives it; without either, none.

@@ -1,6 +1,6 @@
 use nalgebra::RealField;
 
-use super::{Law, check_friction, check_restitution, check_tangential_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_restitution, check_tangential_restitution};
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -101,5 +101,9 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::ChatterjeeRuina(*self)))
     }
 }

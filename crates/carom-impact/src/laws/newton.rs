@@ -1,6 +1,6 @@
 use nalgebra::RealField;
 
-use super::Law;
+use super::{AnyLaw, Kind, Law};
 use crate::plane::resolve_by_walk;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -57,5 +57,9 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
         resolve_by_walk(name, e, mu, problem, Ending::Velocity)
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Newton(*self)))
     }
 }

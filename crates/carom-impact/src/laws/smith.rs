@@ -1,6 +1,6 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
-use super::{Law, check_friction, check_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_restitution};
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
@@ -82,6 +82,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Smith(*self)))
     }
 }
 

@@ -1,11 +1,11 @@
 use nalgebra::{RealField, convert};
 
-use super::Law;
+use super::{AnyLaw, Kind, Law};
 use crate::cone::Cone;
 use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
-use crate::plane::{Answer, resolve_with_friction};
+use crate::plane::{Answer, Turns, resolve_with_friction};
 use crate::problem::{plain, rounding};
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -74,6 +74,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
         let in_plane = |contact: &_| algebraic(contact, e, mu);
         resolve_with_friction(name, e, mu, problem, in_plane, || in_space(problem, e, mu))
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Whittaker(*self)))
     }
 }
 
@@ -172,7 +176,9 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T) ->
             energetic: coefficient_of_work(returned, taken),
             mode,
             slip_end: None,
+            slip_stop: None,
             flags,
         },
+        turns: Turns::AtTheEnd,
     })
 }
