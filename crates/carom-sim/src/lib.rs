@@ -9,6 +9,7 @@
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
 
+mod derivative;
 mod drive;
 mod error;
 mod free_motion;
@@ -16,6 +17,7 @@ mod frictionless;
 mod leg;
 mod motion;
 mod plan;
+mod saltation;
 mod scene;
 mod scene_file;
 mod settle;
@@ -26,14 +28,16 @@ mod strike;
 mod touch;
 mod trajectory;
 
+pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
+pub use saltation::{Jump, Saltation, saltation};
 pub use scene::Scene;
 pub use simulate::{Integrator, Simulation};
-pub use strike::{ChainImpact, Contact, Impacts, Strike};
+pub use strike::{ChainImpact, Contact, ImpactBand, Impacts, Strike};
 pub use touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
