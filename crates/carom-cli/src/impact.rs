@@ -2,12 +2,13 @@
 
 use crate::RobotArgs;
 use crate::error::CliError;
-use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
+use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_range, parse_vector};
 use crate::law::{All, LawArgs};
 use crate::output::{row, short};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
+use carom_impact::{CoefficientRanges, Law};
+use carom_sim::{ChainImpact, Contact, Impacts, JointModel, SimError};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -25,6 +26,15 @@ pub struct Impact {
     law: LawArgs,
     #[command(flatten)]
     drives: Drives,
+    /// The derivatives of qd⁺ by q (along unit motions of qd), qd⁻, restitution and friction, and how far the next mode is
+    #[arg(long, conflicts_with_all = ["locked", "contact_time"])]
+    derivatives: bool,
+    /// Bounds of the outcome while the restitution lies in this range, whatever --restitution is
+    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    restitution_range: Option<[f64; 2]>,
+    /// Bounds of the outcome while the friction lies in this range, whatever --friction is
+    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    friction_range: Option<[f64; 2]>,
 }
 
 /// What the drives do during the impact; nothing, if none of this is given.
@@ -106,6 +116,12 @@ struct Answer {
     /// Every outcome that satisfies the law, this one first; only where there are several.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     branches: Vec<Branch>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    derivatives: Option<Derivatives>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mode_margin: Option<Margin>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    band: Option<Bounds>,
 }
 
 #[derive(Serialize)]
@@ -117,9 +133,38 @@ struct Branch {
     energy_ratio: f64,
 }
 
+/// Of qd⁺; matrices as rows.
+#[derive(Serialize)]
+struct Derivatives {
+    q: Vec<Vec<f64>>,
+    qd: Vec<Vec<f64>>,
+    restitution: Vec<f64>,
+    friction: Vec<f64>,
+}
+
+/// The nearest boundary of the mode; left out where there is no impact.
+#[derive(Serialize)]
+struct Margin {
+    margin: f64,
+    edge: &'static str,
+    beyond: &'static str,
+}
+
+/// Lowest and highest of each number.
+#[derive(Serialize)]
+struct Bounds {
+    restitution: [f64; 2],
+    friction: [f64; 2],
+    qd_plus: Vec<[f64; 2]>,
+    u_plus: [[f64; 2]; 3],
+    impulse: [[f64; 2]; 3],
+    exact: bool,
+}
+
 impl Impact {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let laws = self.law.laws::<3>()?;
+        let ranges = self.ranges()?;
         let chain = self.robot.load()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let tip = self.robot.frame(&chain, &self.state.tip)?;
@@ -141,14 +186,79 @@ impl Impact {
             limits.check(&chain, &q, place);
             let mut all = All::default();
             for (name, law) in &laws {
-                match contact.branches(law.as_ref()) {
-                    Ok(hits) => all.outcomes.extend(outcome(name, &hits, &order, joints != JointModel::Free)),
+                match self.answer(
+                    &mut contact,
+                    (*name, law.as_ref()),
+                    ranges.as_ref(),
+                    &order,
+                    joints != JointModel::Free,
+                ) {
+                    Ok(answer) => all.outcomes.extend(answer),
                     Err(SimError::Impact(why)) if laws.len() > 1 => all.refuse(name, &why)?,
                     Err(why) => return Err(why.into()),
                 }
             }
             all.answer(out, self.state.json, laws.len(), |all, out| for_people(all, &order, out))
         })
+    }
+}
+
+impl Impact {
+    fn ranges(&self) -> Result<Option<CoefficientRanges>, CliError> {
+        if self.restitution_range.is_none() && self.friction_range.is_none() {
+            return Ok(None);
+        }
+        let (e, mu) = (self.law.restitution, self.law.friction);
+        let restitution = self.restitution_range.unwrap_or([e, e]);
+        let friction = self.friction_range.unwrap_or([mu, mu]);
+        if !(0.0 <= restitution[0] && restitution[1] <= 1.0) {
+            let [low, high] = restitution;
+            let rule = "a coefficient of restitution lies between 0 and 1";
+            return Err(CliError::Option(format!("--restitution-range {low}:{high}: {rule}")));
+        }
+        if friction[0] < 0.0 {
+            let [low, high] = friction;
+            return Err(CliError::Option(format!(
+                "--friction-range {low}:{high}: a coefficient of friction is not negative"
+            )));
+        }
+        Ok(Some(CoefficientRanges { restitution, friction }))
+    }
+
+    fn answer(
+        &self,
+        contact: &mut Contact,
+        law: (&'static str, &dyn Law<f64, 3>),
+        ranges: Option<&CoefficientRanges>,
+        order: &JointOrder,
+        driven: bool,
+    ) -> Result<Option<Answer>, SimError> {
+        let (name, law) = law;
+        let Some(mut answer) = outcome(name, &contact.branches(law)?, order, driven) else { return Ok(None) };
+        if self.derivatives {
+            let found = contact.derivative(law)?;
+            answer.derivatives = Some(Derivatives {
+                q: order.square(&found.q),
+                qd: order.square(&found.qd),
+                restitution: order.theirs(found.restitution.as_slice()),
+                friction: order.theirs(found.friction.as_slice()),
+            });
+            let nearest = contact.problem().boundaries(law)?.into_iter().next();
+            answer.mode_margin =
+                nearest.map(|b| Margin { margin: b.margin, edge: b.edge.name(), beyond: b.beyond.name() });
+        }
+        if let Some(ranges) = ranges {
+            let band = contact.band(law, ranges)?;
+            answer.band = Some(Bounds {
+                restitution: ranges.restitution,
+                friction: ranges.friction,
+                qd_plus: order.theirs(&band.qd_plus),
+                u_plus: band.u_plus,
+                impulse: band.impulse,
+                exact: band.exact,
+            });
+        }
+        Ok(Some(answer))
     }
 }
 
@@ -176,6 +286,9 @@ fn outcome(law: &'static str, hits: &[ChainImpact], order: &JointOrder, driven: 
         drive_impulse: driven.then(|| order.theirs(&hit.drive_impulse)),
         drive_work: driven.then_some(hit.drive_work),
         branches: if hits.len() > 1 { hits.iter().map(branch).collect() } else { Vec::new() },
+        derivatives: None,
+        mode_margin: None,
+        band: None,
     })
 }
 
@@ -204,6 +317,27 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
             writeln!(out, "  or also        {:12} qd⁺ {}", other.mode, row(&other.qd_plus))?;
             writeln!(out, "{:29} u⁺  {} m/s", "", row(&other.u_plus))?;
             writeln!(out, "{:29} p   {} N s, T⁺/T⁻ {}", "", row(&other.impulse), short(other.energy_ratio))?;
+        }
+        if let Some(Derivatives { q, qd, restitution, friction }) = &a.derivatives {
+            for (by, rows) in [("q", q), ("qd⁻", qd)] {
+                for (k, numbers) in rows.iter().enumerate() {
+                    let head = if k == 0 { format!("∂qd⁺/∂{by}") } else { String::new() };
+                    writeln!(out, "{:29} {head:12} {}", "", row(numbers))?;
+                }
+            }
+            writeln!(out, "{:29} {:12} {}", "", "∂qd⁺/∂e", row(restitution))?;
+            writeln!(out, "{:29} {:12} {}", "", "∂qd⁺/∂μ", row(friction))?;
+        }
+        if let Some(Margin { margin, edge, beyond }) = &a.mode_margin {
+            writeln!(out, "{:29} nearest mode {beyond}, at {edge}, margin {}", "", short(*margin))?;
+        }
+        if let Some(band) = &a.band {
+            let ([e0, e1], [m0, m1]) = (band.restitution, band.friction);
+            let how = if band.exact { "exact" } else { "sampled, possibly too narrow" };
+            writeln!(out, "{:29} e in {e0} … {e1}, μ in {m0} … {m1} ({how})", "")?;
+            let pick = |k: usize| band.qd_plus.iter().map(|b| b[k]).collect::<Vec<_>>();
+            writeln!(out, "{:29} qd⁺ from {}", "", row(&pick(0)))?;
+            writeln!(out, "{:29}     to   {}", "", row(&pick(1)))?;
         }
     }
     for refused in &all.refused {

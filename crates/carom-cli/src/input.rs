@@ -34,6 +34,17 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     numbers.try_into().map_err(|n: Vec<f64>| format!("{} numbers, three are needed: x,y,z", n.len()))
 }
 
+/// Two numbers in order: `low:high`.
+pub fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(':').map(|x| x.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|e| format!("{e}: write two numbers, like 0.3:0.4"))?;
+    match numbers.as_slice() {
+        [low, high] if low.is_finite() && high.is_finite() && low <= high => Ok([*low, *high]),
+        [low, high] => Err(format!("{low} to {high} is no range: the lower number comes first, and both are finite")),
+        _ => Err(format!("{} numbers, two are needed: low:high", numbers.len())),
+    }
+}
+
 /// A line of `--states`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -195,7 +206,7 @@ impl JointOrder {
     }
 
     /// The caller's order of a vector of length nv.
-    pub fn theirs(&self, ours: &[f64]) -> Vec<f64> {
+    pub fn theirs<X: Copy>(&self, ours: &[X]) -> Vec<X> {
         self.v.iter().map(|&i| ours[i]).collect()
     }
 

@@ -20,10 +20,10 @@ pub struct LawArgs {
     law: String,
     /// Coefficient of restitution, 0 to 1, in the law's own sense (Newton, Poisson, Energetic)
     #[arg(long, value_name = "E", allow_hyphen_values = true)]
-    restitution: f64,
+    pub restitution: f64,
     /// Coefficient of friction, 0 or more
     #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
-    friction: f64,
+    pub friction: f64,
     /// Coefficient of tangential restitution, -1 to 1, for `chatterjee-ruina`; 0 if not given
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]
     tangential_restitution: Option<f64>,

@@ -6,6 +6,26 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImpactError {
+    /// A range whose ends are not in order.
+    #[error("the range of {what} is {low} to {high}: give the lower number first, and no NaN")]
+    Range {
+        /// Of what.
+        what: &'static str,
+        /// First end.
+        low: f64,
+        /// Last end.
+        high: f64,
+    },
+
+    /// A law that is not one of this crate's.
+    #[error("{law} has no derivative: only the laws of this crate can be carried over to dual numbers ({known})")]
+    NotDifferentiable {
+        /// Its name.
+        law: &'static str,
+        /// The laws that have one.
+        known: String,
+    },
+
     /// A NaN or an infinity in the input.
     #[error(
         "{entry} is {value}: every number of an impact problem must be finite; \

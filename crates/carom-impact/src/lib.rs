@@ -85,10 +85,13 @@
 //! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
 //! swept over a million problems, and differentiated, without building a chain first.
 
+mod band;
+mod boundary;
 mod branches;
 mod compliant;
 mod cone;
 mod contact;
+mod derivative;
 mod error;
 mod flags;
 mod flow;
@@ -99,16 +102,19 @@ mod problem;
 mod routh;
 mod several;
 
+pub use band::{Band, CoefficientRanges};
+pub use boundary::{Boundary, Edge};
 pub use compliant::{
     Bristle, CompliantOutcome, Damping, HuntCrossley, KelvinVoigt, NormalForce, Pressed, RoundBody, SmoothedCoulomb,
     TangentialForce, WaltonBraun, compliant_impact, damping_root, hertz_stiffness, restitution_obtained,
 };
+pub use derivative::{Direction, LawDerivative, OneSided, Side};
 pub use error::ImpactError;
 pub use flags::Flags;
 pub use flow::{ImpulsePath, InvariantDirection, PathPoint};
 pub use laws::{
-    Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith, Whittaker,
-    law_by_name,
+    AnyLaw, Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith,
+    Whittaker, law_by_name,
 };
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;

@@ -46,6 +46,8 @@ pub struct ImpactOutcome<T, const D: usize> {
     /// Phase in which the first slip stopped; `None` if it never did or never began. Friction-free
     /// and algebraic laws follow no path in time and leave it `None`.
     pub slip_end: Option<Phase>,
+    /// Normal impulse at which that slip stopped (N s).
+    pub slip_stop: Option<T>,
     /// Warnings.
     pub flags: Flags,
 }
@@ -83,6 +85,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             poisson: None,
             energetic: None,
             slip_end: None,
+            slip_stop: None,
             flags: flags | Flags::NO_APPROACH,
         }
     }
@@ -119,6 +122,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             poisson: account.poisson,
             energetic: account.energetic,
             slip_end: account.slip_end,
+            slip_stop: account.slip_stop,
             flags: account.flags
                 | Flags::ENERGY_GAIN.when(gains)
                 | Flags::GRAZING.when(grazes)
@@ -137,6 +141,7 @@ pub(crate) struct Account<T> {
     pub energetic: Option<T>,
     pub mode: Mode,
     pub slip_end: Option<Phase>,
+    pub slip_stop: Option<T>,
     pub flags: Flags,
 }
 
@@ -162,6 +167,7 @@ impl<T: RealField + Copy> Account<T> {
             energetic: e,
             mode: Mode::between(u_minus, u_plus),
             slip_end: None,
+            slip_stop: None,
             flags: Flags::NONE,
         }
     }

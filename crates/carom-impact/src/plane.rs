@@ -6,20 +6,31 @@
 //! an exact reduction, and a closed form. Where it fails slip turns as it goes, and the law works in
 //! space (`flow/`, `cone.rs`).
 
-use nalgebra::{Matrix2, RealField, SVector, Vector2};
+use std::any::TypeId;
+
+use nalgebra::{Matrix2, RealField, SVector, Vector2, convert};
 
 use crate::branches::Answers;
 use crate::contact::Contact;
 use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
 use crate::outcome::Account;
-use crate::problem::rounding;
+use crate::problem::{plain, rounding};
 use crate::routh::{Ending, walk};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A coupling below this multiple of ε, beside the largest entry of H (or a velocity, beside
 /// `|u|`), is taken for rounding.
 const PLANE: f64 = 256.0;
+
+/// When friction follows a slip that turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Turns {
+    /// At every instant.
+    InTime,
+    /// Only the last slip counts.
+    AtTheEnd,
+}
 
 /// What a law finds in the plane of slip, before it is lifted back.
 #[derive(Debug, Clone, Copy)]
@@ -29,6 +40,7 @@ pub(crate) struct Answer<T> {
     pub v_t: T,
     pub v_n: T,
     pub account: Account<T>,
+    pub turns: Turns,
 }
 
 /// A law that answers by Routh's method, in the plane of slip or in space.
@@ -93,6 +105,11 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
 }
 
+/// The planar contact that the slip never leaves, if there is one.
+pub(crate) fn in_slip_plane<const D: usize>(problem: &ImpactProblem<f64, D>) -> Option<ImpactProblem<f64, 2>> {
+    Some(SlipPlane::of(problem)?.contact(problem))
+}
+
 /// The plane through the normal in which the slip stays.
 struct SlipPlane<T, const D: usize> {
     /// Unit tangent; zero if nothing moves or drives the contact along any tangent.
@@ -123,7 +140,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         }
         let drive = h.column(D - 1).into_owned();
         match along(&drive) {
-            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: T::zero() }.check(problem),
+            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: rest(t.dot(u)) }.check(problem),
             _ => Some(Self { t: SVector::zeros(), v_t: T::zero() }),
         }
     }
@@ -151,7 +168,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(self.v_t, problem.u_minus()[n]))
     }
 
-    /// The answer in contact axes: across the plane nothing moves.
+    /// The answer in contact axes: across the plane nothing moves, but derivatives do.
     fn lift(
         &self,
         law: &'static str,
@@ -169,8 +186,117 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         impulse[D - 1] = answer.p_n;
         let mut u_plus = self.t * answer.v_t;
         u_plus[D - 1] = answer.v_n;
+        if D == 3 && mu > T::zero() && has_derivatives::<T>() {
+            let (across, velocity) = self.across(problem, &answer, mu);
+            impulse += across;
+            u_plus += velocity;
+        }
         ImpactOutcome::of(law, problem, impulse, u_plus, &answer.account)
     }
+}
+
+/// Zero, with the derivative of x.
+fn rest<T: RealField + Copy>(x: T) -> T {
+    x - convert(plain(x))
+}
+
+/// Whether `T` is more than a number. For numbers all that goes on across the plane is rounding.
+fn has_derivatives<T: 'static>() -> bool {
+    let this = TypeId::of::<T>();
+    this != TypeId::of::<f64>() && this != TypeId::of::<f32>()
+}
+
+impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
+    /// Impulse and velocity across the plane, to first order in what leads out of it: `H_bt`, `H_bn` and `u_b`, whose
+    /// values are rounding, but whose derivatives need not be.
+    ///
+    /// While the contact slips at speed r in direction s, friction turns with the slip, `p_b' = -μ w/r`, so that
+    /// `w' = κ - μ H_bb w/r` with `κ = H_bn - μ s H_bt`; r changes at a constant rate ρ. From w = 0:
+    ///
+    /// ```text
+    /// p_b = -μ κ r₀ S² e[0, ρS, -μ H_bb S],   S = ∫ dp/r,   e[…] the divided difference of exp
+    /// ```
+    ///
+    /// Slip that begins from rest keeps `w/r`; a contact that sticks, or whose slip stops, has `w = 0`. (Where slip stops,
+    /// w goes to zero as `r^α` with `α = μ H_bb/|ρ|`. Next to the plane it passes by zero at a distance of the order
+    /// `δ^{1/(1-α)}`, δ being that to the plane: of higher order, but for small α by little.)
+    fn across(&self, problem: &ImpactProblem<T, D>, answer: &Answer<T>, mu: T) -> (SVector<T, D>, SVector<T, D>) {
+        let (zero, contact) = (T::zero(), Contact::of(problem));
+        let t = Vector2::from_fn(|i, _| if i < D - 1 { self.t[i] } else { zero });
+        let lift = |x: Vector2<T>| Contact::lift::<D>(&x, zero);
+        if t.amax() == zero {
+            // At rest, driven nowhere: it sticks.
+            let p = -contact.mobility().least_solution(&(contact.slip + contact.coupling * answer.p_n));
+            return (lift(p), SVector::zeros());
+        }
+        // The first slip, or the one to come, is along t.
+        let v_t = self.v_t;
+        let v_plus = answer.v_t;
+        let b = Vector2::new(-t.y, t.x);
+        let row = contact.tangents * b;
+        let (h_bt, h_bb, h_bn) = (row.dot(&t), row.dot(&b), contact.coupling.dot(&b));
+        let (along, drive, w) = (t.dot(&(contact.tangents * t)), contact.coupling.dot(&t), contact.slip.dot(&b));
+        let frozen = h_bb <= contact.floor();
+        let by = |x: T| if frozen { zero } else { x / h_bb };
+        let pushed = h_bt * answer.p_t + h_bn * answer.p_n;
+        if v_plus == zero {
+            // Whatever the way, w = 0 at its end.
+            return (lift(b * -by(w + pushed)), SVector::zeros());
+        }
+        if answer.turns == Turns::AtTheEnd {
+            let share = answer.p_t.abs() / v_plus.abs();
+            let end = (w + pushed) / (T::one() + h_bb * share);
+            return (lift(b * -(end * share)), lift(b * end));
+        }
+        let stop = answer.account.slip_stop;
+        let (first, rest) = match stop {
+            Some(p) => (p, answer.p_n - p),
+            None if v_t == zero => (zero, answer.p_n),
+            None => (answer.p_n, zero),
+        };
+        let (mut p_b, mut end) = (zero, zero);
+        if v_t != zero {
+            let kappa = h_bn - mu * h_bt;
+            if stop.is_some() {
+                p_b = -by(kappa * first);
+            } else {
+                // Only the derivative of κ counts, whose factor is a plain number.
+                let [r, rate, spread, p] = [v_t, drive - mu * along, mu * h_bb, first].map(plain);
+                let s = if rate == 0.0 { p / r } else { (rate * p / r).ln_1p() / rate };
+                let weight = r * s * s * exp_divided([0.0, rate * s, -spread * s]);
+                p_b = -mu * kappa * convert::<f64, T>(weight);
+                end = kappa * first + h_bb * p_b;
+            }
+        }
+        if v_t == zero || stop.is_some() {
+            // Slip back, or away, in direction s t + η b.
+            let s = if v_t == zero { v_plus.signum() } else { -T::one() };
+            let eta = (h_bn - mu * s * h_bt) / (s * drive - mu * along + mu * h_bb);
+            p_b -= mu * eta * rest;
+            end = eta * v_plus.abs();
+        }
+        (lift(b * p_b), lift(b * end))
+    }
+}
+
+/// The divided difference `e[a, b, c]` of the exponential: its mean second derivative over the three, halved.
+fn exp_divided(mut x: [f64; 3]) -> f64 {
+    x.sort_by(f64::total_cmp);
+    let [a, b, c] = x;
+    if c - a < 0.5 {
+        // Σ h_k(x - b)/(k + 2)!, with the complete symmetric polynomials h_k of (a - b) and (c - b).
+        let (left, right) = (a - b, c - b);
+        let (mut sum, mut h, mut power, mut factorial) = (0.0, 1.0, 1.0, 2.0);
+        for k in 0..20 {
+            sum += h / factorial;
+            power *= right;
+            h = h * left + power;
+            factorial *= f64::from(k + 3);
+        }
+        return b.exp() * sum;
+    }
+    let first = |a: f64, b: f64| if b == a { a.exp() } else { b.exp() * (a - b).exp_m1() / (a - b) };
+    (first(b, c) - first(a, b)) / (c - a)
 }
 
 /// Unit vector along the tangential part of `x`; `None` if that is zero.

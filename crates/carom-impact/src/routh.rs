@@ -34,7 +34,7 @@
 use nalgebra::{RealField, convert};
 
 use crate::outcome::{Account, Mode, Phase};
-use crate::plane::Answer;
+use crate::plane::{Answer, Turns};
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
 
@@ -62,7 +62,7 @@ struct Segment<T> {
 }
 
 impl<T: RealField + Copy> Segment<T> {
-    /// Slip in direction s = ±1 (or 0: no friction yet, for a segment of no length).
+    /// Slip in direction s = ±1.
     fn slip(contact: &ImpactProblem<T, 2>, mu: T, s: T, mode: Mode) -> Self {
         let (a, b, c) = contact.abc();
         Self { mode, tangent_rate: b - mu * s * a, normal_rate: c - mu * s * b, friction_rate: -mu * s }
@@ -138,10 +138,16 @@ pub(crate) fn walk<T: RealField + Copy>(
 ) -> Result<Answer<T>, ImpactError> {
     let zero = T::zero();
     let (v_t, v_n) = contact.velocity();
-    let s = sign(v_t);
-    let first = Segment::slip(contact, mu, s, Mode::Slip);
     let held = contact.held_inverse_mass();
-    let then = after_slip(contact, mu, s, held);
+    let then = after_slip(contact, mu, sign(v_t), held);
+    // Without slip there is but what follows. If that is stick, a slip too small to see (the derivative of one) stops
+    // at once, in whichever direction; if not, it goes on as what follows does.
+    let s = match sign(v_t) {
+        s if s != zero => s,
+        _ if then.mode == Mode::Stick => T::one(),
+        _ => sign(contact.abc().1),
+    };
+    let first = Segment::slip(contact, mu, s, Mode::Slip);
     let locked = contact.is_locked(then.normal_rate);
     let wedged = |held: T, inverse_mass: T| ImpactError::Wedged {
         friction: plain(mu),
@@ -151,8 +157,8 @@ pub(crate) fn walk<T: RealField + Copy>(
     };
 
     // p1: slip stops. It does at once if there is none.
-    let slip_stops = if v_t == zero {
-        Some(zero)
+    let slip_stops = if v_t == zero && then.mode == Mode::Stick {
+        Some(if first.tangent_rate == zero { zero } else { -v_t / first.tangent_rate })
     } else if s * first.tangent_rate < zero {
         Some(-v_t / first.tangent_rate)
     } else {
@@ -215,8 +221,10 @@ pub(crate) fn walk<T: RealField + Copy>(
             energetic: Some(coefficient_of_work(up.normal_work, down.normal_work)),
             mode: if slip_end.is_some() { then.mode } else { first.mode },
             slip_end: if v_t == zero { None } else { slip_end },
+            slip_stop: slip_stops.filter(|_| slip_end.is_some() && v_t != zero),
             flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),
         },
+        turns: Turns::InTime,
     })
 }
 

@@ -109,11 +109,11 @@ fn space_jump_lanes4(bencher: Bencher, name: &str) {
 }
 
 /// The checked way for people: allocates, looks at every number, finds singular directions.
-#[divan::bench(args = ["planar2", "arm7"])]
+#[divan::bench(args = ["planar2", "planar3", "arm7"])]
 fn checked_strike_frictionless(bencher: Bencher, name: &str) {
     checked(bencher, name, &Frictionless { restitution: 0.35 });
 }
-#[divan::bench(args = ["planar2"])]
+#[divan::bench(args = ["planar2", "planar3", "arm7"])]
 fn checked_strike_energetic(bencher: Bencher, name: &str) {
     checked(bencher, name, &Energetic { restitution: 0.35, friction: 0.2 });
 }
@@ -123,4 +123,21 @@ fn checked(bencher: Bencher, name: &str, law: &dyn Law<f64, 3>) {
     let tip = chain.frame("tip").unwrap();
     let q: Vec<f64> = state(chain.nv());
     bencher.bench_local(|| chain.impact(&q, &q).at(tip).normal([-1.0, 0.0, 0.0]).resolve(law).unwrap());
+}
+
+/// The same with all derivatives of qd⁺: by q, qd⁻, e and μ. Divide by the strike above it.
+#[divan::bench(args = ["planar2", "planar3", "arm7"])]
+fn derivative_frictionless(bencher: Bencher, name: &str) {
+    derivative(bencher, name, &Frictionless { restitution: 0.35 });
+}
+#[divan::bench(args = ["planar2", "planar3", "arm7"])]
+fn derivative_energetic(bencher: Bencher, name: &str) {
+    derivative(bencher, name, &Energetic { restitution: 0.35, friction: 0.2 });
+}
+
+fn derivative(bencher: Bencher, name: &str, law: &dyn Law<f64, 3>) {
+    let chain = robot(name);
+    let tip = chain.frame("tip").unwrap();
+    let q: Vec<f64> = state(chain.nv());
+    bencher.bench_local(|| chain.impact(&q, &q).at(tip).normal([-1.0, 0.0, 0.0]).derivative(law).unwrap());
 }

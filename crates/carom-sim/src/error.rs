@@ -148,6 +148,9 @@ pub enum SimError {
         /// Coefficient of friction.
         friction: f64,
     },
+    /// Derivatives know joints that are free only.
+    #[error("an impact with held joints has no derivative here: ask for it with the joints free")]
+    DerivativeOfHeldJoints,
     /// No law of that name.
     #[error("no law is named '{name}': the laws are {known}")]
     UnknownLaw {

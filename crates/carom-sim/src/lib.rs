@@ -10,6 +10,7 @@
 //! normal velocity; impulses act on the robot.
 
 mod compliance;
+mod derivative;
 mod drive;
 mod error;
 mod free_motion;
@@ -17,6 +18,7 @@ mod frictionless;
 mod leg;
 mod motion;
 mod plan;
+mod saltation;
 mod scene;
 mod scene_file;
 mod settle;
@@ -28,15 +30,17 @@ mod touch;
 mod trajectory;
 
 pub use compliance::{Compliance, Holding, Yielding};
+pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
+pub use saltation::{Jump, Saltation, saltation};
 pub use scene::Scene;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
-pub use strike::{ChainImpact, Contact, Impacts, JointModel, Strike};
+pub use strike::{ChainImpact, Contact, ImpactBand, Impacts, JointModel, Strike};
 pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,

@@ -14,11 +14,14 @@
 //! | W | nv | inertia by which drives resist, added to the diagonal of M; infinite where a joint is locked | – |
 //! | j | nv | impulse of the drives, −W (q̇⁺ − q̇⁻) | `drive_impulse` |
 
+use crate::derivative::{At, ImpactDerivative, PlaneContact, differentiate};
 use crate::error::SimError;
+use crate::saltation::{Saltation, saltation};
+use crate::trajectory::Moment;
 use carom_chain::algebra::z_onto;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, ChainError, ContactInertia, Coordinates, FrameId, Point, Spatial, Workspace};
-use carom_impact::{Flags, ImpactOutcome, ImpactProblem, Law, Mode};
+use carom_impact::{CoefficientRanges, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Asks a chain about impacts; in the prelude, so that `chain.impact(&q, &qd)` reads as it should.
@@ -113,6 +116,55 @@ impl<'a> Strike<'a> {
     pub fn branches(self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
         self.contact()?.branches(law)
     }
+
+    /// The impact under one law, with the derivatives of `qd_plus` by q, qd⁻, e and μ. The material point that touches and
+    /// the normal stay as they are.
+    ///
+    /// ```
+    /// # use carom_chain::uniform_chain;
+    /// # use carom_impact::Energetic;
+    /// # use carom_sim::Impacts;
+    /// let arm = uniform_chain(2, 1.0, 1.0)?;
+    /// let tip = arm.frame("tip")?;
+    /// let (q, qd) = ([0.3, 0.7], [-0.5, -1.0]);
+    /// let law = Energetic { restitution: 0.5, friction: 0.3 };
+    /// let derivative = arm.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]).derivative(&law)?;
+    /// // Twice the speed, twice the jump: qd⁺ is of first degree in qd⁻ (Euler).
+    /// let by_speed = &derivative.qd * nalgebra::DVector::from_column_slice(&qd);
+    /// assert!((by_speed - nalgebra::DVector::from_vec(derivative.hit.qd_plus)).amax() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Strike::resolve`], and for a law from elsewhere.
+    pub fn derivative(self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        self.contact()?.derivative(law)
+    }
+
+    /// Bounds of the outcome while e and μ lie in their ranges: see [`Contact::band`].
+    ///
+    /// # Errors
+    /// As [`Strike::contact`] and [`Contact::band`].
+    pub fn band(self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
+        self.contact()?.band(law, ranges)
+    }
+
+    /// The saltation matrix of this impact with a plane at rest, for a chain that gravity (world, m/s²) alone moves before
+    /// and after: see [`saltation`](crate::saltation()).
+    ///
+    /// # Errors
+    /// As [`Strike::derivative`]; a point that does not approach.
+    pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: [f64; 3]) -> Result<Saltation, SimError> {
+        let contact = self.contact()?;
+        let Contact { chain, q, qd, frame, offset, axes, .. } = contact;
+        let plane = PlaneContact { frame, offset, radius: 0.0, axes, motion: None };
+        let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };
+        saltation(chain, &moment, &plane, law, |at| {
+            let mut workspace = chain.workspace();
+            let tau = vec![0.0; at.qd.len()];
+            Ok(workspace.update(chain, &at.q)?.forward_dynamics(&at.qd, &tau, gravity.into())?)
+        })
+    }
 }
 
 /// A contact at one state of a chain, ready for any law.
@@ -125,6 +177,8 @@ pub struct Contact<'a> {
     /// Contact axes in the world: two tangents, then the normal.
     axes: Matrix3<f64>,
     jacobian: DMatrix<f64>,
+    frame: FrameId,
+    offset: Vector3<f64>,
     inertia: ContactInertia,
     problem: ImpactProblem<f64, 3>,
     /// Diagonal of W, if the drives act.
@@ -160,7 +214,7 @@ impl<'a> Contact<'a> {
         let axes = z_onto(normal);
         let delassus = Matrix3::from_fn(|i, j| inertia.delassus[(i, j)]);
         let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
-        Ok(Self { chain, q, qd, workspace, axes, jacobian, inertia, problem, added })
+        Ok(Self { chain, q, qd, workspace, axes, jacobian, frame, offset, inertia, problem, added })
     }
 
     /// The numbers that a law sees: contact axes, tangents first, normal last.
@@ -213,6 +267,52 @@ impl<'a> Contact<'a> {
             hit.drive_work = 0.5 * DVector::from_column_slice(&hit.drive_impulse).dot(&(before + qd_plus));
         }
         Ok(hit)
+    }
+
+    /// Between which bounds the outcome lies while e and μ lie in their ranges: see
+    /// [`ImpactProblem::band`](carom_impact::ImpactProblem::band) for where it is exact, and where sampled.
+    ///
+    /// # Errors
+    /// What the law refuses anywhere it is asked; a range that is not one; a law from elsewhere.
+    pub fn band(&self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
+        let Self { problem, axes, inertia, .. } = self;
+        // Rows over the impulse in contact axes: those of qd⁺, of u⁺ and of P itself.
+        let joints = &inertia.response * axes;
+        let velocity = axes * problem.delassus();
+        let rows = joints.row_iter().map(|row| row.transpose());
+        let rows = rows.chain((0..3).map(|i| velocity.row(i).transpose()));
+        let rows: Vec<Vector3<f64>> = rows.chain((0..3).map(|i| axes.row(i).transpose())).collect();
+        let found = problem.band(law, ranges, &rows)?;
+        let u_minus = axes * problem.u_minus();
+        let before = self.qd.iter().chain(u_minus.iter()).copied().chain([0.0; 3]);
+        let bounds = before.zip(found.low.iter().zip(&found.high));
+        let mut bounds: Vec<[f64; 2]> = bounds.map(|(x, (low, high))| [x + low, x + high]).collect();
+        let rest = bounds.split_off(self.qd.len());
+        Ok(ImpactBand {
+            qd_plus: bounds,
+            u_plus: [rest[0], rest[1], rest[2]],
+            impulse: [rest[3], rest[4], rest[5]],
+            exact: found.exact,
+            evaluations: found.evaluations,
+        })
+    }
+
+    /// The impact under one law with its derivatives: see [`Strike::derivative`].
+    ///
+    /// # Errors
+    /// What the law refuses; a law from elsewhere; joints that are held.
+    pub fn derivative(&mut self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        if self.added.is_some() {
+            return Err(SimError::DerivativeOfHeldJoints);
+        }
+        let law = self.problem.differentiate(law)?;
+        let contact =
+            PlaneContact { frame: self.frame, offset: self.offset, radius: 0.0, axes: self.axes, motion: None };
+        let rows = self.axes.transpose() * &self.jacobian;
+        let state = At { chain: self.chain, q: self.q, qd: self.qd, time: 0.0 };
+        let by = differentiate(state, &contact, &rows, &(&self.inertia.response * self.axes), &law)?;
+        let hit = self.carry(law.outcome)?;
+        Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })
     }
 }
 
@@ -325,6 +425,21 @@ impl JointModel<'_> {
         }
         Ok(Some(added))
     }
+}
+
+/// Lowest and highest outcomes over ranges of the coefficients. Each bound is reached, but not all of them at once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ImpactBand {
+    /// Of each joint velocity after the impact.
+    pub qd_plus: Vec<[f64; 2]>,
+    /// Of the velocity of the contact point after, world axes, m/s.
+    pub u_plus: [[f64; 2]; 3],
+    /// Of the impulse on the robot, world axes, N s.
+    pub impulse: [[f64; 2]; 3],
+    /// Proved up to rounding; `false`: sampled, and possibly too narrow.
+    pub exact: bool,
+    /// How many impacts were resolved for it.
+    pub evaluations: usize,
 }
 
 /// What an impact does to a chain.

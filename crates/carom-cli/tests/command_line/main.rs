@@ -1,6 +1,7 @@
 //! The `carom` command from outside: what it takes, what it answers, what it refuses and in which words.
 
 mod contract;
+mod derivatives;
 mod desk;
 mod numbers;
 mod options;

@@ -161,15 +161,23 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let contact = Contact::of(problem);
     let mut flow = Flow::new(&contact, mu);
     let mut state = State::start(&contact);
-    let mut slip_end = None;
+    // Without slip: one too small to see (the derivative of one) stops at once where the contact sticks.
+    if state.r == zero && flow.departure.heading.amax() == zero {
+        state.p_t = -contact.mobility().least_solution(&contact.slip);
+        state.v_n = contact.v_n + contact.coupling.dot(&state.p_t);
+    }
+    let (mut slip_end, mut slip_stop) = (None, None);
     let (down, up) = loop {
         let stopped = flow.compress(&mut state)?;
-        slip_end = slip_end.or(stopped.then_some(Phase::Compression));
+        slip_end = slip_end.or(stopped.is_some().then_some(Phase::Compression));
+        slip_stop = slip_stop.or(stopped);
         let down = state;
         state = down.turn();
         let end = End { ending, e, v_n_minus: contact.v_n, pc: down.p, work: down.normal_work };
         let (over, stopped) = flow.restore(&mut state, &end);
-        slip_end = slip_end.or(stopped.then_some(if over { Phase::Restitution } else { Phase::Compression }));
+        let phase = if over { Phase::Restitution } else { Phase::Compression };
+        slip_end = slip_end.or(stopped.is_some().then_some(phase));
+        slip_stop = slip_stop.or(stopped.map(|p| down.p + p));
         if over {
             break (down, state);
         }
@@ -186,6 +194,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
         energetic: Some(coefficient_of_work(up.normal_work, down.normal_work)),
         mode: if up.r == zero { Mode::Stick } else { Mode::between(problem.u_minus(), &u_plus) },
         slip_end,
+        slip_stop,
         flags: Flags::JAM.when(flow.jams) | Flags::SINGULAR.when(contact.is_singular()),
     };
     Ok(Found { impulse, u_plus, account })
@@ -238,9 +247,9 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         piece
     }
 
-    /// To `v_n = 0`; whether slip stopped on the way.
-    fn compress(&mut self, state: &mut State<T>) -> Result<bool, ImpactError> {
-        let mut stopped = false;
+    /// To `v_n = 0`; the impulse at which slip stopped on the way.
+    fn compress(&mut self, state: &mut State<T>) -> Result<Option<T>, ImpactError> {
+        let mut stopped = None;
         loop {
             match self.piece(state) {
                 Piece::Line(line) => {
@@ -254,7 +263,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                     };
                     state.advance(line.at(state, dp));
                     state.r = T::zero();
-                    stopped = true;
+                    stopped = stopped.or(Some(state.p));
                 }
                 Piece::Curve(curve) => {
                     if let Some(t) = curve.rises() {
@@ -279,9 +288,10 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         Err(self.contact.wedged(self.mu, state.v_n, line.normal_rate))
     }
 
-    /// To the end of restitution, or back to `v_n = 0` before it; whether it is over, and whether slip stopped.
-    fn restore(&mut self, state: &mut State<T>, end: &End<T>) -> (bool, bool) {
-        let mut stopped = false;
+    /// To the end of restitution, or back to `v_n = 0` before it; whether it is over, and the impulse since its start at
+    /// which slip stopped.
+    fn restore(&mut self, state: &mut State<T>, end: &End<T>) -> (bool, Option<T>) {
+        let mut stopped = None;
         loop {
             let piece = self.piece(state);
             let found = match &piece {
@@ -303,7 +313,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                     state.advance(line.at(state, x));
                     if over.is_none() {
                         state.r = T::zero();
-                        stopped = true;
+                        stopped = stopped.or(Some(state.p));
                     }
                 }
                 Piece::Curve(curve) => state.advance(curve.at(x)),

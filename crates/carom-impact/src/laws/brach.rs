@@ -1,6 +1,6 @@
 use nalgebra::{RealField, Vector2, convert};
 
-use super::{Law, check_friction, check_impulse_ratio, check_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_impulse_ratio, check_restitution};
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
@@ -68,6 +68,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Brach<T> {
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
         Ok(self.answers(problem)?.all())
     }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Brach(*self)))
+    }
 }
 
 impl<T: RealField + Copy> Brach<T> {
@@ -125,29 +129,41 @@ pub(crate) struct BrachTowardsRest<T = f64> {
     pub friction: T,
 }
 
+impl<T: RealField + Copy> BrachTowardsRest<T> {
+    pub(crate) fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Brach<T> {
+        let Self { restitution, friction } = *self;
+        let contact = Contact::of(problem);
+        let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
+        Brach { restitution, impulse_ratio: if turned { friction } else { -friction } }
+    }
+}
+
 impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
     fn name(&self) -> &'static str {
         "brach"
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.towards_rest(problem)?.answers(problem)?.first)
+        check_friction(self.friction)?;
+        Ok(self.towards_rest(problem).answers(problem)?.first)
     }
 
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
-        Ok(self.towards_rest(problem)?.answers(problem)?.all())
+        check_friction(self.friction)?;
+        Ok(self.towards_rest(problem).answers(problem)?.all())
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::BrachTowardsRest(*self)))
     }
 }
 
-impl<T: RealField + Copy> BrachTowardsRest<T> {
-    fn towards_rest<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Brach<T>, ImpactError> {
-        let Self { restitution, friction } = *self;
-        check_friction(friction)?;
-        let contact = Contact::of(problem);
-        let turned = Plane::of(&contact, &direction(&contact), restitution).critical().is_some_and(|r| r > T::zero());
-        let impulse_ratio = if turned { friction } else { -friction };
-        Ok(Brach { restitution, impulse_ratio })
-    }
+/// The ratio asked for along the first slip, and the bound that would clip a stronger one of the same sign.
+pub(crate) fn asked_and_bound<const D: usize>(law: &Brach, problem: &ImpactProblem<f64, D>) -> (f64, f64) {
+    let contact = Contact::of(problem);
+    let plane = Plane::of(&contact, &direction(&contact), law.restitution);
+    let asked = law.impulse_ratio;
+    (asked, plane.clipped(asked.signum() * (1.0 + asked.abs()) * 1e6).0)
 }
 
 /// Along the slip; without slip where the normal impulse drives it; without either, none.

@@ -1,6 +1,6 @@
 use nalgebra::RealField;
 
-use super::{Law, check_friction, check_restitution, check_tangential_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_restitution, check_tangential_restitution};
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
@@ -68,6 +68,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for ChatterjeeRuina<T> {
 
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
         Ok(self.answers(problem)?.all())
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::ChatterjeeRuina(*self)))
     }
 }
 

@@ -1,6 +1,6 @@
 use nalgebra::RealField;
 
-use super::{Law, check_restitution};
+use super::{AnyLaw, Kind, Law, check_restitution};
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -53,6 +53,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
         }
         problem.check_normal()?;
         Ok(frictionless(name, self.restitution, problem))
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Frictionless(*self)))
     }
 }
 

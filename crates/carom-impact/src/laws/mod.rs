@@ -12,7 +12,7 @@ mod whittaker;
 use nalgebra::RealField;
 
 pub use brach::Brach;
-use brach::BrachTowardsRest;
+use brach::{BrachTowardsRest, asked_and_bound};
 pub use chatterjee_ruina::ChatterjeeRuina;
 pub use energetic::Energetic;
 pub use frictionless::Frictionless;
@@ -71,6 +71,11 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
         Ok(vec![self.resolve(problem)?])
     }
+
+    /// This law as a value whose scalar can be changed, if it is one of this crate: what derivatives are taken of.
+    fn known(&self) -> Option<AnyLaw<T>> {
+        None
+    }
 }
 
 /// Names [`law_by_name`] knows.
@@ -85,13 +90,13 @@ pub const LAW_NAMES: [&str; 8] =
 /// assert_eq!(rubber.tangential_restitution, 0.0);
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Coefficients {
+pub struct Coefficients<T = f64> {
     /// Coefficient of restitution, 0 to 1, in the law's own sense.
-    pub restitution: f64,
+    pub restitution: T,
     /// Coefficient of tangential restitution, -1 to 1; only `chatterjee-ruina` has one.
-    pub tangential_restitution: f64,
+    pub tangential_restitution: T,
     /// Coulomb coefficient of friction, 0 or more; `brach` takes it for an impulse ratio towards rest.
-    pub friction: f64,
+    pub friction: T,
 }
 
 /// The law called `name`, or `None` if there is none. The coefficients are checked when the law
@@ -109,18 +114,160 @@ pub fn law_by_name<const D: usize>(
     name: &str,
     coefficients: Coefficients,
 ) -> Option<Box<dyn Law<f64, D> + Send + Sync>> {
-    let Coefficients { restitution, tangential_restitution, friction } = coefficients;
-    Some(match name {
-        "frictionless" => Box::new(Frictionless { restitution }),
-        "whittaker" => Box::new(Whittaker { restitution, friction }),
-        "newton" => Box::new(Newton { restitution, friction }),
-        "poisson" => Box::new(Poisson { restitution, friction }),
-        "energetic" => Box::new(Energetic { restitution, friction }),
-        "chatterjee-ruina" => Box::new(ChatterjeeRuina { restitution, tangential_restitution, friction }),
-        "brach" => Box::new(BrachTowardsRest { restitution, friction }),
-        "smith" => Box::new(Smith { restitution, friction }),
-        _ => return None,
-    })
+    Some(Box::new(AnyLaw::named(name, coefficients)?))
+}
+
+/// Any law of this crate with its coefficients, as one type: so that a law can be carried over to another scalar.
+///
+/// ```
+/// use carom_impact::{AnyLaw, Coefficients, Energetic, Law};
+/// let law: &dyn Law<f64, 2> = &Energetic { restitution: 0.5, friction: 0.2 };
+/// let law = law.known().unwrap();
+/// assert_eq!(law.coefficients().friction, 0.2);
+/// let harder = law.with(Coefficients { restitution: 0.9, ..law.coefficients() });
+/// assert_eq!(harder.coefficients().restitution, 0.9);
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnyLaw<T = f64>(Kind<T>);
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind<T> {
+    Frictionless(Frictionless<T>),
+    Whittaker(Whittaker<T>),
+    Newton(Newton<T>),
+    Poisson(Poisson<T>),
+    Energetic(Energetic<T>),
+    ChatterjeeRuina(ChatterjeeRuina<T>),
+    Brach(Brach<T>),
+    BrachTowardsRest(BrachTowardsRest<T>),
+    Smith(Smith<T>),
+}
+
+impl<T: RealField + Copy> AnyLaw<T> {
+    /// The law called `name`, or `None` if there is none: see [`law_by_name`].
+    pub fn named(name: &str, coefficients: Coefficients<T>) -> Option<Self> {
+        let Coefficients { restitution, tangential_restitution, friction } = coefficients;
+        Some(Self(match name {
+            "frictionless" => Kind::Frictionless(Frictionless { restitution }),
+            "whittaker" => Kind::Whittaker(Whittaker { restitution, friction }),
+            "newton" => Kind::Newton(Newton { restitution, friction }),
+            "poisson" => Kind::Poisson(Poisson { restitution, friction }),
+            "energetic" => Kind::Energetic(Energetic { restitution, friction }),
+            "chatterjee-ruina" => {
+                Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction })
+            }
+            "brach" => Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }),
+            "smith" => Kind::Smith(Smith { restitution, friction }),
+            _ => return None,
+        }))
+    }
+
+    /// Its coefficients; zero for those that it does not know. Of [`Brach`] the size of the impulse ratio is the friction.
+    pub fn coefficients(&self) -> Coefficients<T> {
+        let zero = T::zero();
+        let of = |restitution, friction| Coefficients { restitution, tangential_restitution: zero, friction };
+        match self.0 {
+            Kind::Frictionless(Frictionless { restitution }) => of(restitution, zero),
+            Kind::Whittaker(Whittaker { restitution, friction })
+            | Kind::Newton(Newton { restitution, friction })
+            | Kind::Poisson(Poisson { restitution, friction })
+            | Kind::Energetic(Energetic { restitution, friction })
+            | Kind::Smith(Smith { restitution, friction })
+            | Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }) => of(restitution, friction),
+            Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction }) => {
+                Coefficients { restitution, tangential_restitution, friction }
+            }
+            Kind::Brach(Brach { restitution, impulse_ratio }) => of(restitution, impulse_ratio.abs()),
+        }
+    }
+
+    /// The same law with other coefficients, of any scalar. [`Brach`] keeps the sign of its impulse ratio.
+    pub fn with<U: RealField + Copy>(&self, coefficients: Coefficients<U>) -> AnyLaw<U> {
+        let Coefficients { restitution, tangential_restitution, friction } = coefficients;
+        AnyLaw(match self.0 {
+            Kind::Frictionless(_) => Kind::Frictionless(Frictionless { restitution }),
+            Kind::Whittaker(_) => Kind::Whittaker(Whittaker { restitution, friction }),
+            Kind::Newton(_) => Kind::Newton(Newton { restitution, friction }),
+            Kind::Poisson(_) => Kind::Poisson(Poisson { restitution, friction }),
+            Kind::Energetic(_) => Kind::Energetic(Energetic { restitution, friction }),
+            Kind::ChatterjeeRuina(_) => {
+                Kind::ChatterjeeRuina(ChatterjeeRuina { restitution, tangential_restitution, friction })
+            }
+            Kind::Brach(Brach { impulse_ratio, .. }) => {
+                let impulse_ratio = if impulse_ratio < T::zero() { -friction } else { friction };
+                Kind::Brach(Brach { restitution, impulse_ratio })
+            }
+            Kind::BrachTowardsRest(_) => Kind::BrachTowardsRest(BrachTowardsRest { restitution, friction }),
+            Kind::Smith(_) => Kind::Smith(Smith { restitution, friction }),
+        })
+    }
+
+    /// Whether the law follows the slip in time (Newton's, Poisson's, Stronge's).
+    pub(crate) fn follows_slip(&self) -> bool {
+        matches!(self.0, Kind::Newton(_) | Kind::Poisson(_) | Kind::Energetic(_))
+    }
+
+    /// Whether there is no friction in it.
+    pub(crate) fn is_frictionless(&self) -> bool {
+        matches!(self.0, Kind::Frictionless(_))
+    }
+
+    pub(crate) fn is_newton(&self) -> bool {
+        matches!(self.0, Kind::Newton(_))
+    }
+
+    /// Whether the law is Newton's or Poisson's, followed in time.
+    pub(crate) fn is_rational(&self) -> bool {
+        matches!(self.0, Kind::Newton(_) | Kind::Poisson(_))
+    }
+
+    /// Whether the impulse is that of one cone (Whittaker's; Chatterjee & Ruina's, with its tangential restitution).
+    pub(crate) fn cone(&self) -> Option<Option<T>> {
+        match self.0 {
+            Kind::Whittaker(_) => Some(None),
+            Kind::ChatterjeeRuina(law) => Some(Some(law.tangential_restitution)),
+            _ => None,
+        }
+    }
+
+    fn dynamic<const D: usize>(&self) -> &dyn Law<T, D> {
+        match &self.0 {
+            Kind::Frictionless(law) => law,
+            Kind::Whittaker(law) => law,
+            Kind::Newton(law) => law,
+            Kind::Poisson(law) => law,
+            Kind::Energetic(law) => law,
+            Kind::ChatterjeeRuina(law) => law,
+            Kind::Brach(law) => law,
+            Kind::BrachTowardsRest(law) => law,
+            Kind::Smith(law) => law,
+        }
+    }
+}
+
+impl AnyLaw {
+    /// Of Brach's law: the impulse ratio asked for, and what would clip a stronger one.
+    pub(crate) fn brach_ratios<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> Option<(f64, f64)> {
+        match self.0 {
+            Kind::Brach(law) => Some(asked_and_bound(&law, problem)),
+            Kind::BrachTowardsRest(law) => Some(asked_and_bound(&law.towards_rest(problem), problem)),
+            _ => None,
+        }
+    }
+}
+
+impl<T: RealField + Copy, const D: usize> Law<T, D> for AnyLaw<T> {
+    fn name(&self) -> &'static str {
+        self.dynamic::<D>().name()
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        self.dynamic::<D>().resolve(problem)
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(*self)
+    }
 }
 
 pub(crate) fn check_restitution<T: RealField + Copy>(e: T) -> Result<(), ImpactError> {

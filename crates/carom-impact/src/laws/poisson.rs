@@ -1,6 +1,6 @@
 use nalgebra::RealField;
 
-use super::Law;
+use super::{AnyLaw, Kind, Law};
 use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
@@ -54,6 +54,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Poisson<T> {
 
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
         Ok(self.path().answers(problem)?.all())
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Poisson(*self)))
     }
 }
 

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix2, RealField, Vector2, convert};
 
-use super::{Law, check_friction, check_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_restitution};
 use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
@@ -68,6 +68,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Smith<T> {
 
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
         Ok(self.answers(problem)?.all())
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Smith(*self)))
     }
 }
 

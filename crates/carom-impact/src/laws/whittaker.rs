@@ -1,12 +1,12 @@
 use nalgebra::{RealField, convert};
 
-use super::{Law, check_friction, check_restitution};
+use super::{AnyLaw, Kind, Law, check_friction, check_restitution};
 use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
-use crate::plane::{Answer, others_with_friction, resolve_with_friction};
+use crate::plane::{Answer, Turns, others_with_friction, resolve_with_friction};
 use crate::problem::rounding;
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -84,6 +84,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
             }
         }
         Ok(answers.all())
+    }
+
+    fn known(&self) -> Option<AnyLaw<T>> {
+        Some(AnyLaw(Kind::Whittaker(*self)))
     }
 }
 
@@ -233,7 +237,9 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
             energetic: approaches.then(|| coefficient_of_work(returned, taken)),
             mode,
             slip_end: None,
+            slip_stop: None,
             flags,
         },
+        turns: Turns::AtTheEnd,
     })
 }

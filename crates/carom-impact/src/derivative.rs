@@ -1,0 +1,261 @@
+//! Derivatives of an impact by all that goes into it, by dual numbers through the laws themselves.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | ∂P/∂u⁻ | D × D | (kg) | `velocity` |
+//! | ∂P/∂H_ij | D | by `H_ij` and `H_ji` moved together (kg² m/s) | [`Direction::delassus`] |
+//! | ∂P/∂e, ∂P/∂μ | D | (N s) | `restitution`, `friction` |
+//!
+//! `u⁺ = u⁻ + H P`, so `δu⁺ = δu⁻ + δH P + H δP`.
+//!
+//! An impact is smooth within a mode and continuous, with a kink, where one mode gives way to the next
+//! ([`ImpactProblem::boundaries`] says how far that is). At such a place the derivative is that of one side;
+//! [`ImpactProblem::one_sided`] gives both.
+
+use nalgebra::{Const, SMatrix, SVector, U1};
+use num_dual::DualSVec64;
+
+use crate::laws::{AnyLaw, Frictionless};
+use crate::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
+
+/// Six entries of H, three of u, e and μ are eleven.
+const LANES: usize = 12;
+
+type Dual = DualSVec64<LANES>;
+
+/// Stands for a friction of zero from the right: far below all rounding.
+const HARDLY_ANY: f64 = 1e-30;
+
+/// A change of all that goes into an impact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Direction<const D: usize> {
+    /// Change of the Delassus matrix, symmetric (1/kg).
+    pub delassus: SMatrix<f64, D, D>,
+    /// Change of the velocity before (m/s).
+    pub u_minus: SVector<f64, D>,
+    /// Change of the coefficient of restitution.
+    pub restitution: f64,
+    /// Change of the coefficient of friction.
+    pub friction: f64,
+}
+
+impl<const D: usize> Default for Direction<D> {
+    fn default() -> Self {
+        Self { delassus: SMatrix::zeros(), u_minus: SVector::zeros(), restitution: 0.0, friction: 0.0 }
+    }
+}
+
+/// An impact with its derivatives. Contact axes, SI units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawDerivative<const D: usize> {
+    /// The impact itself.
+    pub outcome: ImpactOutcome<f64, D>,
+    /// ∂P/∂u⁻ (kg).
+    pub velocity: SMatrix<f64, D, D>,
+    /// ∂P/∂e (N s).
+    pub restitution: SVector<f64, D>,
+    /// ∂P/∂μ (N s); at μ = 0 from the right.
+    pub friction: SVector<f64, D>,
+    /// By `H_ij` and `H_ji` together, for i <= j.
+    delassus: [[SVector<f64, D>; D]; D],
+    matrix: SMatrix<f64, D, D>,
+}
+
+impl<const D: usize> LawDerivative<D> {
+    /// δP for a change of what goes in (N s).
+    pub fn impulse(&self, along: &Direction<D>) -> SVector<f64, D> {
+        let mut sum =
+            self.velocity * along.u_minus + self.restitution * along.restitution + self.friction * along.friction;
+        for i in 0..D {
+            for j in i..D {
+                sum += self.delassus[i][j] * along.delassus[(i, j)];
+            }
+        }
+        sum
+    }
+
+    /// δu⁺ for a change of what goes in (m/s).
+    pub fn u_plus(&self, along: &Direction<D>) -> SVector<f64, D> {
+        along.u_minus + along.delassus * self.outcome.impulse + self.matrix * self.impulse(along)
+    }
+}
+
+/// The derivative on one side of a problem.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Side<const D: usize> {
+    /// dP along the direction (N s).
+    pub impulse: SVector<f64, D>,
+    /// du⁺ along the direction (m/s).
+    pub u_plus: SVector<f64, D>,
+    /// The mode on this side.
+    pub mode: Mode,
+    /// When slip stops on this side.
+    pub slip_end: Option<Phase>,
+}
+
+/// Derivatives along a direction on both sides: equal where the impact is smooth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OneSided<const D: usize> {
+    /// Against the direction; `None` where nothing is allowed there (μ < 0, e outside 0 … 1, a normal that can't move).
+    pub behind: Option<Side<D>>,
+    /// Along the direction.
+    pub ahead: Option<Side<D>>,
+}
+
+impl<const D: usize> OneSided<D> {
+    /// Whether both sides are there and differ, by more than a millionth.
+    pub fn is_kink(&self) -> bool {
+        let (Some(behind), Some(ahead)) = (&self.behind, &self.ahead) else { return false };
+        let size = behind.impulse.amax().max(ahead.impulse.amax());
+        (behind.impulse - ahead.impulse).amax() > 1e-6 * size
+    }
+}
+
+impl<const D: usize> ImpactProblem<f64, D> {
+    /// The impact under a law with its derivatives by H, u⁻, e and μ.
+    ///
+    /// On a boundary between modes the derivative is that of the mode that the law answers with. A problem without
+    /// approach has the impulse zero and the derivative zero, though at `u_n = 0` the other side is an impact.
+    ///
+    /// ```
+    /// # use carom_impact::{Direction, ImpactProblem, Energetic};
+    /// # use nalgebra::{matrix, vector};
+    /// let problem = ImpactProblem::new(
+    ///     matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504],
+    ///     vector![-0.267174342835, -0.134202014333],
+    /// )?;
+    /// let derivative = problem.differentiate(&Energetic { restitution: 0.5, friction: 0.5 })?;
+    /// let by_restitution = derivative.u_plus(&Direction { restitution: 1.0, ..Direction::default() });
+    /// assert!((by_restitution - vector![0.03519218, 0.02908798]).amax() < 1e-8);
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// What the law refuses; [`ImpactError::NotDifferentiable`] for a law from elsewhere.
+    pub fn differentiate(&self, law: &dyn Law<f64, D>) -> Result<LawDerivative<D>, ImpactError> {
+        let outcome = law.resolve(self)?;
+        let law = known(law)?;
+        let Coefficients { restitution, friction, tangential_restitution } = law.coefficients();
+        let plain = |x: f64| Dual::from_re(x);
+        let mut lane = 0;
+        let mut seeded = |x: f64| {
+            lane += 1;
+            plain(x).derivative(lane - 1)
+        };
+        let mut delassus = SMatrix::<Dual, D, D>::from_element(plain(0.0));
+        for i in 0..D {
+            for j in i..D {
+                let entry = seeded(self.delassus()[(i, j)]);
+                (delassus[(i, j)], delassus[(j, i)]) = (entry, entry);
+            }
+        }
+        let mut u = SVector::<Dual, D>::from_element(plain(0.0));
+        for i in 0..D {
+            u[i] = seeded(self.u_minus()[i]);
+        }
+        let coefficients = Coefficients {
+            restitution: seeded(restitution),
+            tangential_restitution: plain(tangential_restitution),
+            friction: seeded(friction),
+        };
+        let problem = ImpactProblem::trusted(delassus, u);
+        let lanes = |law: &dyn Law<Dual, D>| -> Result<SMatrix<f64, D, LANES>, ImpactError> {
+            let impulse = law.resolve(&problem)?.impulse;
+            let mut rows = SMatrix::<f64, D, LANES>::zeros();
+            for i in 0..D {
+                rows.set_row(i, &impulse[i].eps.unwrap_generic(Const::<LANES>, U1).transpose());
+            }
+            Ok(rows)
+        };
+        let mut by = if friction == 0.0 {
+            // Every law is this one; by μ it is not.
+            lanes(&Frictionless { restitution: coefficients.restitution })?
+        } else {
+            lanes(&law.with(coefficients))?
+        };
+        let last = lane - 1;
+        if friction == 0.0 {
+            let friction = plain(HARDLY_ANY).derivative(last);
+            by.set_column(last, &lanes(&law.with(Coefficients { friction, ..coefficients }))?.column(last));
+        }
+        let (mut entries, mut k) = ([[SVector::zeros(); D]; D], 0);
+        for (i, row) in entries.iter_mut().enumerate() {
+            for entry in &mut row[i..] {
+                *entry = by.column(k).into_owned();
+                k += 1;
+            }
+        }
+        Ok(LawDerivative {
+            outcome,
+            velocity: SMatrix::from_fn(|i, j| by[(i, k + j)]),
+            restitution: by.column(last - 1).into_owned(),
+            friction: by.column(last).into_owned(),
+            delassus: entries,
+            matrix: *self.delassus(),
+        })
+    }
+
+    /// The derivative along a direction on both sides of this problem: each is the limit of the derivatives (by
+    /// [`ImpactProblem::differentiate`]) a millionth and two millionths of the problem's size away, so what is nearer than
+    /// that to a boundary counts as on it.
+    ///
+    /// ```
+    /// # use carom_impact::{Direction, Energetic, ImpactProblem, Mode};
+    /// # use nalgebra::{matrix, vector};
+    /// // A rod at 45° dropped straight: at rest along the floor, and friction just holds it (μ = 0.6).
+    /// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![0.0, -1.0])?;
+    /// let more_friction = Direction { friction: 1.0, ..Direction::default() };
+    /// let sides = problem.one_sided(&Energetic { restitution: 0.5, friction: 0.6 }, &more_friction)?;
+    /// assert!(sides.is_kink());
+    /// assert_eq!(sides.behind.unwrap().mode, Mode::Slip);
+    /// assert_eq!(sides.ahead.unwrap().mode, Mode::Stick);
+    /// # Ok::<(), carom_impact::ImpactError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ImpactError::NotDifferentiable`]; what the law refuses of this problem itself; a direction that is zero or not
+    /// finite.
+    pub fn one_sided(&self, law: &dyn Law<f64, D>, along: &Direction<D>) -> Result<OneSided<D>, ImpactError> {
+        law.resolve(self)?;
+        let law = known(law)?;
+        let coefficients = law.coefficients();
+        let shares = [
+            along.delassus.norm() / self.delassus().norm(),
+            along.u_minus.norm() / self.u_minus().norm(),
+            along.restitution.abs(),
+            along.friction.abs() / (1.0 + coefficients.friction),
+        ];
+        let largest = shares.into_iter().filter(|x| *x != 0.0).fold(0.0, f64::max);
+        if !(largest > 0.0 && shares.iter().all(|x| x.is_finite() || x.is_nan())) {
+            return Err(ImpactError::NotFinite { entry: "the size of the direction".into(), value: largest });
+        }
+        let step = 1e-6 / largest;
+        let side = |sign: f64| {
+            let at = |share: f64| {
+                let by = sign * share * step;
+                let moved =
+                    ImpactProblem::new(self.delassus() + along.delassus * by, self.u_minus() + along.u_minus * by);
+                let coefficients = Coefficients {
+                    restitution: coefficients.restitution + along.restitution * by,
+                    friction: coefficients.friction + along.friction * by,
+                    ..coefficients
+                };
+                moved?.differentiate(&law.with(coefficients))
+            };
+            // Linear in the distance, to second order: so the limit.
+            let (near, far) = (at(1.0).ok()?, at(2.0).ok()?);
+            Some(Side {
+                impulse: near.impulse(along) * 2.0 - far.impulse(along),
+                u_plus: near.u_plus(along) * 2.0 - far.u_plus(along),
+                mode: near.outcome.mode,
+                slip_end: near.outcome.slip_end,
+            })
+        };
+        Ok(OneSided { behind: side(-1.0), ahead: side(1.0) })
+    }
+}
+
+/// The law as one of this crate's.
+pub(crate) fn known<const D: usize>(law: &dyn Law<f64, D>) -> Result<AnyLaw, ImpactError> {
+    law.known().ok_or_else(|| ImpactError::NotDifferentiable { law: law.name(), known: LAW_NAMES.join(", ") })
+}

@@ -1,0 +1,301 @@
+//! Derivatives of the laws, boundaries of their modes, and what is on both sides of one.
+
+mod common;
+
+use carom_impact::{
+    AnyLaw, Brach, Coefficients, Direction, Edge, Energetic, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law,
+    Mode, Newton, Poisson,
+};
+use common::{any_case, any_spatial, close, rough};
+use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3, matrix, vector};
+
+/// A problem with its law, and a direction in which both move.
+#[derive(Debug, Clone, Copy)]
+struct Moving<const D: usize> {
+    delassus: SMatrix<f64, D, D>,
+    u: SVector<f64, D>,
+    law: AnyLaw,
+    along: Direction<D>,
+}
+
+impl<const D: usize> Moving<D> {
+    fn problem(&self, x: f64) -> Result<ImpactProblem<f64, D>, ImpactError> {
+        ImpactProblem::new(self.delassus + self.along.delassus * x, self.u + self.along.u_minus * x)
+    }
+
+    fn law(&self, x: f64) -> AnyLaw {
+        let c = self.law.coefficients();
+        let (restitution, friction) =
+            (c.restitution + self.along.restitution * x, c.friction + self.along.friction * x);
+        self.law.with(Coefficients { restitution, friction, ..c })
+    }
+
+    fn at(&self, x: f64) -> ImpactOutcome<f64, D> {
+        self.law(x).resolve(&self.problem(x).unwrap()).unwrap()
+    }
+}
+
+fn direction<const D: usize>(rng: &mut fastrand::Rng) -> Direction<D> {
+    let mut drawn = || rng.f64() - 0.5;
+    let g = SMatrix::<f64, D, D>::from_fn(|_, _| drawn());
+    Direction {
+        delassus: (g + g.transpose()) * 0.5,
+        u_minus: SVector::from_fn(|_, _| drawn()),
+        restitution: drawn(),
+        friction: drawn(),
+    }
+}
+
+/// Away from kinks, derivative and central difference are one. Returns how many were compared.
+fn agrees<const D: usize>(case: &Moving<D>) -> usize {
+    let step = 1e-5;
+    let safe = |x: f64| {
+        let c = case.law(x).coefficients();
+        case.problem(x).is_ok_and(|p| p.approach_speed() > 0.05)
+            && (0.0..=1.0).contains(&c.restitution)
+            && c.friction >= 0.0
+    };
+    if !safe(step) || !safe(-step) {
+        return 0;
+    }
+    let derivative = case.problem(0.0).unwrap().differentiate(&case.law).unwrap();
+    let (here, ahead, behind) = (case.at(0.0), case.at(step), case.at(-step));
+    assert_eq!(derivative.outcome.impulse, here.impulse);
+    let (forward, backward) = (ahead.impulse - here.impulse, here.impulse - behind.impulse);
+    if (forward - backward).norm() > 1e-7 * (1.0 + here.impulse.norm()) {
+        return 0; // a boundary, or a stiff spot
+    }
+    let size = 1.0 + (forward / step).norm() + here.impulse.norm();
+    let off = (derivative.impulse(&case.along) - (forward + backward) / (2.0 * step)).norm() / size;
+    assert!(off < 3e-5, "{} P off by {off:e}: {case:?}", here.law);
+    let moved = (ahead.u_plus - behind.u_plus) / (2.0 * step);
+    let off = (derivative.u_plus(&case.along) - moved).norm() / (size + moved.norm());
+    assert!(off < 3e-5, "{} u⁺ off by {off:e}: {case:?}", here.law);
+    1
+}
+
+#[test]
+fn derivatives_are_central_differences() {
+    let mut rng = fastrand::Rng::with_seed(71);
+    let mut compared = [0; 2];
+    for k in 0..1_000 {
+        let name = LAW_NAMES[k % LAW_NAMES.len()];
+        let case = any_case(&mut rng, 0.3);
+        let law = AnyLaw::named(name, rough(case.restitution, case.friction)).unwrap();
+        let along = direction(&mut rng);
+        compared[0] += agrees(&Moving { delassus: case.delassus, u: case.u, law, along });
+        if k % 4 < 2 {
+            let case = any_spatial(&mut rng, 0.3);
+            let law = AnyLaw::named(name, rough(case.restitution, case.friction)).unwrap();
+            let along = direction(&mut rng);
+            compared[1] += agrees(&Moving { delassus: case.delassus, u: case.u, law, along });
+        }
+    }
+    assert!(compared[0] > 500 && compared[1] > 250, "{compared:?}");
+}
+
+/// Slip that stays in a plane is answered in closed form; a change that leads out of the plane has a derivative all the
+/// same, which differences of the turning slip next to it confirm.
+#[test]
+fn a_change_out_of_the_plane_of_slip_has_its_derivative() {
+    let mut rng = fastrand::Rng::with_seed(72);
+    let mut compared = [0; 3];
+    for k in 0..900 {
+        let case = any_case(&mut rng, 0.3);
+        let (h, u) = (case.delassus, case.u);
+        let across = 0.2 + rng.f64();
+        let delassus = matrix![h[(0, 0)], 0.0, h[(0, 1)]; 0.0, across, 0.0; h[(0, 1)], 0.0, h[(1, 1)]];
+        let at_rest = k % 3 == 1;
+        let ball = k % 3 == 2;
+        let delassus = if ball { Matrix3::from_diagonal(&Vector3::new(3.5, 3.5, 1.0)) } else { delassus };
+        let u = Vector3::new(if at_rest { 0.0 } else { u[0] }, 0.0, u[1]);
+        // At rest the impact is smooth where friction holds with something to spare.
+        let friction = if at_rest { 1.5 * h[(0, 1)].abs() / h[(0, 0)] + 0.1 } else { case.friction };
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3 * f64::from(k)).into_inner();
+        let (delassus, u) = (turn * delassus * turn.transpose(), turn * u);
+        let name = ["newton", "poisson", "energetic", "whittaker"][k as usize % 4];
+        let law = AnyLaw::named(name, rough(case.restitution, friction)).unwrap();
+        let hit = law.resolve(&ImpactProblem::new(delassus, u).unwrap()).unwrap();
+        let (a, b) = if ball { (3.5, 0.0) } else { (h[(0, 0)], h[(0, 1)] * case.u[0].signum()) };
+        let decays = friction * if ball { 3.5 } else { across } / (b - friction * a).abs();
+        if hit.slip_stop.is_some() && decays < 0.75 {
+            continue; // a change of 1e-5 is then no small one
+        }
+        compared[k as usize % 3] += agrees(&Moving { delassus, u, law, along: direction(&mut rng) });
+    }
+    assert!(compared.iter().all(|&n| n > 120), "{compared:?}");
+}
+
+/// A ball that falls without slip on a floor, or with it, under friction of zero: to the right of it, friction acts.
+#[test]
+fn at_no_friction_the_derivative_by_friction_is_that_from_the_right() {
+    let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
+    let problem = ImpactProblem::new(h, vector![0.6, -0.2, -1.0]).unwrap();
+    for name in ["newton", "poisson", "energetic", "whittaker", "smith", "chatterjee-ruina", "brach"] {
+        let law = |mu| AnyLaw::named(name, rough(0.6, mu)).unwrap();
+        let derivative = problem.differentiate(&law(0.0)).unwrap();
+        let ahead = |mu: f64| (law(mu).resolve(&problem).unwrap().impulse - derivative.outcome.impulse) / mu;
+        let difference = ahead(1e-5) * 2.0 - ahead(2e-5);
+        close(name, (derivative.friction - difference).norm(), 0.0, 1e-7);
+        // Friction does something; Brach's by name acts along the slip only, and so do the others.
+        assert!(derivative.friction.norm() > 0.1, "{name}");
+        let frictionless = problem.differentiate(&AnyLaw::named("frictionless", rough(0.6, 0.0)).unwrap()).unwrap();
+        assert_eq!(derivative.velocity, frictionless.velocity, "{name}");
+    }
+}
+
+/// Kane & Levinson's pendulum (impact-law reference, case B1): dv⁺/de at e = μ = 0.5, from 30-digit arithmetic.
+#[test]
+fn sensitivities_of_the_double_pendulum() {
+    let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];
+    let problem = ImpactProblem::new(h, vector![-0.267174342835, -0.134202014333]).unwrap();
+    let (restitution, friction) = (0.5, 0.5);
+    let laws: [(&dyn Law<f64, 2>, _); 3] = [
+        (&Newton { restitution, friction }, vector![0.16236472, 0.13420201]),
+        (&Poisson { restitution, friction }, vector![0.02282974, 0.01886985]),
+        (&Energetic { restitution, friction }, vector![0.03519218, 0.02908798]),
+    ];
+    for (law, expected) in laws {
+        let along = Direction { restitution: 1.0, ..Direction::default() };
+        let found = problem.differentiate(law).unwrap().u_plus(&along);
+        close(law.name(), (found - expected).amax(), 0.0, 6e-9); // the digits given
+    }
+}
+
+/// Walks until the mode changes: there the nearest boundary is at hand, and names the mode beyond.
+fn crosses<const D: usize>(case: &Moving<D>, tally: &mut std::collections::BTreeMap<&'static str, usize>) {
+    let class = |x: f64| {
+        let problem = case.problem(x).ok()?;
+        let c = case.law(x).coefficients();
+        let valid = (0.01..=0.99).contains(&c.restitution) && c.friction >= 0.01 && problem.approach_speed() > 0.01;
+        let outcome = case.law(x).resolve(&problem).ok()?;
+        valid.then_some((outcome.mode, outcome.slip_end))
+    };
+    let start = class(0.0);
+    let Some(mut far) = (1..40).map(|k| 0.02 * f64::from(k)).find(|&x| class(x) != start) else { return };
+    let mut near = far - 0.02;
+    if class(near) != start || class(near).is_none() || class(far).is_none() {
+        return;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (near + far);
+        match class(middle) {
+            None => return,
+            found if found == start => near = middle,
+            _ => far = middle,
+        }
+    }
+    let (before, after) = (case.at(near), case.at(far));
+    let boundaries = case.problem(near).unwrap().boundaries(&case.law(near)).unwrap();
+    let nearest = boundaries[0];
+    assert!(nearest.margin < 1e-7, "{boundaries:?} {:?} {:?} {case:?}", before.mode, after.mode);
+    assert_eq!(nearest.beyond, after.mode, "{nearest:?} {case:?}");
+    let back = case.problem(far).unwrap().boundaries(&case.law(far)).unwrap()[0];
+    assert_eq!((back.edge, back.beyond), (nearest.edge, before.mode), "{case:?}");
+    *tally.entry(nearest.edge.name()).or_default() += 1;
+
+    // The impulse is continuous there (but for Whittaker's, which may have three answers), its derivative need not be.
+    let jump = (before.impulse - after.impulse).norm();
+    assert!(jump < 1e-6 * before.impulse.norm(), "{jump:e} {case:?}");
+    let middle = Moving {
+        delassus: *case.problem(near).unwrap().delassus(),
+        u: *case.problem(near).unwrap().u_minus(),
+        law: case.law(near),
+        along: case.along,
+    };
+    let sides = middle.problem(0.0).unwrap().one_sided(&middle.law, &middle.along).unwrap();
+    for (side, sign) in [(sides.behind, -1.0), (sides.ahead, 1.0)] {
+        let Some(side) = side else { continue };
+        // A second-order difference to one side only.
+        let step = 2e-4 * sign;
+        let [here, one, two] = [0.0, 1.0, 2.0].map(|k| middle.at(k * step).impulse);
+        let half = [0.0, 0.5, 1.0].map(|k| middle.at(k * step).impulse);
+        let coarse = (one * 4.0 - two - here * 3.0) / (2.0 * step);
+        let fine = (half[1] * 4.0 - half[2] - half[0] * 3.0) / step;
+        let curved = (coarse - fine).norm();
+        if curved > 1e-4 * fine.norm() {
+            continue; // another boundary, or much curvature
+        }
+        let off = (side.impulse - fine).norm();
+        assert!(off < 1e-5 * (1.0 + fine.norm()) + 2.0 * curved, "{sign} {off:e} of {:e} {middle:?}", fine.norm());
+        *tally.entry(if sign > 0.0 { "ahead" } else { "behind" }).or_default() += 1;
+    }
+    *tally.entry(if sides.is_kink() { "kink" } else { "smooth" }).or_default() += 1;
+}
+
+#[test]
+fn where_the_mode_changes_the_margin_is_zero_and_both_sides_have_their_derivative() {
+    let mut rng = fastrand::Rng::with_seed(73);
+    let mut tally = std::collections::BTreeMap::new();
+    for k in 0..4_000 {
+        let name = ["newton", "poisson", "energetic"][k % 3];
+        let case = any_case(&mut rng, 0.3);
+        let law = AnyLaw::named(name, rough(case.restitution, case.friction)).unwrap();
+        crosses(&Moving { delassus: case.delassus, u: case.u, law, along: direction(&mut rng) }, &mut tally);
+    }
+    for edge in ["no-slip", "stops-at-turn", "stops-at-end", "just-holds"] {
+        assert!(tally.get(edge).is_some_and(|&n| n > 10), "{edge}: {tally:?}");
+    }
+    assert!(tally["kink"] > 100 && tally["ahead"] > 150 && tally["behind"] > 150, "{tally:?}");
+}
+
+/// In the plane of Kane & Levinson's pendulum, by hand: e = μ = 0.5, slip stops in restitution and turns round.
+#[test]
+fn margins_by_hand() {
+    let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];
+    let u = vector![-0.267174342835, -0.134202014333];
+    let problem = ImpactProblem::new(h, u).unwrap();
+    let law = Poisson { restitution: 0.5, friction: 0.5 };
+    let boundaries = problem.boundaries(&law).unwrap();
+    let margin = |edge| boundaries.iter().find(|b| b.edge == edge).unwrap().margin;
+    let (stop, turn, mu_stick): (f64, f64, f64) = (0.0974563260904499, 0.07581115467781747, 0.623400787);
+    close("turn", margin(Edge::StopsAtTurn), (stop - turn) / (stop + turn), 1e-9);
+    close("end", margin(Edge::StopsAtEnd), (1.5 * turn - stop) / (1.5 * turn + stop), 1e-9);
+    close("holds", margin(Edge::JustHolds), (mu_stick - 0.5) / (mu_stick + 0.5), 1e-9);
+    close("slip", margin(Edge::NoSlip), u[0].abs() / u.norm(), 1e-12);
+    close("approach", margin(Edge::NoApproach), u[1].abs() / u.norm(), 1e-12);
+    assert!(boundaries.is_sorted_by(|a, b| a.margin <= b.margin));
+    // Slip towards the wall of the Painlevé paradox.
+    let jamming = ImpactProblem::new(h, vector![0.3, -0.134201]).unwrap();
+    let found = jamming.boundaries(&Energetic { restitution: 0.5, friction: 0.8 }).unwrap();
+    let jams = found.iter().find(|b| b.edge == Edge::Jams).unwrap();
+    close("jams", jams.margin, (0.8 - 0.663613058) / (0.8 + 0.663613058), 1e-8);
+    let parting = ImpactProblem::new(h, vector![0.3, 0.1]).unwrap();
+    assert!(parting.boundaries(&law).unwrap().is_empty());
+}
+
+/// Brach's ratio has a bound; at it the mode is that of rest, beyond it nothing changes.
+#[test]
+fn clipping_is_a_boundary() {
+    let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![1.0, -1.0]).unwrap();
+    // By hand: critical ratio 1/6.3 for e = 0.8.
+    for (ratio, beyond) in [(-0.1, Mode::Slip), (-0.5, Mode::Stick)] {
+        let law = Brach { restitution: 0.8, impulse_ratio: ratio };
+        let clipped = problem.boundaries(&law).unwrap().into_iter().find(|b| b.edge == Edge::Clipped).unwrap();
+        let critical: f64 = 1.0 / 6.3;
+        close("clip", clipped.margin, (critical + ratio).abs() / (critical - ratio), 1e-12);
+        assert_eq!(clipped.beyond, beyond);
+        let by = problem.differentiate(&law).unwrap().friction;
+        assert_eq!(by.norm() > 0.1, ratio == -0.1, "{by}");
+    }
+}
+
+struct Foreign;
+
+impl Law<f64, 2> for Foreign {
+    fn name(&self) -> &'static str {
+        "foreign"
+    }
+    fn resolve(&self, problem: &ImpactProblem<f64, 2>) -> Result<ImpactOutcome<f64, 2>, ImpactError> {
+        Energetic { restitution: 0.5, friction: 0.5 }.resolve(problem)
+    }
+}
+
+#[test]
+fn a_law_from_elsewhere_is_refused_by_name() {
+    let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -1.0]).unwrap();
+    let message = problem.differentiate(&Foreign).unwrap_err().to_string();
+    assert!(message.starts_with("foreign has no derivative") && message.contains("energetic"), "{message}");
+    let nothing = problem.one_sided(&Energetic { restitution: 0.5, friction: 0.5 }, &Direction::default());
+    assert!(nothing.unwrap_err().to_string().contains("the size of the direction is 0"));
+}

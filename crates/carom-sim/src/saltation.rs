@@ -1,0 +1,119 @@
+//! The saltation matrix: how a small change of the state before an impact comes out after it, the change of the impact's
+//! own time included.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | x | 2nv | (q, qd), q in its tangent space | – |
+//! | F⁻, F⁺ | 2nv | ẋ = (qd, q̈) before and after | `before`, `after` |
+//! | R | 2nv | the reset x⁺ = R(x⁻, t) | `reset`, `reset_rate` |
+//! | g | 1 | the gap, m | `gap`, `gap_rate` |
+//! | Ξ | 2nv×2nv | δx⁺ = Ξ δx⁻ | `matrix` |
+//!
+//! ```text
+//! Ξ = D_x R + (F⁺ − D_x R F⁻ − D_t R) D_x g/(D_t g + D_x g F⁻)
+//! ```
+//!
+//! The denominator is the rate at which the gap closes: towards grazing Ξ grows without bound as its inverse.
+//! Along a motion with impacts the derivative of its flow is `Φₙ Ξₙ … Φ₁ Ξ₁ Φ₀`; over a period that is the monodromy
+//! matrix. Uncertainties go with it as `Ξ Σ Ξᵀ`.
+//!
+//! Source: Kong, Payne, Zhu & Johnson, *Saltation matrices: the essential tool for linearizing hybrid dynamical systems*,
+//! Proc. IEEE 112 (2024) 585.
+
+use crate::derivative::{At, ContactRows, differentiate, responses};
+use crate::error::SimError;
+use crate::trajectory::Moment;
+use carom_chain::Chain;
+use carom_impact::{ImpactProblem, Law};
+use nalgebra::{DMatrix, DVector, Matrix3};
+
+/// A jump of any state where a gap closes, to first order.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jump {
+    /// D_x R, the derivative of the state after by the state before, at a given time.
+    pub reset: DMatrix<f64>,
+    /// D_t R, the derivative of the state after by time.
+    pub reset_rate: DVector<f64>,
+    /// F⁻, the rate of the state just before.
+    pub before: DVector<f64>,
+    /// F⁺, the rate just after.
+    pub after: DVector<f64>,
+    /// D_x g, the derivative of the gap by the state.
+    pub gap: DVector<f64>,
+    /// D_t g, the derivative of the gap by time.
+    pub gap_rate: f64,
+}
+
+impl Jump {
+    /// Ξ.
+    ///
+    /// # Errors
+    /// A gap that does not close: at grazing there is no derivative.
+    pub fn saltation(&self) -> Result<Saltation, SimError> {
+        let closing = self.gap_rate + self.gap.dot(&self.before);
+        if closing.is_nan() || closing >= 0.0 {
+            let rule =
+                "it must be negative: the state before an impact closes the gap (at grazing there is no derivative)";
+            return Err(SimError::Setting { what: "rate of the gap", value: closing, rule });
+        }
+        let time = -&self.gap / closing;
+        let late = &self.reset * &self.before + &self.reset_rate - &self.after;
+        Ok(Saltation { matrix: &self.reset + late * time.transpose(), closing, time })
+    }
+}
+
+/// What an impact does to small changes of the state (q, qd), q in its tangent space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Saltation {
+    /// Ξ, 2nv×2nv: δx⁺ = Ξ δx⁻, both at the time of the unchanged impact.
+    pub matrix: DMatrix<f64>,
+    /// The rate at which the gap closes, m/s, negative: Ξ is of the order of its inverse, and for changes that alter it by
+    /// its own size Ξ says nothing.
+    pub closing: f64,
+    /// By how much later the impact happens, s per unit of each δx⁻.
+    pub time: DVector<f64>,
+}
+
+/// The saltation matrix of an impact of a chain: Ξ for its state (q, qd), of size 2nv×2nv.
+///
+/// `moment` is the state just before, `contact` what meets what (a link and a plane: [`PlaneContact`](crate::PlaneContact)),
+/// and `acceleration` gives q̈ at a state, in free motion: it is asked just before the impact and just after. For a chain
+/// under gravity alone see [`Strike::saltation`](crate::Strike::saltation).
+///
+/// # Errors
+/// A state that does not fit or does not close the gap, what the law refuses, a law from elsewhere, what `acceleration`
+/// refuses.
+pub fn saltation<C: ContactRows>(
+    chain: &Chain,
+    moment: &Moment,
+    contact: &C,
+    law: &dyn Law<f64, 3>,
+    acceleration: impl Fn(&Moment) -> Result<DVector<f64>, SimError>,
+) -> Result<Saltation, SimError> {
+    let Moment { time, q, qd } = moment;
+    chain.check_state(q, qd)?;
+    let nv = chain.nv();
+    let mut workspace = chain.workspace();
+    let mut kin = workspace.update(chain, q)?;
+    let (rows, surface) = (contact.rows(&kin, *time)?, contact.surface_velocity(&kin, *time));
+    let velocities = DVector::from_column_slice(qd);
+    let response = responses(&mut kin, &rows)?;
+    let delassus: Matrix3<f64> = (&rows * &response).fixed_view::<3, 3>(0, 0).into_owned();
+    let law = ImpactProblem::new(delassus, &rows * &velocities - surface)?.differentiate(law)?;
+    let by = differentiate(At { chain, q, qd, time: *time }, contact, &rows, &response, &law)?;
+
+    let after = &velocities + &response * law.outcome.impulse;
+    let rate = |qd: &DVector<f64>| -> Result<DVector<f64>, SimError> {
+        let qdd = acceleration(&Moment { time: *time, q: q.clone(), qd: qd.as_slice().to_vec() })?;
+        chain.check_v("acceleration", qdd.as_slice())?;
+        Ok(DVector::from_iterator(2 * nv, qd.iter().chain(qdd.iter()).copied()))
+    };
+    let mut reset = DMatrix::identity(2 * nv, 2 * nv);
+    reset.view_mut((nv, 0), (nv, nv)).copy_from(&by.q);
+    reset.view_mut((nv, nv), (nv, nv)).copy_from(&by.qd);
+    let mut reset_rate = DVector::zeros(2 * nv);
+    reset_rate.rows_mut(nv, nv).copy_from(&by.time);
+    let mut gap = DVector::zeros(2 * nv);
+    gap.rows_mut(0, nv).copy_from(&rows.row(2).transpose());
+    Jump { reset, reset_rate, before: rate(&velocities)?, after: rate(&after)?, gap, gap_rate: -surface.z }.saltation()
+}
