@@ -265,6 +265,10 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for AnyLaw<T> {
         self.dynamic::<D>().resolve(problem)
     }
 
+    fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
+        self.dynamic::<D>().branches(problem)
+    }
+
     fn known(&self) -> Option<AnyLaw<T>> {
         Some(*self)
     }
