@@ -73,7 +73,7 @@ def build(folder):
         tail = "-native" if len(flags) > 1 else ""
         jobs.append((f"pinocchio{tail}", " ".join(flags), version("pin"), ["g++", "-std=c++17", "-DNDEBUG", *flags,
                      # Pinocchio's joints are a variant of more kinds than Boost's lists are written out for.
-                     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", f"{HERE}/c/pinocchio.cpp",
+                     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12", f"{HERE}/c/pinocchio.cpp",
                      f"-I{include}", f"-I{include}/eigen3"], [f"{folder}/hinges.txt"]))
     for label, flags, release, command, arguments in jobs:
         program = f"{os.path.abspath(folder)}/{label}"
