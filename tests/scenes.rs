@@ -72,3 +72,42 @@ fn a_cradle_sends_its_last_ball_up() {
     let swings = run.at(&scene.simulation.chain, 0.5).q;
     assert!(swings[2] < -0.4 && swings[0].abs() < 1e-9 && swings[1].abs() < 1e-9, "{swings:?}");
 }
+
+#[test]
+fn a_dropped_ball_bounces_six_times_to_e_squared_of_the_height_before() {
+    let (_, run) = run("bounce");
+    assert_eq!(run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>(), ["impact"; 6]);
+    // From h = 1 m with e = 0.8: the k-th flight lasts 2 e^k sqrt(2 h / g), and v_k = e^k sqrt(2 g h).
+    let first = (2.0_f64 / 9.81).sqrt();
+    for (k, event) in run.events.iter().enumerate() {
+        let waited = (1..=k).map(|flight| 2.0 * 0.8_f64.powi(flight as i32)).sum::<f64>();
+        assert!((event.time - first * (1.0 + waited)).abs() < 1e-12 * f64::from(1 << k) + 1e-11, "{k}: {}", event.time);
+        let height = event.qd_plus[2].powi(2) / (2.0 * 9.81);
+        assert!((height / 0.64_f64.powi(k as i32 + 1) - 1.0).abs() < 1e-11, "{k}: {height}");
+    }
+}
+
+#[test]
+fn kane_and_levinsons_tip_slides_back_after_the_impact() {
+    // Reference digits of Stronge's law at the pose of contact itself; the floor lies 2e-6 m below, which moves the pose and
+    // the answer by no more than that.
+    let (_, run) = run("kane");
+    let [event] = &run.events[..] else { panic!("{} events", run.events.len()) };
+    for (found, wanted) in event.qd_plus.iter().zip([-0.198932335971, 0.223136785377 + 0.198932335971]) {
+        assert!((found - wanted).abs() < 4e-6, "{found} for {wanted}");
+    }
+}
+
+#[test]
+fn a_seven_joint_arm_bounces_off_a_table_once() {
+    let (_, run) = run("strike7");
+    assert_eq!(run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>(), ["impact"]);
+}
+
+#[test]
+fn ten_links_fall_without_touching_and_keep_their_energy() {
+    let (_, run) = run("chain10");
+    assert!(run.events.is_empty());
+    let moving = run.summary.last.qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    assert!(moving > 1.0, "it falls: {moving} rad/s");
+}

@@ -1,0 +1,116 @@
+"""Turns carom's scene files into numbers that every peer can read: prepare.py OUT.json SCENE.toml...
+
+Beside what the file says: the start velocity where it is given through the tip, the plane that the tip's ball meets
+first, and, for peers whose contact is a spring, the effective mass and the speed with which the tip will arrive.
+"""
+
+import json
+import os
+import sys
+import tomllib
+import xml.etree.ElementTree as xml
+
+import numpy as np
+import pinocchio
+
+import symbolic
+
+
+def ball_of(urdf, link):
+    for at in xml.parse(urdf).getroot().iter("link"):
+        sphere = at.find("collision/geometry/sphere")
+        if at.get("name") == link and sphere is not None:
+            return float(sphere.get("radius"))
+    return None
+
+
+def plane_of(shape, centre):
+    """The half-space, or the face of the box that lies towards `centre`, as (point, normal)."""
+    if "halfspace" in shape:
+        normal = np.array(shape["halfspace"]["normal"], float)
+        return np.array(shape["halfspace"]["point"], float), normal / np.linalg.norm(normal)
+    middle, half = np.array(shape["box"]["centre"], float), np.array(shape["box"]["size"], float) / 2
+    outside = (centre - middle) / half
+    axis = int(np.argmax(np.abs(outside)))
+    normal = np.zeros(3)
+    normal[axis] = np.sign(outside[axis])
+    return middle + half * normal, normal
+
+
+def prepare(path):
+    with open(path, "rb") as file:
+        scene = tomllib.load(file)
+    robot, run = scene["robot"], scene["run"]
+    urdf = os.path.abspath(os.path.join(os.path.dirname(path), robot["urdf"]))
+    floating = robot.get("floating", False)
+    model = pinocchio.buildModelFromUrdf(urdf, pinocchio.JointModelFreeFlyer()) if floating else pinocchio.buildModelFromUrdf(urdf)
+    data = model.createData()
+    # Configurations in the file's order of joints; Pinocchio sorts branches by name, chains keep it.
+    q = np.array(robot["q"], float)
+    if not floating:
+        q = pinocchio_q(model, q)
+    frame = model.getFrameId(robot.get("tip", "tip"))
+    pinocchio.computeJointJacobians(model, data, q)
+    pinocchio.updateFramePlacements(model, data)
+    jacobian = pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:3]
+    centre = data.oMf[frame].translation
+    mass = pinocchio.crba(model, data, q)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    gravity = np.array(run.get("gravity", [0, 0, 0]), float)
+    out = {
+        "name": os.path.splitext(os.path.basename(path))[0], "urdf": urdf, "floating": floating, "tip": robot.get("tip", "tip"),
+        "tip_radius": ball_of(urdf, robot.get("tip", "tip")), "duration": run["duration"], "gravity": gravity.tolist(),
+        "q": list(map(float, robot["q"])), "joints": [model.names[i] for i in range(1, model.njoints)],
+        "surfaces": [it["shape"] for it in scene.get("surface", [])],
+    }
+    contact = scene.get("contact", {})
+    out.update(restitution=contact.get("restitution", 0.0), friction=contact.get("friction", 0.0), law=contact.get("law"))
+    qd = np.array(robot.get("qd", np.zeros(model.nv)), float)
+    if out["surfaces"]:
+        point, normal = plane_of(out["surfaces"][0], centre)
+        if "tip_velocity" in robot:
+            wish = robot["tip_velocity"]
+            angle, along = np.radians(wish["angle_deg"]), np.array(wish["along"], float)
+            along -= normal * (normal @ along)
+            along /= np.linalg.norm(along)
+            qd = np.linalg.pinv(jacobian) @ (wish["speed"] * (np.cos(angle) * along - np.sin(angle) * normal))
+        inverse = normal @ jacobian @ np.linalg.solve(mass, jacobian.T @ normal)
+        gap = normal @ (centre - point) - out["tip_radius"]
+        towards, pull = -(normal @ (jacobian @ qd)), -(normal @ gravity)
+        speed = towards if not floating else np.sqrt(towards**2 + 2 * pull * gap)
+        out.update(plane={"point": point.tolist(), "normal": normal.tolist()}, gap=gap, effective_mass=1 / inverse, approach=speed)
+    out["qd"] = qd.tolist()
+    if not floating:
+        out["chain"] = hinges(urdf)
+    if floating:
+        body = model.inertias[1]
+        out["body"] = {"mass": body.mass, "inertia": np.diag(body.inertia).tolist()}
+    return out
+
+
+def hinges(urdf):
+    """The moving links with what is fixed to them merged in, parents first, for peers that read no URDF."""
+    robot, links = symbolic.Robot(urdf), []
+    for parent, (turn, shift), axis, inertia in zip(robot.parent, robot.placement, robot.axis, robot.inertia):
+        mass = inertia[3, 3]
+        centre = np.array([inertia[2, 4], inertia[0, 5], inertia[1, 3]]) / mass
+        arm = symbolic.cross(centre)
+        links.append({"parent": parent, "turn": turn.tolist(), "shift": shift.tolist(), "axis": axis.tolist(), "mass": mass,
+                      "centre": centre.tolist(), "inertia": (inertia[:3, :3] - mass * arm @ arm.T).tolist()})
+    body, at = robot.tip
+    return {"links": links, "tip": {"link": body, "at": at.tolist()}}
+
+
+def pinocchio_q(model, q):
+    """Continuous joints are a sine and a cosine there."""
+    full = pinocchio.neutral(model)
+    for i in range(1, model.njoints):
+        joint, value = model.joints[i], q[model.joints[i].idx_v]
+        full[joint.idx_q : joint.idx_q + joint.nq] = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+    return full
+
+
+if __name__ == "__main__":
+    scenes = [prepare(path) for path in sys.argv[2:]]
+    with open(sys.argv[1], "w") as file:
+        json.dump(scenes, file, indent=1)

@@ -1,0 +1,156 @@
+"""Drake on the scenes: its discrete solvers and its continuous plant. Its contacts give way (Hunt & Crossley)."""
+
+import logging
+import math
+from importlib.metadata import version
+
+import numpy as np
+from pydrake.geometry import (
+    AddContactMaterial, Box, CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Role, Sphere)
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+import common
+
+VERSION = version("drake")
+logging.getLogger("drake").setLevel(logging.ERROR)
+
+
+def contact_steps(dt):
+    """Steps that a contact is spread over: the rebound's error falls with their number, the contact's length grows."""
+    return max(40.0, 1.0 / math.sqrt(dt))
+
+
+def material(scene, stiffness):
+    properties = ProximityProperties()
+    friction = CoulombFriction(scene["friction"], scene["friction"])
+    if stiffness is None:
+        AddContactMaterial(friction=friction, properties=properties)
+    else:
+        # Of a pair: stiffness in series, dissipation weighted by the other's stiffness; so twice the one, and the other.
+        AddContactMaterial(point_stiffness=2 * stiffness, friction=friction, properties=properties,
+                           dissipation=common.hunt_crossley(scene["restitution"], scene["approach"]))
+    return properties
+
+
+class Run:
+    def __init__(self, scene, dt, discrete=True, approximation=None, stiffness=None):
+        builder = DiagramBuilder()
+        plant, graph = AddMultibodyPlantSceneGraph(builder, dt if discrete else 0.0)
+        self.scene, self.dt, self.plant = scene, dt, plant
+        Parser(plant).AddModels(scene["urdf"])
+        if not scene["floating"]:
+            plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+        plant.mutable_gravity_field().set_gravity_vector(scene["gravity"])
+        self.tip = plant.GetBodyByName(scene["tip"])
+        # The file's own shapes don't touch; a ball of ours on the tip does.
+        of_file = graph.model_inspector().GetAllGeometryIds(Role.kProximity)
+        ours = []
+        for k, shape in enumerate(scene["surfaces"]):
+            if k == 0:
+                plane = scene["plane"]
+                pose, shape = HalfSpace.MakePose(np.array(plane["normal"]), np.array(plane["point"])), HalfSpace()
+                plant.RegisterCollisionGeometry(self.tip, RigidTransform(), Sphere(scene["tip_radius"]), "ball", material(scene, stiffness))
+            else:
+                pose, shape = RigidTransform(np.array(shape["box"]["centre"])), Box(*shape["box"]["size"])
+            ours.append(plant.RegisterCollisionGeometry(plant.world_body(), pose, shape, f"surface{k}", material(scene, stiffness)))
+        if of_file:
+            files, touched = GeometrySet(of_file), GeometrySet(ours)
+            rule = CollisionFilterDeclaration().ExcludeWithin(files).ExcludeBetween(files, touched)
+            graph.collision_filter_manager().Apply(rule)
+        if approximation is not None:
+            plant.set_discrete_contact_approximation(approximation)
+        plant.Finalize()
+        if stiffness is not None and scene["friction"]:
+            plant.set_stiction_tolerance(1e-3 * scene["approach"])
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        if not discrete:
+            ResetIntegratorFromFlags(self.simulator, "runge_kutta3", scene["duration"] / 10)
+            integrator = self.simulator.get_mutable_integrator()
+            # Steps that may grow over the contact's length would step over it.
+            integrator.set_maximum_step_size(10 * dt)
+            integrator.set_target_accuracy(1e-9)
+
+    def reset(self):
+        context = self.diagram.CreateDefaultContext()
+        self.context = self.plant.GetMyMutableContextFromRoot(context)
+        q, qd = self.scene["q"], self.scene["qd"]
+        if self.scene["floating"]:
+            x, y, z, w = q[3:]
+            pose = RigidTransform(Quaternion(w, x, y, z), q[:3])
+            self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.context, self.tip, pose)
+            velocity = SpatialVelocity(np.array(common.turned(q[3:], qd[3:])), np.array(common.turned(q[3:], qd[:3])))
+            self.plant.SetFreeBodySpatialVelocity(context=self.context, body=self.tip, V_JpJc=velocity)
+        else:
+            self.plant.SetPositions(self.context, q)
+            self.plant.SetVelocities(self.context, qd)
+        self.simulator.reset_context(context)
+        self.simulator.Initialize()
+        self.steps = 0
+
+    def step(self, count):
+        self.steps += count
+        # A hair beyond, so that rounding does not put off the last step.
+        self.simulator.AdvanceTo((self.steps + 1e-6) * self.dt)
+
+    def force(self):
+        results = self.plant.get_contact_results_output_port().Eval(self.context)
+        pairs = range(results.num_point_pair_contacts())
+        return sum(np.linalg.norm(results.point_pair_contact_info(k).contact_force()) for k in pairs)
+
+    def state(self):
+        plant, context = self.plant, self.context
+        velocity = self.tip.EvalSpatialVelocityInWorld(context)
+        if self.scene["floating"]:
+            pose = self.tip.EvalPoseInWorld(context)
+            w, x, y, z = pose.rotation().ToQuaternion().wxyz()
+            return common.free_body(self.scene, pose.translation(), [x, y, z, w], velocity.translational(), velocity.rotational())
+        return {
+            "q": plant.GetPositions(context), "qd": plant.GetVelocities(context), "tip_velocity": velocity.translational(),
+            "kinetic_energy": plant.CalcKineticEnergy(context), "potential_energy": plant.CalcPotentialEnergy(context),
+        }
+
+
+def main():
+    args = common.arguments(__doc__)
+    for scene in common.scenes(args.scenes):
+        if args.only and scene["name"] not in args.only:
+            continue
+        law = "Hunt & Crossley" if scene["surfaces"] else None
+        for dt in common.STEPS:
+            common.measure("drake", VERSION, scene, "default", law, {"plant": "discrete"}, dt, lambda h: Run(scene, h), args)
+            if not scene["surfaces"]:
+                continue
+            for name in ("kLagged", "kTamsi"):
+                settings = {"plant": f"discrete, {name}", "stiffness": f"half period {contact_steps(dt):.0f} dt",
+                            "dissipation": "exact for e at the approach speed"}
+                stiff = lambda h: scene["effective_mass"] * (math.pi / (contact_steps(h) * h)) ** 2
+                common.measure("drake", VERSION, scene, f"discrete {name}, tuned", law, settings, dt,
+                               lambda h, n=name: Run(scene, h, True, getattr(DiscreteContactApproximation, n), stiff(h)), args)
+        if not scene["surfaces"]:
+            for accuracy in (1e-3, 1e-5, 1e-7, 1e-9, 1e-11):
+                def continuous(value):
+                    run = Run(scene, scene["duration"] / 100, discrete=False)
+                    integrator = run.simulator.get_mutable_integrator()
+                    integrator.set_maximum_step_size(scene["duration"])
+                    integrator.set_target_accuracy(value)
+                    return run
+                common.measure("drake", VERSION, scene, "continuous RK3", law, {"plant": "continuous"}, accuracy, continuous,
+                               args, knob="accuracy")
+            continue
+        for half_period in (1e-2, 1e-3, 1e-4, 1e-5):
+            stiffness = scene["effective_mass"] * (math.pi / half_period) ** 2
+            settings = {"plant": "continuous", "integrator": "runge_kutta3", "accuracy": 1e-9,
+                        "dissipation": "exact for e at the approach speed"}
+            common.measure("drake", VERSION, scene, "continuous RK3, tuned", law, settings, stiffness,
+                           lambda k, h=half_period: Run(scene, h / 20, False, None, k), args, knob="stiffness")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""MuJoCo on the scenes. Its contacts are springs in acceleration space and have no coefficient of restitution."""
+
+import math
+
+import mujoco
+import numpy as np
+
+import common
+
+VERSION = mujoco.__version__
+# Steps that the spring's half period is spread over, so that the damping, not the step, decides the rebound.
+CONTACT_STEPS = 40
+
+
+def plane_quaternion(normal):
+    """Turns z into `normal`."""
+    quaternion = np.zeros(4)
+    mujoco.mju_quatZ2Vec(quaternion, np.array(normal, float))
+    return quaternion
+
+
+def model_of(scene):
+    if scene["floating"]:
+        spec = mujoco.MjSpec()
+        body = spec.worldbody.add_body(name="ball")
+        body.add_freejoint()
+        body.mass, body.inertia, body.explicitinertial = scene["body"]["mass"], scene["body"]["inertia"], True
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene["tip_radius"], 0, 0])
+    else:
+        spec = mujoco.MjSpec.from_file(scene["urdf"])
+    for geom in spec.geoms:
+        # Alone the tip's ball touches, as in carom, where the other pairs are out of reach.
+        tip = geom.type == mujoco.mjtGeom.mjGEOM_SPHERE
+        geom.name = "tip" if tip else ""
+        geom.contype, geom.conaffinity = (1, 2) if tip else (0, 0)
+        if not scene["floating"]:
+            geom.mass = 0.0  # else a ball on a link without inertia would weigh as much as water
+    for k, shape in enumerate(scene["surfaces"]):
+        common_keys = dict(name=f"surface{k}", contype=2, conaffinity=1)
+        if k == 0:
+            plane = scene["plane"]
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1], pos=plane["point"],
+                                    quat=plane_quaternion(plane["normal"]), **common_keys)
+        else:
+            box = shape["box"]
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=box["centre"],
+                                    size=[x / 2 for x in box["size"]], **common_keys)
+    spec.option.gravity = scene["gravity"]
+    return spec
+
+
+class Run:
+    def __init__(self, scene, dt, integrator=None, solref=None):
+        spec = model_of(scene)
+        for geom in spec.geoms:
+            if geom.contype:
+                sliding = scene["friction"]
+                geom.condim = 3 if sliding else 1
+                geom.friction = [sliding, 0, 0]
+        spec.option.timestep = dt
+        if integrator is not None:
+            spec.option.integrator = integrator
+        if solref is not None:
+            spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+            spec.option.tolerance = 1e-15
+            for k in range(len(scene["surfaces"])):
+                # A pair of its own, since only a pair can have another reference for its friction than for its bounce:
+    XX impedance is constant and next to
+                # one: as rigid as the format lets a contact be.
+                spec.add_pair(geomname1="tip", geomname2=f"surface{k}", condim=3 if scene["friction"] else 1,
+                              friction=[scene["friction"], scene["friction"], 0, 0, 0], solref=solref,
+                              solreffriction=[10 * dt, 1], solimp=[0.9999, 0.9999, 1e-3, 0.5, 2])
+        self.model, self.scene, self.dt = spec.compile(), scene, dt
+        self.data = mujoco.MjData(self.model)
+        geom = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "tip")
+        self.geom, self.body = geom, self.model.geom_bodyid[geom] if geom >= 0 else -1
+        self.jacobian = np.zeros((3, self.model.nv))
+        self.mass = np.zeros((self.model.nv, self.model.nv))
+
+    def reset(self):
+        mujoco.mj_resetData(self.model, self.data)
+        q, qd = self.scene["q"], self.scene["qd"]
+        if self.scene["floating"]:
+            x, y, z, w = q[3:]
+            q = q[:3] + [w, x, y, z]
+            qd = common.turned([x, y, z, w], qd[:3]) + qd[3:]
+        self.data.qpos[:], self.data.qvel[:] = q, qd
+
+    def step(self, count):
+        mujoco.mj_step(self.model, self.data, nstep=count)
+
+    def force(self):
+        # Of the step just made: its contacts were found at the state it began with.
+        return float(np.sum(self.data.efc_force[: self.data.nefc])) if self.data.ncon else 0.0
+
+    def state(self):
+        data = self.data
+        if self.scene["floating"]:
+            w, x, y, z = data.qpos[3:]
+            turn = [x, y, z, w]
+            return common.free_body(self.scene, data.qpos[:3], turn, data.qvel[:3], common.turned(turn, data.qvel[3:]))
+        # On a copy: what follows must not warm-start or move the run itself.
+        copy = getattr(self, "copy", None) or mujoco.MjData(self.model)
+        self.copy = copy
+        copy.qpos[:], copy.qvel[:] = data.qpos, data.qvel
+        mujoco.mj_fwdPosition(self.model, copy)
+        mujoco.mj_energyPos(self.model, copy)
+        mujoco.mj_energyVel(self.model, copy)
+        state = {"q": data.qpos.copy(), "qd": data.qvel.copy(), "kinetic_energy": copy.energy[1], "potential_energy": copy.energy[0]}
+        if self.geom >= 0:
+            mujoco.mj_jac(self.model, copy, self.jacobian, None, copy.geom_xpos[self.geom], self.body)
+            state["tip_velocity"] = self.jacobian @ data.qvel
+        return state
+
+
+def main():
+    args = common.arguments(__doc__)
+    for scene in common.scenes(args.scenes):
+        if args.only and scene["name"] not in args.only:
+            continue
+        touches = bool(scene["surfaces"])
+        for dt in common.STEPS:
+            common.measure("mujoco", VERSION, scene, "default", "soft contact" if touches else None,
+                           {"integrator": "Euler", "solref": "0.02 1"}, dt, lambda h: Run(scene, h), args)
+            if not touches:
+                common.measure("mujoco", VERSION, scene, "RK4", None, {"integrator": "RK4"}, dt,
+                               lambda h: Run(scene, h, mujoco.mjtIntegrator.mjINT_RK4), args)
+                continue
+            ratio = common.spring_damping(scene["restitution"])
+
+            def tuned(h, integrator):
+                frequency = math.pi / (CONTACT_STEPS * h)
+                return Run(scene, h, integrator, [-frequency**2, -2.0 * ratio * frequency])
+
+            for name, integrator in (("Euler", mujoco.mjtIntegrator.mjINT_EULER), ("RK4", mujoco.mjtIntegrator.mjINT_RK4)):
+                settings = {"integrator": name, "solref": f"direct, half period {CONTACT_STEPS} dt, damping ratio {ratio:.6f}",
+                            "solimp": "0.9999 0.9999", "solreffriction": "10 dt, 1", "cone": "elliptic", "tolerance": 1e-15}
+                common.measure("mujoco", VERSION, scene, f"direct solref, {name}", "linear spring and damper", settings, dt,
+                               lambda h, i=integrator: tuned(h, i), args)
+
+
+if __name__ == "__main__":
+    main()

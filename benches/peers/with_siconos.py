@@ -1,0 +1,132 @@
+"""Siconos on the scenes: Moreau & Jean's time stepping, and its event-driven scheme. Under the system's Python.
+
+The robot's dynamics are plug-ins in C, written by symbolic.py and built by `run` (argument --plugins: their folder).
+"""
+
+import os
+import sys
+import ctypes
+
+import numpy as np
+import siconos.kernel as kernel
+
+import common
+
+VERSION = os.environ.get("SICONOS_VERSION", "unknown")  # the module doesn't say; `run` asks the package manager
+PLUGINS = os.environ["SICONOS_PLUGINS"]
+
+
+class Run:
+    def __init__(self, scene, dt, events):
+        self.scene, self.dt, self.events, self.floating = scene, dt, events, scene["floating"]
+        self.library = None if self.floating else ctypes.CDLL(self.plugin())
+        self.steps = round(scene["duration"] / dt)
+
+    def plugin(self):
+        return os.path.join(os.path.abspath(PLUGINS), self.scene["name"] + "Plugin.so")
+
+    def reset(self):
+        scene, contact = self.scene, bool(self.scene["surfaces"])
+        if self.floating:
+            # The ball falls straight: its three translations say all.
+            mass = scene["body"]["mass"]
+            self.system = kernel.LagrangianLinearTIDS(scene["q"][:3], scene["qd"][:3], mass * np.eye(3))
+            self.system.setFExtPtr(mass * np.array(scene["gravity"]))
+            normal = np.array(scene["plane"]["normal"])
+            offset = -normal @ scene["plane"]["point"] - scene["tip_radius"]
+            relation = kernel.LagrangianLinearTIR([list(normal)], [offset])
+        else:
+            self.system = kernel.LagrangianDS(scene["q"], scene["qd"])
+            self.system.setComputeMassFunction(self.plugin(), "mass_matrix")
+            self.system.setComputeFGyrFunction(self.plugin(), "bias_force")
+            names = [f"{self.plugin()[:-3]}:{name}" for name in ("gap", "gap_rows", "gap_rows_rate")]
+            relation = kernel.LagrangianScleronomousR(*names) if contact else None
+        nsds = kernel.NonSmoothDynamicalSystem(0.0, 2.0 * scene["duration"])
+        nsds.insertDynamicalSystem(self.system)
+        self.interaction, friction = None, scene["friction"]
+        if contact:
+            law = (kernel.NewtonImpactFrictionNSL(scene["restitution"], 0.0, friction, 2) if friction
+                   else kernel.NewtonImpactNSL(scene["restitution"]))
+            self.interaction = kernel.Interaction(law, relation)
+            nsds.link(self.interaction, self.system)
+        discretisation = kernel.TimeDiscretisation(0.0, self.dt)
+        if self.events:
+            self.simulation = kernel.EventDriven(nsds, discretisation)
+            integrator = kernel.LsodarOSI()
+            self.simulation.insertIntegrator(integrator)
+            self.simulation.insertNonSmoothProblem(kernel.LCP(), kernel.SICONOS_OSNSP_ED_IMPACT)
+            self.simulation.insertNonSmoothProblem(kernel.LCP(), kernel.SICONOS_OSNSP_ED_SMOOTH_ACC)
+            self.keep = integrator
+        else:
+            problem = kernel.FrictionContact(2) if friction else kernel.LCP()
+            integrator = kernel.MoreauJeanOSI(0.5)
+            self.simulation = kernel.TimeStepping(nsds, discretisation, integrator, problem)
+            self.simulation.setNewtonTolerance(1e-10)
+            self.simulation.setNewtonMaxIteration(50)
+            self.keep = integrator, problem
+        self.nsds, self.impact, self.touching = nsds, None, False
+        self.simulation.initialize()
+        self.made, self.pushed = 0, 0.0
+
+    def step(self, count):
+        if not self.events:
+            for _ in range(count):
+                self.simulation.computeOneStep()
+                # Before the next step begins and forgets it.
+                self.pushed = self.interaction.lambda_(1)[0] if self.interaction is not None else 0.0
+                self.simulation.nextStep()
+            return
+        self.made += count
+        until, self.touching = (self.made - 1e-6) * self.dt, False
+        while self.simulation.startingTime() < until:
+            self.simulation.advanceToEvent()
+            before = np.array(self.system.velocity())
+            self.simulation.processEvents()
+            if np.abs(np.array(self.system.velocity()) - before).max() > 1e-12:
+                self.touching = True
+                if self.impact is None:
+                    self.impact = dict(self.state(), time=self.simulation.startingTime())
+
+    def force(self):
+        if self.events:
+            return 1.0 if self.touching else 0.0
+        return self.pushed
+
+    def state(self):
+        q, qd = np.array(self.system.q()), np.array(self.system.velocity())
+        if self.floating:
+            return common.free_body(self.scene, q, [0, 0, 0, 1], qd, [0, 0, 0])
+        n = len(q)
+        state = {"q": q, "qd": qd, "kinetic_energy": 0.5 * qd @ (self.evaluated("mass", q, n, n) @ qd)}
+        if self.scene["surfaces"]:
+            state["tip_velocity"] = self.evaluated("jacobian", q, 3, n) @ qd
+        return state
+
+    def evaluated(self, name, q, rows, columns):
+        """A function of the plug-in's library at q, which is what Siconos itself calls."""
+        double, pointer = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
+        out, at = (double * (rows * columns))(), (double * len(q))(*q)
+        inputs, outputs = (pointer * 8)(at), (pointer * 8)(out)
+        getattr(self.library, name)(inputs, outputs, (ctypes.c_longlong * 1024)(), (double * 65536)(), 0)
+        return np.array(out).reshape(columns, rows).T
+
+
+def main():
+    args = common.arguments(__doc__)
+    for scene in common.scenes(args.scenes):
+        # The thrown ball's box would need Siconos' own contact detection, which Debian leaves out of its Python.
+        if args.only and scene["name"] not in args.only or len(scene["surfaces"]) > 1:
+            continue
+        law = ("newton, coulomb (Moreau)" if scene["friction"] else "newton") if scene["surfaces"] else None
+        for dt in common.STEPS:
+            common.measure("siconos", VERSION, scene, "Moreau-Jean", law, {"theta": 0.5, "newton tolerance": 1e-10}, dt,
+                           lambda h: Run(scene, h, False), args)
+        if scene["friction"]:
+            continue  # its event-driven scheme has no friction
+        for dt in common.STEPS[:3]:
+            common.measure("siconos", VERSION, scene, "event-driven", law, {"integrator": "LSODAR, default tolerances"}, dt,
+                           lambda h: Run(scene, h, True), args)
+
+
+if __name__ == "__main__":
+    main()
