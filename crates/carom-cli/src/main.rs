@@ -10,6 +10,7 @@ mod impact;
 mod input;
 mod inspect;
 mod law;
+mod map;
 mod output;
 mod plan;
 mod record;
@@ -43,6 +44,8 @@ enum Command {
     Impact(impact::Impact),
     /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
     Law(law::LawCommand),
+    /// An impact map: a study's quantities over poses, approaches, coefficients and laws
+    Map(map::MapCommand),
     /// What a scene needs, what it leaves out exactly, and what within which bound
     Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
@@ -74,6 +77,7 @@ fn main() -> ExitCode {
         Command::Dynamics(command) => command.run(stdout),
         Command::Impact(command) => command.run(stdout),
         Command::Law(command) => command.run(stdout),
+        Command::Map(command) => command.run(stdout),
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),

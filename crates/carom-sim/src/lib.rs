@@ -32,6 +32,8 @@ pub use free_motion::free_motion;
 pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
 pub use scene::Scene;
+#[doc(hidden)]
+pub use scene::from_toml;
 pub use simulate::{Integrator, Simulation};
 pub use strike::{ChainImpact, Contact, Impacts, Strike};
 pub use touch::{Compliance, ContactRule, Oscillation, Surface, Touch, Touches};

@@ -7,11 +7,13 @@ mod impact_map;
 pub mod paper;
 mod routh_diagram;
 mod self_motion;
+pub mod study;
 mod table;
 mod tosses;
 
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use routh_diagram::{LawPoint, routh_diagram};
 pub use self_motion::{SelfMotionPoint, self_motion};
-pub use table::{Table, TableError};
+pub use study::{Study, StudyError};
+pub use table::{Column, Table, TableError};
 pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};
