@@ -1,14 +1,15 @@
 //! `carom map`: a study, from its file to its map.
 
 use crate::error::CliError;
-use crate::output::{answer, say};
+use crate::output::{answer, say, short};
 use carom_study::Study;
-use carom_study::study::{MapFile, Written};
+use carom_study::study::{Advice, MapFile, Written};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+use serde_json::{Map, Value};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,6 +21,15 @@ pub struct MapCommand {
     /// Write the map, .csv or .parquet
     #[arg(long, value_name = "X.parquet|csv")]
     out: Option<PathBuf>,
+    /// Draw a quantity of the whole map: a curve over one axis, a heat map over two, several over a third of few values
+    #[arg(long, value_name = "X.svg", conflicts_with = "shard")]
+    svg: Option<PathBuf>,
+    /// The column that is drawn; the first quantity if not given
+    #[arg(long, value_name = "COLUMN", requires = "svg")]
+    show: Option<String>,
+    /// Say which rows are best under the study's [advise], and what a redundant arm's self-motion adds
+    #[arg(long, conflicts_with = "shard")]
+    advise: bool,
     /// Threads; as many as the machine has cores if not given
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -41,6 +51,77 @@ struct Summary<'a> {
     columns: Vec<&'a str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     out: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    svg: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    advice: Option<Advised<'a>>,
+}
+
+/// Advice as JSON.
+#[derive(Serialize)]
+struct Advised<'a> {
+    column: &'a str,
+    goal: &'static str,
+    fulfil: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    best_median_worst: Option<[f64; 3]>,
+    best: Vec<Best<'a>>,
+}
+
+#[derive(Serialize)]
+struct Best<'a> {
+    row: u64,
+    q: &'a [f64],
+    values: Map<String, Value>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    self_motion: Option<Moved<'a>>,
+}
+
+/// Where a self-motion leads.
+#[derive(Serialize)]
+struct Moved<'a> {
+    q: &'a [f64],
+    values: Map<String, Value>,
+}
+
+impl<'a> Advised<'a> {
+    fn of(study: &Study, advice: &'a Advice) -> Self {
+        let best = advice.best.iter().map(|it| Best {
+            row: it.index,
+            q: &it.q,
+            values: named(study, &it.row, |_| true),
+            self_motion: it
+                .self_motion
+                .as_ref()
+                .map(|(q, row)| Moved { q, values: named(study, row, |k| k >= class(study)) }),
+        });
+        Self {
+            column: &advice.column,
+            goal: if advice.maximise { "maximise" } else { "minimise" },
+            fulfil: advice.fulfil,
+            best_median_worst: advice.spread,
+            best: best.collect(),
+        }
+    }
+}
+
+/// Where the columns of the pose and the conditions end.
+fn class(study: &Study) -> usize {
+    study.columns().iter().position(|column| column.name == "class").unwrap_or_default()
+}
+
+/// A row by its columns' names; what has no value is left out.
+fn named(study: &Study, row: &[f64], keep: impl Fn(usize) -> bool) -> Map<String, Value> {
+    let columns = study.columns().iter().zip(row).enumerate().filter(|(k, _)| keep(*k));
+    let cells = columns.filter_map(|(_, (column, x))| {
+        let value = if column.words.is_empty() {
+            Value::Number(serde_json::Number::from_f64(*x)?)
+        } else {
+            Value::String(column.spell(*x).to_owned())
+        };
+        Some((column.name.clone(), value))
+    });
+    cells.collect()
 }
 
 fn parse_shard(text: &str) -> Result<(u64, u64), String> {
@@ -66,11 +147,20 @@ impl MapCommand {
             let file = MapFile { path: path.clone(), rows: rows.clone(), resume: self.resume };
             self.write(&study, &file, &pool)?;
         }
+        if let Some(path) = &self.svg {
+            let first = class(&study);
+            let column = study.columns().get(first + 1).map_or("class", |column| column.name.as_str());
+            let svg = pool.install(|| study.picture(self.show.as_deref().unwrap_or(column)))?;
+            write_beside(path, svg.as_bytes())?;
+        }
+        let advice = if self.advise { Some(pool.install(|| study.advise())?) } else { None };
         let summary = Summary {
             study: self.study.display().to_string(),
             rows: rows.end - rows.start,
             columns: study.columns().iter().map(|column| column.name.as_str()).collect(),
             out: self.out.as_deref().map(|path| path.display().to_string()),
+            svg: self.svg.as_deref().map(|path| path.display().to_string()),
+            advice: advice.as_ref().map(|advice| Advised::of(&study, advice)),
         };
         let written = answer(out, &summary, self.json, |summary, out| for_people(&study, summary, out));
         written.map_err(|refused| CliError::refused(&self.study, refused))
@@ -124,8 +214,44 @@ fn for_people(study: &Study, summary: &Summary, out: &mut dyn Write) -> io::Resu
         }
     }
     writeln!(out, "{} rows of {}", summary.rows, summary.columns.join(", "))?;
-    if let Some(path) = &summary.out {
+    for path in summary.out.iter().chain(&summary.svg) {
         writeln!(out, "written to {path}")?;
     }
-    Ok(())
+    summary.advice.as_ref().map_or(Ok(()), |advice| advice.for_people(out))
+}
+
+impl Advised<'_> {
+    fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
+        let Self { column, goal, fulfil, best, .. } = self;
+        writeln!(out, "\n{goal} {column}: {fulfil} rows fulfil the conditions")?;
+        if let Some([best, median, worst]) = self.best_median_worst {
+            writeln!(out, "best {}, median {}, worst {}", short(best), short(median), short(worst))?;
+        }
+        let cells = |values: &Map<String, Value>| {
+            let cell = |(name, value): (&String, &Value)| match value {
+                Value::Number(x) => format!("{name} {}", short(x.as_f64().unwrap_or(f64::NAN))),
+                other => format!("{name} {}", other.as_str().unwrap_or_default()),
+            };
+            values.iter().map(cell).collect::<Vec<_>>().join(", ")
+        };
+        let pose = |q: &[f64]| q.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ");
+        for (k, it) in best.iter().enumerate() {
+            writeln!(out, "{}. row {}: q {}\n   {}", k + 1, it.row, pose(it.q), cells(&it.values))?;
+            if let Some(moved) = &it.self_motion {
+                writeln!(out, "   along the self-motion: q {}\n   {}", pose(moved.q), cells(&moved.values))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Writes a file beside its place and moves it there.
+fn write_beside(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    let mut part = path.as_os_str().to_owned();
+    part.push(".part");
+    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
+    written.map_err(|e| {
+        let _ = std::fs::remove_file(&part);
+        CliError::Option(format!("{}: cannot be written: {e}", path.display()))
+    })
 }

@@ -74,14 +74,23 @@ pub(super) trait Worker {
     fn row(&mut self, index: u64, out: &mut [f64]);
     /// The configuration of a row, if there is one.
     fn pose(&mut self, index: u64) -> Option<Vec<f64>>;
+    /// The row of a configuration of one's own, under the conditions of row `index`.
+    fn row_at(&mut self, index: u64, q: &[f64], out: &mut [f64]);
     /// World position of the tip.
     fn tip(&mut self, q: &[f64]) -> Option<Vector3<f64>>;
+    /// Motion of the joints that leaves the tip where it is, nearest to `along`: its part in the null space of J.
+    fn self_motion(&mut self, q: &[f64], along: &[f64]) -> Option<Vec<f64>>;
+    /// Brings the tip to a world position by Newton's steps from `q`, within the joints' ranges. Whether it came there.
+    fn hold(&mut self, q: &mut [f64], tip: Vector3<f64>) -> bool;
 }
 
 /// An arm of either kind.
 pub(super) trait Engine: Send + Sync {
     fn worker(&self) -> Box<dyn Worker + '_>;
     fn axes(&self) -> &[Axis];
+    fn nv(&self) -> usize;
+    /// How many coordinates of the tip there are: joints beyond them make an arm redundant.
+    fn dimension(&self) -> usize;
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine for Arm<A, D> {
@@ -109,6 +118,14 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
 
     fn axes(&self) -> &[Axis] {
         &self.axes
+    }
+
+    fn nv(&self) -> usize {
+        self.chain.nv()
+    }
+
+    fn dimension(&self) -> usize {
+        D
     }
 }
 
@@ -165,9 +182,47 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
         there.then(|| self.pose.q.clone())
     }
 
+    fn row_at(&mut self, index: u64, q: &[f64], out: &mut [f64]) {
+        places(&self.arm.axes, index, &mut self.places);
+        self.pose.of = None;
+        self.pose.q.copy_from_slice(q);
+        self.weigh_pose();
+        self.tell(out);
+    }
+
     fn tip(&mut self, q: &[f64]) -> Option<Vector3<f64>> {
         let at = self.workspace.update(&self.arm.chain, q).ok()?.position(self.arm.point);
         Some(self.arm.origin + self.arm.basis * at)
+    }
+
+    fn self_motion(&mut self, q: &[f64], along: &[f64]) -> Option<Vec<f64>> {
+        let mut jacobian = DMatrix::zeros(D, self.arm.chain.nv());
+        self.workspace.update(&self.arm.chain, q).ok()?.point_jacobian_into(self.arm.point, &mut jacobian);
+        let along = nalgebra::DVector::from_column_slice(along);
+        // the minimum-norm joint motion that moves the tip as `along` does, taken away
+        let tip = &jacobian * &along;
+        let moves = jacobian.svd(true, true).solve(&tip, 1e-12).ok()?;
+        Some((along - moves).as_slice().to_vec())
+    }
+
+    fn hold(&mut self, q: &mut [f64], tip: Vector3<f64>) -> bool {
+        let arm = self.arm;
+        let own = arm.basis.tr_mul(&(tip - arm.origin));
+        let mut jacobian = DMatrix::zeros(D, arm.chain.nv());
+        for _ in 0..20 {
+            let Ok(kin) = self.workspace.update(&arm.chain, q) else { return false };
+            let missing = own - kin.position(arm.point);
+            if missing.norm() <= 1e-13 * (1.0 + own.norm()) {
+                return arm.in_range(q);
+            }
+            kin.point_jacobian_into(arm.point, &mut jacobian);
+            let missing = nalgebra::DVector::from_column_slice(missing.as_slice());
+            let Ok(step) = jacobian.clone().svd(true, true).solve(&missing, 1e-9) else { return false };
+            for body in arm.chain.bodies() {
+                q[body.q_index] += step[body.v_index];
+            }
+        }
+        false
     }
 }
 

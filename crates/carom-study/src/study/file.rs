@@ -14,6 +14,7 @@ pub(super) struct File {
     pub tip: Option<Tip>,
     pub impact: Impact,
     pub map: Map,
+    pub advise: Option<Advise>,
 }
 
 #[derive(Deserialize)]
@@ -67,6 +68,21 @@ pub(super) struct Map {
     pub quantities: Vec<String>,
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Advise {
+    pub minimise: Option<String>,
+    pub maximise: Option<String>,
+    #[serde(default)]
+    pub class: Vec<String>,
+    #[serde(default)]
+    pub at_most: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub at_least: BTreeMap<String, f64>,
+    #[serde(default = "five")]
+    pub best: usize,
+}
+
 /// One direction or several.
 pub(super) struct Normals(pub Vec<[f64; 3]>);
 
@@ -91,6 +107,10 @@ fn yes() -> bool {
 fn zero() -> Values {
     Values::One(0.0)
 }
+fn five() -> usize {
+    5
+}
+
 /// serde's own untagged enums say only that nothing matched; these say what is expected.
 impl<'de> Deserialize<'de> for Values {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {

@@ -28,6 +28,7 @@
 //! | `[tip]` | instead of `[joints]`: the tip's world `x`, `y`, `z`, m (those left out are free); for two links in the plane `elbow = "both"`, `"up"` or `"down"`; for other arms `seeds = [[q …], …]` from which poses are sought, one row each |
 //! | `[impact]` | `normal` (one, or a list) or `normal_deg` (in the plane's axes); `along`: the direction that the tangential quantities count along (in the plane it may be left out: then the normal turned by +90°); `approach_deg`: angle between the tip's path and the surface, 90 straight on, above 90 against `along`; `speed` m/s; `law` (one, or a list); `restitution`, `friction = 0`, `tangential_restitution` |
 //! | `[map]` | `quantities`, see below |
+//! | `[advise]` | `minimise` or `maximise` (a quantity), `class = […]`, `at_most = { quantity = x }`, `at_least`, `best = 5` |
 //!
 //! Numbers may be a number, a list, or `{ from, to, count }` with both ends included. The joint velocities before the impact
 //! are those of least kinetic energy that move the tip as asked.
@@ -62,15 +63,19 @@
 //! I. D. Walker, *Impact configurations and measures for kinematically redundant and multiple armed robot systems*, IEEE
 //! Trans. Robotics and Automation 10 (1994) 670.
 
+mod advise;
 mod arm;
 mod axis;
 mod file;
+mod picture;
 mod quantity;
 mod reach;
 mod read;
 mod write;
 
+pub use advise::{Advice, Advised};
 pub use axis::Axis;
+pub use picture::Values;
 pub use quantity::CLASSES;
 pub use write::{MapFile, Written};
 
@@ -119,8 +124,10 @@ pub enum StudyError {
 
 /// A study, with everything it names loaded.
 pub struct Study {
+    file: String,
     text: String,
     urdf: String,
+    wish: Option<advise::Wish>,
     engine: Box<dyn Engine>,
     rows: u64,
     columns: Vec<Column>,

@@ -1,8 +1,9 @@
 //! From a study file to a [`Study`]: everything is checked before the first row.
 
+use super::advise::Wish;
 use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
 use super::axis::{Axis, total};
-use super::file::{Elbow, File, Impact, Tip, Values, Words};
+use super::file::{Advise, Elbow, File, Impact, Tip, Values, Words};
 use super::quantity::{self, CLASSES, Quantity};
 use super::reach::{About, Reach};
 use super::{Study, StudyError};
@@ -35,7 +36,8 @@ impl Study {
         let rows = total(engine.axes()).ok_or_else(|| {
             refuse("the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into())
         })?;
-        Ok(Self { text, urdf, engine, rows, columns, warnings })
+        let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
+        Ok(Self { file: name.clone(), text, urdf, wish, engine, rows, columns, warnings })
     }
 }
 
@@ -302,6 +304,44 @@ impl Reading<'_> {
         }
         Ok(found)
     }
+}
+
+/// What `[advise]` wishes for, in the map's columns.
+fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
+    let numbers: Vec<&str> = columns.iter().filter(|c| c.words.is_empty()).map(|c| c.name.as_str()).collect();
+    let column = |key: &str, name: &str| {
+        let found = columns.iter().position(|c| c.name == name && c.words.is_empty());
+        found.ok_or_else(|| {
+            format!(
+                "[advise] {key}: the map has no column of numbers '{name}', add it to quantities: {}",
+                nearest(name, &numbers)
+            )
+        })
+    };
+    let (name, maximise) = match (&advise.minimise, &advise.maximise) {
+        (Some(name), None) => (column("minimise", name)?, false),
+        (None, Some(name)) => (column("maximise", name)?, true),
+        _ => return Err("[advise] needs one of minimise and maximise".into()),
+    };
+    let classes = advise.class.iter().map(|class| {
+        let found = CLASSES.iter().position(|known| known == class);
+        found.map(|k| k as f64).ok_or_else(|| format!("[advise] class = \"{class}\": {}", nearest(class, &CLASSES)))
+    });
+    let classes = classes.collect::<Result<_, _>>()?;
+    let mut bounds = Vec::new();
+    for (name, most) in &advise.at_most {
+        bounds.push((column("at_most", name)?, f64::NEG_INFINITY, *most));
+    }
+    for (name, least) in &advise.at_least {
+        bounds.push((column("at_least", name)?, *least, f64::INFINITY));
+    }
+    if let Some((k, low, high)) = bounds.iter().find(|(_, low, high)| low.is_nan() || high.is_nan()) {
+        return Err(format!("[advise] the bound on {} is {}: it must be a number", columns[*k].name, low + high));
+    }
+    if advise.best == 0 {
+        return Err("[advise] best = 0: ask for one row or more".into());
+    }
+    Ok(Wish { column: name, maximise, classes, bounds, best: advise.best })
 }
 
 /// The joints with numbers of their own, in the order of q.
