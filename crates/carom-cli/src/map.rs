@@ -24,8 +24,11 @@ pub struct MapCommand {
     /// Draw a quantity of the whole map: a curve over one axis, a heat map over two, several over a third of few values
     #[arg(long, value_name = "X.svg", conflicts_with = "shard")]
     svg: Option<PathBuf>,
-    /// The column that is drawn; the first quantity if not given
-    #[arg(long, value_name = "COLUMN", requires = "svg")]
+    /// Record a quantity of the whole map for the Rerun viewer: images, places of the tip, poses of the arm
+    #[arg(long, value_name = "X.rrd", conflicts_with = "shard")]
+    rrd: Option<PathBuf>,
+    /// The column that is drawn and recorded; the first quantity if not given
+    #[arg(long, value_name = "COLUMN")]
     show: Option<String>,
     /// Say which rows are best under the study's [advise], and what a redundant arm's self-motion adds
     #[arg(long, conflicts_with = "shard")]
@@ -53,6 +56,8 @@ struct Summary<'a> {
     out: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     svg: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rrd: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     advice: Option<Advised<'a>>,
 }
@@ -147,11 +152,14 @@ impl MapCommand {
             let file = MapFile { path: path.clone(), rows: rows.clone(), resume: self.resume };
             self.write(&study, &file, &pool)?;
         }
+        let first = study.columns().get(class(&study) + 1).map_or("class", |column| column.name.as_str());
+        let shown = self.show.as_deref().unwrap_or(first);
         if let Some(path) = &self.svg {
-            let first = class(&study);
-            let column = study.columns().get(first + 1).map_or("class", |column| column.name.as_str());
-            let svg = pool.install(|| study.picture(self.show.as_deref().unwrap_or(column)))?;
+            let svg = pool.install(|| study.picture(shown))?;
             write_beside(path, svg.as_bytes())?;
+        }
+        if let Some(path) = &self.rrd {
+            pool.install(|| crate::record::record_map(&study, shown, path))?;
         }
         let advice = if self.advise { Some(pool.install(|| study.advise())?) } else { None };
         let summary = Summary {
@@ -160,6 +168,7 @@ impl MapCommand {
             columns: study.columns().iter().map(|column| column.name.as_str()).collect(),
             out: self.out.as_deref().map(|path| path.display().to_string()),
             svg: self.svg.as_deref().map(|path| path.display().to_string()),
+            rrd: self.rrd.as_deref().map(|path| path.display().to_string()),
             advice: advice.as_ref().map(|advice| Advised::of(&study, advice)),
         };
         let written = answer(out, &summary, self.json, |summary, out| for_people(&study, summary, out));
@@ -214,7 +223,7 @@ fn for_people(study: &Study, summary: &Summary, out: &mut dyn Write) -> io::Resu
         }
     }
     writeln!(out, "{} rows of {}", summary.rows, summary.columns.join(", "))?;
-    for path in summary.out.iter().chain(&summary.svg) {
+    for path in summary.out.iter().chain(&summary.svg).chain(&summary.rrd) {
         writeln!(out, "written to {path}")?;
     }
     summary.advice.as_ref().map_or(Ok(()), |advice| advice.for_people(out))

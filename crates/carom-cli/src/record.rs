@@ -2,8 +2,9 @@
 
 use crate::error::CliError;
 use carom_sim::{Plan, Scene, Seen, Summary};
+use carom_study::Study;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where a recording goes: one place, or none.
 #[derive(Args)]
@@ -19,6 +20,18 @@ pub struct Record {
     /// Start a viewer and record into it
     #[arg(long)]
     spawn: bool,
+}
+
+/// Records one column of a map.
+#[cfg(feature = "rerun")]
+pub fn record_map(study: &Study, column: &str, path: &Path) -> Result<(), CliError> {
+    Ok(carom_record::record_map(study, column, &carom_record::Target::File(path.to_owned()))?)
+}
+
+/// There are no recordings.
+#[cfg(not(feature = "rerun"))]
+pub fn record_map(_: &Study, _: &str, _: &Path) -> Result<(), CliError> {
+    Err(CliError::Option("--rrd needs recordings, without which this carom was built (feature rerun)".into()))
 }
 
 /// A recording on its way.

@@ -7,12 +7,14 @@
 mod bounds;
 mod geometry;
 mod layout;
+mod map;
 mod measures;
 mod planar2;
 mod scene;
 mod summary;
 mod target;
 
+pub use map::record_map;
 pub use planar2::{Side, record_planar2};
 pub use scene::SceneRecorder;
 pub use target::Target;
@@ -29,6 +31,9 @@ pub enum RecordError {
     /// A shape can't be used.
     #[error(transparent)]
     Contact(#[from] carom_contact::ContactError),
+    /// A map can't be shown.
+    #[error("{0}")]
+    Map(String),
     /// A viewer can't be reached or started.
     #[error("the viewer can't be used: {reason}")]
     Viewer {

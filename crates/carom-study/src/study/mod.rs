@@ -81,6 +81,7 @@ pub use write::{MapFile, Written};
 
 use crate::{Column, TableError};
 use arm::{Engine, Worker};
+use carom_chain::Chain;
 use nalgebra::Vector3;
 use std::io;
 use std::ops::Range;
@@ -128,6 +129,7 @@ pub struct Study {
     text: String,
     urdf: String,
     wish: Option<advise::Wish>,
+    chain: Chain,
     engine: Box<dyn Engine>,
     rows: u64,
     columns: Vec<Column>,
@@ -165,6 +167,11 @@ impl Study {
     pub fn unit(&self, column: &str) -> &'static str {
         let axis = self.axes().iter().find(|axis| axis.name == column);
         axis.map_or_else(|| quantity::unit_of(column), |axis| axis.unit)
+    }
+
+    /// The robot.
+    pub fn chain(&self) -> &Chain {
+        &self.chain
     }
 
     /// Something to compute rows with, one for each thread.

@@ -18,7 +18,7 @@ pub(super) enum Class {
     Reverses,
 }
 
-/// The words of the column `class`, in the order of [`Class`].
+/// The words of the column `class`: what became of a row.
 pub const CLASSES: [&str; 11] = [
     "unreachable",
     "outside-limits",

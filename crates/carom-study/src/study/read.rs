@@ -37,7 +37,7 @@ impl Study {
             refuse("the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into())
         })?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
-        Ok(Self { file: name.clone(), text, urdf, wish, engine, rows, columns, warnings })
+        Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, warnings })
     }
 }
 
