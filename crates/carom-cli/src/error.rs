@@ -36,6 +36,22 @@ pub enum CliError {
         /// What the system said.
         reason: io::Error,
     },
+    /// A study or its map, which name their files themselves.
+    #[error(transparent)]
+    Study(#[from] carom_study::StudyError),
+    /// A map that was stopped.
+    #[error(
+        "interrupted after {rows} of {total} rows, which are in {}: the same command with --resume goes on",
+        partial.display()
+    )]
+    Interrupted {
+        /// Rows that are done.
+        rows: u64,
+        /// Rows wanted.
+        total: u64,
+        /// Where they are.
+        partial: std::path::PathBuf,
+    },
     /// An option, with the file it speaks of.
     #[error("{0}")]
     Option(String),

@@ -12,6 +12,7 @@ mod impact;
 mod input;
 mod inspect;
 mod law;
+mod map;
 mod output;
 mod paper;
 mod plan;
@@ -48,6 +49,8 @@ enum Command {
     Impact(impact::Impact),
     /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
     Law(law::LawCommand),
+    /// An impact map: a study's quantities over poses, approaches, coefficients and laws
+    Map(map::MapCommand),
     /// What a scene needs, what it leaves out exactly, and what within which bound
     Plan(plan::PlanCommand),
     /// The motion before, through and after the impacts of a scene
@@ -87,6 +90,7 @@ fn main() -> ExitCode {
         Command::Dynamics(command) => command.run(stdout),
         Command::Impact(command) => command.run(stdout),
         Command::Law(command) => command.run(stdout),
+        Command::Map(command) => command.run(stdout),
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
         Command::Chart(command) => command.run(stdout),

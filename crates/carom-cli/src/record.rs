@@ -2,9 +2,9 @@
 
 use crate::error::CliError;
 use carom_sim::{Plan, Scene, Seen, Summary};
-use carom_study::Diagram;
+use carom_study::{Diagram, Study};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Where a recording goes: one place, or none.
 #[derive(Args)]
@@ -64,6 +64,18 @@ pub fn record_diagrams(_: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &s
 fn without() -> CliError {
     let refusal = "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
     CliError::Option(refusal.into())
+}
+
+/// Records one column of a map.
+#[cfg(feature = "rerun")]
+pub fn record_map(study: &Study, column: &str, path: &Path) -> Result<(), CliError> {
+    Ok(carom_record::record_map(study, column, &carom_record::Target::File(path.to_owned()))?)
+}
+
+/// There are no recordings.
+#[cfg(not(feature = "rerun"))]
+pub fn record_map(_: &Study, _: &str, _: &Path) -> Result<(), CliError> {
+    Err(CliError::Option("--rrd needs recordings, without which this carom was built (feature rerun)".into()))
 }
 
 /// A recording on its way.

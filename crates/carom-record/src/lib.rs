@@ -8,6 +8,7 @@ mod bounds;
 mod diagrams;
 mod geometry;
 mod layout;
+mod map;
 mod measures;
 mod planar2;
 mod scene;
@@ -15,6 +16,7 @@ mod summary;
 mod target;
 
 pub use diagrams::record_diagrams;
+pub use map::record_map;
 pub use planar2::{Side, record_planar2};
 pub use scene::SceneRecorder;
 pub use target::Target;
@@ -31,6 +33,9 @@ pub enum RecordError {
     /// A shape can't be used.
     #[error(transparent)]
     Contact(#[from] carom_contact::ContactError),
+    /// A map can't be shown.
+    #[error("{0}")]
+    Map(String),
     /// A viewer can't be reached or started.
     #[error("the viewer can't be used: {reason}")]
     Viewer {

@@ -38,6 +38,8 @@ pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
 pub use saltation::{Jump, Saltation, saltation};
 pub use scene::Scene;
+#[doc(hidden)]
+pub use scene::from_toml;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
 pub use strike::{ChainImpact, Contact, ImpactBand, Impacts, JointModel, Strike};

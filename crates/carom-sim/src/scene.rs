@@ -78,15 +78,7 @@ impl Scene {
         let path = path.as_ref();
         let refuse = |rule: String| SimError::Scene { file: path.display().to_string(), rule };
         let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
-        let file: File = toml::from_str(&text).map_err(|e| {
-            let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-            let message = suggest(e.message());
-            // Only complaints about fields name a key.
-            let quoted = text.lines().nth(line - 1).filter(|_| !message.contains(" field `")).map(str::trim);
-            refuse(
-                quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}")),
-            )
-        })?;
+        let file: File = from_toml(&text).map_err(refuse)?;
         let folder = path.parent().unwrap_or(Path::new("."));
 
         let options = LoadOptions { floating_base: file.robot.floating, meshes: Meshes::Required };
@@ -178,6 +170,21 @@ impl Scene {
         let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
         Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, warnings })
     }
+}
+
+/// Reads TOML. What is wrong is said with the line, its text where no key is named, and the nearest name.
+///
+/// # Errors
+/// The message.
+#[doc(hidden)] // shared with the other files of this workspace that are written in TOML
+pub fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
+    toml::from_str(text).map_err(|e: toml::de::Error| {
+        let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+        let message = suggest(e.message());
+        // Only complaints about fields name a key.
+        let quoted = text.lines().nth(line - 1).filter(|_| !message.contains(" field `")).map(str::trim);
+        quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}"))
+    })
 }
 
 /// serde names the unknown key and the known ones: name the nearest.

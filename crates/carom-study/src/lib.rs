@@ -12,11 +12,13 @@ mod line_chart;
 pub mod paper;
 mod self_motion;
 pub mod stress;
+pub mod study;
 mod table;
 mod tosses;
 
 pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use self_motion::{SelfMotionPoint, self_motion};
-pub use table::{Table, TableError};
+pub use study::{Study, StudyError};
+pub use table::{Column, Table, TableError};
 pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};

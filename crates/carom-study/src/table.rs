@@ -2,7 +2,7 @@
 //!
 //! | | `.csv` | `.parquet` |
 //! | --- | --- | --- |
-//! | columns | a header, quoted where it must be | required doubles |
+//! | columns | a header, quoted where it must be | required doubles; required strings for columns of words |
 //! | numbers | shortest decimals that read back to the bit; NaN's payload is lost | to the bit |
 //! | held back | a buffer of some kilobytes | one row group, 2²² numbers (32 MB) at most |
 //! | compression | none | Snappy, which every reader knows |
@@ -10,12 +10,14 @@
 //! A table is written as `X.csv.part` beside its place and moved there when it is whole, so that a file under its own
 //! name is always a whole one.
 
-use parquet::basic::{Compression, Repetition, Type as Physical};
-use parquet::data_type::DoubleType;
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use parquet::column::reader::ColumnReader;
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType};
 use parquet::errors::ParquetError;
 use parquet::file::properties::WriterProperties;
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
+use parquet::schema::types::{ColumnPath, Type};
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -63,6 +65,38 @@ pub enum TableError {
     },
 }
 
+/// A column of a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Column {
+    /// Its name in the header.
+    pub name: String,
+    /// Empty for a column of numbers. Else the column holds words: a row's number k stands for `words[k]`.
+    pub words: Vec<String>,
+}
+
+impl Column {
+    /// A column of numbers.
+    pub fn number(name: impl Into<String>) -> Self {
+        Self { name: name.into(), words: Vec::new() }
+    }
+
+    /// A column of words, each written as its place among `words`.
+    pub fn word<W: Into<String>>(name: impl Into<String>, words: impl IntoIterator<Item = W>) -> Self {
+        Self { name: name.into(), words: words.into_iter().map(Into::into).collect() }
+    }
+
+    /// The word that a number stands for; the empty word for a number that stands for none.
+    pub fn spell(&self, value: f64) -> &str {
+        // `as` takes NaN to 0 and negatives too: those are none
+        if value >= 0.0 { self.words.get(value as usize).map_or("", String::as_str) } else { "" }
+    }
+
+    /// The number that stands for a word; NaN for one that is not among the words.
+    pub(crate) fn code(&self, word: &str) -> f64 {
+        self.words.iter().position(|w| w == word).map_or(f64::NAN, |k| k as f64)
+    }
+}
+
 /// A table being written. Dropped before [`Table::finish`], it leaves nothing behind.
 ///
 /// ```
@@ -95,9 +129,17 @@ impl Table {
     /// # Errors
     /// [`TableError`]: another extension, no columns, two of one name, a folder that can't be written to.
     pub fn create(path: &Path, columns: &[String]) -> Result<Self, TableError> {
+        Self::create_with(path, &columns.iter().map(Column::number).collect::<Vec<_>>())
+    }
+
+    /// The same with columns of words among them.
+    ///
+    /// # Errors
+    /// As [`Table::create`].
+    pub fn create_with(path: &Path, columns: &[Column]) -> Result<Self, TableError> {
         let refuse = |reason: String| TableError::Columns { file: path.to_owned(), reason };
         let format = path.extension().map(|ending| ending.to_ascii_lowercase());
-        let open: fn(File, &[String]) -> io::Result<Sink> = match format.as_deref().and_then(|f| f.to_str()) {
+        let open: fn(File, &[Column]) -> io::Result<Sink> = match format.as_deref().and_then(|f| f.to_str()) {
             Some("csv") => Sink::csv,
             Some("parquet") => Sink::parquet,
             _ => return Err(TableError::Extension { file: path.to_owned() }),
@@ -106,8 +148,8 @@ impl Table {
             return Err(refuse("a table needs a column".into()));
         }
         let mut seen = std::collections::HashSet::new();
-        if let Some(twice) = columns.iter().find(|name| !seen.insert(*name)) {
-            return Err(refuse(format!("two columns are called '{twice}'")));
+        if let Some(twice) = columns.iter().find(|column| !seen.insert(&column.name)) {
+            return Err(refuse(format!("two columns are called '{}'", twice.name)));
         }
         let (place, file) = Place::begin(path).map_err(unwritable(path))?;
         let sink = open(file, columns).map_err(unwritable(path))?;
@@ -134,10 +176,18 @@ impl Table {
     /// # Errors
     /// [`TableError`]: the file can't be written, now or at an earlier row. Nothing is left behind then.
     pub fn finish(self) -> Result<(), TableError> {
+        let path = self.place.path.clone();
+        self.finish_at(&path)
+    }
+
+    /// As [`Table::finish`], but to another place in the same folder: what is there of a table that was not finished.
+    ///
+    /// # Errors
+    /// As [`Table::finish`].
+    pub(crate) fn finish_at(self, path: &Path) -> Result<(), TableError> {
         let Self { sink, place, whole, .. } = self;
-        let path = place.path.clone();
         let flushed = if whole { sink.finish() } else { Err(io::Error::other("a row was lost")) };
-        flushed.and_then(|()| place.keep()).map_err(unwritable(&path))
+        flushed.and_then(|()| place.keep(path)).map_err(unwritable(path))
     }
 }
 
@@ -166,8 +216,8 @@ impl Place {
         Ok((Self { path: path.to_owned(), part, kept: false }, file))
     }
 
-    fn keep(mut self) -> io::Result<()> {
-        std::fs::rename(&self.part, &self.path)?;
+    fn keep(mut self, path: &Path) -> io::Result<()> {
+        std::fs::rename(&self.part, path)?;
         self.kept = true;
         Ok(())
     }
@@ -183,42 +233,60 @@ impl Drop for Place {
 
 /// A format.
 enum Sink {
-    Csv(Box<csv::Writer<File>>),
+    Csv(Box<csv::Writer<File>>, Vec<Column>),
     Parquet(Box<Groups>),
 }
 
 /// A Parquet file and the columns of its next row group.
 struct Groups {
     file: SerializedFileWriter<File>,
+    names: Vec<Column>,
     columns: Vec<Vec<f64>>,
     rows: usize,
 }
 
 impl Sink {
-    fn csv(file: File, columns: &[String]) -> io::Result<Self> {
+    fn csv(file: File, columns: &[Column]) -> io::Result<Self> {
         let mut writer = csv::Writer::from_writer(file);
-        writer.write_record(columns)?;
-        Ok(Self::Csv(Box::new(writer)))
+        writer.write_record(columns.iter().map(|column| &column.name))?;
+        Ok(Self::Csv(Box::new(writer), columns.to_vec()))
     }
 
-    fn parquet(file: File, columns: &[String]) -> io::Result<Self> {
-        let double = |name: &String| {
-            let column = Type::primitive_type_builder(name, Physical::DOUBLE).with_repetition(Repetition::REQUIRED);
-            column.build().map(Arc::new)
+    fn parquet(file: File, columns: &[Column]) -> io::Result<Self> {
+        let typed = |column: &Column| {
+            let (physical, logical) = match column.words.as_slice() {
+                [] => (Physical::DOUBLE, None),
+                _ => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            };
+            let built = Type::primitive_type_builder(&column.name, physical).with_logical_type(logical);
+            built.with_repetition(Repetition::REQUIRED).build().map(Arc::new)
         };
-        let fields = columns.iter().map(double).collect::<Result<_, _>>().map_err(plain)?;
+        let fields = columns.iter().map(typed).collect::<Result<_, _>>().map_err(plain)?;
         let schema = Type::group_type_builder("table").with_fields(fields).build().map_err(plain)?;
-        // numbers from a computation hardly repeat: a dictionary of them only costs
-        let properties =
-            WriterProperties::builder().set_compression(Compression::SNAPPY).set_dictionary_enabled(false).build();
-        let file = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties)).map_err(plain)?;
+        // numbers from a computation hardly repeat: a dictionary of them only costs; words do
+        let mut properties =
+            WriterProperties::builder().set_compression(Compression::SNAPPY).set_dictionary_enabled(false);
+        for column in columns.iter().filter(|column| !column.words.is_empty()) {
+            properties = properties.set_column_dictionary_enabled(ColumnPath::new(vec![column.name.clone()]), true);
+        }
+        let file = SerializedFileWriter::new(file, Arc::new(schema), Arc::new(properties.build())).map_err(plain)?;
         let rows = (GROUP_NUMBERS / columns.len()).clamp(1, GROUP_ROWS);
-        Ok(Self::Parquet(Box::new(Groups { file, columns: vec![Vec::new(); columns.len()], rows })))
+        let held = vec![Vec::new(); columns.len()];
+        Ok(Self::Parquet(Box::new(Groups { file, names: columns.to_vec(), columns: held, rows })))
     }
 
     fn row(&mut self, values: &[f64]) -> io::Result<()> {
         match self {
-            Self::Csv(writer) => Ok(writer.write_record(values.iter().map(f64::to_string))?),
+            Self::Csv(writer, columns) => {
+                for (column, value) in columns.iter().zip(values) {
+                    if column.words.is_empty() {
+                        writer.write_field(value.to_string())?;
+                    } else {
+                        writer.write_field(column.spell(*value))?;
+                    }
+                }
+                Ok(writer.write_record(None::<&[u8]>)?)
+            }
             Self::Parquet(groups) => {
                 for (column, value) in groups.columns.iter_mut().zip(values) {
                     column.push(*value);
@@ -230,7 +298,7 @@ impl Sink {
 
     fn finish(self) -> io::Result<()> {
         match self {
-            Self::Csv(mut writer) => writer.flush(),
+            Self::Csv(mut writer, _) => writer.flush(),
             Self::Parquet(mut groups) => {
                 groups.write().and_then(|()| groups.file.finish()).map(|_metadata| ()).map_err(plain)
             }
@@ -245,14 +313,83 @@ impl Groups {
             return Ok(());
         }
         let mut group = self.file.next_row_group()?;
-        for column in &mut self.columns {
+        for (name, column) in self.names.iter().zip(&mut self.columns) {
             let Some(mut out) = group.next_column()? else { break };
-            out.typed::<DoubleType>().write_batch(column, None, None)?;
+            if name.words.is_empty() {
+                out.typed::<DoubleType>().write_batch(column, None, None)?;
+            } else {
+                let words: Vec<ByteArray> = column.iter().map(|value| ByteArray::from(name.spell(*value))).collect();
+                out.typed::<ByteArrayType>().write_batch(&words, None, None)?;
+            }
             out.close()?;
             column.clear();
         }
         group.close().map(|_metadata| ())
     }
+}
+
+/// Reads a table that [`Table`] wrote, row by row, in the memory of one row group.
+///
+/// # Errors
+/// What the file system or the format says, other columns than these, and whatever `see` refuses.
+pub(crate) fn read_table(
+    path: &Path,
+    columns: &[Column],
+    see: &mut dyn FnMut(&[f64]) -> io::Result<()>,
+) -> io::Result<()> {
+    let other = || io::Error::other("it has other columns");
+    let mut row = vec![0.0; columns.len()];
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
+        let mut reader = csv::Reader::from_path(path)?;
+        if !reader.headers()?.iter().eq(columns.iter().map(|column| column.name.as_str())) {
+            return Err(other());
+        }
+        let mut record = csv::StringRecord::new();
+        while reader.read_record(&mut record)? {
+            for ((column, cell), value) in columns.iter().zip(&record).zip(&mut row) {
+                *value = match column.words.as_slice() {
+                    [] => cell.parse().map_err(|_| io::Error::other(format!("'{cell}' is no number")))?,
+                    _ => column.code(cell),
+                };
+            }
+            see(&row)?;
+        }
+        return Ok(());
+    }
+    let file = SerializedFileReader::new(File::open(path)?).map_err(plain)?;
+    let schema = file.metadata().file_metadata().schema_descr_ptr();
+    if !schema.columns().iter().map(|c| c.name()).eq(columns.iter().map(|column| column.name.as_str())) {
+        return Err(other());
+    }
+    let mut held: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
+    for k in 0..file.num_row_groups() {
+        let group = file.get_row_group(k).map_err(plain)?;
+        let rows = usize::try_from(group.metadata().num_rows()).map_err(io::Error::other)?;
+        for (i, (column, into)) in columns.iter().zip(&mut held).enumerate() {
+            into.clear();
+            match group.get_column_reader(i).map_err(plain)? {
+                ColumnReader::DoubleColumnReader(mut reader) if column.words.is_empty() => {
+                    reader.read_records(rows, None, None, into).map_err(plain)?;
+                }
+                ColumnReader::ByteArrayColumnReader(mut reader) if !column.words.is_empty() => {
+                    let mut words: Vec<ByteArray> = Vec::with_capacity(rows);
+                    reader.read_records(rows, None, None, &mut words).map_err(plain)?;
+                    into.extend(words.iter().map(|word| word.as_utf8().map_or(f64::NAN, |word| column.code(word))));
+                }
+                _ => return Err(other()),
+            }
+            if into.len() != rows {
+                return Err(io::Error::other("a row group is shorter than it says"));
+            }
+        }
+        for r in 0..rows {
+            for (value, column) in row.iter_mut().zip(&held) {
+                *value = column[r];
+            }
+            see(&row)?;
+        }
+    }
+    Ok(())
 }
 
 /// What the file system said, without Parquet's wrapping.

@@ -1,0 +1,208 @@
+//! `carom map` from outside: its rows are those of `carom impact`, its refusals name file, key, value and rule, and an
+//! interruption leaves what is done.
+
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// A folder of its own for each test, gone afterwards.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-map-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let desk = Self(folder);
+        std::fs::copy(format!("{ROOT}/robots/planar2.urdf"), desk.0.join("planar2.urdf")).unwrap();
+        desk
+    }
+
+    fn study(&self, change: impl Fn(&str) -> String) {
+        std::fs::write(self.0.join("s.toml"), change(STUDY)).unwrap();
+    }
+
+    fn command(&self, args: &str) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
+        command.args(args.split_whitespace()).current_dir(&self.0);
+        command
+    }
+
+    fn run(&self, args: &str) -> Output {
+        self.command(args).output().unwrap()
+    }
+
+    #[track_caller]
+    fn refused(&self, old: &str, new: &str, message: &str) {
+        assert!(STUDY.contains(old), "the study has no {old}");
+        self.study(|text| text.replacen(old, new, 1));
+        let ran = self.run("map s.toml --out x.csv");
+        let said = String::from_utf8(ran.stderr).unwrap();
+        assert_eq!((ran.status.code(), said.trim_end()), (Some(1), format!("error: s.toml: {message}").as_str()));
+        assert!(ran.stdout.is_empty());
+        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), 2, "nothing is written but robot and study");
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+const STUDY: &str = r#"
+[robot]
+urdf = "planar2.urdf"
+
+[joints]
+shoulder = { from = -90, to = 90, count = 7, unit = "deg" }
+elbow = { from = -1.4, to = 1.5, count = 6 }
+
+[impact]
+normal = [-1, 0, 0]
+along = [0, -1, 0]
+approach_deg = { from = 30, to = 60, count = 2 }
+speed = 0.2
+law = "energetic"
+restitution = 0.35
+friction = 0.2
+
+[map]
+quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode"]
+"#;
+
+/// The last digits differ: `carom impact` works in space, the map in the plane.
+#[test]
+fn a_row_is_what_carom_impact_answers() {
+    let desk = Desk::new("rows");
+    desk.study(str::to_owned);
+    let ran = desk.run("map s.toml --out m.csv --json");
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert_eq!((&summary["rows"], &summary["out"]), (&json!(84), &json!("m.csv")));
+    let text = std::fs::read_to_string(desk.0.join("m.csv")).unwrap();
+    let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    assert_eq!(header[..4], ["q.shoulder", "q.elbow", "approach_deg", "class"]);
+    let rows: Vec<Vec<&str>> = lines.collect();
+    assert_eq!(rows.len(), 84);
+    let number =
+        |row: &[&str], name: &str| -> f64 { row[header.iter().position(|h| *h == name).unwrap()].parse().unwrap() };
+    let pair = |row: &[&str], name: &str| ["shoulder", "elbow"].map(|joint| number(row, &format!("{name}.{joint}")));
+    let states: String =
+        rows.iter().map(|row| json!({"q": pair(row, "q"), "qd": pair(row, "qd_minus")}).to_string() + "\n").collect();
+    std::fs::write(desk.0.join("states.jsonl"), states).unwrap();
+    let single = desk.run(
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2 --states states.jsonl --json",
+    );
+    let answers: Vec<Value> =
+        String::from_utf8(single.stdout).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    assert_eq!(answers.len(), 84);
+    for (row, answer) in rows.iter().zip(&answers) {
+        let theirs = |key: &str, k: usize| answer[key][k].as_f64().unwrap();
+        let close = |what: &str, a: f64, b: f64, scale: f64| assert!((a - b).abs() <= 1e-11 * scale, "{what}: {a} {b}");
+        close("slip", number(row, "tangential_after"), -theirs("u_plus", 1), 0.2);
+        let size = (theirs("impulse", 0).powi(2) + theirs("impulse", 1).powi(2)).sqrt();
+        close("impulse", number(row, "impulse"), size, size);
+        for (k, qd) in pair(row, "qd_plus").into_iter().enumerate() {
+            close("qd⁺", qd, theirs("qd_plus", k), theirs("qd_plus", k).abs() + 1.0);
+        }
+        assert_eq!(*row.last().unwrap(), answer["mode"].as_str().unwrap());
+    }
+}
+
+#[test]
+fn a_wrong_study_is_refused_by_file_key_value_and_rule() {
+    let desk = Desk::new("refused");
+    let values = "a number, a list of numbers, or { from, to, count }";
+    for (old, new, message) in [
+        ("count = 6 }", "cuont = 6 }", "line 7: unknown field `cuont`, expected one of `from`, `to`, `count`, `unit`; did you mean `count`?".to_owned()),
+        ("count = 6 }", "count = 1 }", "[joints] elbow: count = 1: a range has 2 values or more; write the number itself for one".into()),
+        ("{ from = -1.4, to = 1.5, count = 6 }", "\"wide\"", format!("line 7, elbow = \"wide\": invalid type: string \"wide\", expected {values}")),
+        ("{ from = -1.4, to = 1.5, count = 6 }", "[]", "[joints] elbow: the list is empty: give a value".into()),
+        ("to = 1.5", "to = nan", "[joints] elbow: NaN: every value must be finite".into()),
+        ("elbow =", "elbov =", "[joints] elbov: no joint is named 'elbov'; did you mean 'elbow'?".into()),
+        ("elbow = { from = -1.4, to = 1.5, count = 6 }", "", "[joints] has no elbow: give every moving joint a value or a range".into()),
+        ("[joints]", "[tip]\nx = 0.5\ny = 0.1\n[joints]", "it has both [joints] and [tip]: give one of them".into()),
+        ("along = [0, -1, 0]", "along = [2, 0, 0]", "[impact] along = [2, 0, 0] has no part along the surface: give a direction on it".into()),
+        ("normal = [-1, 0, 0]", "", "[impact] has no normal: give normal = [x, y, z], from the environment to the robot".into()),
+        ("normal = [-1, 0, 0]", "normal = [0, 0, 0]", "[impact] normal = [0.0, 0.0, 0.0]: a normal needs a finite length above 0".into()),
+        ("to = 60", "to = 200", "[impact] approach_deg = 200: an angle between path and surface lies between 0 and 180".into()),
+        ("speed = 0.2", "speed = -0.2", "[impact] speed = -0.2: a speed is positive".into()),
+        ("restitution = 0.35", "restitution = [0.2, 1.35]", "[impact] restitution = 1.35: a coefficient of restitution lies between 0 and 1".into()),
+        ("friction = 0.2", "friction = -0.2", "[impact] friction = -0.2: a coefficient of friction is not negative".into()),
+        ("friction = 0.2", "tangential_restitution = 0.2", "[impact] tangential_restitution is read by law = \"chatterjee-ruina\" only".into()),
+        ("\"energetic\"", "[\"energetic\", \"poison\"]", "[impact] law = \"poison\": did you mean \"poisson\"? There are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith".into()),
+        ("\"impulse\"", "\"impulse\", \"impulse\"", "[map] quantities holds \"impulse\" twice".into()),
+        ("count = 7", "count = 9223372036854775807", "the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into()),
+    ] {
+        desk.refused(old, new, &message);
+    }
+}
+
+#[test]
+fn a_name_that_is_no_quantity_is_told_the_nearest() {
+    let desk = Desk::new("nearest");
+    desk.study(|text| text.replace("\"impulse\"", "\"impulses\""));
+    let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
+    assert!(
+        said.starts_with(
+            "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? There are mode"
+        )
+    );
+}
+
+#[test]
+fn shards_and_threads_are_checked_as_usage() {
+    let desk = Desk::new("usage");
+    desk.study(str::to_owned);
+    for args in [
+        "--out x.csv --shard 0/3",
+        "--out x.csv --shard 4/3",
+        "--out x.csv --shard 3",
+        "--shard 1/3",
+        "--out x.csv --threads 0",
+    ] {
+        assert_eq!(desk.run(&format!("map s.toml {args}")).status.code(), Some(2), "{args}");
+    }
+    assert_eq!(desk.run("map s.toml --out x.txt").status.code(), Some(1));
+    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 2);
+}
+
+/// Ctrl-C leaves a whole table of what is done, says so, and `--resume` ends with the bytes of a run left alone.
+#[cfg(unix)]
+#[test]
+fn an_interruption_leaves_what_is_done() {
+    let desk = Desk::new("interrupt");
+    desk.study(|text| text.replace("count = 7", "count = 260").replace("count = 6", "count = 260"));
+    for name in ["m.parquet", "m.csv"] {
+        let mut child = desk
+            .command(&format!("map s.toml --out {name} --threads 1"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let part = desk.0.join(format!("{name}.part"));
+        // it has begun to write
+        while std::fs::metadata(&part).map_or(true, |m| m.len() < 10_000) {
+            assert!(child.try_wait().unwrap().is_none(), "it ended too soon");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let ended = child.wait_with_output().unwrap();
+        let said = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(1), "{said}");
+        let partial = name.replace("m.", "m.partial.");
+        assert!(said.starts_with("error: interrupted after ") && said.contains(&partial), "{said}");
+        assert!(!desk.0.join(name).exists() && !part.exists());
+        let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
+        assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
+        let bytes = std::fs::read(desk.0.join(name)).unwrap();
+        assert!(desk.run(&format!("map s.toml --out {name} --threads 2")).status.success());
+        assert!(bytes == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
+        assert!(!desk.0.join(partial).exists());
+    }
+}

@@ -1,0 +1,69 @@
+//! Recordings of impact maps: they are there, whole, or there is nothing.
+
+use carom_record::{RecordError, Target, record_map};
+use carom_study::Study;
+use std::path::{Path, PathBuf};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// A folder of its own for each test, gone afterwards.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-record-map-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        Self(folder)
+    }
+
+    /// The study of the README with `count` places along each axis.
+    fn study(&self, count: usize) -> Study {
+        let text = std::fs::read_to_string(format!("{ROOT}/studies/reversal.toml")).unwrap();
+        let text =
+            text.replace("../robots", &format!("{ROOT}/robots")).replace("count = 361", &format!("count = {count}"));
+        std::fs::write(self.0.join("s.toml"), text).unwrap();
+        Study::from_file(self.0.join("s.toml")).unwrap()
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn size(path: &Path) -> u64 {
+    std::fs::metadata(path).unwrap().len()
+}
+
+#[test]
+fn a_recorded_map_holds_its_images_and_its_points() {
+    let desk = Desk::new("whole");
+    let study = desk.study(31);
+    let path = desk.0.join("m.rrd");
+    record_map(&study, "class", &Target::File(path.clone())).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    assert!(bytes.starts_with(b"RRF"));
+    for entity in ["/map/0", "/map/1", "/map/1/here", "/workspace/1", "/arm", "/legend"] {
+        assert!(holds(entity), "no {entity}");
+    }
+    assert!(!holds("/map/2"), "there are two elbows");
+    // nine times the rows: more points (compressed, so that no bound is exact)
+    let fine = desk.0.join("fine.rrd");
+    record_map(&desk.study(93), "class", &Target::File(fine.clone())).unwrap();
+    assert!(size(&fine) > size(&path));
+}
+
+#[test]
+fn what_cannot_be_recorded_leaves_nothing() {
+    let desk = Desk::new("nothing");
+    let path = desk.0.join("m.rrd");
+    for (count, column, why) in [(5, "clas", "did you mean \"class\"?"), (800, "class", "rows: 1048576 is the most")] {
+        match record_map(&desk.study(count), column, &Target::File(path.clone())) {
+            Err(RecordError::Map(said)) => assert!(said.contains(why), "{said}"),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1, "the study alone");
+}

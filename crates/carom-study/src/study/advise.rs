@@ -1,0 +1,240 @@
+//! The best poses and approaches of a map under a wish, and for redundant arms what the self-motion adds.
+//!
+//! The best rows of a grid lie next to one another, and five neighbours are one piece of advice: given are the rows that
+//! no neighbour on an axis of numbers betters. For an arm with more joints than its tip has coordinates the pose is then led
+//! along the self-motion (the tip stays where it is): walks that turn each joint either way look for the best valley, and from
+//! there it goes down the criterion's gradient, projected on the null space of J. Each step is brought back to the tip's
+//! place by Newton's method.
+
+use super::arm::Worker;
+use super::axis::{Axis, places};
+use super::quantity::Class;
+use super::{CLASSES, Study, StudyError};
+use rayon::prelude::*;
+
+/// Most rows of a map that is advised on: a number for each is held.
+const MOST: u64 = 1 << 24;
+/// Central differences, rad or m: beside a value of size 1 their error is about 1e-10.
+const DIFFERENCE: f64 = 1e-5;
+/// A walk's step, rad, and how many: half a turn and more of each joint.
+const WALK_STEP: f64 = 0.08;
+const WALK: usize = 50;
+/// First and last step along a self-motion, rad, and how many.
+const FIRST_STEP: f64 = 0.1;
+const LAST_STEP: f64 = 1e-7;
+const STEPS: usize = 400;
+
+/// What is wished for, in columns.
+pub(super) struct Wish {
+    pub column: usize,
+    pub maximise: bool,
+    /// Codes of the classes that will do; all with numbers if empty.
+    pub classes: Vec<f64>,
+    /// (column, at least, at most).
+    pub bounds: Vec<(usize, f64, f64)>,
+    pub best: usize,
+}
+
+/// What a study advises.
+#[derive(Debug, Clone)]
+pub struct Advice {
+    /// The column that was to be small, or great.
+    pub column: String,
+    /// Whether great is good.
+    pub maximise: bool,
+    /// Rows that fulfil the wish's conditions, of all.
+    pub fulfil: u64,
+    /// Best, median and worst value among them.
+    pub spread: Option<[f64; 3]>,
+    /// Best first; none of them has a better neighbour.
+    pub best: Vec<Advised>,
+}
+
+/// One piece of advice.
+#[derive(Debug, Clone)]
+pub struct Advised {
+    /// Number of the row.
+    pub index: u64,
+    /// The row: a number for each of [`Study::columns`].
+    pub row: Vec<f64>,
+    /// Its configuration.
+    pub q: Vec<f64>,
+    /// For a redundant arm, if it betters the row: the configuration at the end of the self-motion, and its row (whose
+    /// pose columns are still those of `row`).
+    pub self_motion: Option<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Wish {
+    /// Small is good; infinite where the row does not do.
+    fn cost(&self, row: &[f64], class: usize) -> f64 {
+        let does = if self.classes.is_empty() {
+            row[class] > Class::NoImpact.code()
+        } else {
+            self.classes.contains(&row[class])
+        };
+        // a NaN is within no bounds
+        let within = |&(k, low, high): &(usize, f64, f64)| (low..=high).contains(&row[k]);
+        let value = if self.maximise { -row[self.column] } else { row[self.column] };
+        if does && value.is_finite() && self.bounds.iter().all(within) { value } else { f64::INFINITY }
+    }
+}
+
+impl Study {
+    /// The best rows under the wish of `[advise]`.
+    ///
+    /// # Errors
+    /// [`StudyError::File`]: a study without `[advise]`, or too many rows.
+    pub fn advise(&self) -> Result<Advice, StudyError> {
+        let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
+        let wish = self.wish.as_ref();
+        let wish = wish.ok_or_else(|| refuse("it has no [advise]: say there what to minimise or maximise".into()))?;
+        if self.rows > MOST {
+            return Err(refuse(format!(
+                "advice on {} rows: {MOST} is the most, give the axes fewer values",
+                self.rows
+            )));
+        }
+        let class = self.class_column();
+        let costs: Vec<f64> = (0..self.rows)
+            .into_par_iter()
+            .map_init(
+                || (self.evaluator(), vec![0.0; self.columns.len()]),
+                |(evaluator, row), index| {
+                    evaluator.row(index, row);
+                    wish.cost(row, class)
+                },
+            )
+            .collect();
+        let mut sorted: Vec<f64> = costs.iter().copied().filter(|cost| cost.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let value = |cost: f64| if wish.maximise { -cost } else { cost };
+        let spread = match (sorted.first(), sorted.last()) {
+            (Some(best), Some(worst)) => Some([*best, sorted[sorted.len() / 2], *worst].map(value)),
+            _ => None,
+        };
+        let axes = self.axes();
+        let mut tops: Vec<u64> = (0..self.rows).into_par_iter().filter(|index| is_top(axes, &costs, *index)).collect();
+        tops.sort_by(|a, b| costs[*a as usize].total_cmp(&costs[*b as usize]).then(a.cmp(b)));
+        tops.truncate(wish.best);
+        let redundant = self.engine.nv() > self.engine.dimension();
+        let best = tops.par_iter().map(|&index| {
+            let mut worker = self.engine.worker();
+            let mut row = vec![0.0; self.columns.len()];
+            worker.row(index, &mut row);
+            let q = worker.pose(index).unwrap_or_default();
+            let self_motion = redundant.then(|| self.descend(&mut *worker, wish, index, &q)).flatten();
+            Advised { index, row, q, self_motion }
+        });
+        Ok(Advice {
+            column: self.columns[wish.column].name.clone(),
+            maximise: wish.maximise,
+            fulfil: sorted.len() as u64,
+            spread,
+            best: best.collect(),
+        })
+    }
+
+    fn class_column(&self) -> usize {
+        self.columns.iter().position(|column| column.words == CLASSES).unwrap_or_default()
+    }
+
+    /// Along the self-motion from `q` to where the criterion is best. `None` if it is so at `q`.
+    fn descend(&self, worker: &mut dyn Worker, wish: &Wish, index: u64, q: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
+        let class = self.class_column();
+        let mut row = vec![0.0; self.columns.len()];
+        let mut cost_at = |worker: &mut dyn Worker, q: &[f64]| {
+            worker.row_at(index, q, &mut row);
+            wish.cost(&row, class)
+        };
+        let tip = worker.tip(q)?;
+        let (mut q, start) = (q.to_vec(), cost_at(worker, q));
+        let (mut cost, mut step) = (start, FIRST_STEP);
+        let from = q.clone();
+        for (joint, sign) in (0..from.len()).flat_map(|joint| [(joint, 1.0), (joint, -1.0)]) {
+            let mut along = vec![0.0; from.len()];
+            along[joint] = sign;
+            let mut here = from.clone();
+            for _ in 0..WALK {
+                // on in the direction of the step before
+                let direction = worker.self_motion(&here, &along)?;
+                let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let mut next: Vec<f64> = here.iter().zip(&direction).map(|(x, d)| x + WALK_STEP * d / length).collect();
+                if length < 1e-6 || !worker.hold(&mut next, tip) {
+                    break;
+                }
+                along = next.iter().zip(&here).map(|(b, a)| (b - a) / WALK_STEP).collect();
+                here = next;
+                let there = cost_at(worker, &here);
+                if there < cost {
+                    (q, cost) = (here.clone(), there);
+                }
+            }
+        }
+        for _ in 0..STEPS {
+            let mut downhill = vec![0.0; q.len()];
+            for (k, slope) in downhill.iter_mut().enumerate() {
+                let mut side = |by: f64| {
+                    let mut moved = q.clone();
+                    moved[k] += by;
+                    cost_at(worker, &moved)
+                };
+                let (ahead, behind) = (side(DIFFERENCE), side(-DIFFERENCE));
+                // beyond a bound there is no slope: only the other side counts
+                *slope = match (ahead.is_finite(), behind.is_finite()) {
+                    (true, true) => (behind - ahead) / (2.0 * DIFFERENCE),
+                    (true, false) => (cost - ahead) / DIFFERENCE,
+                    (false, true) => (behind - cost) / DIFFERENCE,
+                    (false, false) => 0.0,
+                };
+            }
+            let direction = worker.self_motion(&q, &downhill)?;
+            let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length <= 1e-9 * cost.abs() {
+                break;
+            }
+            let better = loop {
+                let mut trial: Vec<f64> = q.iter().zip(&direction).map(|(x, d)| x + step * d / length).collect();
+                if worker.hold(&mut trial, tip) {
+                    let there = cost_at(worker, &trial);
+                    if there < cost {
+                        break Some((trial, there));
+                    }
+                }
+                step /= 2.0;
+                if step < LAST_STEP {
+                    break None;
+                }
+            };
+            let Some((trial, there)) = better else { break };
+            (q, cost) = (trial, there);
+            step = (1.5 * step).min(FIRST_STEP);
+        }
+        if cost >= start {
+            return None;
+        }
+        worker.row_at(index, &q, &mut row);
+        Some((q, row))
+    }
+}
+
+/// Whether no neighbour on an axis of numbers is better; of equals the first counts.
+fn is_top(axes: &[Axis], costs: &[f64], index: u64) -> bool {
+    let cost = costs[index as usize];
+    if !cost.is_finite() {
+        return false;
+    }
+    let mut at = vec![0; axes.len()];
+    places(axes, index, &mut at);
+    let mut stride = 1;
+    for (axis, place) in axes.iter().zip(&at).rev() {
+        if axis.names().is_empty() {
+            let next = (*place + 1 < axis.count()).then(|| index + stride);
+            let last = (*place > 0).then(|| index - stride);
+            if next.is_some_and(|n| costs[n as usize] < cost) || last.is_some_and(|l| costs[l as usize] <= cost) {
+                return false;
+            }
+        }
+        stride *= axis.count();
+    }
+    true
+}

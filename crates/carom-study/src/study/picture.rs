@@ -1,0 +1,440 @@
+//! A map as a picture: a curve over one axis, a heat map over two, a row of heat maps over a third of few values.
+//!
+//! The heat maps are pixel images (PNG) inside the SVG, one pixel for each row of the map, so that a picture of a million
+//! rows stays small; axes, colour bar and legend are lines and text. Classes and other words have colours of their own and
+//! a legend.
+
+use super::{Axis, CLASSES, Study, StudyError};
+use base64::Engine as _;
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use rayon::prelude::*;
+use std::fmt::Write as _;
+
+/// Most rows of a picture: their values are held in memory.
+const MOST: u64 = 1 << 24;
+/// Most values of the axis that makes a row of pictures.
+const PANELS: u64 = 8;
+const PANEL: (u32, u32) = (420, 400);
+const LEGEND: u32 = 150;
+
+/// One quantity of a whole map, by the axes that vary.
+pub struct Values {
+    /// The axes: across, up, and from picture to picture, where they vary.
+    pub axes: Vec<Axis>,
+    /// Number of the row at each place, across fastest, then up, then from picture to picture.
+    pub rows: Vec<u64>,
+    /// The quantity there; NaN where there is none.
+    pub values: Vec<f64>,
+    /// What the quantity is called, with its unit.
+    pub label: String,
+    /// The words that the values stand for, if it has words.
+    pub words: Vec<String>,
+}
+
+impl Study {
+    /// One column of the whole map, arranged for a picture.
+    ///
+    /// # Errors
+    /// [`StudyError::File`]: no such column; none or too many axes that vary; too many rows.
+    pub fn values(&self, column: &str) -> Result<Values, StudyError> {
+        let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
+        let names: Vec<&str> = self.columns.iter().map(|column| column.name.as_str()).collect();
+        let at = names.iter().position(|name| *name == column);
+        let at = at.ok_or_else(|| {
+            refuse(format!("no column is called '{column}': {}", super::read::nearest(column, &names)))
+        })?;
+        if self.rows > MOST {
+            return Err(refuse(format!(
+                "a picture of {} rows: {MOST} is the most, give the axes fewer values",
+                self.rows
+            )));
+        }
+        let axes = self.axes();
+        let mut chosen: Vec<usize> = (0..axes.len()).filter(|k| axes[*k].varies()).collect();
+        // A row of pictures is made by words, or else by the axis of fewest values; the others keep their order.
+        if chosen.len() == 3 || (chosen.len() == 2 && chosen.iter().any(|k| !axes[*k].names().is_empty())) {
+            let by = |k: &&usize| (axes[**k].names().is_empty(), axes[**k].count());
+            if let Some(panels) = chosen.iter().min_by_key(by).copied() {
+                chosen.retain(|k| *k != panels);
+                chosen.push(panels);
+            }
+        }
+        let drawn: Vec<&str> = chosen.iter().map(|k| axes[*k].name.as_str()).collect();
+        let panels = match chosen.as_slice() {
+            [] => return Err(refuse("nothing varies: a picture needs an axis of more than one value".into())),
+            [_] | [_, _] => chosen.get(1).filter(|k| !axes[**k].names().is_empty()).map_or(1, |k| axes[*k].count()),
+            [_, _, k] => axes[*k].count(),
+            _ => PANELS + 1,
+        };
+        if panels > PANELS {
+            return Err(refuse(format!(
+                "{} axes vary ({}): a picture shows one, or two, and a third of at most {PANELS} values; hold the others at one value",
+                drawn.len(),
+                drawn.join(", ")
+            )));
+        }
+        let curve = chosen.len() == 1 || (chosen.len() == 2 && !axes[chosen[1]].names().is_empty());
+        let drawn = if curve { &chosen[..1] } else { &chosen[..2] };
+        for axis in drawn.iter().map(|k| &axes[*k]) {
+            if !axis.names().is_empty() {
+                return Err(refuse(format!("{} has no numbers to draw along: let another axis vary", axis.name)));
+            }
+            if !curve && !is_even(axis) {
+                return Err(refuse(format!(
+                    "the values of {} are not evenly spaced: a heat map needs that",
+                    axis.name
+                )));
+            }
+        }
+        // how far apart two rows are that differ by one place on an axis
+        let stride = |k: usize| axes[k + 1..].iter().map(Axis::count).product::<u64>();
+        let mut rows = vec![0];
+        for k in &chosen {
+            let (stride, count) = (stride(*k), axes[*k].count());
+            rows = (0..count).flat_map(|place| rows.iter().map(move |row| row + place * stride)).collect();
+        }
+        let values = rows.par_iter().map_init(
+            || (self.evaluator(), vec![0.0; self.columns.len()]),
+            |(evaluator, row), index| {
+                evaluator.row(*index, row);
+                row[at]
+            },
+        );
+        let unit = self.unit(column);
+        Ok(Values {
+            axes: chosen.iter().map(|k| axes[*k].clone()).collect(),
+            values: values.collect(),
+            rows,
+            label: if unit.is_empty() { column.into() } else { format!("{column}, {unit}") },
+            words: self.columns[at].words.clone(),
+        })
+    }
+
+    /// One column of the whole map as SVG.
+    ///
+    /// # Errors
+    /// As [`Study::values`].
+    pub fn picture(&self, column: &str) -> Result<String, StudyError> {
+        let values = self.values(column)?;
+        let mut svg = String::new();
+        let drawn = if values.is_curve() { curve(&mut svg, &values) } else { heat_maps(&mut svg, &values) };
+        drawn.map_err(|e| StudyError::File {
+            file: self.file.clone(),
+            rule: format!("the picture can't be drawn: {e}"),
+        })?;
+        Ok(svg)
+    }
+}
+
+fn is_even(axis: &Axis) -> bool {
+    let (first, last) = ends(axis);
+    let step = (last - first) / (axis.count() - 1) as f64;
+    (0..axis.count()).all(|k| (axis.value(k) - first - step * k as f64).abs() <= 1e-9 * (last - first).abs())
+}
+
+type Drawn = Result<(), Box<dyn std::error::Error>>;
+
+impl Values {
+    /// One axis of numbers, and perhaps one of words: curves.
+    pub fn is_curve(&self) -> bool {
+        self.axes.len() == 1 || (self.axes.len() == 2 && !self.axes[1].names().is_empty())
+    }
+
+    /// Smallest and greatest finite value; without any, or of one value, a range around it.
+    pub fn range(&self) -> (f64, f64) {
+        let finite = self.values.iter().filter(|x| x.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+        match (low, high) {
+            (l, h) if l < h => (l, h),
+            (l, h) if l == h => (l - 0.5 * l.abs().max(1e-12), h + 0.5 * h.abs().max(1e-12)),
+            _ => (0.0, 1.0),
+        }
+    }
+
+    /// What a colour bar spans: the values but for the outermost hundredth at either end, where a map runs to a singular
+    /// pose and would leave all the rest one colour.
+    pub fn colour_range(&self) -> (f64, f64) {
+        let mut finite: Vec<f64> = self.values.iter().copied().filter(|x| x.is_finite()).collect();
+        finite.sort_by(f64::total_cmp);
+        let at = |share: f64| finite.get((share * finite.len() as f64) as usize).copied();
+        match (at(0.01), at(0.99)) {
+            (Some(low), Some(high)) if low < high => (low, high),
+            _ => self.range(),
+        }
+    }
+
+    /// The colour of a value.
+    pub fn colour(&self, value: f64, (low, high): (f64, f64)) -> [u8; 3] {
+        if !self.words.is_empty() {
+            return word_colour(&self.words, value);
+        }
+        if value.is_nan() {
+            return NOTHING;
+        }
+        let share = ((value - low) / (high - low)).clamp(0.0, 1.0);
+        if low < 0.0 && high > 0.0 {
+            // white at zero: a sign is what the map is about
+            let size = low.abs().max(high);
+            return mix(&DIVERGING, ((value / size).clamp(-1.0, 1.0) + 1.0) / 2.0);
+        }
+        mix(&SEQUENTIAL, share)
+    }
+}
+
+/// No value.
+const NOTHING: [u8; 3] = [236, 236, 236];
+/// Dark blue to yellow, of evenly rising lightness.
+const SEQUENTIAL: [[u8; 3]; 6] =
+    [[33, 24, 82], [45, 75, 140], [36, 122, 142], [53, 168, 128], [138, 207, 85], [250, 231, 60]];
+/// Blue over white to red.
+const DIVERGING: [[u8; 3]; 5] = [[33, 90, 160], [130, 178, 214], [247, 247, 247], [236, 150, 120], [170, 30, 45]];
+/// For [`CLASSES`], in their order.
+const OF_CLASSES: [[u8; 3]; 11] = [
+    [250, 250, 250],
+    [222, 222, 222],
+    [60, 60, 60],
+    [150, 150, 150],
+    [190, 190, 190],
+    [106, 81, 163],
+    [65, 171, 170],
+    [198, 219, 239],
+    [120, 160, 200],
+    [253, 190, 90],
+    [205, 70, 70],
+];
+/// For other words.
+const OTHERS: [[u8; 3]; 8] = [
+    [66, 133, 190],
+    [240, 140, 50],
+    [80, 165, 80],
+    [200, 65, 65],
+    [145, 105, 185],
+    [140, 100, 80],
+    [220, 130, 190],
+    [120, 120, 120],
+];
+
+fn word_colour(words: &[String], value: f64) -> [u8; 3] {
+    if value.is_nan() {
+        return NOTHING;
+    }
+    let k = value as usize;
+    if words.iter().eq(CLASSES.iter()) { OF_CLASSES[k % OF_CLASSES.len()] } else { OTHERS[k % OTHERS.len()] }
+}
+
+fn mix(colours: &[[u8; 3]], share: f64) -> [u8; 3] {
+    let at = share * (colours.len() - 1) as f64;
+    let k = (at as usize).min(colours.len() - 2);
+    let part = at - k as f64;
+    std::array::from_fn(|i| {
+        let (a, b) = (f64::from(colours[k][i]), f64::from(colours[k + 1][i]));
+        (a + (b - a) * part).round() as u8
+    })
+}
+
+fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
+    RGBColor(r, g, b)
+}
+
+fn name_of(axis: &Axis) -> String {
+    if axis.unit.is_empty() || axis.name.ends_with("_deg") {
+        axis.name.clone()
+    } else {
+        format!("{}, {}", axis.name, axis.unit)
+    }
+}
+
+fn ends(axis: &Axis) -> (f64, f64) {
+    (axis.value(0), axis.value(axis.count() - 1))
+}
+
+const TEXT: (&str, u32) = ("sans-serif", 14);
+
+fn curve(svg: &mut String, values: &Values) -> Drawn {
+    let axis = &values.axes[0];
+    let count = axis.count() as usize;
+    let (left, right) = (0..axis.count())
+        .map(|k| axis.value(k))
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+    let (low, high) = if values.words.is_empty() { values.range() } else { (0.0, (values.words.len() - 1) as f64) };
+    let room = 0.05 * (high - low);
+    let several = values.axes.get(1);
+    let width = 700;
+    let size = (width + if several.is_some() { LEGEND } else { 0 }, 460);
+    let root = SVGBackend::with_string(svg, size).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (area, legend) = root.split_horizontally(width);
+    let mut chart = ChartBuilder::on(&area)
+        .margin(14)
+        .x_label_area_size(44)
+        .y_label_area_size(86)
+        .build_cartesian_2d(left..right, low - room..high + room)?;
+    let word = |y: &f64| {
+        let near = y.round();
+        if (y - near).abs() > 1e-6 || near < 0.0 {
+            String::new()
+        } else {
+            values.words.get(near as usize).cloned().unwrap_or_default()
+        }
+    };
+    let number = |y: &f64| tick(*y, high - low);
+    let y_label: &dyn Fn(&f64) -> String = if values.words.is_empty() { &number } else { &word };
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .x_desc(name_of(axis))
+        .y_desc(&values.label)
+        .x_label_formatter(&|x| tick(*x, right - left))
+        .y_label_formatter(y_label)
+        .y_labels(values.words.len().max(9))
+        .label_style(TEXT)
+        .draw()?;
+    for (k, part) in values.values.chunks(count).enumerate() {
+        let stroke = rgb(OTHERS[k % OTHERS.len()]).stroke_width(2);
+        let points: Vec<(f64, f64)> = (0..axis.count()).map(|i| axis.value(i)).zip(part.iter().copied()).collect();
+        for run in points.split(|p| !p.1.is_finite()).filter(|run| !run.is_empty()) {
+            chart.draw_series(LineSeries::new(run.iter().copied(), stroke))?;
+        }
+        if let Some(axis) = several {
+            let y = 30 + 22 * k as i32;
+            legend.draw(&PathElement::new([(4, y), (24, y)], stroke))?;
+            legend.draw(&Text::new(axis.names()[k].clone(), (32, y - 8), TEXT))?;
+        }
+    }
+    root.present()?;
+    Ok(())
+}
+
+/// A number with as many digits as tell ticks of a span apart.
+fn tick(x: f64, span: f64) -> String {
+    let digits = (1.0 - span.abs().max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
+    let text = format!("{x:.digits$}");
+    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+fn heat_maps(svg: &mut String, values: &Values) -> Drawn {
+    let (across, up) = (&values.axes[0], &values.axes[1]);
+    let panels = values.axes.get(2);
+    let count = panels.map_or(1, Axis::count) as usize;
+    let cells = (across.count() * up.count()) as usize;
+    let range = values.colour_range();
+    let size = (PANEL.0 * count as u32 + LEGEND, PANEL.1 + 16);
+    let mut images = String::new();
+    {
+        let root = SVGBackend::with_string(svg, size).into_drawing_area();
+        root.fill(&WHITE)?;
+        let (maps, legend) = root.split_horizontally(PANEL.0 * count as u32);
+        for (k, area) in maps.split_evenly((1, count)).into_iter().enumerate() {
+            let title = panels.map(|axis| match axis.names() {
+                [] => format!("{} {}", axis.name, tick(axis.value(k as u64), axis.value(0))),
+                names => format!("{} {}", axis.name, names[k]),
+            });
+            let place = panel(&area, title.as_deref(), across, up)?;
+            let cells = &values.values[k * cells..(k + 1) * cells];
+            image(&mut images, place, cells, across, up, &|x| values.colour(x, range))?;
+        }
+        if values.words.is_empty() {
+            colour_bar(&legend, values, range)?
+        } else {
+            word_legend(&legend, values)?
+        }
+        root.present()?;
+    }
+    let end = svg.rfind("</svg>").ok_or("no end of the drawing")?;
+    svg.insert_str(end, &images);
+    Ok(())
+}
+
+/// Axes of one heat map; where its pixels go: x, y, width, height.
+fn panel(
+    area: &DrawingArea<SVGBackend, Shift>,
+    title: Option<&str>,
+    across: &Axis,
+    up: &Axis,
+) -> Result<[i32; 4], Box<dyn std::error::Error>> {
+    let ((x0, x1), (y0, y1)) = (ends(across), ends(up));
+    let mut builder = ChartBuilder::on(area);
+    builder.margin(12).x_label_area_size(44).y_label_area_size(64);
+    if let Some(title) = title {
+        builder.caption(title, ("sans-serif", 16));
+    }
+    let mut chart = builder.build_cartesian_2d(x0..x1, y0..y1)?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .x_labels(6)
+        .y_labels(8)
+        .x_desc(name_of(across))
+        .y_desc(name_of(up))
+        .x_label_formatter(&|x| tick(*x, x1 - x0))
+        .y_label_formatter(&|y| tick(*y, y1 - y0))
+        .label_style(TEXT)
+        .draw()?;
+    let (x, y) = chart.plotting_area().get_pixel_range();
+    Ok([x.start, y.start, x.end - x.start, y.end - y.start])
+}
+
+/// Writes the pixels of one heat map, first row of the map at the bottom.
+fn image(
+    svg: &mut String,
+    [x, y, width, height]: [i32; 4],
+    cells: &[f64],
+    across: &Axis,
+    up: &Axis,
+    colour: &dyn Fn(f64) -> [u8; 3],
+) -> Drawn {
+    let columns = across.count() as usize;
+    let pixels: Vec<u8> = cells.chunks(columns).rev().flatten().flat_map(|value| colour(*value)).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, across.count() as u32, up.count() as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    writeln!(
+        svg,
+        "<image x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" preserveAspectRatio=\"none\" \
+         style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{data}\"/>"
+    )?;
+    Ok(())
+}
+
+fn colour_bar(area: &DrawingArea<SVGBackend, Shift>, values: &Values, (low, high): (f64, f64)) -> Drawn {
+    let (top, height) = (44, PANEL.1 as i32 - 110);
+    area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
+    for k in 0..height {
+        let value = high + (low - high) * f64::from(k) / f64::from(height - 1);
+        let colour = rgb(values.colour(value, (low, high)));
+        area.draw(&Rectangle::new([(4, top + k), (26, top + k + 1)], colour.filled()))?;
+    }
+    for k in 0..=5 {
+        let value = high + (low - high) * f64::from(k) / 5.0;
+        area.draw(&Text::new(tick(value, (high - low) / 5.0), (34, top - 6 + (height - 1) * k / 5), TEXT))?;
+    }
+    Ok(())
+}
+
+/// The words that there are, each with its colour and its share of the map.
+fn word_legend(area: &DrawingArea<SVGBackend, Shift>, values: &Values) -> Drawn {
+    area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
+    let mut line = 0;
+    for (k, word) in values.words.iter().enumerate() {
+        let count = values.values.iter().filter(|x| **x == k as f64).count();
+        if count == 0 {
+            continue;
+        }
+        let y = 44 + 22 * line;
+        line += 1;
+        let square = [(4, y), (18, y + 14)];
+        area.draw(&Rectangle::new(square, rgb(word_colour(&values.words, k as f64)).filled()))?;
+        area.draw(&Rectangle::new(square, RGBColor(120, 120, 120).stroke_width(1)))?;
+        let share = 100.0 * count as f64 / values.values.len() as f64;
+        let name = if word.is_empty() { "none" } else { word };
+        area.draw(&Text::new(format!("{name} {share:.1} %"), (26, y), TEXT))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,183 @@
+//! What a map may hold, and what its columns are called.
+
+use crate::Column;
+
+/// What became of a row: whether there is an answer, and what the tip does along the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Class {
+    Unreachable,
+    OutsideLimits,
+    Singular,
+    Refused,
+    NoImpact,
+    Stick,
+    Starts,
+    Shrinks,
+    Keeps,
+    Grows,
+    Reverses,
+}
+
+/// The words of the column `class`: what became of a row.
+pub const CLASSES: [&str; 11] = [
+    "unreachable",
+    "outside-limits",
+    "singular",
+    "refused",
+    "no-impact",
+    "stick",
+    "starts",
+    "shrinks",
+    "keeps",
+    "grows",
+    "reverses",
+];
+
+impl Class {
+    pub(super) fn code(self) -> f64 {
+        f64::from(self as u8)
+    }
+}
+
+/// One of [`QUANTITIES`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Quantity {
+    Mode,
+    Flags,
+    TangentialJump,
+    TangentialRatio,
+    TangentialAfter,
+    NormalAfter,
+    Impulse,
+    NormalImpulse,
+    TangentialImpulse,
+    EffectiveMass,
+    LockedMass,
+    Coupling,
+    EnergyLoss,
+    EnergyRatio,
+    JointJump,
+    LimitShare,
+    LimitJoint,
+    ImpactEllipse,
+    Position,
+    QdMinus,
+    QdPlus,
+}
+
+use Quantity as Q;
+
+/// Every quantity by the name it has in a study, with its unit.
+const KNOWN: [(&str, &str, Quantity); 21] = [
+    ("mode", "", Q::Mode),
+    ("flags", "", Q::Flags),
+    ("tangential_jump", "m/s", Q::TangentialJump),
+    ("tangential_ratio", "", Q::TangentialRatio),
+    ("tangential_after", "m/s", Q::TangentialAfter),
+    ("normal_after", "m/s", Q::NormalAfter),
+    ("impulse", "N s", Q::Impulse),
+    ("normal_impulse", "N s", Q::NormalImpulse),
+    ("tangential_impulse", "N s", Q::TangentialImpulse),
+    ("effective_mass", "kg", Q::EffectiveMass),
+    ("locked_mass", "kg", Q::LockedMass),
+    ("coupling", "", Q::Coupling),
+    ("energy_loss", "J", Q::EnergyLoss),
+    ("energy_ratio", "", Q::EnergyRatio),
+    ("joint_jump", "rad/s or m/s", Q::JointJump),
+    ("limit_share", "", Q::LimitShare),
+    ("limit_joint", "", Q::LimitJoint),
+    ("impact_ellipse", "N s", Q::ImpactEllipse),
+    ("position", "m", Q::Position),
+    ("qd_minus", "", Q::QdMinus),
+    ("qd_plus", "", Q::QdPlus),
+];
+
+/// The modes in which a contact ends, in the order of their codes.
+pub(super) const MODES: [&str; 4] = ["open", "stick", "slip", "reverse-slip"];
+
+/// Every name that `quantities` knows.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    KNOWN.iter().map(|(name, ..)| *name)
+}
+
+pub(super) fn by_name(name: &str) -> Option<Quantity> {
+    KNOWN.iter().find(|(known, ..)| *known == name).map(|(.., quantity)| *quantity)
+}
+
+/// The unit of a column.
+pub(super) fn unit_of(column: &str) -> &'static str {
+    match column.split_once('.') {
+        Some(("impact_ellipse", "angle_deg")) => "°",
+        Some((group, _)) => KNOWN.iter().find(|(known, ..)| *known == group).map_or("", |(_, unit, _)| unit),
+        None => KNOWN.iter().find(|(known, ..)| *known == column).map_or("", |(_, unit, _)| unit),
+    }
+}
+
+/// Words for every set of flags, in the order of their bits.
+fn flag_sets() -> Vec<String> {
+    let all = ["energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach"];
+    let set = |bits: usize| {
+        let names = all.iter().enumerate().filter(|(k, _)| bits >> k & 1 == 1).map(|(_, name)| *name);
+        names.collect::<Vec<_>>().join("+")
+    };
+    (0..1 << all.len()).map(set).collect()
+}
+
+/// The code of a set of flags among [`flag_sets`].
+pub(super) fn flag_code(flags: carom_impact::Flags) -> f64 {
+    use carom_impact::Flags as F;
+    let all = [F::ENERGY_GAIN, F::JAM, F::SINGULAR, F::GRAZING, F::NON_UNIQUE, F::NO_APPROACH];
+    let bits = all.iter().enumerate().map(|(k, flag)| u8::from(flags.contains(*flag)) << k).sum::<u8>();
+    f64::from(bits)
+}
+
+impl Quantity {
+    /// Its columns. `joints` are the chain's moving joints, `limited` those with a velocity limit.
+    pub(super) fn columns(self, dimension: usize, joints: &[String], limited: &[String]) -> Vec<Column> {
+        let name = KNOWN.iter().find(|(.., quantity)| *quantity == self).map_or("", |(name, ..)| name);
+        let each = |parts: &[&str]| parts.iter().map(|part| Column::number(format!("{name}.{part}"))).collect();
+        match self {
+            Q::Mode => vec![Column::word(name, MODES)],
+            Q::Flags => vec![Column::word(name, flag_sets())],
+            Q::LimitJoint => vec![Column::word(name, limited)],
+            Q::ImpactEllipse if dimension == 2 => each(&["long", "short", "angle_deg"]),
+            Q::ImpactEllipse => each(&["long", "middle", "short"]),
+            Q::Position => each(&["x", "y", "z"]),
+            Q::QdMinus | Q::QdPlus => joints.iter().map(|joint| Column::number(format!("{name}.{joint}"))).collect(),
+            _ => vec![Column::number(name)],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carom_impact::Flags;
+
+    #[test]
+    fn every_quantity_is_found_by_its_name_and_has_columns_of_its_own() {
+        let joints = ["a".to_owned(), "b".to_owned()];
+        let mut seen = std::collections::HashSet::new();
+        for name in names() {
+            let columns = by_name(name).unwrap().columns(2, &joints, &joints);
+            assert!(!columns.is_empty());
+            assert!(columns.iter().all(|c| c.name.split('.').next() == Some(name) && seen.insert(c.name.clone())));
+        }
+    }
+
+    #[test]
+    fn a_set_of_flags_is_spelt_with_its_own_names() {
+        let column = &Q::Flags.columns(2, &[], &[])[0];
+        for flags in [Flags::NONE, Flags::JAM, Flags::ENERGY_GAIN | Flags::GRAZING | Flags::NO_APPROACH] {
+            assert_eq!(column.spell(flag_code(flags)), flags.to_string().replace(", ", "+"));
+        }
+    }
+
+    #[test]
+    fn a_class_is_spelt_in_its_own_word() {
+        assert_eq!(CLASSES[Class::Reverses.code() as usize], "reverses");
+        assert_eq!(CLASSES[Class::Unreachable.code() as usize], "unreachable");
+        assert_eq!(CLASSES[Class::Stick.code() as usize], "stick");
+        assert_eq!(Class::Reverses as usize + 1, CLASSES.len());
+    }
+}

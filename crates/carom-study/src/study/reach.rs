@@ -1,0 +1,308 @@
+//! Inverse kinematics: the poses that put the tip where a study wants it.
+//!
+//! Two hinges in the plane have a closed form, both elbows. All other arms are led there by damped Newton steps
+//! (Levenberg–Marquardt: `δq = Jᵀ (J Jᵀ + λ tr(J Jᵀ)/m)⁻¹ r`) from fixed starts, so that a row depends on nothing but its
+//! number; the first pose within the joints' limits is taken. A redundant arm ends at one of its many poses, near the start it came from.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | m | 1 | how many of the tip's world coordinates are asked for, 1 to 3 | `rows.len()` |
+//! | r | m | what is still missing, m | `missing` |
+//! | J | m×nv | Jacobian of those coordinates | `j` |
+//! | λ | 1 | damping, as a share of the mean of J Jᵀ's diagonal | `damping` |
+
+use carom_chain::algebra::Algebra;
+use carom_chain::{Chain, ChainError, Point, Workspace};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+
+/// Steps from one start; convergence is quadratic, so those that get there need about ten.
+const STEPS: usize = 60;
+/// Starts tried after a seed has failed.
+const MORE_STARTS: usize = 12;
+/// A target is reached within this share of the arm's length: rounding.
+const REACHED: f64 = 1e-13;
+/// Progress may end in rounding just above; a map tells its positions to this share.
+const NEARLY: f64 = 1e-10;
+/// No joint moves further in one step, rad or m.
+const LONGEST_STEP: f64 = 0.7;
+
+/// How the tip of a chain is put where it is wanted.
+pub(super) struct Reach<const D: usize> {
+    /// The world coordinates asked for, as rows over the chain's own coordinates, and each one's origin.
+    rows: Vec<(SVector<f64, D>, f64)>,
+    closed: Option<TwoLinks>,
+    seeds: Vec<Vec<f64>>,
+    more: Vec<Vec<f64>>,
+    /// Where the first hinge is, and the length of all that follows, if every mover is a hinge.
+    within: Option<(SVector<f64, D>, f64)>,
+    size: f64,
+    /// (lower, upper) of each entry of q.
+    limits: Vec<(f64, f64)>,
+    hinges: Vec<bool>,
+}
+
+/// Two hinges in the plane.
+struct TwoLinks {
+    base: [f64; 2],
+    lengths: [f64; 2],
+    /// Direction of the first link, and bend between the two, while both joints are at zero.
+    zero: [f64; 2],
+    /// ±1: which way the joints count.
+    sense: [f64; 2],
+}
+
+/// What an arm tells of itself.
+pub(super) struct About<'a, const D: usize> {
+    /// The chain's own axes in the world, as columns.
+    pub basis: &'a SMatrix<f64, 3, D>,
+    /// World position of the chain's own origin.
+    pub origin: Vector3<f64>,
+    /// (lower, upper) of each entry of q, infinite where there is none.
+    pub limits: Vec<(f64, f64)>,
+    /// Whether each entry of q is an angle.
+    pub hinges: Vec<bool>,
+}
+
+impl<const D: usize> Reach<D> {
+    /// `coordinates`: which of the world's x, y, z (0, 1, 2) are asked for.
+    pub fn new<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+        chain: &Chain<A>,
+        point: Point<A>,
+        coordinates: &[usize],
+        seeds: Option<Vec<Vec<f64>>>,
+        about: About<D>,
+    ) -> Result<Self, ChainError> {
+        let rows: Vec<_> = coordinates.iter().map(|&k| (about.basis.row(k).transpose(), about.origin[k])).collect();
+        let mut path = Vec::new();
+        let mut next = point.body;
+        while let Some(i) = next {
+            path.push(i);
+            next = chain.bodies()[i].parent;
+        }
+        let root = path.last().copied();
+        let links = path.iter().filter(|i| Some(**i) != root).map(|&i| chain.bodies()[i].placement.translation.norm());
+        let length = links.sum::<f64>() + point.position.norm();
+        let base = root.map_or(SVector::zeros(), |i| chain.bodies()[i].placement.translation);
+        let turns = path.iter().all(|&i| about.hinges[chain.bodies()[i].q_index]);
+        let whole = rows.len() == D;
+        let closed = if D == 2 && whole && turns { TwoLinks::of(chain, point, &path)? } else { None };
+        let default_seeds = || {
+            let bent = |angle: f64| {
+                let each = about.limits.iter().zip(&about.hinges);
+                each.map(
+                    |(&(lower, upper), hinge)| if *hinge { angle.clamp(lower, upper) } else { middle(lower, upper) },
+                )
+                .collect()
+            };
+            vec![bent(0.6), bent(-0.6)]
+        };
+        let more = (1..=MORE_STARTS).map(|k| start(k, &about)).collect();
+        Ok(Self {
+            rows,
+            closed,
+            seeds: seeds.unwrap_or_else(default_seeds),
+            more,
+            within: (whole && turns).then_some((base, length)),
+            size: length + base.norm(),
+            limits: about.limits,
+            hinges: about.hinges,
+        })
+    }
+
+    /// Whether the two elbows of a closed form are what branches mean.
+    pub fn is_closed(&self) -> bool {
+        self.closed.is_some()
+    }
+
+    /// How many starts there are.
+    pub fn seeds(&self) -> usize {
+        self.seeds.len()
+    }
+
+    /// Puts the tip at `target` (the coordinates asked for, world, m) by branch `branch` (0 elbow up and 1 down, or the
+    /// number of a seed). Whether it got there.
+    pub fn solve<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+        &self,
+        chain: &Chain<A>,
+        point: Point<A>,
+        workspace: &mut Workspace<A>,
+        target: &[f64],
+        branch: usize,
+        q: &mut [f64],
+    ) -> Result<bool, ChainError> {
+        if let Some((base, length)) = self.within
+            && let Some(own) = self.own(target)
+            && (own - base).norm() > length * (1.0 + 1e-12)
+        {
+            return Ok(false);
+        }
+        if let Some(links) = &self.closed {
+            let Some(own) = self.own(target) else { return Ok(false) };
+            let Some(pose) = links.pose([own[0], own[1]], if branch == 0 { 1.0 } else { -1.0 }) else {
+                return Ok(false);
+            };
+            q.copy_from_slice(&pose);
+            self.unwind(q);
+            return Ok(true);
+        }
+        let mut beyond: Option<Vec<f64>> = None;
+        for from in self.seeds.get(branch).into_iter().chain(&self.more) {
+            q.copy_from_slice(from);
+            if self.lead(chain, point, workspace, target, q)? {
+                self.unwind(q);
+                if q.iter().zip(&self.limits).all(|(x, &(lower, upper))| (lower..=upper).contains(x)) {
+                    return Ok(true);
+                }
+                beyond.get_or_insert_with(|| q.to_vec());
+            }
+        }
+        // if limits forbid every pose that was found, the first tells so
+        Ok(beyond.map(|pose| q.copy_from_slice(&pose)).is_some())
+    }
+
+    /// The target in the chain's own coordinates, if all of them are asked for.
+    fn own(&self, target: &[f64]) -> Option<SVector<f64, D>> {
+        if self.rows.len() != D {
+            return None;
+        }
+        // the rows are those of an orthonormal frame's shadow; for a plane along world axes, a permutation
+        let rows = SMatrix::<f64, D, D>::from_fn(|i, j| self.rows[i].0[j]);
+        let right = SVector::<f64, D>::from_fn(|i, _| target[i] - self.rows[i].1);
+        let (r, b) = (DMatrix::from_fn(D, D, |i, j| rows[(i, j)]), DMatrix::from_fn(D, 1, |i, _| right[i]));
+        let own = r.lu().solve(&b)?;
+        Some(SVector::from_fn(|i, _| own[i]))
+    }
+
+    /// Newton's steps from `q`. Whether they led to the target.
+    fn lead<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+        &self,
+        chain: &Chain<A>,
+        point: Point<A>,
+        workspace: &mut Workspace<A>,
+        target: &[f64],
+        q: &mut [f64],
+    ) -> Result<bool, ChainError> {
+        let m = self.rows.len();
+        let missing = |at: SVector<f64, D>| {
+            Vector3::from_fn(|i, _| if i < m { target[i] - self.rows[i].1 - self.rows[i].0.dot(&at) } else { 0.0 })
+        };
+        let mut r = missing(workspace.update(chain, q)?.position(point));
+        let mut jacobian = DMatrix::zeros(D, chain.nv());
+        let mut damping = 1e-4;
+        let mut trial = q.to_vec();
+        for _ in 0..STEPS {
+            if r.norm() <= REACHED * self.size {
+                return Ok(true);
+            }
+            workspace.update(chain, q)?.point_jacobian_into(point, &mut jacobian);
+            let j = |i: usize, v: usize| (0..D).map(|k| self.rows[i].0[k] * jacobian[(k, v)]).sum::<f64>();
+            let square = |i: usize, l: usize| (0..chain.nv()).map(|v| j(i, v) * j(l, v)).sum::<f64>();
+            let mut jj = Matrix3::identity();
+            for i in 0..m {
+                for l in 0..m {
+                    jj[(i, l)] = square(i, l);
+                }
+            }
+            let mean = (0..m).map(|i| jj[(i, i)]).sum::<f64>() / m as f64;
+            let better = loop {
+                let mut damped = jj;
+                for i in 0..m {
+                    damped[(i, i)] += damping * mean;
+                }
+                let y = damped.lu().solve(&r).unwrap_or_else(Vector3::zeros);
+                let step = |v: usize| (0..m).map(|i| j(i, v) * y[i]).sum::<f64>();
+                let longest = (0..chain.nv()).map(|v| step(v).abs()).fold(0.0, f64::max);
+                let share = if longest > LONGEST_STEP { LONGEST_STEP / longest } else { 1.0 };
+                for body in chain.bodies() {
+                    trial[body.q_index] = q[body.q_index] + share * step(body.v_index);
+                }
+                let left = missing(workspace.update(chain, &trial)?.position(point));
+                if left.norm() < r.norm() {
+                    damping *= 0.1;
+                    break Some(left);
+                }
+                damping = damping.max(1e-12) * 10.0;
+                if damping > 1e6 {
+                    break None;
+                }
+            };
+            let Some(left) = better else { break };
+            q.copy_from_slice(&trial);
+            r = left;
+        }
+        Ok(r.norm() <= NEARLY * self.size)
+    }
+
+    /// Turns each hinge by whole turns to where its limits are, or to (−π, π].
+    fn unwind(&self, q: &mut [f64]) {
+        for ((x, &(lower, upper)), hinge) in q.iter_mut().zip(&self.limits).zip(&self.hinges) {
+            if *hinge {
+                let centre = middle(lower, upper);
+                *x -= std::f64::consts::TAU * ((*x - centre) / std::f64::consts::TAU).round();
+            }
+        }
+    }
+}
+
+/// The middle of a joint's range, 0 where it has none.
+fn middle(lower: f64, upper: f64) -> f64 {
+    let middle = lower / 2.0 + upper / 2.0;
+    if middle.is_finite() { middle } else { 0.0_f64.clamp(lower, upper) }
+}
+
+/// Start number `k`: spread evenly over the joints' ranges, entry i by the fraction of k times the root of the i-th prime
+/// (Weyl's sequence).
+fn start<const D: usize>(k: usize, about: &About<D>) -> Vec<f64> {
+    let primes = (2_u32..).filter(|n| (2..*n).all(|d| n % d != 0));
+    let each = about.limits.iter().zip(&about.hinges).zip(primes);
+    each.map(|((&(lower, upper), hinge), prime)| {
+        let share = (k as f64 * f64::from(prime).sqrt()).fract();
+        let widest = if *hinge { std::f64::consts::PI } else { 1.0 };
+        let (low, high) = (lower.max(middle(lower, upper) - widest), upper.min(middle(lower, upper) + widest));
+        low + (high - low) * share
+    })
+    .collect()
+}
+
+impl TwoLinks {
+    /// The two links of a chain whose movers on the way to the point are `path`, from the tip down; `None` if it has
+    /// others.
+    fn of<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        chain: &Chain<A>,
+        point: Point<A>,
+        path: &[usize],
+    ) -> Result<Option<Self>, ChainError> {
+        let &[second, first] = path else { return Ok(None) };
+        if chain.nq() != 2 || chain.bodies().len() != 2 || chain.bodies()[first].q_index != 0 {
+            return Ok(None);
+        }
+        let mut workspace = chain.workspace();
+        // How the tip and the elbow turn: each joint's sense, by its own Jacobian.
+        let elbow = Point { body: Some(first), position: chain.bodies()[second].placement.translation };
+        let kin = workspace.update(chain, &[0.0, 0.0])?;
+        let pair = |v: SVector<f64, D>| [v[0], v[1]];
+        let base = pair(chain.bodies()[first].placement.translation);
+        let (at_elbow, at_tip) = (pair(kin.position(elbow)), pair(kin.position(point)));
+        let way = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
+        let (upper, lower) = (way(base, at_elbow), way(at_elbow, at_tip));
+        let lengths = [upper[0].hypot(upper[1]), lower[0].hypot(lower[1])];
+        if lengths[0] == 0.0 || lengths[1] == 0.0 {
+            return Ok(None);
+        }
+        let sense = |arm: [f64; 2], velocity: SVector<f64, D>| (arm[0] * velocity[1] - arm[1] * velocity[0]).signum();
+        let senses = [
+            sense(upper, kin.point_velocity(elbow, &[1.0, 0.0])?),
+            sense(lower, kin.point_velocity(point, &[0.0, 1.0])?),
+        ];
+        let direction = upper[1].atan2(upper[0]);
+        let zero = [direction, lower[1].atan2(lower[0]) - direction];
+        Ok(Some(Self { base, lengths, zero, sense: senses }))
+    }
+
+    /// By the law of cosines; `elbow` +1: above the line from base to tip.
+    fn pose(&self, target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
+        let from_base = [target[0] - self.base[0], target[1] - self.base[1]];
+        let [first, bend] = crate::self_motion::two_link_pose(self.lengths, from_base, elbow)?;
+        Some([self.sense[0] * (first - self.zero[0]), self.sense[1] * (bend - self.zero[1])])
+    }
+}

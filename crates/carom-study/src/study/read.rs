@@ -1,0 +1,530 @@
+//! From a study file to a [`Study`]: everything is checked before the first row.
+
+use super::advise::Wish;
+use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
+use super::axis::{Axis, total};
+use super::file::{Advise, Elbow, File, Impact, Tip, Values, Words};
+use super::quantity::{self, CLASSES, Quantity};
+use super::reach::{About, Reach};
+use super::{Study, StudyError};
+use crate::Column;
+use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::urdf::{JointType, LoadOptions, Meshes};
+use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point};
+use carom_impact::LAW_NAMES;
+use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use std::path::Path;
+
+impl Study {
+    /// Reads a study file.
+    ///
+    /// # Errors
+    /// [`StudyError`] with file, key, value and rule.
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, StudyError> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
+        let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
+        let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
+        let urdf = path.parent().unwrap_or(Path::new(".")).join(&file.robot.urdf);
+        // no quantity of a map asks for shapes
+        let options = LoadOptions { floating_base: false, meshes: Meshes::Ignored };
+        let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
+        let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
+        let read = Reading { file: &file, chain: &chain };
+        let (engine, columns, warnings) = read.all().map_err(refuse)?;
+        let rows = total(engine.axes()).ok_or_else(|| {
+            refuse("the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into())
+        })?;
+        let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
+        Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, warnings })
+    }
+}
+
+/// What is read in, on its way.
+struct Reading<'a> {
+    file: &'a File,
+    chain: &'a Chain,
+}
+
+/// A chain with its tip, and the place of its own axes in the world.
+struct Placed<A: Algebra, const D: usize> {
+    chain: Chain<A>,
+    point: Point<A>,
+    basis: SMatrix<f64, 3, D>,
+    origin: Vector3<f64>,
+}
+
+type Whole = (Box<dyn Engine>, Vec<Column>, Vec<String>);
+
+impl Reading<'_> {
+    fn all(&self) -> Result<Whole, String> {
+        let (robot, chain) = (&self.file.robot, self.chain);
+        let frame = chain.frame(&robot.tip).map_err(|e| format!("[robot] tip = \"{}\": {e}", robot.tip))?;
+        if let Some(x) = robot.point.iter().find(|x| !x.is_finite()) {
+            return Err(format!("[robot] point holds {x}: every number must be finite"));
+        }
+        let offset = Vector3::from(robot.point);
+        let point = chain.point(frame, offset);
+        if point.body.is_none() {
+            return Err(format!(
+                "[robot] tip = \"{}\": this link is fixed to the world, choose one that a joint moves",
+                robot.tip
+            ));
+        }
+        if let Some(joint) = own(chain).find(|joint| matches!(joint.kind, JointType::Planar | JointType::Floating)) {
+            return Err(format!(
+                "[robot] joint '{}' is {}: a map's joints are hinges and sliders, one number each",
+                joint.name,
+                joint.kind.name()
+            ));
+        }
+        let zero = vec![0.0; chain.nq()];
+        let mut workspace = chain.workspace();
+        let at_zero = {
+            let mut kin = workspace.update(chain, &zero).map_err(|e| e.to_string())?;
+            kin.contact_inertia(point).map_err(|e| format!("[robot] {e}"))?;
+            kin.position(point)
+        };
+        // In the plane only if the surface stands square to it.
+        match chain.to_planar() {
+            Ok(flat) if self.stands_in(&flat.plane.normal) => {
+                let own = flat.point(frame, offset);
+                let basis = SMatrix::<f64, 3, 2>::from_columns(&[flat.plane.x, flat.plane.y]);
+                let mut workspace = flat.chain.workspace();
+                let flat_zero = workspace.update(&flat.chain, &zero).map_err(|e| e.to_string())?.position(own);
+                let origin = at_zero - basis * flat_zero;
+                let placed = Placed { chain: flat.chain, point: own, basis, origin };
+                self.with(placed, frame, |normal, along, n| surface_in_plane(&basis, normal, along, n))
+            }
+            _ => {
+                if self.file.impact.normal_deg.is_some() {
+                    return Err("[impact] normal_deg is for arms that keep to a plane: give normal = [x, y, z]".into());
+                }
+                let placed =
+                    Placed { chain: chain.clone(), point, basis: SMatrix::identity(), origin: Vector3::zeros() };
+                self.with(placed, frame, surface_in_space)
+            }
+        }
+    }
+
+    /// Whether the given normals and `along` lie in a plane with this normal.
+    fn stands_in(&self, plane: &Vector3<f64>) -> bool {
+        let impact = &self.file.impact;
+        let given = impact.normal.iter().flat_map(|normals| &normals.0).chain(&impact.along);
+        given.into_iter().all(|v| {
+            let v = Vector3::from(*v);
+            v.dot(plane).abs() <= 1e-12 * v.norm()
+        })
+    }
+
+    fn with<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &self,
+        placed: Placed<A, D>,
+        frame: FrameId,
+        surface: impl Fn(Normal, Option<Vector3<f64>>, bool) -> Result<SMatrix<f64, D, D>, String>,
+    ) -> Result<Whole, String> {
+        let mut warnings = Vec::new();
+        let Placed { chain, point, basis, origin } = placed;
+        let impact = &self.file.impact;
+        let approach = axis("impact", "approach_deg", "°", &impact.approach_deg)?;
+        within("impact", &approach, 0.0, 180.0, "an angle between path and surface lies between 0 and 180")?;
+        let straight = approach.outside(90.0, 90.0).is_none();
+        let (normal, surfaces) = normals(impact, straight, surface)?;
+        let (poses, pose_axes) = match (&self.file.joints, &self.file.tip) {
+            (Some(_), None) => (Poses::Joints, self.joint_axes(&mut warnings)?),
+            (None, Some(tip)) => {
+                let made = Placed { chain: chain.clone(), point, basis, origin };
+                self.tip_axes(tip, &made, frame)?
+            }
+            (None, None) => {
+                return Err("it says nothing about poses: give [joints] or [tip]".into());
+            }
+            (Some(_), Some(_)) => return Err("it has both [joints] and [tip]: give one of them".into()),
+        };
+        let sought = matches!(poses, Poses::Tip { .. });
+        let mut axes = pose_axes;
+        axes.extend([normal, approach]);
+        let speed = axis("impact", "speed", "m/s", &impact.speed)?;
+        within("impact", &speed, f64::MIN_POSITIVE, f64::MAX, "a speed is positive")?;
+        let restitution = axis("impact", "restitution", "", &impact.restitution)?;
+        within("impact", &restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
+        let tangential = impact.tangential_restitution.clone();
+        let tangential = axis("impact", "tangential_restitution", "", &tangential.unwrap_or(Values::One(0.0)))?;
+        let rule = "a coefficient of tangential restitution lies between -1 and 1";
+        within("impact", &tangential, -1.0, 1.0, rule)?;
+        let friction = axis("impact", "friction", "", &impact.friction)?;
+        within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
+        axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
+        if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(|law| law == "chatterjee-ruina") {
+            return Err("[impact] tangential_restitution is read by law = \"chatterjee-ruina\" only".into());
+        }
+
+        let joints: Vec<String> = own(self.chain).map(|joint| joint.name.clone()).collect();
+        let (limited, limits) = velocity_limits(self.chain);
+        let quantities = self.quantities(&limited)?;
+        let mut columns = Vec::new();
+        for (k, it) in axes.iter().enumerate().filter(|(_, it)| it.varies()) {
+            if k == axes.len() - CONDITIONS && !it.names().is_empty() {
+                columns.extend(["normal.x", "normal.y", "normal.z"].map(Column::number));
+            } else {
+                columns.push(Column { name: it.name.clone(), words: it.names().to_vec() });
+            }
+        }
+        if sought {
+            columns.extend(joints.iter().map(|joint| Column::number(format!("q.{joint}"))));
+        }
+        columns.push(Column::word("class", CLASSES));
+        columns.extend(quantities.iter().flat_map(|quantity| quantity.columns(D, &joints, &limited)));
+        let ranges = if self.file.robot.limits { ranges(self.chain) } else { Vec::new() };
+        let tangential_restitution = impact.tangential_restitution.is_some();
+        let engine: Box<dyn Engine> = Box::new(Arm {
+            chain,
+            point,
+            basis,
+            origin,
+            surfaces,
+            poses,
+            ranges,
+            limits,
+            tangential_restitution,
+            axes,
+            quantities,
+        });
+        Ok((engine, columns, warnings))
+    }
+
+    /// One axis for each moving joint, in the order of q.
+    fn joint_axes(&self, warnings: &mut Vec<String>) -> Result<Vec<Axis>, String> {
+        let given = self.file.joints.as_ref();
+        let get = |name: &str| given.and_then(|given| given.get(name));
+        for name in given.into_iter().flatten().map(|(name, _)| name) {
+            let joint = self.chain.joint(name).map_err(|e| format!("[joints] {name}: {e}"))?;
+            match &joint.coordinates {
+                Coordinates::Own { .. } => {}
+                Coordinates::None => return Err(format!("[joints] {name}: this joint is fixed, leave it out")),
+                Coordinates::Follows { joint, .. } => {
+                    return Err(format!("[joints] {name}: this joint mimics '{joint}', leave it out"));
+                }
+            }
+        }
+        own(self.chain)
+            .map(|joint| {
+                let name = &joint.name;
+                let values =
+                    get(name).ok_or_else(|| format!("[joints] has no {name}: give every moving joint a value or a range"))?;
+                let unit = if joint.kind == JointType::Prismatic { "m" } else { "rad" };
+                let axis = Axis::new(format!("q.{name}"), unit, values).map_err(|why| format!("[joints] {name}: {why}"))?;
+                let (lower, upper) = limits_of(joint);
+                if let Some(at) = axis.outside(lower, upper).filter(|_| self.file.robot.limits) {
+                    warnings.push(format!(
+                        "[joints] {name} reaches {at} {unit}, beyond its limits {lower} to {upper}: such rows have no numbers \
+                         ([robot] limits = false computes them)"
+                    ));
+                }
+                Ok(axis)
+            })
+            .collect()
+    }
+
+    /// The tip's coordinates, and the branch.
+    fn tip_axes<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &self,
+        tip: &Tip,
+        placed: &Placed<A, D>,
+        frame: FrameId,
+    ) -> Result<(Poses<D>, Vec<Axis>), String> {
+        let Placed { chain, point, basis, origin } = placed;
+        let (mut coordinates, mut axes) = (Vec::new(), Vec::new());
+        for (k, (name, values)) in [("x", &tip.x), ("y", &tip.y), ("z", &tip.z)].into_iter().enumerate() {
+            let Some(values) = values else { continue };
+            if basis.row(k).norm() < 1e-9 {
+                let link = self.chain.frame_name(frame);
+                return Err(format!("[tip] {name}: no joint moves '{link}' along {name}, leave it out"));
+            }
+            coordinates.push(k);
+            axes.push(Axis::new(format!("tip.{name}"), "m", values).map_err(|why| format!("[tip] {name}: {why}"))?);
+        }
+        if coordinates.is_empty() {
+            return Err("[tip] names no coordinate: give x, y, z, or two of them".into());
+        }
+        if let Some(seeds) = &tip.seeds {
+            if seeds.is_empty() {
+                return Err("[tip] seeds is empty: give a configuration".into());
+            }
+            for seed in seeds {
+                self.chain.check_state(seed, &vec![0.0; self.chain.nv()]).map_err(|e| format!("[tip] seeds: {e}"))?;
+            }
+        }
+        let (mut limits, mut hinges) = (Vec::new(), Vec::new());
+        for joint in own(self.chain) {
+            limits.push(if self.file.robot.limits { limits_of(joint) } else { (f64::NEG_INFINITY, f64::INFINITY) });
+            hinges.push(joint.kind != JointType::Prismatic);
+        }
+        let about = About { basis, origin: *origin, limits, hinges };
+        let reach =
+            Reach::new(chain, *point, &coordinates, tip.seeds.clone(), about).map_err(|e| format!("[tip] {e}"))?;
+        let (branches, names): (Vec<usize>, Vec<String>) = if reach.is_closed() {
+            if tip.seeds.is_some() {
+                return Err(
+                    "[tip] seeds: two links in the plane have a closed form, give elbow = \"both\" instead".into()
+                );
+            }
+            match tip.elbow.unwrap_or(Elbow::Both) {
+                Elbow::Both => (vec![0, 1], vec!["up".into(), "down".into()]),
+                Elbow::Up => (vec![0], vec!["up".into()]),
+                Elbow::Down => (vec![1], vec!["down".into()]),
+            }
+        } else {
+            if tip.elbow.is_some() {
+                return Err("[tip] elbow is for two links in the plane: give seeds = [[q …], …] instead".into());
+            }
+            (0..reach.seeds()).map(|k| (k, (k + 1).to_string())).unzip()
+        };
+        axes.push(Axis::words(if reach.is_closed() { "elbow" } else { "seed" }, names));
+        Ok((Poses::Tip { reach: Box::new(reach), branches }, axes))
+    }
+
+    fn quantities(&self, limited: &[String]) -> Result<Vec<Quantity>, String> {
+        let mut found = Vec::new();
+        for name in self.file.map.quantities.iter().filter(|name| *name != "class") {
+            let quantity = quantity::by_name(name).ok_or_else(|| {
+                format!("[map] quantities holds \"{name}\": {}", nearest(name, &quantity::names().collect::<Vec<_>>()))
+            })?;
+            if found.contains(&quantity) {
+                return Err(format!("[map] quantities holds \"{name}\" twice"));
+            }
+            if matches!(quantity, Quantity::LimitShare | Quantity::LimitJoint) && limited.is_empty() {
+                return Err(format!(
+                    "[map] quantities holds \"{name}\": no joint of '{}' has a velocity limit; joint_jump needs none",
+                    self.chain.name()
+                ));
+            }
+            found.push(quantity);
+        }
+        Ok(found)
+    }
+}
+
+/// What `[advise]` wishes for, in the map's columns.
+fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
+    let numbers: Vec<&str> = columns.iter().filter(|c| c.words.is_empty()).map(|c| c.name.as_str()).collect();
+    let column = |key: &str, name: &str| {
+        let found = columns.iter().position(|c| c.name == name && c.words.is_empty());
+        found.ok_or_else(|| {
+            format!(
+                "[advise] {key}: the map has no column of numbers '{name}', add it to quantities: {}",
+                nearest(name, &numbers)
+            )
+        })
+    };
+    let (name, maximise) = match (&advise.minimise, &advise.maximise) {
+        (Some(name), None) => (column("minimise", name)?, false),
+        (None, Some(name)) => (column("maximise", name)?, true),
+        _ => return Err("[advise] needs one of minimise and maximise".into()),
+    };
+    let classes = advise.class.iter().map(|class| {
+        let found = CLASSES.iter().position(|known| known == class);
+        found.map(|k| k as f64).ok_or_else(|| format!("[advise] class = \"{class}\": {}", nearest(class, &CLASSES)))
+    });
+    let classes = classes.collect::<Result<_, _>>()?;
+    let mut bounds = Vec::new();
+    for (name, most) in &advise.at_most {
+        bounds.push((column("at_most", name)?, f64::NEG_INFINITY, *most));
+    }
+    for (name, least) in &advise.at_least {
+        bounds.push((column("at_least", name)?, *least, f64::INFINITY));
+    }
+    if let Some((k, low, high)) = bounds.iter().find(|(_, low, high)| low.is_nan() || high.is_nan()) {
+        return Err(format!("[advise] the bound on {} is {}: it must be a number", columns[*k].name, low + high));
+    }
+    if advise.best == 0 {
+        return Err("[advise] best = 0: ask for one row or more".into());
+    }
+    Ok(Wish { column: name, maximise, classes, bounds, best: advise.best })
+}
+
+/// The joints with numbers of their own, in the order of q.
+fn own(chain: &Chain) -> impl Iterator<Item = &JointInfo> {
+    chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
+}
+
+fn limits_of(joint: &JointInfo) -> (f64, f64) {
+    let hinge = joint.kind == JointType::Continuous;
+    let (lower, upper) = if hinge { (None, None) } else { (joint.limits.lower, joint.limits.upper) };
+    (lower.unwrap_or(f64::NEG_INFINITY), upper.unwrap_or(f64::INFINITY))
+}
+
+/// Every moving joint's position as ratio · q + shift, and its range.
+fn ranges(chain: &Chain) -> Vec<(usize, f64, f64, f64, f64)> {
+    let range = |joint: &JointInfo| {
+        let (lower, upper) = limits_of(joint);
+        match &joint.coordinates {
+            Coordinates::Own { q, .. } => Some((q.start, 1.0, 0.0, lower, upper)),
+            Coordinates::Follows { joint, multiplier, offset } => match &chain.joint(joint).ok()?.coordinates {
+                Coordinates::Own { q, .. } => Some((q.start, *multiplier, *offset, lower, upper)),
+                _ => None,
+            },
+            Coordinates::None => None,
+        }
+    };
+    let limited = chain.joints().iter().filter_map(range);
+    limited.filter(|(.., lower, upper)| lower.is_finite() || upper.is_finite()).collect()
+}
+
+/// The joints with a velocity limit, by name.
+fn velocity_limits(chain: &Chain) -> (Vec<String>, Vec<Limit>) {
+    let limit = |joint: &JointInfo| {
+        let velocity = joint.limits.velocity.filter(|limit| *limit > 0.0)?;
+        let (v, ratio) = match &joint.coordinates {
+            Coordinates::Own { v, .. } => (v.start, 1.0),
+            Coordinates::Follows { joint, multiplier, .. } => match &chain.joint(joint).ok()?.coordinates {
+                Coordinates::Own { v, .. } => (v.start, *multiplier),
+                _ => return None,
+            },
+            Coordinates::None => return None,
+        };
+        Some((joint.name.clone(), Limit { v, ratio, velocity }))
+    };
+    chain.joints().iter().filter_map(limit).unzip()
+}
+
+fn axis(table: &str, name: &str, unit: &'static str, values: &Values) -> Result<Axis, String> {
+    Axis::new(name.into(), unit, values).map_err(|why| format!("[{table}] {name}: {why}"))
+}
+
+fn within(table: &str, axis: &Axis, low: f64, high: f64, rule: &str) -> Result<(), String> {
+    match axis.outside(low, high) {
+        Some(x) => Err(format!("[{table}] {} = {x}: {rule}", axis.name)),
+        None => Ok(()),
+    }
+}
+
+fn laws(words: &Words) -> Result<Axis, String> {
+    if words.0.is_empty() {
+        return Err("[impact] law: the list is empty, give a law".into());
+    }
+    for (k, law) in words.0.iter().enumerate() {
+        if !LAW_NAMES.contains(&law.as_str()) {
+            return Err(format!("[impact] law = \"{law}\": {}", nearest(law, &LAW_NAMES)));
+        }
+        if words.0[..k].contains(law) {
+            return Err(format!("[impact] law holds \"{law}\" twice"));
+        }
+    }
+    Ok(Axis::words("law", words.0.clone()))
+}
+
+/// The names there are, and the nearest.
+pub(super) fn nearest(name: &str, known: &[&str]) -> String {
+    let near = known.iter().map(|k| (strsim::jaro_winkler(name, k), k)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let list = known.join(", ");
+    match near {
+        Some((likeness, near)) if likeness > 0.7 => format!("did you mean \"{near}\"? There are {list}"),
+        _ => format!("there are {list}"),
+    }
+}
+
+/// A normal as the file gives it.
+enum Normal {
+    Vector(Vector3<f64>),
+    /// Direction in the plane's own axes, degrees.
+    Degrees(f64),
+}
+
+/// The axis of the normals, and the contact axes of each.
+fn normals<const D: usize>(
+    impact: &Impact,
+    straight: bool,
+    surface: impl Fn(Normal, Option<Vector3<f64>>, bool) -> Result<SMatrix<f64, D, D>, String>,
+) -> Result<(Axis, Vec<SMatrix<f64, D, D>>), String> {
+    let along = impact.along.map(Vector3::from);
+    if let Some(along) = along.filter(|along| along.iter().any(|x| !x.is_finite()) || along.norm() == 0.0) {
+        return Err(format!("[impact] along = {:?}: a direction needs a finite length above 0", along.as_slice()));
+    }
+    match (&impact.normal, &impact.normal_deg) {
+        (Some(normals), None) => {
+            let made = normals.0.iter().map(|given| {
+                let normal = Vector3::from(*given);
+                if !(normal.norm() > 0.0 && normal.norm().is_finite()) {
+                    return Err(format!("[impact] normal = {given:?}: a normal needs a finite length above 0"));
+                }
+                surface(Normal::Vector(normal), along, straight)
+            });
+            let made: Vec<_> = made.collect::<Result<_, _>>()?;
+            let names = normals.0.iter().map(|[x, y, z]| format!("{x} {y} {z}")).collect();
+            Ok((Axis::words("normal", names), made))
+        }
+        (None, Some(values)) => {
+            let axis = axis("impact", "normal_deg", "°", values)?;
+            if axis.count() > 1 << 20 {
+                return Err(format!("[impact] normal_deg: {} values, a million is the most", axis.count()));
+            }
+            let each = (0..axis.count()).map(|k| surface(Normal::Degrees(axis.value(k)), along, straight));
+            let made = each.collect::<Result<_, _>>()?;
+            Ok((axis, made))
+        }
+        (None, None) => {
+            Err("[impact] has no normal: give normal = [x, y, z], from the environment to the robot".into())
+        }
+        (Some(_), Some(_)) => Err("[impact] has both normal and normal_deg: give one of them".into()),
+    }
+}
+
+fn no_shadow(along: &Vector3<f64>) -> String {
+    let [x, y, z] = (*along).into();
+    format!("[impact] along = [{x}, {y}, {z}] has no part along the surface: give a direction on it")
+}
+
+/// Contact axes in the plane: tangent, normal.
+fn surface_in_plane(
+    basis: &SMatrix<f64, 3, 2>,
+    normal: Normal,
+    along: Option<Vector3<f64>>,
+    _straight: bool,
+) -> Result<SMatrix<f64, 2, 2>, String> {
+    let n = match normal {
+        Normal::Vector(v) => basis.tr_mul(&v).normalize(),
+        Normal::Degrees(angle) => {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            Vector2::new(cos, sin)
+        }
+    };
+    let left = Vector2::new(-n.y, n.x);
+    let t = match along {
+        None => left,
+        Some(along) => {
+            let part = basis.tr_mul(&along).dot(&left);
+            if part.abs() <= 1e-9 * along.norm() {
+                return Err(no_shadow(&along));
+            }
+            left * part.signum()
+        }
+    };
+    Ok(SMatrix::from_columns(&[t, n]))
+}
+
+/// Contact axes in space: along the approach, sideways, normal.
+fn surface_in_space(normal: Normal, along: Option<Vector3<f64>>, straight: bool) -> Result<SMatrix<f64, 3, 3>, String> {
+    let Normal::Vector(n) = normal else {
+        return Err("[impact] normal_deg is for arms that keep to a plane: give normal = [x, y, z]".into());
+    };
+    let n = n.normalize();
+    let t = match along {
+        Some(along) => {
+            let part = along - n * n.dot(&along);
+            if part.norm() <= 1e-9 * along.norm() {
+                return Err(no_shadow(&along));
+            }
+            part.normalize()
+        }
+        None if straight => z_onto(n).column(0).into_owned(),
+        None => {
+            return Err(
+                "[impact] has no along: give the direction of the approach along the surface (approach_deg is not 90)"
+                    .into(),
+            );
+        }
+    };
+    Ok(SMatrix::from_columns(&[t, n.cross(&t), n]))
+}

@@ -1,0 +1,184 @@
+//! What is made of an impact map: pictures that show its rows, and advice that its rows bear out.
+
+use base64::Engine;
+use carom_chain::Chain;
+use carom_study::study::CLASSES;
+use carom_study::{Study, StudyError, self_motion};
+use nalgebra::Vector3;
+
+fn study(text: &str) -> Study {
+    let folder = tempfile::tempdir().unwrap();
+    let robots = format!("{}/../../robots", env!("CARGO_MANIFEST_DIR"));
+    let path = folder.path().join("s.toml");
+    std::fs::write(&path, text.replace("ROBOTS", &robots)).unwrap();
+    Study::from_file(path).unwrap()
+}
+
+const TIPS: &str = r#"
+[robot]
+urdf = "ROBOTS/planar2.urdf"
+[tip]
+x = { from = -0.3, to = 0.95, count = 26 }
+y = { from = -0.8, to = 0.5, count = 14 }
+[impact]
+normal = [-1, 0, 0]
+along = [0, -1, 0]
+approach_deg = 45
+speed = 0.2
+law = "energetic"
+restitution = 0.35
+friction = 0.05
+[map]
+quantities = ["impulse", "mode"]
+"#;
+
+/// The pixels of the images in an SVG: width, height, RGB from the top left.
+fn images(svg: &str) -> Vec<(u32, u32, Vec<u8>)> {
+    let data = svg.split("base64,").skip(1).map(|part| part.split('"').next().unwrap());
+    data.map(|data| {
+        let bytes = base64::engine::general_purpose::STANDARD.decode(data).unwrap();
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        (info.width, info.height, pixels)
+    })
+    .collect()
+}
+
+/// Pixel by pixel, and the right way up: x grows to the right, y upwards, one picture for each elbow.
+#[test]
+fn a_heat_map_shows_every_row_at_its_place() {
+    let study = study(TIPS);
+    let svg = study.picture("class").unwrap();
+    let values = study.values("class").unwrap();
+    let images = images(&svg);
+    assert_eq!(images.len(), 2);
+    let mut evaluator = study.evaluator();
+    let mut row = vec![0.0; study.columns().len()];
+    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
+    let mut colours = std::collections::BTreeMap::new();
+    for index in 0..study.rows() {
+        evaluator.row(index, &mut row);
+        let across = ((row[column("tip.x")] + 0.3) / 0.05).round() as usize;
+        let up = ((row[column("tip.y")] + 0.8) / 0.1).round() as usize;
+        let (width, height, pixels) = &images[row[column("elbow")] as usize];
+        assert_eq!((*width, *height), (26, 14));
+        let at = 3 * ((13 - up) * 26 + across);
+        let class = row[column("class")];
+        assert_eq!(pixels[at..at + 3], values.colour(class, (0.0, 1.0)), "row {index}");
+        colours.insert(class as usize, pixels[at..at + 3].to_vec());
+    }
+    // every class that there is has a colour of its own, and its word in the legend
+    let distinct: std::collections::BTreeSet<_> = colours.values().collect();
+    assert!(colours.len() >= 4 && distinct.len() == colours.len(), "{colours:?}");
+    assert!(colours.keys().all(|class| svg.contains(CLASSES[*class])));
+}
+
+#[test]
+fn one_axis_is_a_curve_and_words_make_several() {
+    let text = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5");
+    let svg = study(&text).picture("impulse").unwrap();
+    assert!(svg.starts_with("<svg") && !svg.contains("<image") && svg.contains("up") && svg.contains("tip.y, m"));
+    assert!(svg.matches("<polyline").count() >= 2);
+}
+
+#[test]
+fn a_picture_that_cannot_be_is_refused() {
+    let said = |text: &str, column: &str| match study(text).picture(column) {
+        Err(StudyError::File { rule, .. }) => rule,
+        other => panic!("{other:?}"),
+    };
+    assert!(said(TIPS, "impulses").contains("did you mean \"impulse\"?"));
+    let four = TIPS.replace("speed = 0.2", "speed = [0.1, 0.2]").replace("= 45", "= [30, 45]");
+    assert!(said(&four, "impulse").contains("5 axes vary"), "{}", said(&four, "impulse"));
+    let uneven = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = [0.1, 0.2, 0.5]");
+    assert!(said(&uneven, "impulse").contains("tip.x are not evenly spaced"));
+    let none = TIPS.replace("[tip]", "[joints]\nshoulder = 0.1\nelbow = 0.5\n[tip_]");
+    let none = none.split("[tip_]").next().unwrap().to_owned() + &none[none.find("[impact]").unwrap()..];
+    assert!(said(&none, "impulse").contains("nothing varies"));
+}
+
+/// Advice by brute force: the first piece is the best row of all, none has a better neighbour, conditions hold.
+#[test]
+fn the_best_advice_is_the_best_row() {
+    let wish = "[advise]\nminimise = \"impulse\"\nclass = [\"reverses\"]\nat_least = { \"tip.x\" = 0.2 }\nbest = 4\n";
+    let study = study(&format!("{TIPS}{wish}"));
+    let advice = study.advise().unwrap();
+    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
+    let mut evaluator = study.evaluator();
+    let mut row = vec![0.0; study.columns().len()];
+    let (mut best, mut fulfil) = (f64::INFINITY, 0);
+    for index in 0..study.rows() {
+        evaluator.row(index, &mut row);
+        if CLASSES[row[column("class")] as usize] == "reverses" && row[column("tip.x")] >= 0.2 {
+            best = best.min(row[column("impulse")]);
+            fulfil += 1;
+        }
+    }
+    assert!(fulfil > 10);
+    assert_eq!((advice.fulfil, advice.best[0].row[column("impulse")]), (fulfil, best));
+    assert!(advice.best.windows(2).all(|w| w[0].row[column("impulse")] <= w[1].row[column("impulse")]));
+    for it in &advice.best {
+        assert_eq!(CLASSES[it.row[column("class")] as usize], "reverses");
+        assert!(it.row[column("tip.x")] >= 0.2 && it.self_motion.is_none());
+        // the row's pose is the one that is told
+        assert_eq!(it.q, [it.row[column("q.shoulder")], it.row[column("q.elbow")]]);
+    }
+}
+
+/// Along the self-motion of three links: the tip stays, and the effective mass comes down to a minimum of the dense search
+/// over directions of the last link, which is an independent route.
+#[test]
+fn a_self_motion_ends_at_a_minimum_of_the_dense_search() {
+    let text = r#"
+[robot]
+urdf = "ROBOTS/planar3.urdf"
+limits = false
+[tip]
+x = 0.7
+y = 0.2
+[impact]
+normal = [-1, 0, 0]
+approach_deg = 90
+speed = 0.2
+law = "frictionless"
+restitution = 0.35
+[map]
+quantities = ["effective_mass", "position"]
+[advise]
+minimise = "effective_mass"
+"#;
+    let study = study(text);
+    let advice = study.advise().unwrap();
+    let column = |name: &str| study.columns().iter().position(|c| c.name == name).unwrap();
+    let chain = Chain::from_urdf_file(format!("{}/../../robots/planar3.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let tip = chain.frame("tip").unwrap();
+    let mut workspace = chain.workspace();
+    let at = |q: &[f64; 3]| -> Vec<Vector3<f64>> {
+        let kin = &workspace.clone().update(&chain, q).unwrap().pose(tip);
+        vec![kin.translation]
+    };
+    let reach = at(&[0.0; 3])[0].x;
+    let lengths = [0.45, 0.45, reach - 0.9];
+    let (normal, tangent) = (-Vector3::x(), -Vector3::y());
+    let dense = self_motion(&chain, tip, lengths, [0.7, 0.2], normal, tangent, 20_000).unwrap();
+    let least = dense.iter().filter_map(|p| p.effective_mass).fold(f64::INFINITY, f64::min);
+    assert!(!advice.best.is_empty());
+    let mut ended = f64::INFINITY;
+    for it in &advice.best {
+        let before = it.row[column("effective_mass")];
+        let Some((q, row)) = &it.self_motion else { continue };
+        let after = row[column("effective_mass")];
+        assert!(after < before, "{after} kg after {before} kg");
+        let mut kin = workspace.update(&chain, q).unwrap();
+        let place = kin.pose(tip).translation;
+        assert!((place - Vector3::new(0.7, 0.2, 0.0)).norm() < 1e-10, "the tip has moved to {place:?}");
+        let mass = kin.contact_inertia(chain.point(tip, Vector3::zeros())).unwrap().effective_mass(&[-1.0, 0.0, 0.0]);
+        assert!((after - mass.unwrap()).abs() < 1e-9 * after);
+        // no sample on the whole self-motion is below it by more than the sampling tells, for the best of them
+        assert!(after > least * (1.0 - 1e-6));
+        ended = ended.min(after);
+    }
+    // 20 000 directions are 3e-4 rad apart: at a minimum the difference is of second order
+    assert!((ended - least).abs() < 1e-5 * least, "{ended} kg, the dense search finds {least} kg");
+}

@@ -1,0 +1,442 @@
+//! Impact maps from a study file: each row is the impact that it says it is, and no row depends on another.
+
+use carom_chain::Chain;
+use carom_impact::{Coefficients, law_by_name};
+use carom_sim::{ChainImpact, Impacts};
+use carom_study::study::{CLASSES, Evaluator, MapFile, Written};
+use carom_study::{Study, StudyError};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+fn robot(name: &str) -> String {
+    format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A study of `poses` and `impact` of a robot, asking for everything that a single impact tells.
+fn study_in(folder: &Path, name: &str, robot_name: &str, poses: &str, impact: &str, quantities: &str) -> PathBuf {
+    let text = format!(
+        "[robot]\nurdf = \"{}\"\n{poses}\n[impact]\n{impact}\n[map]\nquantities = [{quantities}]\n",
+        robot(robot_name)
+    );
+    let path = folder.join(format!("{name}.toml"));
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+fn study(robot_name: &str, poses: &str, impact: &str, quantities: &str) -> Study {
+    let folder = tempfile::tempdir().unwrap();
+    Study::from_file(study_in(folder.path(), "study", robot_name, poses, impact, quantities)).unwrap()
+}
+
+const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",
+    "energy_loss", "energy_ratio", "joint_jump", "limit_share", "limit_joint", "qd_minus", "qd_plus", "position""#;
+
+/// A row by the names of its columns.
+struct Row(BTreeMap<String, f64>);
+
+impl Row {
+    fn of(study: &Study, evaluator: &mut Evaluator, index: u64) -> Self {
+        let mut row = vec![0.0; study.columns().len()];
+        evaluator.row(index, &mut row);
+        Self(study.columns().iter().map(|c| c.name.clone()).zip(row).collect())
+    }
+    fn get(&self, name: &str) -> f64 {
+        *self.0.get(name).unwrap_or_else(|| panic!("no column {name} among {:?}", self.0.keys()))
+    }
+    fn group(&self, prefix: &str, joints: &[String]) -> Vec<f64> {
+        joints.iter().map(|joint| self.get(&format!("{prefix}.{joint}"))).collect()
+    }
+    fn class(&self) -> &'static str {
+        CLASSES[self.get("class") as usize]
+    }
+}
+
+fn joints(chain: &Chain) -> Vec<String> {
+    let own = |j: &&carom_chain::JointInfo| matches!(j.coordinates, carom_chain::Coordinates::Own { .. });
+    chain.joints().iter().filter(own).map(|j| j.name.clone()).collect()
+}
+
+/// The same impact by the way that checks everything, in space.
+fn single(chain: &Chain, q: &[f64], qd: &[f64], normal: [f64; 3], law: &str, with: Coefficients) -> ChainImpact {
+    let law = law_by_name::<3>(law, with).unwrap();
+    chain.impact(q, qd).at(chain.frame("tip").unwrap()).normal(normal).resolve(law.as_ref()).unwrap()
+}
+
+/// Every number of a row is that of a single impact at its pose and velocity. Tolerances: the map solves for qd⁻ through H,
+/// whose condition is below 1e5 here, so that 1e-16 becomes 1e-11; the works add up terms of the size of the energy.
+#[allow(clippy::too_many_arguments)] // what one impact is
+fn compare(
+    study: &Study,
+    chain: &Chain,
+    row: &Row,
+    q: &[f64],
+    normal: [f64; 3],
+    along: [f64; 3],
+    law: &str,
+    with: Coefficients,
+) {
+    let names = joints(chain);
+    let qd = row.group("qd_minus", &names);
+    let hit = single(chain, q, &qd, normal, law, with);
+    let (n, t) = (nalgebra::Vector3::from(normal), nalgebra::Vector3::from(along));
+    let close = |what: &str, ours: f64, theirs: f64, scale: f64| {
+        assert!((ours - theirs).abs() <= 1e-9 * scale, "{what}: {ours} in the map, {theirs} alone, at {q:?}");
+    };
+    let speed = hit.u_minus.norm();
+    close("u_t⁺", row.get("tangential_after"), t.dot(&hit.u_plus), speed);
+    close("u_n⁺", row.get("normal_after"), n.dot(&hit.u_plus), speed);
+    close("jump", row.get("tangential_jump"), t.dot(&(hit.u_plus - hit.u_minus)), speed);
+    close("impulse", row.get("impulse"), hit.impulse.norm(), hit.impulse.norm());
+    close("loss", row.get("energy_loss"), hit.energy_loss(), hit.energy_before);
+    close("T⁺/T⁻", row.get("energy_ratio"), hit.energy_ratio(), 1.0);
+    let fastest = qd.iter().chain(&hit.qd_plus).fold(0.0_f64, |a, b| a.max(b.abs()));
+    for (ours, theirs) in row.group("qd_plus", &names).iter().zip(&hit.qd_plus) {
+        close("qd⁺", *ours, *theirs, fastest);
+    }
+    let jump: Vec<f64> = qd.iter().zip(&hit.qd_plus).map(|(a, b)| (b - a).abs()).collect();
+    close("joint jump", row.get("joint_jump"), jump.iter().copied().fold(0.0, f64::max), fastest);
+    let share = |k: usize| jump[k] / chain.joint(&names[k]).unwrap().limits.velocity.unwrap();
+    let worst = (0..names.len()).map(share).fold(0.0, f64::max);
+    close("limit share", row.get("limit_share"), worst, worst);
+    close("whose limit", share(row.get("limit_joint") as usize), worst, worst);
+    let tip = chain.frame("tip").unwrap();
+    let mut workspace = chain.workspace();
+    let mut kin = workspace.update(chain, q).unwrap();
+    let at = kin.pose(tip).translation;
+    for (name, x) in ["x", "y", "z"].into_iter().zip(at.iter()) {
+        close("position", row.get(&format!("position.{name}")), *x, 1.0);
+    }
+    let mass = kin.contact_inertia(chain.point(tip, nalgebra::Vector3::zeros())).unwrap().effective_mass(&normal);
+    close("effective mass", row.get("effective_mass"), mass.unwrap(), mass.unwrap());
+    let mode = study.columns().iter().find(|c| c.name == "mode").unwrap().spell(row.get("mode")).to_owned();
+    assert_eq!(mode, hit.mode.name());
+}
+
+#[test]
+fn a_row_of_a_joint_grid_is_the_single_impact_at_its_pose() {
+    let laws = ["frictionless", "newton", "poisson", "energetic", "chatterjee-ruina"];
+    let impact = r#"normal = [-0.6, 0.8, 0]
+        along = [0.8, 0.6, 0]
+        approach_deg = { from = 20, to = 160, count = 8 }
+        speed = [0.1, 0.3]
+        law = ["frictionless", "newton", "poisson", "energetic", "chatterjee-ruina"]
+        restitution = { from = 0, to = 1, count = 4 }
+        tangential_restitution = [-0.5, 0.5]
+        friction = [0, 0.2, 0.9]"#;
+    let poses = "[joints]\nshoulder = { from = -175, to = 175, count = 36, unit = \"deg\" }\nelbow = { from = -2.9, to = 2.9, count = 30 }";
+    let study = study("planar2", poses, impact, EVERYTHING);
+    assert_eq!(study.rows(), 36 * 30 * 8 * 2 * 5 * 4 * 2 * 3);
+    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
+    let mut evaluator = study.evaluator();
+    let mut random = 1_u64;
+    let mut seen = std::collections::HashSet::new();
+    for _ in 0..400 {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let row = Row::of(&study, &mut evaluator, (random >> 20) % study.rows());
+        seen.insert(row.class());
+        let q = [row.get("q.shoulder"), row.get("q.elbow")];
+        let with = Coefficients {
+            restitution: row.get("restitution"),
+            tangential_restitution: row.get("tangential_restitution"),
+            friction: row.get("friction"),
+        };
+        let (normal, along) = ([-0.6, 0.8, 0.0], [0.8, 0.6, 0.0]);
+        compare(&study, &chain, &row, &q, normal, along, laws[row.get("law") as usize], with);
+        // and the velocity before is the one that was asked for
+        let before = row.get("tangential_after") - row.get("tangential_jump");
+        let wanted = row.get("speed") * row.get("approach_deg").to_radians().cos();
+        assert!((before - wanted).abs() < 1e-12 * row.get("speed"));
+    }
+    assert!(["stick", "shrinks", "grows", "reverses"].iter().all(|class| seen.contains(class)), "{seen:?}");
+}
+
+#[test]
+fn a_row_in_space_is_the_single_impact_at_its_pose() {
+    let chain = Chain::from_urdf_file(robot("arm7")).unwrap();
+    let names = joints(&chain);
+    let poses: String = names
+        .iter()
+        .enumerate()
+        .map(|(k, name)| format!("{name} = [{}, {}]\n", 0.3 + 0.05 * k as f64, -0.4 + 0.1 * k as f64))
+        .collect();
+    let impact = "normal = [0, 0, 1]\nalong = [1, 0, 0.5]\napproach_deg = [40, 75]\nspeed = 0.3\nlaw = \"energetic\"\nrestitution = 0.4\nfriction = 0.3";
+    let study = study("arm7", &format!("[joints]\n{poses}"), impact, EVERYTHING);
+    let mut evaluator = study.evaluator();
+    for index in (0..study.rows()).step_by(7) {
+        let row = Row::of(&study, &mut evaluator, index);
+        let q = row.group("q", &names);
+        let with = Coefficients { restitution: 0.4, friction: 0.3, ..Coefficients::default() };
+        compare(&study, &chain, &row, &q, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], "energetic", with);
+    }
+}
+
+/// The paper's eq. (15): without friction the tangential velocity jumps by −(1+e) h times the approach speed.
+#[test]
+fn without_friction_the_jump_is_the_coupling_times_the_approach() {
+    let impact = "normal_deg = { from = 0, to = 350, count = 36 }\napproach_deg = { from = 10, to = 170, count = 9 }\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = [0, 0.35, 1]";
+    let study = study("planar2", "[joints]\nshoulder = [0.3, 1.1]\nelbow = [-1.2, 0.7]", impact, EVERYTHING);
+    let mut evaluator = study.evaluator();
+    for index in 0..study.rows() {
+        let row = Row::of(&study, &mut evaluator, index);
+        let approach = 0.2 * row.get("approach_deg").to_radians().sin();
+        let expected = -(1.0 + row.get("restitution")) * row.get("coupling") * approach;
+        let scale = 0.2 * (1.0 + row.get("coupling").abs());
+        assert!((row.get("tangential_jump") - expected).abs() < 1e-12 * scale, "row {index}");
+        let ratio = (row.get("tangential_after")) / (row.get("tangential_after") - row.get("tangential_jump"));
+        let class = match ratio {
+            r if r < 0.0 => "reverses",
+            r if r > 1.0 => "grows",
+            _ => "shrinks",
+        };
+        // at 90° there is no tangential velocity before
+        let straight = row.get("approach_deg") == 90.0;
+        assert_eq!(row.class(), if straight { "starts" } else { class }, "row {index}: {ratio}");
+    }
+}
+
+/// The ellipse by its definition: an impulse along each of its axes, as long as the axis, makes |Δqd| = 1.
+#[test]
+fn an_impulse_as_long_as_a_semi_axis_makes_the_joints_jump_by_one() {
+    let impact = "normal = [-1, 0, 0]\napproach_deg = 90\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.5";
+    let poses = "[joints]\nshoulder = { from = -1, to = 1, count = 5 }\nelbow = { from = 0.3, to = 2.8, count = 6 }";
+    let study = study("planar2", poses, impact, "\"impact_ellipse\"");
+    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
+    let point = chain.point(chain.frame("tip").unwrap(), nalgebra::Vector3::zeros());
+    let mut evaluator = study.evaluator();
+    let mut workspace = chain.workspace();
+    for index in 0..study.rows() {
+        let row = Row::of(&study, &mut evaluator, index);
+        let q = [row.get("q.shoulder"), row.get("q.elbow")];
+        let response = workspace.update(&chain, &q).unwrap().contact_inertia(point).unwrap().response;
+        let angle = row.get("impact_ellipse.angle_deg").to_radians();
+        for (length, angle) in [("long", angle), ("short", angle + std::f64::consts::FRAC_PI_2)] {
+            let (sin, cos) = angle.sin_cos();
+            let impulse =
+                nalgebra::DVector::from_vec(vec![cos, sin, 0.0]) * row.get(&format!("impact_ellipse.{length}"));
+            let jump = (&response * impulse).norm();
+            assert!((jump - 1.0).abs() < 1e-9, "{length} at {q:?}: {jump}");
+        }
+        assert!(row.get("impact_ellipse.long") >= row.get("impact_ellipse.short"));
+    }
+}
+
+/// With the joints locked the arm is one rigid body that nothing holds: its mass along the line through its centre is the
+/// sum of the moving links' masses, and elsewhere less.
+#[test]
+fn the_locked_mass_is_at_most_that_of_the_moving_links() {
+    let impact = "normal_deg = { from = 0, to = 179, count = 180 }\napproach_deg = 90\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.5";
+    let study =
+        study("planar2", "[joints]\nshoulder = 0.4\nelbow = 0.9", impact, "\"locked_mass\", \"effective_mass\"");
+    let mut evaluator = study.evaluator();
+    let masses: Vec<f64> = (0..180).map(|k| Row::of(&study, &mut evaluator, k).get("locked_mass")).collect();
+    let (low, high) = masses.iter().fold((f64::MAX, 0.0_f64), |(l, h), m| (l.min(*m), h.max(*m)));
+    assert!(high <= 19.689 * (1.0 + 1e-12) && high > 19.5 && low < 12.0, "{low} to {high}");
+}
+
+/// Two elbows, two routes: the tip of the pose is where it was asked, and both elbows are on their own sides.
+#[test]
+fn a_tip_grid_puts_the_tip_where_it_says_with_both_elbows() {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[tip]\nx = { from = -1, to = 1, count = 21 }\ny = { from = -1, to = 1, count = 21 }";
+    let study = study("planar2", poses, impact, EVERYTHING);
+    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
+    let mut evaluator = study.evaluator();
+    let mut counted = [0; 2];
+    for index in 0..study.rows() {
+        let row = Row::of(&study, &mut evaluator, index);
+        let (x, y) = (row.get("tip.x"), row.get("tip.y"));
+        if row.class() == "unreachable" {
+            // two links of 0.45 m; at the very edge rounding decides
+            assert!(x.hypot(y) > 0.9 - 1e-9, "({x}, {y})");
+            assert!(row.get("impulse").is_nan() && row.get("q.elbow").is_nan());
+            continue;
+        }
+        assert!(x.hypot(y) < 0.9 + 1e-9);
+        if ["outside-limits", "singular"].contains(&row.class()) {
+            continue;
+        }
+        assert!((row.get("position.x") - x).hypot(row.get("position.y") - y) < 1e-12);
+        // elbow 0 is up: above the line from the base to the tip
+        let q = [row.get("q.shoulder"), row.get("q.elbow")];
+        let above = x * q[0].sin() - y * q[0].cos();
+        let up = row.get("elbow") == 0.0;
+        assert!(if up { above > 0.0 } else { above < 0.0 }, "elbow of {q:?} at ({x}, {y})");
+        let with = Coefficients { restitution: 0.35, friction: 0.1, ..Coefficients::default() };
+        compare(&study, &chain, &row, &q, [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], "energetic", with);
+        counted[usize::from(up)] += 1;
+    }
+    assert!(counted[0] > 200 && counted[1] > 200, "{counted:?}");
+}
+
+/// Arms without a closed form are led there by Newton's steps; what is out of reach is said to be.
+#[test]
+fn a_tip_grid_of_a_redundant_arm_puts_the_tip_where_it_says() {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
+    let planar = "[tip]\nx = { from = 0.2, to = 1.4, count = 13 }\ny = { from = -0.6, to = 0.6, count = 7 }";
+    let space = "[tip]\nx = [0.2, 0.4, 3.0]\ny = [-0.2, 0.3]\nz = [0.3, 0.6]";
+    for (name, poses, rows) in [("planar3", planar, 100), ("arm7", space, 12)] {
+        let study = study(name, poses, impact, "\"position\"");
+        let mut evaluator = study.evaluator();
+        let mut reached = 0;
+        for index in 0..study.rows() {
+            let row = Row::of(&study, &mut evaluator, index);
+            if row.class() == "unreachable" {
+                continue;
+            }
+            if ["outside-limits", "singular"].contains(&row.class()) {
+                continue;
+            }
+            let off = ["x", "y", "z"].map(|k| {
+                let target = format!("tip.{k}");
+                row.0.get(&target).map_or(0.0, |wanted| row.get(&format!("position.{k}")) - wanted)
+            });
+            assert!(off.iter().all(|x| x.abs() < 1e-9), "{name}, row {index}: {off:?}");
+            reached += 1;
+        }
+        assert!(reached >= rows, "{name}: {reached} of {}", study.rows());
+    }
+}
+
+/// A row is a function of its number: in whatever order, with whatever came before.
+#[test]
+fn a_row_does_not_depend_on_the_rows_before_it() {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = [30, 60]\nspeed = 0.2\nlaw = [\"energetic\", \"newton\"]\nrestitution = 0.35\nfriction = 0.1";
+    let study = study(
+        "planar3",
+        "[tip]\nx = { from = 0.2, to = 1.4, count = 9 }\ny = { from = -0.6, to = 0.6, count = 5 }",
+        impact,
+        EVERYTHING,
+    );
+    let width = study.columns().len();
+    let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let mut forward = study.evaluator();
+    let all: Vec<Vec<u64>> = (0..study.rows())
+        .map(|index| {
+            let mut row = vec![0.0; width];
+            forward.row(index, &mut row);
+            bits(&row)
+        })
+        .collect();
+    let mut backward = study.evaluator();
+    for index in (0..study.rows()).rev() {
+        let mut row = vec![0.0; width];
+        backward.row(index, &mut row);
+        assert_eq!(bits(&row), all[index as usize], "row {index}");
+    }
+}
+
+/// The map of many small blocks that the tests of files use.
+fn small(folder: &Path) -> Study {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = [30, 60]\nspeed = 0.2\nlaw = [\"energetic\", \"newton\"]\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[tip]\nx = { from = -0.9, to = 0.9, count = 61 }\ny = { from = -0.9, to = 0.9, count = 41 }";
+    let quantities = "\"tangential_jump\", \"impulse\", \"limit_joint\", \"flags\"";
+    Study::from_file(study_in(folder, "small", "planar2", poses, impact, quantities)).unwrap()
+}
+
+fn write(study: &Study, path: &Path, rows: std::ops::Range<u64>, threads: usize) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let file = MapFile { path: path.to_owned(), rows, resume: false };
+    let done = AtomicU64::new(0);
+    let count = |rows| {
+        done.fetch_add(rows, Ordering::Relaxed);
+    };
+    let written = pool.install(|| study.write(&file, &count, &AtomicBool::new(false))).unwrap();
+    assert_eq!(written, Written::Whole);
+    assert_eq!(done.into_inner(), file.rows.end - file.rows.start);
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_the_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for name in ["map.csv", "map.parquet"] {
+        let path = folder.path().join(name);
+        let one = write(&study, &path, 0..study.rows(), 1);
+        assert!(one.len() > 100_000);
+        for threads in [2, 5] {
+            assert!(one == write(&study, &path, 0..study.rows(), threads), "{name} by {threads} threads");
+        }
+    }
+}
+
+/// Interrupted anywhere, twice, and resumed, a map has the bytes of one that never was; what is left in between is a
+/// whole table of the first rows.
+#[test]
+fn an_interrupted_map_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for (name, ending) in [("map.csv", "csv"), ("map.parquet", "parquet")] {
+        let whole = write(&study, &folder.path().join(name), 0..study.rows(), 2);
+        let path = folder.path().join(format!("again.{ending}"));
+        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        let mut last = 0;
+        for after in [1000, 9000] {
+            let stop = AtomicBool::new(false);
+            let done = AtomicU64::new(0);
+            let count = |rows| {
+                if done.fetch_add(rows, Ordering::Relaxed) + rows > after {
+                    stop.store(true, Ordering::Relaxed);
+                }
+            };
+            let Written::Interrupted { rows, partial } = study.write(&file, &count, &stop).unwrap() else {
+                panic!("it should have been interrupted");
+            };
+            assert!(rows > last && rows < study.rows(), "{rows} rows after {last}");
+            assert!(!path.exists() && partial.exists());
+            if ending == "csv" {
+                let text = std::fs::read_to_string(&partial).unwrap();
+                assert_eq!(text.lines().count() as u64, rows + 1);
+                assert!(String::from_utf8_lossy(&whole).starts_with(&text));
+            }
+            last = rows;
+            file.resume = true;
+        }
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+        assert!(std::fs::read(&path).unwrap() == whole, "{name}");
+        assert!(!file.partial().exists(), "what was left is in the map now");
+    }
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 5, "{left:?}");
+}
+
+#[test]
+fn what_another_study_left_is_not_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    let mut file = MapFile { path: folder.path().join("map.csv"), rows: 0..study.rows(), resume: false };
+    let stop = AtomicBool::new(false);
+    let count = |_| stop.store(true, Ordering::Relaxed);
+    assert!(matches!(study.write(&file, &count, &stop).unwrap(), Written::Interrupted { .. }));
+    file.resume = true;
+    let refused = |study: &Study, file: &MapFile| match study.write(file, &|_| (), &AtomicBool::new(false)) {
+        Err(StudyError::Resume { reason, .. }) => reason,
+        other => panic!("{other:?}"),
+    };
+    let shard = MapFile { rows: 0..10, ..file.clone() };
+    assert!(refused(&study, &shard).contains("the shard"));
+    let text = std::fs::read_to_string(folder.path().join("small.toml")).unwrap();
+    std::fs::write(folder.path().join("small.toml"), text.replace("0.35", "0.36")).unwrap();
+    let other = Study::from_file(folder.path().join("small.toml")).unwrap();
+    assert!(refused(&other, &file).contains("the study file"));
+}
+
+/// Part after part is the whole, whatever their number.
+#[test]
+fn shards_one_after_another_are_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    let whole = write(&study, &folder.path().join("map.csv"), 0..study.rows(), 2);
+    for parts in [1, 3, 7] {
+        let mut joined = Vec::new();
+        for part in 1..=parts {
+            let path = folder.path().join(format!("part{part}.csv"));
+            let text = write(&study, &path, study.shard(part, parts).unwrap(), 2);
+            let header = text.iter().position(|b| *b == b'\n').unwrap() + 1;
+            joined.extend_from_slice(if part == 1 { &text } else { &text[header..] });
+        }
+        assert!(joined == whole, "{parts} parts");
+    }
+    assert!(study.shard(0, 3).is_none() && study.shard(4, 3).is_none());
+}
