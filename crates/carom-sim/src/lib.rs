@@ -28,7 +28,7 @@ mod trajectory;
 
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
-pub use free_motion::free_motion;
+pub use free_motion::{free_motion, free_motion_at};
 pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
 pub use scene::Scene;
