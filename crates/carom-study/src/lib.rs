@@ -3,6 +3,7 @@
 //! P. R. Pagilla, B. Yu, *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Transactions on
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888: "the paper" throughout.
 
+pub mod fit;
 mod impact_map;
 pub mod paper;
 mod routh_diagram;
