@@ -6,6 +6,7 @@
 
 mod dynamics;
 mod error;
+mod fit;
 mod impact;
 mod input;
 mod inspect;
@@ -49,6 +50,8 @@ enum Command {
     Simulate(simulate::Simulate),
     /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
     Tosses(tosses::TossesCommand),
+    /// Coefficients from recorded impacts: velocity jumps, flights around an impact, or whole tosses
+    Fit(fit::FitCommand),
 }
 
 /// Options of every command that reads a robot.
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
         Command::Plan(command) => command.run(stdout),
         Command::Simulate(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
+        Command::Fit(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,
