@@ -14,6 +14,7 @@
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::error::ChainError;
 use crate::urdf::{Collision, JointType, Limits, suggestion};
+use num_traits::Zero;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -252,6 +253,39 @@ impl<A: Algebra> Chain<A> {
             nq: self.nq,
             nv: self.nv,
         }
+    }
+
+    /// The same chain with the rotational inertia of every body about its centre of mass times `scale`: masses and
+    /// centres of mass stay. What an impact tells of a body's inertia is this ratio, as velocities do not change when all
+    /// masses and inertias are scaled alike.
+    ///
+    /// # Errors
+    /// [`ChainError::OutOfRange`]: a scale that is not positive and finite.
+    ///
+    /// ```
+    /// let chain = carom_chain::uniform_chain(2, 1.0, 1.0)?;
+    /// let (once, thrice) = (chain.with_inertia_scaled(1.0)?, chain.with_inertia_scaled(3.0)?);
+    /// let least = |c: &carom_chain::Chain| c.workspace().update(c, &[0.0; 2]).map(|mut at| at.mass_matrix()[(1, 1)]);
+    /// // A link of length l = 1/2 and mass m = 1/2: m l²/4 about its joint for the mass, m l²/12 for its inertia.
+    /// assert!((least(&once)? - 0.125 / 3.0).abs() < 1e-15);
+    /// assert!((least(&thrice)? - 0.125 / 2.0).abs() < 1e-15);
+    /// # Ok::<(), carom_chain::ChainError>(())
+    /// ```
+    pub fn with_inertia_scaled(&self, scale: f64) -> Result<Self, ChainError>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        if !(scale > 0.0 && scale.is_finite()) {
+            let rule = "a scale of rotational inertia is positive and finite";
+            return Err(ChainError::OutOfRange { what: "inertia scale", value: scale, rule });
+        }
+        let mut scaled = self.clone();
+        for Body { inertia, .. } in &mut scaled.bodies {
+            let com = if inertia.mass > 0.0 { inertia.first_moment * (1.0 / inertia.mass) } else { A::Vector::zero() };
+            let of_mass = Inertia::<A>::from_com(inertia.mass, com, A::Rotational::zero()).rotational;
+            inertia.rotational = of_mass + (inertia.rotational - of_mass) * scale;
+        }
+        Ok(scaled)
     }
 
     pub(crate) fn check_nq(&self, got: usize) -> Result<(), ChainError> {

@@ -8,6 +8,7 @@ mod chart;
 mod consistency;
 mod dynamics;
 mod error;
+mod fit;
 mod impact;
 mod input;
 mod inspect;
@@ -65,6 +66,8 @@ enum Command {
     Consistency(consistency::ConsistencyCommand),
     /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
     Tosses(tosses::TossesCommand),
+    /// Coefficients from recorded impacts: velocity jumps, flights around an impact, or whole tosses
+    Fit(fit::FitCommand),
 }
 
 /// Options of every command that reads a robot.
@@ -98,6 +101,7 @@ fn main() -> ExitCode {
         Command::Paper(command) => command.run(stdout),
         Command::Consistency(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
+        Command::Fit(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,7 +2,7 @@
 
 use crate::error::SimError;
 use crate::trajectory::Moment;
-use carom_chain::{Chain, ChainError, Coordinates};
+use carom_chain::{Chain, ChainError};
 use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;
 use std::cell::RefCell;
@@ -14,8 +14,8 @@ const MAX_STEPS: usize = 1_000_000;
 /// `samples` ≥ 2 equal steps, both ends included. Dormand–Prince 8(5,3), relative tolerance 1e-12.
 ///
 /// # Errors
-/// [`SimError::Chain`]: a state that does not fit, a floating joint (whose q̇ is not qd), too few samples; or an
-/// integration that fails or needs over a million steps.
+/// [`SimError::Chain`]: a state that does not fit; too few samples; or an integration that fails or needs over a million
+/// steps.
 pub fn free_motion(
     chain: &Chain,
     q: &[f64],
@@ -25,11 +25,6 @@ pub fn free_motion(
     samples: usize,
 ) -> Result<Vec<Moment>, SimError> {
     chain.check_state(q, qd)?;
-    let floats = |c: &Coordinates| matches!(c, Coordinates::Own { q, v } if q.len() != v.len());
-    if let Some(joint) = chain.joints().iter().find(|j| floats(&j.coordinates)) {
-        let why = format!("joint '{}' floats: free motion is for joints with q̇ = qd", joint.name);
-        return Err(ChainError::NotReducible(why).into());
-    }
     if samples < 2 {
         let rule = "both ends are sampled, so it is 2 or more";
         return Err(SimError::Setting { what: "number of samples", value: samples as f64, rule });
@@ -37,29 +32,59 @@ pub fn free_motion(
     if !end.is_finite() || end == 0.0 {
         return Err(SimError::Setting { what: "end of the motion", value: end, rule: "it must be finite and not 0 s" });
     }
-    let free = Free { chain, gravity, workspace: RefCell::new(chain.workspace()), failed: RefCell::new(None) };
-    let start: Vec<f64> = q.iter().chain(qd).copied().collect();
     let times: Vec<f64> = (0..samples).map(|k| end * k as f64 / (samples - 1) as f64).collect();
+    free_motion_at(chain, q, qd, gravity, &times)
+}
+
+/// As [`free_motion`], at given times, s: each further from 0 than the one before, all on one side of 0 (or 0).
+///
+/// # Errors
+/// As [`free_motion`]; times out of order.
+pub fn free_motion_at(
+    chain: &Chain,
+    q: &[f64],
+    qd: &[f64],
+    gravity: Vector3<f64>,
+    times: &[f64],
+) -> Result<Vec<Moment>, SimError> {
+    chain.check_state(q, qd)?;
+    let end = times.last().copied().unwrap_or_default();
+    let mut last = 0.0;
+    for (k, &time) in times.iter().enumerate() {
+        let further = time.is_finite() && time * end >= 0.0 && (time.abs() > f64::abs(last) || (k == 0 && time == 0.0));
+        if !further {
+            let rule = "times of a free motion lead away from 0 s, each further than the one before";
+            return Err(SimError::Setting { what: "time of a sample", value: time, rule });
+        }
+        last = time;
+    }
+    let start: Vec<f64> = q.iter().chain(qd).copied().collect();
+    if end == 0.0 {
+        return Ok(times.iter().map(|&time| Moment { time, q: q.to_vec(), qd: qd.to_vec() }).collect());
+    }
+    let free = Free { chain, gravity, workspace: RefCell::new(chain.workspace()), failed: RefCell::new(None) };
     let solution = Ivp::first_order(&free, 0.0, end, &start)
         .method(Method::DOP853)
         .rtol(1e-12)
         .atol(1e-14)
         .max_steps(MAX_STEPS)
-        .t_eval(times)
+        .t_eval(times.to_vec())
         .solve()
         .map_err(|e| SimError::Integration { time: 0.0, reason: format!("{e:?}") })?;
     if let Some(error) = free.failed.into_inner() {
         return Err(error.into());
     }
-    if !solution.status.is_success() || solution.t.len() != samples {
+    if !solution.status.is_success() || solution.t.len() != times.len() {
         let reason = format!("{:?} after {} steps", solution.status, solution.nstep);
         return Err(SimError::Integration { time: 0.0, reason });
     }
+    let still = vec![0.0; chain.nv()];
     let sample = |(time, state): (f64, &[f64])| {
         let (q, qd) = state.split_at(chain.nq());
-        Moment { time, q: q.to_vec(), qd: qd.to_vec() }
+        // Going nowhere from q makes quaternions unit again.
+        Ok(Moment { time, q: chain.integrate(q, &still, 0.0)?, qd: qd.to_vec() })
     };
-    Ok(solution.iter().map(|(t, y)| sample((t, y))).collect())
+    solution.iter().map(|(t, y)| sample((t, y))).collect()
 }
 
 struct Free<'a> {
@@ -77,8 +102,8 @@ impl FirstOrderSystem for Free<'_> {
         let qdd = workspace.update(self.chain, q).and_then(|mut kin| kin.forward_dynamics(qd, &tau, self.gravity));
         match qdd {
             Ok(qdd) => {
-                rate[..qd.len()].copy_from_slice(qd);
-                rate[qd.len()..].copy_from_slice(qdd.as_slice());
+                self.chain.q_rate_into(q, qd, &mut rate[..q.len()]);
+                rate[q.len()..].copy_from_slice(qdd.as_slice());
             }
             Err(error) => {
                 rate.fill(0.0);

@@ -33,7 +33,7 @@ pub use compliance::{Compliance, Holding, Yielding};
 pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
-pub use free_motion::free_motion;
+pub use free_motion::{free_motion, free_motion_at};
 pub use frictionless::frictionless_jump_into;
 pub use plan::{Bounded, Decision, Plan};
 pub use saltation::{Jump, Saltation, saltation};

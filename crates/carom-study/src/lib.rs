@@ -7,6 +7,7 @@
 pub mod chart;
 pub mod consistency;
 mod diagram;
+pub mod fit;
 mod impact_map;
 mod line_chart;
 pub mod paper;

@@ -44,6 +44,8 @@ pub struct RollOut {
     pub last: PoseError,
     /// Mean over the samples.
     pub mean: PoseError,
+    /// Mean of the squares over the samples: m², rad², rad².
+    pub mean_square: PoseError,
     /// Speed of the root link at the end of the roll-out, m/s.
     pub final_speed: f64,
     /// The deepest overlap of the roll-out at a sample, m; 0 if there was none.
@@ -108,31 +110,47 @@ impl Tosses {
 
     /// Rolls every toss out, in parallel; the answers are in the order of the tosses.
     pub fn roll_out(&self, contact: ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
-        self.tosses.par_iter().map(|toss| self.one(toss, contact, tolerance, step)).collect()
+        self.tosses.par_iter().map(|toss| toss.roll_out(&self.chain, contact, tolerance, step)).collect()
     }
 
-    fn one(&self, toss: &Toss, contact: ContactRule, tolerance: f64, step: f64) -> Result<RollOut, TossError> {
-        let number = toss.number;
+    /// The gap of the lowest point over the floor in each sample of a toss, m.
+    pub(crate) fn gaps(&self, toss: &Toss) -> Result<Vec<f64>, TossError> {
+        let refuse = |reason| TossError::Simulation { number: toss.number, reason };
+        let simulation = on_floor(&self.chain, ContactRule::default()).map_err(refuse)?;
+        toss.samples.iter().map(|sample| simulation.smallest_gap(&sample.q).map_err(refuse)).collect()
+    }
+}
+
+/// A chain over the floor z = 0.
+fn on_floor(chain: &Chain, contact: ContactRule) -> Result<Simulation, SimError> {
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z())?;
+    let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let touches = Touch::all(chain, &[surface], 0.0)?.touches;
+    Ok(Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain.clone(), touches) })
+}
+
+impl Toss {
+    /// Rolls this toss out from its first free sample to its last.
+    pub(crate) fn roll_out(
+        &self,
+        chain: &Chain,
+        contact: ContactRule,
+        tolerance: f64,
+        step: f64,
+    ) -> Result<RollOut, TossError> {
+        let number = self.number;
         let refuse = |reason: SimError| TossError::Simulation { number, reason };
-        let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).map_err(SimError::from).map_err(refuse)?;
-        let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
-        let touches = Touch::all(&self.chain, &[surface], 0.0).map_err(refuse)?.touches;
-        let simulation = Simulation {
-            gravity: Vector3::new(0.0, 0.0, -9.81),
-            tolerance,
-            contact_step: step,
-            ..Simulation::new(self.chain.clone(), touches)
-        };
+        let simulation = Simulation { tolerance, contact_step: step, ..on_floor(chain, contact).map_err(refuse)? };
         let lowest = |sample: &Moment| simulation.smallest_gap(&sample.q);
         let mut first = 0;
-        while first < toss.samples.len() && lowest(&toss.samples[first]).map_err(refuse)? <= 0.0 {
+        while first < self.samples.len() && lowest(&self.samples[first]).map_err(refuse)? <= 0.0 {
             first += 1;
         }
-        let Some(start) = toss.samples.get(first) else {
+        let Some(start) = self.samples.get(first) else {
             let (what, rule) = ("number of free samples", "a toss needs one that does not touch the floor");
             return Err(refuse(SimError::Setting { what, value: 0.0, rule }));
         };
-        let measured = &toss.samples[first..];
+        let measured = &self.samples[first..];
         // The samples' own spacing, so that the moments fall on them.
         let end = measured[measured.len() - 1].time - start.time;
         let every = end / (measured.len() - 1).max(1) as f64;
@@ -153,20 +171,36 @@ impl Tosses {
             deepest = deepest.max(-lowest(moment).map_err(refuse)?);
         }
         let count = errors.len() as f64;
-        let mean = |part: fn(&PoseError) -> f64| errors.iter().map(part).sum::<f64>() / count;
+        let mean = |part: &dyn Fn(&PoseError) -> f64| errors.iter().map(part).sum::<f64>() / count;
         Ok(RollOut {
             number,
             samples: errors.len(),
             last: PoseError::between(&summary.last, &measured[measured.len() - 1]),
             mean: PoseError {
-                position: mean(|e| e.position),
-                rotation: mean(|e| e.rotation),
-                joint: mean(|e| e.joint),
+                position: mean(&|e| e.position),
+                rotation: mean(&|e| e.rotation),
+                joint: mean(&|e| e.joint),
+            },
+            mean_square: PoseError {
+                position: mean(&|e| e.position.powi(2)),
+                rotation: mean(&|e| e.rotation.powi(2)),
+                joint: mean(&|e| e.joint.powi(2)),
             },
             final_speed: Vector3::from_column_slice(&summary.last.qd[..3]).norm(),
             deepest,
             events: summary.events,
         })
+    }
+}
+
+impl RollOut {
+    /// The error measure of B. Acosta, W. Yang, M. Posa (IEEE RA-L 7, 2022) over the samples of the roll-out: mean
+    /// of |Δp|² over `length` (m) plus mean of Δθ² (rad²), and of a joint of its own, if there is one, the mean of its
+    /// square too. Their tosses of a cube are measured so with half its width, 0.0524 m; a length squared over a length
+    /// is added to a number here, as it is there.
+    pub fn pose_error(&self, length: f64) -> f64 {
+        let PoseError { position, rotation, joint } = self.mean_square;
+        position / length + rotation + joint
     }
 }
 

@@ -1,0 +1,229 @@
+//! Recorded impacts from files and folders.
+
+use super::{FitCommand, Flights, name};
+use crate::error::{CliError, LineError};
+use crate::input::{JointOrder, for_each_line};
+use crate::output::say;
+use carom_chain::{Chain, FrameId};
+use carom_study::Tosses;
+use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
+use nalgebra::{SMatrix, SVector, Vector3};
+use serde::Deserialize;
+use std::io;
+use std::path::Path;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JumpLine {
+    delassus: Option<Vec<Vec<f64>>>,
+    u_minus: Option<Vec<f64>>,
+    u_plus: Option<Vec<f64>>,
+    q: Option<Vec<f64>>,
+    qd_minus: Option<Vec<f64>>,
+    qd_plus: Option<Vec<f64>>,
+    point: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FlightLine {
+    before: Samples,
+    after: Samples,
+    point: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Samples {
+    t: Vec<f64>,
+    q: Vec<Vec<f64>>,
+}
+
+/// Flights whose fit misses the samples by more than so many medians are no two free flights.
+const UNLIKE: f64 = 3.0;
+
+/// The robot of a file of impacts.
+struct Robot {
+    chain: Chain,
+    order: JointOrder,
+    tip: Option<FrameId>,
+}
+
+fn refuse(e: &FitError) -> LineError {
+    LineError(e.to_string())
+}
+
+impl FitCommand {
+    fn robot(&self) -> Result<Option<Robot>, CliError> {
+        let Some(args) = self.robot_args() else { return Ok(None) };
+        let chain = args.load()?;
+        for warning in chain.warnings() {
+            say(&format!("warning: {warning}"));
+        }
+        let order = JointOrder::new(&chain, &args.urdf, self.joints.as_deref())?;
+        let tip = self.tip.as_deref().map(|tip| args.frame(&chain, tip)).transpose()?;
+        Ok(Some(Robot { chain, order, tip }))
+    }
+
+    /// Velocity jumps, one a line.
+    pub fn jumps(&self, path: &Path) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
+        let robot = self.robot()?;
+        let mut impacts = Vec::new();
+        for_each_line(path, &mut io::sink(), |line: JumpLine, _, _| {
+            impacts.push(self.jump(line, robot.as_ref())?);
+            Ok(())
+        })?;
+        not_empty(path, impacts.len())?;
+        Ok((impacts, robot.map(|robot| robot.chain)))
+    }
+
+    fn jump(&self, line: JumpLine, robot: Option<&Robot>) -> Result<MeasuredImpact, LineError> {
+        let JumpLine { delassus, u_minus, u_plus, q, qd_minus, qd_plus, point } = line;
+        match ((delassus, u_minus, u_plus), (q, qd_minus, qd_plus)) {
+            ((Some(h), Some(before), Some(after)), (None, None, None)) => {
+                if point.is_some() {
+                    return Err(LineError("point belongs to a robot's q, not to a delassus: leave it out".into()));
+                }
+                match before.len() {
+                    2 => MeasuredImpact::in_plane(square(&h)?, vector("u_minus", &before)?, vector("u_plus", &after)?),
+                    3 => MeasuredImpact::in_space(square(&h)?, vector("u_minus", &before)?, vector("u_plus", &after)?),
+                    n => {
+                        return Err(LineError(format!(
+                            "u_minus has {n} numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed"
+                        )));
+                    }
+                }
+                .map_err(|e| refuse(&e))
+            }
+            ((None, None, None), (Some(q), Some(before), Some(after))) => {
+                let Some(robot) = robot else {
+                    return Err(LineError("q is of a robot: say which with --robot, and --tip".into()));
+                };
+                let Some(frame) = robot.tip else {
+                    return Err(LineError("say with --tip which link touches".into()));
+                };
+                let measured = ChainJump {
+                    q: robot.order.q(&q),
+                    qd_minus: robot.order.v(&before),
+                    qd_plus: robot.order.v(&after),
+                    frame,
+                    offset: point.unwrap_or(self.point),
+                    normal: self.normal,
+                };
+                MeasuredImpact::of_chain(&robot.chain, &measured).map_err(|e| refuse(&e))
+            }
+            _ => Err(LineError(
+                "a jump is either delassus, u_minus, u_plus (all three) or q, qd_minus, qd_plus (all three)".into(),
+            )),
+        }
+    }
+
+    /// Flights around impacts, one pair a line.
+    pub fn flights(&self, path: &Path, told: &mut Flights) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
+        let Some(robot) = self.robot()? else {
+            let file = name(path);
+            return Err(CliError::Option(format!("{file}: flights are of a robot: say which with --robot")));
+        };
+        let mut impacts = Vec::new();
+        for_each_line(path, &mut io::sink(), |line: FlightLine, place, _| {
+            let FlightLine { before, after, point } = line;
+            let flight = |samples: Samples| Flight {
+                times: samples.t,
+                poses: samples.q.iter().map(|q| robot.order.q(q)).collect(),
+            };
+            let joined = join_flights(&robot.chain, self.gravity.into(), &flight(before), &flight(after));
+            let joined = joined.map_err(|e| refuse(&e))?;
+            let tip = robot.tip.map(|frame| (frame, point.unwrap_or(self.point)));
+            impacts.push(self.at_impact(&robot.chain, &joined, tip).map_err(|e| refuse(&e))?);
+            told.numbers.push(place.line as i64);
+            told.rests.push(joined.rest);
+            told.deviations.push(joined.deviation);
+            Ok(())
+        })?;
+        not_empty(path, impacts.len())?;
+        Ok((impacts, Some(robot.chain)))
+    }
+
+    fn at_impact(
+        &self,
+        chain: &Chain,
+        joined: &Joined,
+        tip: Option<(FrameId, [f64; 3])>,
+    ) -> Result<MeasuredImpact, FitError> {
+        let (frame, offset) = match tip {
+            Some(tip) => tip,
+            None => lowest_point(chain, &joined.q, Vector3::from(self.normal))?,
+        };
+        let Joined { q, qd_minus, qd_plus, .. } = joined.clone();
+        MeasuredImpact::of_chain(chain, &ChainJump { q, qd_minus, qd_plus, frame, offset, normal: self.normal })
+    }
+
+    /// The first impact of each toss of a folder, from the flights around it.
+    pub fn first_impacts(
+        &self,
+        folder: &Path,
+        tosses: &Tosses,
+        told: &mut Flights,
+        progress: &dyn Fn(usize, usize),
+    ) -> Result<Vec<MeasuredImpact>, CliError> {
+        let tip = self.tip.as_deref().map(|tip| tosses.chain.frame(tip).map(|frame| (frame, self.point)));
+        let tip = tip.transpose().map_err(|e| CliError::Option(format!("{}: --tip: {e}", folder.display())))?;
+        let all = toss_flights(tosses).map_err(|e| CliError::Scene(e.to_string()))?;
+        not_empty(folder, all.len())?;
+        let count = all.len();
+        let mut joined = Vec::new();
+        for (done, (number, before, after)) in all.into_iter().enumerate() {
+            progress(done, count);
+            match join_flights(&tosses.chain, self.gravity.into(), &before, &after) {
+                Ok(one) => joined.push((number, one)),
+                Err(e) => told.left_out.push((number, e.to_string())),
+            }
+        }
+        let mut rests: Vec<f64> = joined.iter().map(|(_, one)| one.rest).collect();
+        rests.sort_by(f64::total_cmp);
+        let most = UNLIKE * rests.get(rests.len() / 2).copied().unwrap_or_default();
+        let mut impacts = Vec::new();
+        for (number, one) in joined {
+            if one.rest > most {
+                let why = format!("its flights miss the samples by {} m, over {UNLIKE} medians", one.rest);
+                told.left_out.push((number, why));
+                continue;
+            }
+            match self.at_impact(&tosses.chain, &one, tip) {
+                Ok(impact) => {
+                    impacts.push(impact);
+                    told.numbers.push(number);
+                    told.rests.push(one.rest);
+                    told.deviations.push(one.deviation);
+                }
+                Err(e @ FitError::NoApproach { .. }) => told.left_out.push((number, e.to_string())),
+                Err(e) => return Err(CliError::Option(format!("{}: toss {number}: {e}", folder.display()))),
+            }
+        }
+        Ok(impacts)
+    }
+}
+
+fn not_empty(path: &Path, found: usize) -> Result<(), CliError> {
+    if found > 0 {
+        return Ok(());
+    }
+    Err(CliError::Option(format!("{}: holds no impacts: there is nothing to fit", name(path))))
+}
+
+fn square<const D: usize>(rows: &[Vec<f64>]) -> Result<SMatrix<f64, D, D>, LineError> {
+    if rows.len() != D || rows.iter().any(|row| row.len() != D) {
+        let shape = rows.iter().map(|row| row.len().to_string()).collect::<Vec<_>>().join(", ");
+        return Err(LineError(format!(
+            "delassus has rows of {shape} numbers: u_minus has {D}, so {D} rows of {D} are needed"
+        )));
+    }
+    Ok(SMatrix::from_fn(|i, j| rows[i][j]))
+}
+
+fn vector<const D: usize>(what: &str, numbers: &[f64]) -> Result<SVector<f64, D>, LineError> {
+    if numbers.len() != D {
+        return Err(LineError(format!("{what} has {} numbers, and u_minus {D}", numbers.len())));
+    }
+    Ok(SVector::from_column_slice(numbers))
+}

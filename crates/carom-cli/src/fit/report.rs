@@ -1,0 +1,196 @@
+//! What a fit answers: everything as JSON, the gist for people.
+
+use super::{FitCommand, Flights};
+use crate::output::short;
+use carom_study::fit::{Fit, FittedTo, Misfit, Score};
+use serde::Serialize;
+use std::io::{self, Write};
+
+#[derive(Serialize)]
+pub struct Report {
+    fitted_to: &'static str,
+    law: String,
+    loss: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    threshold: Option<f64>,
+    confidence: f64,
+    seed: u64,
+    coefficients: Vec<CoefficientAnswer>,
+    train: ScoreAnswer,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    test: Option<ScoreAnswer>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flights: Option<FlightsAnswer>,
+    notes: Vec<String>,
+    trials: usize,
+    each: Vec<Each>,
+}
+
+#[derive(Serialize)]
+struct CoefficientAnswer {
+    name: &'static str,
+    value: f64,
+    low: f64,
+    high: f64,
+    interval: &'static str,
+}
+
+#[derive(Serialize)]
+struct ScoreAnswer {
+    count: usize,
+    mean: f64,
+    median: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    below_half: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    least_in_cone: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    least: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct FlightsAnswer {
+    joined: usize,
+    /// Medians.
+    rest: f64,
+    deviation: f64,
+    left_out: Vec<LeftOut>,
+}
+
+#[derive(Serialize)]
+struct LeftOut {
+    number: i64,
+    reason: String,
+}
+
+#[derive(Serialize)]
+struct Each {
+    number: i64,
+    trained: bool,
+    error: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    least_in_cone: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    least: Option<f64>,
+}
+
+impl Report {
+    pub fn new(fit: &Fit, told: &Flights, command: &FitCommand) -> Self {
+        let score = |s: &Score| ScoreAnswer {
+            count: s.count,
+            mean: s.mean,
+            median: s.median,
+            below_half: s.below_half,
+            least_in_cone: s.least_in_cone,
+            least: s.least,
+        };
+        let each = |one: &Misfit| Each {
+            number: one.number,
+            trained: one.trained,
+            error: one.error,
+            least_in_cone: one.least_in_cone,
+            least: one.least,
+        };
+        let middle = |values: &[f64]| {
+            let mut sorted = values.to_vec();
+            sorted.sort_by(f64::total_cmp);
+            sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+        };
+        let flights = (!told.numbers.is_empty()).then(|| FlightsAnswer {
+            joined: told.numbers.len(),
+            rest: middle(&told.rests),
+            deviation: middle(&told.deviations),
+            left_out: told
+                .left_out
+                .iter()
+                .map(|(number, reason)| LeftOut { number: *number, reason: reason.clone() })
+                .collect(),
+        });
+        Self {
+            fitted_to: fit.to.name(),
+            law: fit.law.clone(),
+            loss: fit.loss.name(),
+            threshold: fit.threshold,
+            confidence: command.confidence,
+            seed: command.seed,
+            coefficients: fit
+                .coefficients
+                .iter()
+                .map(|c| CoefficientAnswer {
+                    name: c.name,
+                    value: c.value,
+                    low: c.low,
+                    high: c.high,
+                    interval: c.interval.name(),
+                })
+                .collect(),
+            train: score(&fit.train),
+            test: fit.test.as_ref().map(score),
+            flights,
+            notes: fit.notes.clone(),
+            trials: fit.trials,
+            each: fit.each.iter().map(each).collect(),
+        }
+    }
+}
+
+/// So many of the worst are shown to people.
+const WORST: usize = 5;
+
+pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
+    let trajectories = report.fitted_to == FittedTo::Trajectories.name();
+    let of = if trajectories { "tosses" } else { "impacts" };
+    let tested = report.test.as_ref().map_or(0, |test| test.count);
+    let threshold = report.threshold.map_or(String::new(), |t| format!(" beyond {}", short(t)));
+    writeln!(
+        out,
+        "{} of {} {of} ({tested} kept for the test, seed {}), law {}, loss {}{threshold}, {} trials",
+        report.fitted_to, report.train.count, report.seed, report.law, report.loss, report.trials
+    )?;
+    if let Some(flights) = &report.flights {
+        writeln!(
+            out,
+            "{} impacts from flights that miss their samples by {} m (rms, median); jumps known to {} m/s (median); {} left out",
+            flights.joined,
+            short(flights.rest),
+            short(flights.deviation),
+            flights.left_out.len()
+        )?;
+    }
+    for c in &report.coefficients {
+        let percent = report.confidence * 100.0;
+        writeln!(
+            out,
+            "{:14} {:>12}   {percent} %: {:>12} … {:<12} ({})",
+            c.name,
+            short(c.value),
+            short(c.low),
+            short(c.high),
+            c.interval
+        )?;
+    }
+    let what = if trajectories { "pose error" } else { "residual m/s" };
+    let third = if trajectories { ["below 0.5", ""] } else { ["best in cone", "best of any"] };
+    writeln!(out, "{what:14} {:>12} {:>12} {:>12} {:>12}", "mean", "median", third[0], third[1])?;
+    for (name, score) in [("train", Some(&report.train)), ("test", report.test.as_ref())] {
+        let Some(score) = score else { continue };
+        let more = [score.below_half.or(score.least_in_cone), score.least].map(|x| x.map_or(String::new(), short));
+        writeln!(
+            out,
+            "{name:14} {:>12} {:>12} {:>12} {:>12}",
+            short(score.mean),
+            short(score.median),
+            more[0],
+            more[1]
+        )?;
+    }
+    let mut worst: Vec<&Each> = report.each.iter().collect();
+    worst.sort_by(|a, b| b.error.total_cmp(&a.error));
+    worst.truncate(WORST);
+    let worst: Vec<String> = worst.iter().map(|one| format!("{} ({})", one.number, short(one.error))).collect();
+    writeln!(out, "worst {of}: {}", worst.join(", "))?;
+    for note in &report.notes {
+        writeln!(out, "note: {note}")?;
+    }
+    Ok(())
+}

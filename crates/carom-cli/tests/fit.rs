@@ -1,0 +1,221 @@
+//! `carom fit` from outside: the three kinds of data, what it says of them, what it refuses and in which words.
+
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::process::Command;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// A folder of its own for each test, gone afterwards.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let folder = std::env::temp_dir().join(format!("carom-fit-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for robot in ["box.urdf", "planar2.urdf"] {
+            std::fs::copy(format!("{ROOT}/robots/{robot}"), folder.join(robot)).unwrap();
+        }
+        Self(folder)
+    }
+
+    fn lines(&self, file: &str, lines: &[Value]) {
+        let text: Vec<String> = lines.iter().map(|line| format!("{line}\n")).collect();
+        std::fs::write(self.0.join(file), text.concat()).unwrap();
+    }
+
+    /// Exit status, standard output, standard error.
+    fn run(&self, args: &str) -> (Option<i32>, String, String) {
+        let mut carom = Command::new(env!("CARGO_BIN_EXE_carom"));
+        let ran = carom.args(args.split_whitespace()).current_dir(&self.0).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (ran.status.code(), text(ran.stdout), text(ran.stderr))
+    }
+
+    #[track_caller]
+    fn answer(&self, args: &str) -> Value {
+        let (code, out, err) = self.run(args);
+        assert_eq!(code, Some(0), "{err}");
+        serde_json::from_str(&out).unwrap()
+    }
+
+    #[track_caller]
+    fn refused(&self, args: &str, message: &str) {
+        assert_eq!(self.run(args), (Some(1), String::new(), format!("error: {message}\n")));
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A ball of mass 1 strikes with u; without coupling H = 1, so u⁺ = (u_t − μ(1+e)|u_n| sign u_t, −e u_n) while it slips.
+fn jump(u: [f64; 2]) -> Value {
+    let (e, mu) = (0.5, 0.2);
+    let lost = (mu * (1.0 + e) * -u[1]).min(u[0].abs());
+    json!({"delassus": [[1, 0], [0, 1]], "u_minus": u, "u_plus": [u[0] - lost * u[0].signum(), -e * u[1]]})
+}
+
+fn jumps() -> Vec<Value> {
+    (0..8).map(|k| jump([0.3 * f64::from(k) - 1.0, -1.0 - 0.1 * f64::from(k)])).collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn numbers_give_their_coefficients_back() {
+    let desk = Desk::new("numbers");
+    desk.lines("jumps.jsonl", &jumps());
+    let fit = desk.answer("fit --velocities jumps.jsonl --json");
+    assert_eq!(fit["fitted_to"], "velocities");
+    assert_eq!((&fit["train"]["count"], &fit["test"]["count"]), (&json!(4), &json!(4)));
+    for (coefficient, (name, truth)) in
+        fit["coefficients"].as_array().unwrap().iter().zip([("restitution", 0.5), ("friction", 0.2)])
+    {
+        assert_eq!(coefficient["name"], name);
+        assert!((number(&coefficient["value"]) - truth).abs() < 1e-6, "{coefficient}");
+    }
+    assert_eq!(fit["each"].as_array().unwrap().len(), 8);
+    assert_eq!(fit, desk.answer("fit --velocities jumps.jsonl --json"), "twice the same");
+    let (code, out, err) = desk.run("fit --velocities jumps.jsonl --train 1");
+    assert_eq!((code, err.as_str()), (Some(0), ""), "no progress bar but on a terminal");
+    assert!(
+        out.starts_with("velocities of 8 impacts (0 kept for the test, seed 0), law energetic, loss huber"),
+        "{out}"
+    );
+    assert!(out.contains("note: fitted to velocities"), "{out}");
+}
+
+/// A cube thrown at z = 0 twenty times, its joint velocities after each impact from `carom impact`.
+#[test]
+fn a_robot_s_joint_velocities_give_their_coefficients_back() {
+    let desk = Desk::new("joints");
+    let state = |k: u32| {
+        let x = f64::from(k);
+        json!({"q": [0.5 + 0.1 * x, -1.0 - 0.05 * x], "qd": [-0.4 + 0.09 * x, 0.3 - 0.11 * x]})
+    };
+    let states: Vec<Value> = (0..10).map(state).collect();
+    desk.lines("states.jsonl", &states);
+    let strike = "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.15";
+    let (_, out, err) = desk.run(&format!("{strike} --json --states states.jsonl"));
+    let hits: Vec<Value> = out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(hits.len(), 10, "{err}");
+    let struck = states.iter().zip(&hits).filter(|(_, hit)| hit["flags"].as_array().unwrap().is_empty());
+    let jumps: Vec<Value> =
+        struck.map(|(s, hit)| json!({"q": s["q"], "qd_minus": s["qd"], "qd_plus": hit["qd_plus"]})).collect();
+    assert!(jumps.len() >= 4, "{}", jumps.len());
+    desk.lines("jumps.jsonl", &jumps);
+    let fit =
+        desk.answer("fit --velocities jumps.jsonl --robot planar2.urdf --tip tip --normal -1,0,0 --train 1 --json");
+    let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
+    assert!((values[0] - 0.4).abs() < 1e-6 && (values[1] - 0.15).abs() < 1e-6, "{values:?}");
+    // Two joints and a contact that moves in the plane: an impulse can give any jump.
+    assert!(number(&fit["train"]["least"]) < 1e-9);
+}
+
+#[test]
+fn flights_of_a_falling_box_are_joined_and_fitted() {
+    let desk = Desk::new("flights");
+    let pose = |z: f64, x: f64| json!([x, 0, z, 0, 0, 0, 1]);
+    // A box that falls flat and does not turn: no corner is lower than another, so its middle is said to touch.
+    let line = |speed: f64, slip: f64| {
+        let (e, mu, g) = (0.5, 0.2, 9.81);
+        let after = slip - mu * (1.0 + e) * speed;
+        let fall = |t: f64| pose(0.025 - speed * t - 0.5 * g * t * t, slip * t);
+        let rise = |t: f64| pose(0.025 + e * speed * t - 0.5 * g * t * t, after * t);
+        let times = [0.002, 0.01, 0.02, 0.03];
+        let back: Vec<f64> = times.iter().rev().map(|t| -t).collect();
+        json!({
+            "before": {"t": back, "q": back.iter().map(|&t| fall(t)).collect::<Vec<_>>()},
+            "after": {"t": times, "q": times.map(rise)},
+        })
+    };
+    let lines: Vec<Value> = (0..5).map(|k| line(1.0 + 0.2 * f64::from(k), 2.0)).collect();
+    desk.lines("flights.jsonl", &lines);
+    let fit = desk.answer("fit --flights flights.jsonl --robot box.urdf --floating --tip box --train 1 --json");
+    assert_eq!(fit["flights"]["joined"], 5);
+    let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
+    // The centre of mass stands for the point: without lever arms friction acts as on a particle.
+    assert!((values[0] - 0.5).abs() < 1e-6 && (values[1] - 0.2).abs() < 1e-6, "{values:?}");
+}
+
+#[test]
+fn what_can_t_be_fitted_is_refused() {
+    let desk = Desk::new("refused");
+    desk.lines("jumps.jsonl", &jumps());
+    desk.lines("empty.jsonl", &[]);
+    let laws = "whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
+    desk.refused("fit --velocities empty.jsonl", "empty.jsonl: holds no impacts: there is nothing to fit");
+    desk.refused(
+        "fit --velocities jumps.jsonl --law frictionless",
+        &format!(
+            "jumps.jsonl: the law 'frictionless' knows no friction, so there is none to fit: choose one of {laws}"
+        ),
+    );
+    desk.refused(
+        "fit --velocities jumps.jsonl --train 0",
+        "jumps.jsonl: training share is 0: it lies above 0, and 1 is all",
+    );
+    desk.refused(
+        "fit --velocities jumps.jsonl --inertia",
+        "jumps.jsonl: the scale of inertia can't be fitted to plain numbers: a Delassus matrix is all there is, give a \
+         robot and q",
+    );
+    desk.refused("fit --flights jumps.jsonl", "jumps.jsonl: flights are of a robot: say which with --robot");
+    for (line, message) in [
+        (
+            json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, -1]}),
+            "a jump is either delassus, u_minus, u_plus (all three) or q, qd_minus, qd_plus (all three)",
+        ),
+        (
+            json!({"delassus": [[1, 0]], "u_minus": [0, -1], "u_plus": [0, 1]}),
+            "delassus has rows of 2 numbers: u_minus has 2, so 2 rows of 2 are needed",
+        ),
+        (
+            json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, -1], "u_plus": [0, 1, 2]}),
+            "u_plus has 3 numbers, and u_minus 2",
+        ),
+        (
+            json!({"delassus": [[1]], "u_minus": [-1], "u_plus": [1]}),
+            "u_minus has 1 numbers: 2 in the plane (t, n) or 3 in space (t1, t2, n) are needed",
+        ),
+        (
+            json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, 1], "u_plus": [0, 1]}),
+            "the contact does not approach: its normal velocity before is 1 m/s, and in an impact it is negative; leave \
+             this one out, or check the normal (from the environment to the robot)",
+        ),
+        (
+            json!({"q": [0, 0], "qd_minus": [0, 0], "qd_plus": [0, 0]}),
+            "q is of a robot: say which with --robot, and --tip",
+        ),
+    ] {
+        desk.lines("bad.jsonl", &[jump([1.0, -1.0]), line]);
+        desk.refused("fit --velocities bad.jsonl", &format!("bad.jsonl:2: {message}"));
+    }
+    let text = r#"{"delassus":[[1,0],[0,1]],"u_minus":[0,-1],"u_plus":[0,NaN]}"#;
+    std::fs::write(desk.0.join("nan.jsonl"), text).unwrap();
+    let (code, out, err) = desk.run("fit --velocities nan.jsonl");
+    assert_eq!((code, out.as_str()), (Some(1), ""));
+    assert!(err.starts_with("error: nan.jsonl:1: expected value at column "), "{err}");
+    for missing in ["--velocities", "--flights"] {
+        let (code, out, err) = desk.run(&format!("fit {missing} none --robot box.urdf --floating"));
+        assert_eq!((code, out.as_str()), (Some(1), ""));
+        assert!(err.starts_with("error: none: cannot be read: "), "{err}");
+    }
+    let (code, out, err) = desk.run("fit --tosses none");
+    assert_eq!((code, out.as_str()), (Some(1), ""));
+    assert!(err.starts_with("error: none: cannot be read: "), "{err}");
+    for (args, words) in [
+        ("fit", "--velocities <FILE>|--flights <FILE|FOLDER>|--tosses <FOLDER>"),
+        ("fit --velocities a --tosses b", "cannot be used with"),
+        ("fit --velocities jumps.jsonl --law hertz", "invalid value 'hertz' for '--law <LAW>'"),
+    ] {
+        let (code, _, err) = desk.run(args);
+        assert_eq!(code, Some(2), "{err}");
+        assert!(err.contains(words), "{err}");
+    }
+}

@@ -1,0 +1,311 @@
+//! The states on both sides of an impact, from poses recorded in the flights before and after it.
+//!
+//! An impact lasts less than a sample, and the difference of the samples around it is a velocity of neither flight. So
+//! both flights are fitted at once, as free motions that meet in one pose q* at one time t*, in the least squares of all
+//! samples: the unknowns are q*, qd⁻, qd⁺ and t*. The time is what joins them: it is well known where the jump is large.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | z | 3nv+1 | (step from a reference pose to q*, qd⁻, qd⁺, t*) | `z` |
+//! | S | m×(3nv+1) | d(residual)/dz, forward differences | `slopes` |
+//! | L, m | nv×nv, 1 | M = L Lᵀ at the reference pose, total mass | `metric` = Lᵀ/√m |
+//!
+//! Residuals are differences of poses in that metric, m. Levenberg & Marquardt's steps; written out here as the crate for
+//! them is tied to another version of nalgebra.
+
+use super::error::FitError;
+use crate::tosses::{TossError, Tosses};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, Coordinates, FrameId};
+use carom_contact::{Obstacle, gap, link_shapes};
+use carom_sim::{SimError, free_motion_at};
+use nalgebra::{DMatrix, DVector, Vector3};
+use std::f64::consts::TAU;
+
+/// Poses of one free flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flight {
+    /// Ascending, s.
+    pub times: Vec<f64>,
+    /// A configuration for each time.
+    pub poses: Vec<Vec<f64>>,
+}
+
+/// Two flights, joined by an impact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joined {
+    /// Time of the impact, s.
+    pub time: f64,
+    /// Configuration at the impact.
+    pub q: Vec<f64>,
+    /// Joint velocities before.
+    pub qd_minus: Vec<f64>,
+    /// Joint velocities after.
+    pub qd_plus: Vec<f64>,
+    /// Root mean square of what the two flights miss the samples by, m.
+    pub rest: f64,
+    /// Standard deviation of the jump qd⁺ − qd⁻ that such samples give it, m/s, in the metric of
+    /// [`MeasuredImpact`](super::MeasuredImpact).
+    pub deviation: f64,
+}
+
+/// Steps after which the fit of the flights gives up; it needs 4 to 12.
+const MOST_STEPS: usize = 60;
+/// A step this small, relative, is the last: the next would be smaller by the numerical derivative's error, 1e-5 or less.
+const SETTLED: f64 = 1e-9;
+/// Step of the numerical derivative: m, rad, m/s, rad/s, s.
+const STEP: f64 = 1e-6;
+
+/// The impact between two free flights (motors off, no damping, under `gravity`), at least two samples each. Continuous
+/// joints may wrap at ±π.
+///
+/// # Errors
+/// [`FitError`]: samples that are too few, out of order or do not fit the chain; flights that no impact joins.
+pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Joined, FitError> {
+    let pair = Pair::new(chain, gravity, before, after)?;
+    let mut z = pair.start()?;
+    let mut rest = pair.residual(&z)?;
+    let mut damping = 1e-3;
+    for _ in 0..MOST_STEPS {
+        let slopes = pair.slopes(&z, &rest)?;
+        let (gram, pull) = (slopes.transpose() * &slopes, slopes.transpose() * &rest);
+        let mut better = false;
+        let mut moved = f64::INFINITY;
+        while damping < 1e6 {
+            let mut damped = gram.clone();
+            for k in 0..damped.nrows() {
+                damped[(k, k)] += damping * gram[(k, k)].max(1e-12);
+            }
+            let Some(factor) = damped.cholesky() else {
+                damping *= 10.0;
+                continue;
+            };
+            let next = pair.inside(&z - factor.solve(&pull));
+            // Trials far off may turn faster than the integration can follow.
+            let tried = pair.residual(&next).ok().filter(|r| r.norm_squared() < rest.norm_squared());
+            if let Some(tried) = tried {
+                moved = (&next - &z).norm() / (1.0 + z.norm());
+                (z, rest) = (next, tried);
+                damping = (damping * 0.1).max(1e-15);
+                better = true;
+                break;
+            }
+            damping *= 10.0;
+        }
+        if !better || moved < SETTLED {
+            return pair.joined(&z, &rest);
+        }
+    }
+    Err(FitError::NotJoined { steps: MOST_STEPS, rest: rms(&rest) })
+}
+
+struct Pair<'a> {
+    chain: &'a Chain,
+    gravity: Vector3<f64>,
+    /// From the impact backwards.
+    before: Flight,
+    after: Flight,
+    reference: Vec<f64>,
+    metric: DMatrix<f64>,
+}
+
+fn rms(residual: &DVector<f64>) -> f64 {
+    residual.norm() / (residual.len() as f64).sqrt()
+}
+
+impl<'a> Pair<'a> {
+    fn new(chain: &'a Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Self, FitError> {
+        let still = vec![0.0; chain.nv()];
+        for (which, flight) in [("before", before), ("after", after)] {
+            let (found, needed) = (flight.poses.len(), flight.times.len());
+            if found != needed {
+                return Err(FitError::Sizes { what: "poses of a flight, one for each time", found, needed });
+            }
+            if found < 2 {
+                return Err(FitError::Sizes { what: "samples of a flight, at least", found, needed: 2 });
+            }
+            if let Some(&value) = flight.times.iter().find(|t| !t.is_finite()) {
+                return Err(FitError::NotFinite { what: "a flight's times", value });
+            }
+            for pair in flight.times.windows(2) {
+                if pair[1] <= pair[0] {
+                    return Err(FitError::Times { which, time: pair[1], before: pair[0] });
+                }
+            }
+            for pose in &flight.poses {
+                chain.check_state(pose, &still)?;
+            }
+        }
+        let (end, start) = (before.times[before.times.len() - 1], after.times[0]);
+        if start <= end {
+            return Err(FitError::Overlap { end, start });
+        }
+        let mut poses: Vec<Vec<f64>> = before.poses.iter().chain(&after.poses).cloned().collect();
+        unwrap(chain, &mut poses);
+        let later = poses.split_off(before.poses.len());
+        let reference = later[0].clone();
+        let mass_matrix = chain.workspace().update(chain, &reference)?.mass_matrix();
+        let Some(factor) = mass_matrix.cholesky() else {
+            let joint = chain.joints().first().map_or_else(String::new, |joint| joint.name.clone());
+            return Err(carom_chain::ChainError::NoInertia { joint }.into());
+        };
+        let metric = factor.l().transpose() / chain.total_mass().sqrt();
+        poses.reverse();
+        let before = Flight { times: before.times.iter().rev().copied().collect(), poses };
+        let after = Flight { times: after.times.clone(), poses: later };
+        Ok(Self { chain, gravity, before, after, reference, metric })
+    }
+
+    /// From straight lines through each flight's samples; t* midway.
+    fn start(&self) -> Result<DVector<f64>, FitError> {
+        let time = 0.5 * (self.before.times[0] + self.after.times[0]);
+        let nv = self.chain.nv();
+        let mut z = DVector::zeros(3 * nv + 1);
+        for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
+            let steps: Result<Vec<_>, _> =
+                flight.poses.iter().map(|pose| self.chain.difference(&self.reference, pose)).collect();
+            let steps: Vec<DVector<f64>> = steps?.into_iter().map(DVector::from_vec).collect();
+            let n = steps.len() as f64;
+            let middle = flight.times.iter().sum::<f64>() / n;
+            let mean = steps.iter().fold(DVector::zeros(nv), |sum, s| sum + s) / n;
+            let (mut along, mut square) = (DVector::zeros(nv), 0.0);
+            for (step, t) in steps.iter().zip(&flight.times) {
+                along += (step - &mean) * (t - middle);
+                square += (t - middle).powi(2);
+            }
+            let rate = along / square;
+            let at_impact = &mean + &rate * (time - middle);
+            z.rows_mut(nv * (k + 1), nv).copy_from(&rate);
+            let half = z.rows(0, nv) + at_impact * 0.5;
+            z.rows_mut(0, nv).copy_from(&half);
+        }
+        z[3 * nv] = time;
+        Ok(z)
+    }
+
+    /// With t* between the flights.
+    fn inside(&self, mut z: DVector<f64>) -> DVector<f64> {
+        let last = z.len() - 1;
+        z[last] = z[last].clamp(self.before.times[0], self.after.times[0]);
+        z
+    }
+
+    fn pose(&self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
+        Ok(self.chain.integrate(&self.reference, &z.as_slice()[..self.chain.nv()], 1.0)?)
+    }
+
+    fn residual(&self, z: &DVector<f64>) -> Result<DVector<f64>, FitError> {
+        let nv = self.chain.nv();
+        let (q, time) = (self.pose(z)?, z[3 * nv]);
+        let mut out = Vec::new();
+        for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
+            let qd = &z.as_slice()[nv * (k + 1)..nv * (k + 2)];
+            let times: Vec<f64> = flight.times.iter().map(|t| t - time).collect();
+            let flown = free_motion_at(self.chain, &q, qd, self.gravity, &times)?;
+            for (there, seen) in flown.iter().zip(&flight.poses) {
+                let miss = DVector::from_vec(self.chain.difference(seen, &there.q)?);
+                out.extend((&self.metric * miss).iter());
+            }
+        }
+        Ok(DVector::from_vec(out))
+    }
+
+    fn slopes(&self, z: &DVector<f64>, rest: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
+        let mut slopes = DMatrix::zeros(rest.len(), z.len());
+        for k in 0..z.len() {
+            let mut moved = z.clone();
+            // The time stays between the flights.
+            let back = k == z.len() - 1 && z[k] + STEP > self.after.times[0];
+            let step = if back { -STEP } else { STEP };
+            moved[k] += step;
+            slopes.set_column(k, &((self.residual(&moved)? - rest) / step));
+        }
+        Ok(slopes)
+    }
+
+    fn joined(&self, z: &DVector<f64>, rest: &DVector<f64>) -> Result<Joined, FitError> {
+        let nv = self.chain.nv();
+        let slopes = self.slopes(z, rest)?;
+        let degrees = rest.len().saturating_sub(z.len()).max(1);
+        let variance = rest.norm_squared() / degrees as f64;
+        // The jump, in the metric, as a linear function of z.
+        let mut jump = DMatrix::zeros(nv, z.len());
+        jump.columns_mut(2 * nv, nv).copy_from(&self.metric);
+        jump.columns_mut(nv, nv).copy_from(&-&self.metric);
+        let spread = (slopes.transpose() * &slopes).pseudo_inverse(1e-18).unwrap_or_else(|_| DMatrix::zeros(0, 0));
+        let deviation = if spread.nrows() == z.len() {
+            ((&jump * spread * jump.transpose()).trace() * variance).max(0.0).sqrt()
+        } else {
+            0.0
+        };
+        Ok(Joined {
+            time: z[3 * nv],
+            q: self.pose(z)?,
+            qd_minus: z.as_slice()[nv..2 * nv].to_vec(),
+            qd_plus: z.as_slice()[2 * nv..3 * nv].to_vec(),
+            rest: rms(rest),
+            deviation,
+        })
+    }
+}
+
+/// Continuous joints turn on where their samples wrap.
+fn unwrap(chain: &Chain, poses: &mut [Vec<f64>]) {
+    for joint in chain.joints() {
+        let (JointType::Continuous, Coordinates::Own { q, .. }) = (joint.kind, &joint.coordinates) else { continue };
+        for k in 1..poses.len() {
+            let turns = ((poses[k][q.start] - poses[k - 1][q.start]) / TAU).round();
+            poses[k][q.start] -= turns * TAU;
+        }
+    }
+}
+
+/// The point of the robot's shapes that is lowest along `normal`: the link's frame, and the point in its axes, m.
+///
+/// # Errors
+/// A robot without shapes, a shape that can't be made, a configuration that does not fit.
+pub fn lowest_point(chain: &Chain, q: &[f64], normal: Vector3<f64>) -> Result<(FrameId, [f64; 3]), FitError> {
+    let plane = Obstacle::half_space(Vector3::zeros(), normal).map_err(SimError::from)?;
+    let mut workspace = chain.workspace();
+    let kin = workspace.update(chain, q)?;
+    let shapes = link_shapes(chain).map_err(SimError::from)?;
+    let lowest = shapes.iter().map(|shape| {
+        let pose = kin.pose(shape.frame());
+        (shape.frame(), gap(shape, &pose, &plane), pose)
+    });
+    let lowest = lowest.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
+    let (frame, gap, pose) = lowest.ok_or(FitError::NoShape)?;
+    Ok((frame, pose.inverse().point(gap.on_robot).into()))
+}
+
+/// How near to the floor the lowest point of a toss must come in a sample for the first impact to be there, m.
+const NEAR: f64 = 0.005;
+/// Samples of each flight: no more than these nearest to the impact, no fewer than those.
+const SAMPLES: (usize, usize) = (4, 12);
+
+/// The flights before and after the first impact of each toss, with the toss's number. The impact is where the lowest
+/// point of the sampled poses is lowest for the first time, within 5 mm of the floor; that sample belongs to neither
+/// flight. Tosses with fewer than 4 samples before or after it (until they are lowest again) are left out.
+///
+/// # Errors
+/// A pose that does not fit the robot.
+pub fn toss_flights(tosses: &Tosses) -> Result<Vec<(i64, Flight, Flight)>, TossError> {
+    let mut all = Vec::new();
+    for toss in &tosses.tosses {
+        let gaps = tosses.gaps(toss)?;
+        let low = |k: &usize| gaps[*k] < gaps[k - 1] && gaps[*k] <= gaps[k + 1] && gaps[*k] < NEAR;
+        let mut lows = (1..gaps.len().saturating_sub(1)).filter(low);
+        let Some(first) = lows.next() else { continue };
+        let next = lows.next().unwrap_or(gaps.len());
+        let (fewest, most) = SAMPLES;
+        let flight = |from: usize, to: usize| Flight {
+            times: toss.samples[from..to].iter().map(|sample| sample.time).collect(),
+            poses: toss.samples[from..to].iter().map(|sample| sample.q.clone()).collect(),
+        };
+        let (before, after) = (first.min(most), next.saturating_sub(first + 1).min(most));
+        if before >= fewest && after >= fewest {
+            all.push((toss.number, flight(first - before, first), flight(first + 1, first + 1 + after)));
+        }
+    }
+    Ok(all)
+}

@@ -1,0 +1,191 @@
+//! Measured velocity jumps, and what a law leaves of them.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | u⁻, u⁺ | D | contact velocity before and after, contact axes, m/s | `u_minus`, `u_plus` |
+//! | H | D×D | Delassus matrix, 1/kg | `delassus` |
+//! | L, m | nv×nv, 1 | M = L Lᵀ at the impact, total mass | `metric` = Lᵀ/√m |
+//! | b | m | measured jump: u⁺ − u⁻, or Lᵀ(qd⁺ − qd⁻)/√m, m/s | `jump` |
+//! | A | m×D | the same for unit impulses: H, or Lᵀ M⁻¹ Jᵀ/√m | `reach` |
+//!
+//! A residual is b − A p, with p the law's impulse: all in m/s. For a chain its norm is √(2T/m), with T the kinetic energy
+//! of the joint velocities that are missed: no choice of coordinates or units of rotation enters.
+
+use super::bound::least_residual;
+use super::error::FitError;
+use carom_chain::{Chain, FrameId};
+use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
+use carom_sim::Impacts;
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
+
+/// One impact as a chain's joints saw it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChainJump {
+    /// Configuration at the impact.
+    pub q: Vec<f64>,
+    /// Joint velocities before.
+    pub qd_minus: Vec<f64>,
+    /// Joint velocities after.
+    pub qd_plus: Vec<f64>,
+    /// The link that touches.
+    pub frame: FrameId,
+    /// The touching point in the link's axes, m.
+    pub offset: [f64; 3],
+    /// Surface normal, world, from the environment to the robot.
+    pub normal: [f64; 3],
+}
+
+/// One measured impact, ready for any law.
+#[derive(Debug, Clone)]
+pub struct MeasuredImpact {
+    problem: Problem,
+    reach: DMatrix<f64>,
+    jump: DVector<f64>,
+    /// With which robot it was measured, to do it over with another inertia.
+    chain: Option<(ChainJump, DMatrix<f64>)>,
+}
+
+#[derive(Debug, Clone)]
+enum Problem {
+    Plane(ImpactProblem<f64, 2>),
+    Space(ImpactProblem<f64, 3>),
+}
+
+impl MeasuredImpact {
+    /// From plain numbers in the plane: contact axes, tangent first.
+    ///
+    /// # Errors
+    /// Numbers that no impact has; a contact that does not approach.
+    pub fn in_plane(
+        delassus: SMatrix<f64, 2, 2>,
+        u_minus: SVector<f64, 2>,
+        u_plus: SVector<f64, 2>,
+    ) -> Result<Self, FitError> {
+        let problem = ImpactProblem::new(delassus, u_minus)?;
+        Self::of_numbers(&problem, u_plus, Problem::Plane(problem))
+    }
+
+    /// From plain numbers in space: contact axes, tangents first.
+    ///
+    /// # Errors
+    /// As [`MeasuredImpact::in_plane`].
+    pub fn in_space(
+        delassus: SMatrix<f64, 3, 3>,
+        u_minus: SVector<f64, 3>,
+        u_plus: SVector<f64, 3>,
+    ) -> Result<Self, FitError> {
+        let problem = ImpactProblem::new(delassus, u_minus)?;
+        Self::of_numbers(&problem, u_plus, Problem::Space(problem))
+    }
+
+    fn of_numbers<const D: usize>(
+        numbers: &ImpactProblem<f64, D>,
+        u_plus: SVector<f64, D>,
+        problem: Problem,
+    ) -> Result<Self, FitError> {
+        if let Some(&value) = u_plus.iter().find(|x| !x.is_finite()) {
+            return Err(FitError::NotFinite { what: "u_plus", value });
+        }
+        let jump = DVector::from_column_slice((u_plus - numbers.u_minus()).as_slice());
+        let reach = DMatrix::from_column_slice(D, D, numbers.delassus().as_slice());
+        Self { problem, reach, jump, chain: None }.approaching()
+    }
+
+    /// From a chain's joint velocities on both sides.
+    ///
+    /// # Errors
+    /// A state that does not fit the chain; a point that can't move along the normal; a contact that does not approach.
+    pub fn of_chain(chain: &Chain, measured: &ChainJump) -> Result<Self, FitError> {
+        let mut workspace = chain.workspace();
+        let mass_matrix = workspace.update(chain, &measured.q)?.mass_matrix();
+        let Some(factor) = mass_matrix.cholesky() else {
+            let joint = chain.joints().first().map_or_else(String::new, |joint| joint.name.clone());
+            return Err(carom_chain::ChainError::NoInertia { joint }.into());
+        };
+        let metric = factor.l().transpose() / chain.total_mass().sqrt();
+        Self::of_chain_in(chain, measured, metric)?.approaching()
+    }
+
+    fn of_chain_in(chain: &Chain, measured: &ChainJump, metric: DMatrix<f64>) -> Result<Self, FitError> {
+        let ChainJump { q, qd_minus, qd_plus, frame, offset, normal } = measured;
+        chain.check_v("qd_plus", qd_plus)?;
+        let contact = chain.impact(q, qd_minus).at(*frame).offset(*offset).normal(*normal).contact()?;
+        let normal = Vector3::from(*normal).normalize();
+        let axes = carom_chain::algebra::z_onto(normal);
+        let response = &contact.inertia().response * DMatrix::from_column_slice(3, 3, axes.as_slice());
+        let change = DVector::from_iterator(qd_plus.len(), qd_plus.iter().zip(qd_minus).map(|(a, b)| a - b));
+        let (reach, jump) = (&metric * response, &metric * change);
+        Ok(Self { problem: Problem::Space(*contact.problem()), reach, jump, chain: Some((measured.clone(), metric)) })
+    }
+
+    fn approaching(self) -> Result<Self, FitError> {
+        let speed = self.approach_speed();
+        if speed > 0.0 { Ok(self) } else { Err(FitError::NoApproach { normal_velocity: -speed }) }
+    }
+
+    fn approach_speed(&self) -> f64 {
+        match &self.problem {
+            Problem::Plane(problem) => problem.approach_speed(),
+            Problem::Space(problem) => problem.approach_speed(),
+        }
+    }
+
+    /// Whether a robot stands behind it, whose inertia could be scaled.
+    pub(crate) fn has_robot(&self) -> bool {
+        self.chain.is_some()
+    }
+
+    /// The same measurement on a robot with other inertia, residuals measured as before.
+    pub(crate) fn on(&self, chain: &Chain) -> Result<Self, FitError> {
+        match &self.chain {
+            None => Err(FitError::NoInertia),
+            Some((measured, metric)) => Self::of_chain_in(chain, measured, metric.clone()),
+        }
+    }
+
+    /// Norm of the measured jump, m/s.
+    pub fn size(&self) -> f64 {
+        self.jump.norm()
+    }
+
+    /// What a law leaves of the jump, m/s: u⁺ measured less computed, or, for a chain, the same of its joint velocities in
+    /// the metric of its kinetic energy.
+    ///
+    /// # Errors
+    /// What the law refuses.
+    pub fn residual(&self, laws: &LawPair) -> Result<DVector<f64>, ImpactError> {
+        let impulse = match &self.problem {
+            Problem::Plane(problem) => DVector::from_column_slice(laws.plane.resolve(problem)?.impulse.as_slice()),
+            Problem::Space(problem) => DVector::from_column_slice(laws.space.resolve(problem)?.impulse.as_slice()),
+        };
+        Ok(&self.jump - &self.reach * impulse)
+    }
+
+    /// The least norm of residual, m/s, that any impulse at the contact leaves which does not pull and keeps to the cone
+    /// of `friction` (`f64::INFINITY`: any impulse that does not pull). No law with that friction can do better, as none
+    /// leaves the cone.
+    pub fn least_residual(&self, friction: f64) -> f64 {
+        least_residual(&self.reach, &self.jump, friction)
+    }
+}
+
+/// A law with its coefficients, for impacts in the plane and in space.
+pub struct LawPair {
+    plane: Box<dyn Law<f64, 2> + Send + Sync>,
+    space: Box<dyn Law<f64, 3> + Send + Sync>,
+}
+
+impl LawPair {
+    /// The law called `name`, one of [`LAW_NAMES`].
+    ///
+    /// # Errors
+    /// [`FitError::UnknownLaw`].
+    pub fn new(name: &str, restitution: f64, friction: f64) -> Result<Self, FitError> {
+        let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
+        let both = (law_by_name::<2>(name, coefficients), law_by_name::<3>(name, coefficients));
+        let (Some(plane), Some(space)) = both else {
+            return Err(FitError::UnknownLaw { name: name.into(), known: LAW_NAMES.join(", ") });
+        };
+        Ok(Self { plane, space })
+    }
+}

@@ -1,0 +1,74 @@
+//! What a residual costs.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | r | norm of one measurement's residual | `norm` |
+//! | δ | from here on the cost grows in proportion | `threshold` |
+//! | ρ(r) | r², or 2 δ r − δ² beyond δ (P. J. Huber, Ann. Math. Statist. 35 (1964) 73) | `cost` |
+//! | w(r) | ρ'(r)/(2 r): 1, or δ/r beyond δ | `weight` |
+
+/// How much a residual counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Loss {
+    /// Its square: best for noise alone, at the mercy of one wrong measurement.
+    Squares,
+    /// Huber's: squares up to twice the median residual (of the fit that minimises the sum of the residuals' norms), in
+    /// proportion beyond. It is the norm of the whole residual that counts, so that a wrong impact is wrong as a whole.
+    #[default]
+    Huber,
+}
+
+impl Loss {
+    /// `squares` or `huber`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Squares => "squares",
+            Self::Huber => "huber",
+        }
+    }
+}
+
+/// A loss with its threshold.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Cost {
+    /// δ; infinite for squares, 0 for the norm itself (times 2).
+    pub threshold: f64,
+}
+
+impl Cost {
+    /// The sum of norms, whose fit gives the scale.
+    pub const NORMS: Self = Self { threshold: 0.0 };
+    pub const SQUARES: Self = Self { threshold: f64::INFINITY };
+
+    /// ρ.
+    pub fn of(self, norm: f64) -> f64 {
+        if self.threshold == 0.0 {
+            norm
+        } else if norm <= self.threshold {
+            norm * norm
+        } else {
+            self.threshold * (2.0 * norm - self.threshold)
+        }
+    }
+
+    /// Sum over measurements.
+    pub fn sum(self, norms: &[f64]) -> f64 {
+        norms.iter().map(|&norm| self.of(norm)).sum()
+    }
+
+    /// w.
+    pub fn weight(self, norm: f64) -> f64 {
+        if norm <= self.threshold { 1.0 } else { self.threshold / norm }
+    }
+}
+
+/// The middle one (of an even number, the mean of the middle two); 0 of none.
+pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.into_iter().collect();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => 0.0,
+        n if n % 2 == 1 => sorted[n / 2],
+        n => 0.5 * (sorted[n / 2 - 1] + sorted[n / 2]),
+    }
+}

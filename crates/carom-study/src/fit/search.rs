@@ -1,0 +1,84 @@
+//! The least cost in a box: a grid, then Nelder & Mead's search from its best points.
+//!
+//! Outcomes are piecewise smooth in the coefficients, with kinks where an impact goes from slip to stick and, in
+//! roll-outs, jumps: a search by values is at home there, a gradient is not. The search itself is argmin's.
+
+use argmin::core::{CostFunction, Error, Executor, State};
+use argmin::solver::neldermead::NelderMead;
+
+/// Where the search goes, and from which points it starts.
+#[derive(Debug, Clone)]
+pub(crate) struct Region {
+    /// Lowest and highest value of each coefficient.
+    pub bounds: Vec<(f64, f64)>,
+    /// Values of each coefficient on the grid.
+    pub grid: Vec<Vec<f64>>,
+}
+
+impl Region {
+    /// The nearest point of the box.
+    pub fn clamp(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.bounds).map(|(x, &(low, high))| x.clamp(low, high)).collect()
+    }
+
+    /// All points of the grid, the first coefficient slowest.
+    pub fn points(&self) -> Vec<Vec<f64>> {
+        let mut points = vec![Vec::new()];
+        for values in &self.grid {
+            points = points.iter().flat_map(|p| values.iter().map(move |&v| [p.as_slice(), &[v]].concat())).collect();
+        }
+        points
+    }
+
+    /// Nelder & Mead's search from `start` over `cost`, with edges of the first simplex of `share` of each side of the
+    /// box. The cost counts relative to its value at the start; the spread of the simplex's costs at which the search
+    /// ends is `spread` of that. Returns the least point seen and its cost.
+    pub fn descend(
+        &self,
+        start: &[f64],
+        share: f64,
+        spread: f64,
+        steps: u64,
+        cost: &dyn Fn(&[f64]) -> f64,
+    ) -> (Vec<f64>, f64) {
+        let first = cost(start);
+        let scale = if first > 0.0 { first } else { 1.0 };
+        let mut simplex = vec![start.to_vec()];
+        for (k, &(low, high)) in self.bounds.iter().enumerate() {
+            let mut corner = start.to_vec();
+            let edge = (high - low) * share;
+            corner[k] += if corner[k] + edge <= high { edge } else { -edge };
+            simplex.push(corner);
+        }
+        let inside = Inside { all: self, scale, cost };
+        let search = NelderMead::new(simplex).with_sd_tolerance(spread);
+        let ran =
+            search.and_then(|search| Executor::new(inside, search).configure(|state| state.max_iters(steps)).run());
+        // The search itself can't fail: its cost has no error, and its settings are ours.
+        let best = ran.ok().and_then(|done| done.state().get_best_param().cloned());
+        let best = best.map(|x| self.clamp(&x)).map(|x| (cost(&x), x));
+        match best {
+            Some((value, x)) if value < first => (x, value),
+            _ => (start.to_vec(), first),
+        }
+    }
+}
+
+/// The cost at the nearest point of the box, and more the farther away that is.
+struct Inside<'a> {
+    all: &'a Region,
+    scale: f64,
+    cost: &'a dyn Fn(&[f64]) -> f64,
+}
+
+impl CostFunction for Inside<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, x: &Vec<f64>) -> Result<f64, Error> {
+        let near = self.all.clamp(x);
+        let sides = self.all.bounds.iter().map(|(low, high)| high - low);
+        let away: f64 = x.iter().zip(&near).zip(sides).map(|((a, b), side)| ((a - b) / side).powi(2)).sum();
+        Ok((self.cost)(&near) / self.scale * (1.0 + away) + away)
+    }
+}

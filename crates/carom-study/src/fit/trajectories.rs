@@ -1,0 +1,229 @@
+//! Fits to whole roll-outs.
+//!
+//! The error of a roll-out jumps where a toss tips onto another face, so there is no Jacobian worth the name. The search
+//! is a grid, a finer one around its best point, and a few of Nelder & Mead's steps; every trial keeps each toss's error.
+//! The bootstrap draws tosses anew and asks which trial is then best: an interval is as fine as the trials are dense.
+
+use super::confidence::{percentiles, resample};
+use super::error::FitError;
+use super::loss::{Cost, Loss, median};
+use super::search::Region;
+use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
+use crate::tosses::{Toss, Tosses};
+use carom_impact::LAW_NAMES;
+use carom_sim::ContactRule;
+use rayon::prelude::*;
+use std::cell::RefCell;
+
+/// How tosses are rolled out, and how their error is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RollOutOptions {
+    /// Relative tolerance of the integration.
+    pub tolerance: f64,
+    /// Step while several contacts last, s.
+    pub contact_step: f64,
+    /// What a distance is divided by in [`RollOut::pose_error`](crate::RollOut::pose_error), m.
+    pub length: f64,
+}
+
+impl Default for RollOutOptions {
+    /// 1e-6, 1 ms, and half the width of ContactNets' cube.
+    fn default() -> Self {
+        Self { tolerance: 1e-6, contact_step: 1e-3, length: 0.0524 }
+    }
+}
+
+/// Nelder & Mead's steps at the end.
+const STEPS: u64 = 20;
+/// Bootstrap samples: they cost no roll-out.
+const DRAWN: usize = 2000;
+
+/// Fits a law's coefficients to whole tosses. `progress` is told how many trials of how many are done.
+///
+/// # Errors
+/// [`FitError`]: options out of their range, too few tosses, tosses that can't be rolled out.
+pub fn fit_trajectories(
+    tosses: &Tosses,
+    options: &FitOptions,
+    roll: &RollOutOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Fit, FitError> {
+    options.check()?;
+    let positive = |what, value: f64| {
+        let rule = "it is positive and finite";
+        if value > 0.0 && value.is_finite() { Ok(()) } else { Err(FitError::Setting { what, value, rule }) }
+    };
+    positive("length of the error measure", roll.length)?;
+    positive("tolerance", roll.tolerance)?;
+    positive("contact step", roll.contact_step)?;
+    let train = options.split(tosses.tosses.len(), "tosses")?;
+    let law = LAW_NAMES.into_iter().find(|&name| name == options.law).unwrap_or(LAW_NAMES[0]);
+    Work { tosses, law, roll, train, inertia: options.inertia, trials: RefCell::default() }.fit(options, progress)
+}
+
+struct Trial {
+    x: Vec<f64>,
+    /// Root of each training toss's error.
+    norms: Vec<f64>,
+}
+
+struct Work<'a> {
+    tosses: &'a Tosses,
+    law: &'static str,
+    roll: &'a RollOutOptions,
+    train: Vec<usize>,
+    inertia: bool,
+    trials: RefCell<Vec<Trial>>,
+}
+
+impl Work<'_> {
+    /// The errors of some tosses at the coefficients `x`.
+    fn errors(&self, x: &[f64], which: &[usize]) -> Result<Vec<f64>, FitError> {
+        let scale = if self.inertia { x[2] } else { 1.0 };
+        let chain = self.tosses.chain.with_inertia_scaled(scale)?;
+        let rule = ContactRule { law: self.law, restitution: x[0], friction: x[1], ..ContactRule::default() };
+        let one = |&k: &usize| {
+            let toss: &Toss = &self.tosses.tosses[k];
+            let rolled = toss.roll_out(&chain, rule, self.roll.tolerance, self.roll.contact_step);
+            rolled.map(|rolled| rolled.pose_error(self.roll.length)).map_err(|e| FitError::Refused(e.to_string()))
+        };
+        which.par_iter().map(one).collect()
+    }
+
+    /// The loss of a trial, made if it is a new one.
+    fn norms(&self, x: &[f64], progress: &dyn Fn(usize)) -> Result<Vec<f64>, FitError> {
+        if let Some(seen) = self.trials.borrow().iter().find(|trial| trial.x == x) {
+            return Ok(seen.norms.clone());
+        }
+        let norms: Vec<f64> = self.errors(x, &self.train)?.into_iter().map(f64::sqrt).collect();
+        self.trials.borrow_mut().push(Trial { x: x.to_vec(), norms: norms.clone() });
+        progress(self.trials.borrow().len());
+        Ok(norms)
+    }
+
+    /// The best trial so far.
+    fn best(&self, cost: &dyn Fn(&[f64]) -> f64) -> Vec<f64> {
+        let trials = self.trials.borrow();
+        let best = trials.iter().map(|trial| (cost(&trial.norms), &trial.x)).min_by(|a, b| a.0.total_cmp(&b.0));
+        best.map_or_else(Vec::new, |(_, x)| x.clone())
+    }
+
+    fn fit(self, options: &FitOptions, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Fit, FitError> {
+        let bounds = options.bounds();
+        let shares = [0.04, 0.1, 0.2, 0.35, 0.6, 1.0];
+        let mut grid =
+            vec![vec![0.0, 0.1, 0.2, 0.35, 0.5, 0.75], shares.map(|share| share * options.max_friction).to_vec()];
+        if options.inertia {
+            grid.push(vec![0.75, 1.0, 1.4]);
+        }
+        let region = Region { bounds, grid };
+        let points = region.points();
+        // A finer grid of five values a side, some of them seen, and the last search.
+        let total = points.len() + 4 * 5_usize.pow(region.bounds.len() as u32) / 5 + STEPS as usize;
+        let tell = |done: usize| progress(done.min(total - 1), total);
+        for x in &points {
+            self.norms(x, &tell)?;
+        }
+        let cost = match options.loss {
+            Loss::Squares => Cost::SQUARES,
+            Loss::Huber => {
+                let robust = self.best(&|norms| Cost::NORMS.sum(norms));
+                Cost { threshold: 2.0 * median(self.norms(&robust, &tell)?) }
+            }
+        };
+        let by_cost = |norms: &[f64]| cost.sum(norms);
+        let coarse = self.best(&by_cost);
+        let around = |k: usize| {
+            let values = &region.grid[k];
+            let at = values.iter().position(|&v| v == coarse[k]).unwrap_or(0);
+            let (left, right) = (values[at.saturating_sub(1)], values[(at + 1).min(values.len() - 1)]);
+            let mut fine: Vec<f64> = [1.0 / 3.0, 2.0 / 3.0]
+                .into_iter()
+                .flat_map(|s| [left + (coarse[k] - left) * s, coarse[k] + (right - coarse[k]) * s])
+                .chain([coarse[k]])
+                .collect();
+            fine.sort_by(f64::total_cmp);
+            fine.dedup();
+            fine
+        };
+        let finer = Region { bounds: region.bounds.clone(), grid: (0..coarse.len()).map(around).collect() };
+        for x in finer.points() {
+            self.norms(&x, &tell)?;
+        }
+        let start = self.best(&by_cost);
+        // A trial that can't be rolled out is no candidate.
+        region.descend(&start, 0.02, 1e-6, STEPS, &|x| self.norms(x, &tell).map_or(f64::MAX, |norms| by_cost(&norms)));
+        let x = self.best(&by_cost);
+
+        let all: Vec<usize> = (0..self.tosses.tosses.len()).collect();
+        let errors = self.errors(&x, &all)?;
+        let each: Vec<Misfit> = all
+            .iter()
+            .map(|&k| Misfit {
+                number: self.tosses.tosses[k].number,
+                trained: self.train.binary_search(&k).is_ok(),
+                error: errors[k],
+                least: None,
+                least_in_cone: None,
+            })
+            .collect();
+        let of = |trained| Score::of(each.iter().filter(move |one| one.trained == trained), FittedTo::Trajectories);
+        let Some(train) = of(true) else { unreachable!("the split has tosses to fit") };
+        let test = of(false);
+        let trials = self.trials.borrow();
+        let mut notes = vec!["fitted to trajectories, all that happens in a toss at once: coefficients fitted to velocities come out different".to_owned()];
+        let coefficients = intervals(&trials, &x, cost, &region, options, &mut notes);
+        progress(total, total);
+        Ok(Fit {
+            to: FittedTo::Trajectories,
+            law: self.law.into(),
+            loss: options.loss,
+            threshold: cost.threshold.is_finite().then_some(cost.threshold * cost.threshold),
+            coefficients,
+            train,
+            test,
+            notes,
+            trials: trials.len(),
+            each,
+        })
+    }
+}
+
+fn intervals(
+    trials: &[Trial],
+    x: &[f64],
+    cost: Cost,
+    region: &Region,
+    options: &FitOptions,
+    notes: &mut Vec<String>,
+) -> Vec<Coefficient> {
+    let losses: Vec<Vec<f64>> =
+        trials.iter().map(|trial| trial.norms.iter().map(|&norm| cost.of(norm)).collect()).collect();
+    let mut rng = fastrand::Rng::with_seed(options.seed);
+    let mut drawn: Vec<&[f64]> = Vec::new();
+    for _ in 0..DRAWN {
+        let counts = resample(losses[0].len(), &mut rng);
+        let total = |k: usize| losses[k].iter().zip(&counts).map(|(loss, count)| loss * count).sum::<f64>();
+        let best = (0..trials.len()).map(|k| (total(k), k)).min_by(|a, b| a.0.total_cmp(&b.0));
+        drawn.extend(best.map(|(_, k)| trials[k].x.as_slice()));
+    }
+    let mut all = Vec::new();
+    for (k, &value) in x.iter().enumerate() {
+        let (low, high) = percentiles(drawn.iter().map(|x| x[k]).collect(), options.confidence);
+        let (low, high) = (low.min(value), high.max(value));
+        all.push(Coefficient { name: NAMES[k], value, low, high, interval: Interval::Bootstrap });
+        let (lower, upper) = region.bounds[k];
+        if let Some(end) = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower)) {
+            let more = if k == 1 && end > 0.0 { ", the end of the search: raise the largest friction" } else { "" };
+            notes.push(format!("{} is on its bound {end}{more}", NAMES[k]));
+        }
+        if high - low > 0.9 * (upper - lower) {
+            notes.push(format!("{}'s interval covers nearly all that was searched: it is hardly determined", NAMES[k]));
+        }
+    }
+    notes.push(format!(
+        "intervals are from {DRAWN} draws of the tosses among the {} sets of coefficients tried, and as fine as these are dense",
+        trials.len()
+    ));
+    all
+}

@@ -1,0 +1,323 @@
+//! Fits to velocity jumps.
+
+use super::confidence::{half_widths, percentiles, quantile, resample};
+use super::error::FitError;
+use super::jumps::{LawPair, MeasuredImpact};
+use super::loss::{Cost, Loss, median};
+use super::search::Region;
+use super::{BOOTSTRAPS, Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
+use carom_chain::Chain;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Fits a law's coefficients to measured velocity jumps. `chain` is the robot of the impacts that have one; it is needed
+/// for the scale of inertia only. `progress` is told how many of how many parts of the work are done.
+///
+/// # Errors
+/// [`FitError`]: options out of their range, too few impacts, a law that refuses every trial.
+pub fn fit_velocities(
+    impacts: &[MeasuredImpact],
+    chain: Option<&Chain>,
+    options: &FitOptions,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Fit, FitError> {
+    options.check()?;
+    if options.inertia && (chain.is_none() || !impacts.iter().all(MeasuredImpact::has_robot)) {
+        return Err(FitError::NoInertia);
+    }
+    let train = options.split(impacts.len(), "impacts")?;
+    let size = median(train.iter().map(|&k| impacts[k].size()));
+    let chain = chain.filter(|_| options.inertia);
+    let work = Work { impacts, chain, law: options.law, train, size, trials: AtomicUsize::new(0) };
+    work.fit(options, progress)
+}
+
+struct Work<'a> {
+    impacts: &'a [MeasuredImpact],
+    chain: Option<&'a Chain>,
+    law: &'a str,
+    train: Vec<usize>,
+    /// Median size of the jumps, m/s.
+    size: f64,
+    trials: AtomicUsize,
+}
+
+/// A search is through where the costs of its simplex differ by less than this of what they were at its start: while it is
+/// still about where to search, and at last.
+const ROUGH: f64 = 1e-5;
+const FINE: f64 = 1e-13;
+/// Steps of one search at most; it needs 20 to 100.
+const MOST_STEPS: u64 = 300;
+/// More impacts than this are worth the way to another core.
+const MANY: usize = 200;
+/// Residuals that change by less than this share of the jumps over the whole range of a coefficient don't tell of it.
+const FLAT: f64 = 1e-7;
+/// A coefficient this near (share of its range) to its bound is on it.
+const ON_BOUND: f64 = 1e-7;
+/// Step of the numerical derivative, share of the range.
+const STEP: f64 = 1e-6;
+
+impl Work<'_> {
+    /// What the law at the coefficients `x` leaves of some impacts.
+    fn residuals(&self, x: &[f64], which: &[usize]) -> Result<Vec<DVector<f64>>, FitError> {
+        self.trials.fetch_add(1, Ordering::Relaxed);
+        let law = LawPair::new(self.law, x[0], x[1])?;
+        let scaled = match self.chain {
+            Some(chain) => Some(chain.with_inertia_scaled(x[2])?),
+            None => None,
+        };
+        let one = |&k: &usize| match &scaled {
+            Some(chain) => Ok(self.impacts[k].on(chain)?.residual(&law)?),
+            None => Ok(self.impacts[k].residual(&law)?),
+        };
+        if which.len() > MANY { which.par_iter().map(one).collect() } else { which.iter().map(one).collect() }
+    }
+
+    /// Norms of the training residuals. What the law refuses is worse than anything it answers.
+    fn norms(&self, x: &[f64]) -> Vec<f64> {
+        match self.residuals(x, &self.train) {
+            Ok(residuals) => residuals.iter().map(|r| r.norm()).collect(),
+            Err(_) => vec![self.size * 1e6; self.train.len()],
+        }
+    }
+
+    fn fit(&self, options: &FitOptions, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Fit, FitError> {
+        let bounds = options.bounds();
+        let mut grid = vec![
+            vec![0.0, 0.2, 0.4, 0.6, 0.8, 1.0],
+            [0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0].map(|share| share * options.max_friction).to_vec(),
+        ];
+        if options.inertia {
+            grid.push(vec![0.6, 1.0, 1.6]);
+        }
+        let region = Region { bounds, grid };
+        let points = region.points();
+        let total = points.len() + 3;
+        let mut seen: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
+        for (k, x) in points.into_iter().enumerate() {
+            progress(k, total);
+            let norms = self.norms(&x);
+            seen.push((x, norms));
+        }
+        // The best point of the grid, under a cost.
+        let start = |cost: Cost| -> Vec<f64> {
+            let ranked = seen.iter().map(|(x, norms)| (cost.sum(norms), x));
+            ranked.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, x)| x.clone())
+        };
+        let descend = |start: &[f64], share: f64, spread: f64, cost: Cost| {
+            region.descend(start, share, spread, MOST_STEPS, &|x| cost.sum(&self.norms(x)))
+        };
+        let (cost, mut from) = match options.loss {
+            Loss::Squares => (Cost::SQUARES, Vec::new()),
+            Loss::Huber => {
+                let robust = descend(&start(Cost::NORMS), 0.1, ROUGH, Cost::NORMS).0;
+                // Exact measurements leave nothing but rounding, which is no scale.
+                let threshold = (2.0 * median(self.norms(&robust))).max(1e-9 * self.size);
+                (Cost { threshold }, vec![robust])
+            }
+        };
+        from.push(start(cost));
+        progress(total - 2, total);
+        let rough = from.iter().map(|start| descend(start, 0.1, ROUGH, cost)).min_by(|a, b| a.1.total_cmp(&b.1));
+        let mut x = rough.map_or_else(Vec::new, |(x, _)| x);
+        // Anew from there, and once more: a simplex may have collapsed onto a kink.
+        for share in [0.03, 0.003] {
+            x = descend(&x, share, FINE, cost).0;
+        }
+        for (x, &(low, high)) in x.iter_mut().zip(&region.bounds) {
+            let near = |end: f64| (*x - end).abs() <= ON_BOUND * (high - low);
+            *x = if near(low) {
+                low
+            } else if near(high) {
+                high
+            } else {
+                *x
+            };
+        }
+        let value = cost.sum(&self.norms(&x));
+        let residuals = self.residuals(&x, &self.train).map_err(|e| FitError::Refused(e.to_string()))?;
+
+        let mut notes = vec![
+            "fitted to velocities, one impact at a time: coefficients fitted to whole trajectories come out different"
+                .to_owned(),
+        ];
+        let coefficients = self.coefficients(&region, &x, value, cost, &residuals, options, &mut notes)?;
+        progress(total - 1, total);
+        let each = self.each(&x)?;
+        let of = |trained: bool| Score::of(each.iter().filter(move |one| one.trained == trained), FittedTo::Velocities);
+        let Some(train) = of(true) else { unreachable!("the split has impacts to fit") };
+        let test = of(false);
+        progress(total, total);
+        Ok(Fit {
+            to: FittedTo::Velocities,
+            law: self.law.into(),
+            loss: options.loss,
+            threshold: cost.threshold.is_finite().then_some(cost.threshold),
+            coefficients,
+            train,
+            test,
+            notes,
+            trials: self.trials.load(Ordering::Relaxed),
+            each,
+        })
+    }
+
+    /// All impacts at the fitted coefficients. One that the law refuses there is refused.
+    fn each(&self, x: &[f64]) -> Result<Vec<Misfit>, FitError> {
+        let all: Vec<usize> = (0..self.impacts.len()).collect();
+        let scaled = match self.chain {
+            Some(chain) => Some(chain.with_inertia_scaled(x[2])?),
+            None => None,
+        };
+        let residuals = self.residuals(x, &all)?;
+        let one = |k: usize| {
+            let impact = match &scaled {
+                Some(chain) => &self.impacts[k].on(chain)?,
+                None => &self.impacts[k],
+            };
+            Ok(Misfit {
+                number: k as i64,
+                trained: self.train.binary_search(&k).is_ok(),
+                error: residuals[k].norm(),
+                least: Some(impact.least_residual(f64::INFINITY)),
+                least_in_cone: Some(impact.least_residual(x[1])),
+            })
+        };
+        all.par_iter().map(|&k| one(k)).collect()
+    }
+
+    /// d(residual)/dx of every training impact: central differences, one-sided at a bound.
+    fn jacobians(&self, region: &Region, x: &[f64]) -> Result<Vec<DMatrix<f64>>, FitError> {
+        let mut columns = Vec::new();
+        for (k, &(low, high)) in region.bounds.iter().enumerate() {
+            let step = STEP * (high - low);
+            let (mut below, mut above) = (x.to_vec(), x.to_vec());
+            below[k] = (x[k] - step).max(low);
+            above[k] = (x[k] + step).min(high);
+            let width = above[k] - below[k];
+            let pairs = self.residuals(&above, &self.train)?.into_iter().zip(self.residuals(&below, &self.train)?);
+            columns.push(pairs.map(|(a, b)| (a - b) / width).collect::<Vec<_>>());
+        }
+        let one = |i: usize| DMatrix::from_columns(&columns.iter().map(|c| c[i].clone()).collect::<Vec<_>>());
+        Ok((0..self.train.len()).map(one).collect())
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn coefficients(
+        &self,
+        region: &Region,
+        x: &[f64],
+        value: f64,
+        cost: Cost,
+        residuals: &[DVector<f64>],
+        options: &FitOptions,
+        notes: &mut Vec<String>,
+    ) -> Result<Vec<Coefficient>, FitError> {
+        let jacobians = self.jacobians(region, x)?;
+        let n = residuals.len();
+        let side = |k: usize| region.bounds[k].1 - region.bounds[k].0;
+        let tells = |k: &usize| {
+            let most = jacobians.iter().map(|j| j.column(*k).norm()).fold(0.0, f64::max);
+            most * side(*k) > FLAT * self.size
+        };
+        let known: Vec<usize> = (0..x.len()).filter(tells).collect();
+        let bound = |k: usize| {
+            let (low, high) = region.bounds[k];
+            [low, high].into_iter().find(|end| (x[k] - end).abs() <= ON_BOUND * side(k))
+        };
+        let on_bound = known.iter().any(|&k| bound(k).is_some());
+        let mut all: Vec<Coefficient> = x
+            .iter()
+            .enumerate()
+            .map(|(k, &value)| {
+                let (low, high) = region.bounds[k];
+                Coefficient { name: NAMES[k], value, low, high, interval: Interval::Flat }
+            })
+            .collect();
+        let columns: Vec<DMatrix<f64>> = jacobians.iter().map(|j| j.select_columns(&known)).collect();
+        let widths = half_widths(residuals, &columns, cost, options.confidence).filter(|_| !on_bound);
+        match widths {
+            Some(widths) => {
+                for (&k, width) in known.iter().zip(widths) {
+                    let (low, high) = region.bounds[k];
+                    all[k].low = (x[k] - width).max(low);
+                    all[k].high = (x[k] + width).min(high);
+                    all[k].interval = Interval::Jacobian;
+                }
+            }
+            None if !known.is_empty() => {
+                let drawn = self.bootstrap(region, x, cost, options);
+                for &k in &known {
+                    // On a bound all the doubt is on the other side.
+                    let (low, high) = percentiles(drawn.iter().map(|x| x[k]).collect(), options.confidence);
+                    (all[k].low, all[k].high) = (low.min(x[k]), high.max(x[k]));
+                    all[k].interval = Interval::Bootstrap;
+                }
+            }
+            None => {}
+        }
+        let flat: Vec<usize> = (0..x.len()).filter(|k| !known.contains(k)).collect();
+        for k in flat {
+            let quantile = quantile(n - x.len(), options.confidence).unwrap_or(2.0);
+            // What exact measurements leave is rounding.
+            let rounding = n as f64 * cost.of(1e-9 * self.size);
+            let limit = value * (1.0 + quantile * quantile / (n - x.len()) as f64) + rounding;
+            let as_well = |at: f64| {
+                let mut moved = x.to_vec();
+                moved[k] = at;
+                cost.sum(&self.norms(&moved)) <= limit
+            };
+            let (low, high) = region.bounds[k];
+            all[k].low = edge(x[k], low, &as_well);
+            all[k].high = edge(x[k], high, &as_well);
+            let more = if k == 1 { ": where they all stick, more friction changes nothing" } else { "" };
+            notes.push(format!(
+                "{} is not determined: the impacts don't depend on it here{more}; all from {} to {} fits as well",
+                NAMES[k], all[k].low, all[k].high
+            ));
+        }
+        for &k in &known {
+            if let Some(end) = bound(k) {
+                let more = if k == 1 && end > 0.0 { ", the end of the search: raise the largest friction" } else { "" };
+                notes.push(format!(
+                    "{} is on its bound {end}{more}; intervals are from {BOOTSTRAPS} fits to impacts drawn anew",
+                    NAMES[k]
+                ));
+            }
+            if all[k].high - all[k].low > 0.9 * side(k) {
+                notes.push(format!(
+                    "{}'s interval covers nearly all that was searched: it is hardly determined",
+                    NAMES[k]
+                ));
+            }
+        }
+        Ok(all)
+    }
+
+    /// Fits to the training impacts drawn anew.
+    fn bootstrap(&self, region: &Region, x: &[f64], cost: Cost, options: &FitOptions) -> Vec<Vec<f64>> {
+        let one = |k: usize| {
+            let mut rng = fastrand::Rng::with_seed(
+                options.seed.wrapping_add(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(k as u64 + 1)),
+            );
+            let counts = resample(self.train.len(), &mut rng);
+            let value = |x: &[f64]| self.norms(x).iter().zip(&counts).map(|(&r, count)| cost.of(r) * count).sum();
+            region.descend(x, 0.05, 1e-10, 150, &value).0
+        };
+        (0..BOOTSTRAPS).into_par_iter().map(one).collect()
+    }
+}
+
+/// How far towards `end` a value may go from `from` and still fit.
+fn edge(from: f64, end: f64, fits: &dyn Fn(f64) -> bool) -> f64 {
+    if fits(end) {
+        return end;
+    }
+    let (mut inside, mut outside) = (from, end);
+    for _ in 0..40 {
+        let middle = 0.5 * (inside + outside);
+        if fits(middle) { inside = middle } else { outside = middle }
+    }
+    inside
+}

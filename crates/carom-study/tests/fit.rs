@@ -1,0 +1,513 @@
+//! Fits: known coefficients come back, with the doubt they deserve.
+
+use carom_chain::urdf::LoadOptions;
+use carom_chain::{Chain, uniform_chain};
+use carom_impact::{Coefficients, ImpactProblem, LAW_NAMES, law_by_name};
+use carom_sim::{Impacts, Moment, free_motion_at};
+use carom_study::fit::{
+    ChainJump, Fit, FitError, FitOptions, Flight, Interval, LawPair, Loss, MeasuredImpact, RollOutOptions,
+    fit_trajectories, fit_velocities, join_flights, lowest_point,
+};
+use carom_study::{Toss, Tosses};
+use fastrand::Rng;
+use nalgebra::{DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use std::f64::consts::PI;
+
+const QUIET: &(dyn Fn(usize, usize) + Sync) = &|_, _| {};
+/// All are fitted, none is kept for the test.
+const ALL: FitOptions = FitOptions {
+    law: "energetic",
+    loss: Loss::Huber,
+    inertia: false,
+    max_friction: 1.0,
+    train: 1.0,
+    seed: 0,
+    confidence: 0.95,
+};
+
+fn normal(rng: &mut Rng) -> f64 {
+    // Box & Muller.
+    (-2.0 * (1.0 - rng.f64()).ln()).sqrt() * (2.0 * PI * rng.f64()).cos()
+}
+
+fn noise<const D: usize>(rng: &mut Rng, sigma: f64) -> SVector<f64, D> {
+    SVector::from_fn(|_, _| sigma * normal(rng))
+}
+
+/// Eigenvalues of H between 1/4 and 1, slips of all angles.
+fn problem<const D: usize>(rng: &mut Rng) -> (SMatrix<f64, D, D>, SVector<f64, D>) {
+    let root = SMatrix::<f64, D, D>::from_fn(|_, _| rng.f64() - 0.5);
+    let h = root * root.transpose() + SMatrix::identity() * 0.5;
+    let mut u = SVector::from_fn(|_, _| 4.0 * (rng.f64() - 0.5));
+    u[D - 1] = -0.3 - rng.f64();
+    (h, u)
+}
+
+fn rough(restitution: f64, friction: f64) -> Coefficients {
+    Coefficients { restitution, friction, ..Coefficients::default() }
+}
+
+fn after<const D: usize>(law: &str, e: f64, mu: f64, h: SMatrix<f64, D, D>, u: SVector<f64, D>) -> SVector<f64, D> {
+    let problem = ImpactProblem::new(h, u).unwrap();
+    law_by_name::<D>(law, rough(e, mu)).unwrap().resolve(&problem).unwrap().u_plus
+}
+
+fn in_plane(law: &str, e: f64, mu: f64, n: usize, sigma: f64, rng: &mut Rng) -> Vec<MeasuredImpact> {
+    let mut one = || {
+        let (h, u): (Matrix2<f64>, Vector2<f64>) = problem(rng);
+        MeasuredImpact::in_plane(h, u, after(law, e, mu, h, u) + noise::<2>(rng, sigma)).unwrap()
+    };
+    (0..n).map(|_| one()).collect()
+}
+
+fn in_space(law: &str, e: f64, mu: f64, n: usize, sigma: f64, rng: &mut Rng) -> Vec<MeasuredImpact> {
+    let mut one = || {
+        let (h, u): (Matrix3<f64>, Vector3<f64>) = problem(rng);
+        MeasuredImpact::in_space(h, u, after(law, e, mu, h, u) + noise::<3>(rng, sigma)).unwrap()
+    };
+    (0..n).map(|_| one()).collect()
+}
+
+#[track_caller]
+fn close(what: &str, x: f64, expected: f64, within: f64) {
+    assert!((x - expected).abs() <= within, "{what}: {x} instead of {expected}, off by {:e}", x - expected);
+}
+
+fn values(fit: &Fit) -> Vec<f64> {
+    fit.coefficients.iter().map(|c| c.value).collect()
+}
+
+#[test]
+fn exact_jumps_give_the_coefficients_of_every_law_back() {
+    let mut rng = Rng::with_seed(1);
+    for law in LAW_NAMES.into_iter().filter(|&law| law != "frictionless") {
+        let (e, mu) = (0.2 + 0.6 * rng.f64(), 0.1 + 0.3 * rng.f64());
+        let plane = in_plane(law, e, mu, 20, 0.0, &mut rng);
+        let space = in_space(law, e, mu, 6, 0.0, &mut rng);
+        for (loss, impacts) in [(Loss::Huber, &plane), (Loss::Squares, &plane), (Loss::Huber, &space)] {
+            let fit = fit_velocities(impacts, None, &FitOptions { law, loss, ..ALL }, QUIET).unwrap();
+            close(law, fit.coefficients[0].value, e, 1e-6);
+            close(law, fit.coefficients[1].value, mu, 1e-6);
+            assert!(fit.train.mean < 1e-5, "{law}: {}", fit.train.mean);
+        }
+    }
+}
+
+/// 200 fits: the number of intervals that hold the truth is binomial with p = 0.95, so 190 ± 3.1; three deviations are
+/// allowed below, and above, lest the intervals be wide for safety's sake.
+#[track_caller]
+fn held_as_often_as_promised(held: [usize; 2]) {
+    for (name, held) in ["restitution", "friction"].into_iter().zip(held) {
+        assert!((181..=199).contains(&held), "{name}: {held} of 200 intervals of 95 % hold the truth");
+    }
+}
+
+#[test]
+fn intervals_hold_the_truth_as_often_as_they_promise() {
+    let (e, mu) = (0.55, 0.3);
+    let mut held = [0; 2];
+    for seed in 0..200 {
+        let impacts = in_plane("energetic", e, mu, 30, 0.03, &mut Rng::with_seed(seed));
+        let fit = fit_velocities(&impacts, None, &ALL, QUIET).unwrap();
+        for (k, truth) in [e, mu].into_iter().enumerate() {
+            let c = fit.coefficients[k];
+            assert_eq!(c.interval, Interval::Jacobian);
+            held[k] += usize::from(c.low <= truth && truth <= c.high);
+        }
+    }
+    held_as_often_as_promised(held);
+}
+
+#[test]
+fn intervals_hold_the_truth_in_space_too() {
+    let (e, mu) = (0.4, 0.25);
+    let mut held = [0; 2];
+    for seed in 0..200 {
+        let impacts = in_space("chatterjee-ruina", e, mu, 25, 0.03, &mut Rng::with_seed(1000 + seed));
+        let fit =
+            fit_velocities(&impacts, None, &FitOptions { law: "chatterjee-ruina", loss: Loss::Squares, ..ALL }, QUIET)
+                .unwrap();
+        for (k, truth) in [e, mu].into_iter().enumerate() {
+            held[k] += usize::from(fit.coefficients[k].low <= truth && truth <= fit.coefficients[k].high);
+        }
+    }
+    held_as_often_as_promised(held);
+}
+
+#[test]
+fn wrong_impacts_move_squares_and_hardly_hubers_loss() {
+    let (e, mu) = (0.6, 0.2);
+    let mut rng = Rng::with_seed(4);
+    let mut impacts = in_plane("energetic", e, mu, 30, 0.01, &mut rng);
+    let (h, u): (Matrix2<f64>, Vector2<f64>) = problem(&mut rng);
+    impacts.push(MeasuredImpact::in_plane(h, u, Vector2::new(0.0, 30.0)).unwrap());
+    let off = |loss| {
+        let fit = fit_velocities(&impacts, None, &FitOptions { loss, ..ALL }, QUIET).unwrap();
+        (fit.coefficients[0].value - e).abs().max((fit.coefficients[1].value - mu).abs())
+    };
+    let (huber, squares) = (off(Loss::Huber), off(Loss::Squares));
+    // Thirty impacts with noise of 0.01 m/s know the coefficients to about 0.003.
+    assert!(huber < 0.01, "{huber}");
+    assert!(squares > 10.0 * huber, "{squares} against {huber}");
+}
+
+#[test]
+fn no_law_leaves_less_than_the_best_impulse() {
+    let mut rng = Rng::with_seed(5);
+    let mut beaten_by_friction = 0;
+    for law in LAW_NAMES {
+        for _ in 0..40 {
+            let (e, mu) = (rng.f64(), rng.f64());
+            let laws = LawPair::new(law, e, mu).unwrap();
+            let (h, u): (Matrix3<f64>, Vector3<f64>) = problem(&mut rng);
+            let (h2, u2): (Matrix2<f64>, Vector2<f64>) = problem(&mut rng);
+            let space = MeasuredImpact::in_space(h, u, noise(&mut rng, 1.0)).unwrap();
+            let plane = MeasuredImpact::in_plane(h2, u2, noise(&mut rng, 1.0)).unwrap();
+            for impact in [space, plane] {
+                let left = impact.residual(&laws).unwrap().norm();
+                let (cone, any) = (impact.least_residual(mu), impact.least_residual(f64::INFINITY));
+                let rounding = 1e-9 * (1.0 + impact.size());
+                assert!(cone <= left + rounding, "{law}: {cone} in the cone, the law leaves {left}");
+                assert!(any <= cone + rounding, "{law}: {any} without a cone, {cone} in it");
+                beaten_by_friction += usize::from(cone > any + 0.01);
+            }
+        }
+    }
+    assert!(beaten_by_friction > 100, "the cone matters: {beaten_by_friction}");
+}
+
+/// What no impulse at one point changes shows in a chain's joints, and only there.
+#[test]
+fn a_jump_that_no_point_contact_gives_is_said_to_be_none() {
+    let chain = uniform_chain(5, 1.0, 1.0).unwrap();
+    let tip = chain.frames().len() - 1;
+    let frame = chain.frame(&chain.frames()[tip].name.clone()).unwrap();
+    let (q, qd) = ([0.3, -0.8, 0.5, 0.4, -0.6], [0.2, -0.4, 0.3, -0.5, 0.1]);
+    let toward = |n: [f64; 3]| chain.impact(&q, &qd).at(frame).normal(n).contact().unwrap().problem().u_minus()[2];
+    let normal = if toward([0.0, 1.0, 0.0]) < 0.0 { [0.0, 1.0, 0.0] } else { [0.0, -1.0, 0.0] };
+    let law = law_by_name::<3>("energetic", rough(0.5, 0.3)).unwrap();
+    let hit = chain.impact(&q, &qd).at(frame).normal(normal).resolve(law.as_ref()).unwrap();
+    let jump = |extra: &DVector<f64>| {
+        let qd_plus = hit.qd_plus.iter().zip(extra.iter()).map(|(a, b)| a + b).collect();
+        let (q, qd_minus) = (q.to_vec(), qd.to_vec());
+        let jump = ChainJump { q, qd_minus, qd_plus, frame, offset: [0.0; 3], normal };
+        MeasuredImpact::of_chain(&chain, &jump).unwrap()
+    };
+    let none = DVector::zeros(5);
+    close("a law's own jump", jump(&none).least_residual(0.3), 0.0, 1e-12);
+    // A motion that leaves the tip at rest is orthogonal, in kinetic energy, to all that impulses at the tip give.
+    let contact = chain.impact(&q, &qd).at(frame).normal(normal).contact().unwrap();
+    let plane = contact.jacobian().rows(0, 2).into_owned();
+    let some = DVector::from_vec(vec![0.3, -0.2, 0.4, 0.1, -0.3]);
+    let kept = &some - plane.clone().pseudo_inverse(1e-12).unwrap() * &plane * &some;
+    let mut workspace = chain.workspace();
+    let energy = workspace.update(&chain, &q).unwrap().kinetic_energy(kept.as_slice()).unwrap();
+    let expected = (2.0 * energy / chain.total_mass()).sqrt();
+    assert!(expected > 1e-3, "{expected}");
+    close("what no impulse gives", jump(&kept).least_residual(f64::INFINITY), expected, 1e-12);
+    close(
+        "nor the law",
+        jump(&kept).residual(&LawPair::new("energetic", 0.5, 0.3).unwrap()).unwrap().norm(),
+        expected,
+        1e-12,
+    );
+}
+
+#[test]
+fn impacts_that_all_stick_tell_no_friction_and_it_is_said() {
+    let mut rng = Rng::with_seed(6);
+    let mut impacts = Vec::new();
+    for _ in 0..20 {
+        // A small slip, which μ ≥ 0.05 stops.
+        let u = Vector2::new(0.02 * rng.f64(), -1.0 - rng.f64());
+        let h = Matrix2::identity();
+        impacts.push(
+            MeasuredImpact::in_plane(h, u, after("energetic", 0.5, 0.6, h, u) + noise::<2>(&mut rng, 1e-4)).unwrap(),
+        );
+    }
+    let fit = fit_velocities(&impacts, None, &ALL, QUIET).unwrap();
+    let friction = fit.coefficients[1];
+    assert_eq!(friction.interval, Interval::Flat);
+    // The greatest |u_t|/((1+e)|u_n|) is below 0.02/1.5.
+    assert!(friction.low < 0.02 && friction.high == 1.0, "{friction:?}");
+    assert!(fit.notes.iter().any(|note| note.contains("friction is not determined")), "{:?}", fit.notes);
+    assert!((fit.coefficients[0].value - 0.5).abs() < 1e-3);
+}
+
+#[test]
+fn a_coefficient_on_its_bound_gets_a_one_sided_interval() {
+    // Contacts that are seen to sink on by 0.02 m/s: no restitution does that, and none is the nearest.
+    let mut rng = Rng::with_seed(7);
+    let mut one = || {
+        let (h, u): (Matrix2<f64>, Vector2<f64>) = problem(&mut rng);
+        let seen = after("energetic", 0.0, 0.3, h, u) + noise::<2>(&mut rng, 0.03) - Vector2::new(0.0, 0.02);
+        MeasuredImpact::in_plane(h, u, seen).unwrap()
+    };
+    let impacts: Vec<MeasuredImpact> = (0..30).map(|_| one()).collect();
+    let fit = fit_velocities(&impacts, None, &ALL, QUIET).unwrap();
+    let [e, mu] = fit.coefficients[..] else { panic!("two coefficients") };
+    assert_eq!((e.value, e.low, e.interval), (0.0, 0.0, Interval::Bootstrap));
+    assert!(e.high < 0.05, "{e:?}");
+    assert!(mu.low < 0.3 && 0.3 < mu.high && mu.high - mu.low < 0.1, "{mu:?}");
+    assert!(fit.notes.iter().any(|note| note.contains("restitution is on its bound 0")), "{:?}", fit.notes);
+}
+
+#[test]
+fn no_impact_is_both_fitted_and_tested() {
+    let impacts = in_plane("energetic", 0.5, 0.3, 31, 0.01, &mut Rng::with_seed(8));
+    let trained = |seed| {
+        let fit = fit_velocities(&impacts, None, &FitOptions { train: 0.6, seed, ..ALL }, QUIET).unwrap();
+        assert_eq!((fit.train.count, fit.test.unwrap().count), (19, 12));
+        let trained: Vec<i64> = fit.each.iter().filter(|one| one.trained).map(|one| one.number).collect();
+        assert_eq!(trained.len(), 19);
+        assert!(fit.each.iter().enumerate().all(|(k, one)| one.number == k as i64));
+        (trained, values(&fit))
+    };
+    assert_eq!(trained(1), trained(1), "the same seed gives the same digits");
+    assert_ne!(trained(1).0, trained(2).0);
+    // What is not fitted does not matter.
+    let (kept, before) = trained(1);
+    let mut spoilt = impacts.clone();
+    for k in (0..31).filter(|k| !kept.contains(k)) {
+        let (h, u): (Matrix2<f64>, Vector2<f64>) = problem(&mut Rng::with_seed(k as u64));
+        spoilt[k as usize] = MeasuredImpact::in_plane(h, u, Vector2::new(9.0, 9.0)).unwrap();
+    }
+    let fit = fit_velocities(&spoilt, None, &FitOptions { train: 0.6, seed: 1, ..ALL }, QUIET).unwrap();
+    assert_eq!(values(&fit), before);
+    assert!(fit.test.unwrap().mean > 1.0);
+}
+
+fn load(robot: &str) -> Chain {
+    let file = format!("{}/../../robots/{robot}.urdf", env!("CARGO_MANIFEST_DIR"));
+    Chain::from_urdf_file_with(file, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+}
+
+fn tossed(rng: &mut Rng) -> (Vec<f64>, Vec<f64>) {
+    let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
+    let turn = nalgebra::UnitQuaternion::from_euler_angles(wide(3.0), wide(1.5), wide(3.0));
+    let q = vec![wide(1.0), wide(1.0), 0.2, turn.i, turn.j, turn.k, turn.w];
+    let qd = (0..6).map(|k| if k < 3 { wide(2.0) } else { wide(10.0) }).collect();
+    (q, qd)
+}
+
+#[test]
+fn the_scale_of_inertia_comes_back() {
+    let nominal = load("box");
+    let truth = nominal.with_inertia_scaled(1.3).unwrap();
+    let (frame, mut rng) = (nominal.frame("box").unwrap(), Rng::with_seed(9));
+    let law = law_by_name::<3>("chatterjee-ruina", rough(0.4, 0.2)).unwrap();
+    let mut impacts = Vec::new();
+    while impacts.len() < 12 {
+        let (q, qd_minus) = tossed(&mut rng);
+        let (frame_there, offset) = lowest_point(&nominal, &q, Vector3::z()).unwrap();
+        assert_eq!(frame_there, frame);
+        let strike = truth.impact(&q, &qd_minus).at(frame).offset(offset).normal([0.0, 0.0, 1.0]);
+        let hit = strike.resolve(law.as_ref()).unwrap();
+        let (qd_plus, normal) = (hit.qd_plus, [0.0, 0.0, 1.0]);
+        let jump = ChainJump { q, qd_minus, qd_plus, frame, offset, normal };
+        impacts.extend(MeasuredImpact::of_chain(&nominal, &jump).ok());
+    }
+    let options = FitOptions { law: "chatterjee-ruina", inertia: true, ..ALL };
+    let fit = fit_velocities(&impacts, Some(&nominal), &options, QUIET).unwrap();
+    for (c, truth) in fit.coefficients.iter().zip([0.4, 0.2, 1.3]) {
+        close(c.name, c.value, truth, 1e-6);
+    }
+    let rigid = fit_velocities(&impacts, Some(&nominal), &FitOptions { inertia: false, ..options }, QUIET).unwrap();
+    assert!(rigid.train.mean > 1e-3, "with the nominal inertia something must be left: {}", rigid.train.mean);
+    assert_eq!(fit_velocities(&impacts, None, &options, QUIET).unwrap_err(), FitError::NoInertia);
+}
+
+/// Samples of both flights around an impact at time 0, with noise of position and rotation.
+fn flights(chain: &Chain, q: &[f64], qd: [&[f64]; 2], sigma: f64, rng: &mut Rng) -> (Flight, Flight) {
+    let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let mut fly = |qd: &[f64], sign: f64| {
+        let times: Vec<f64> = (0..8).map(|k| sign * (0.003 + 0.0068 * f64::from(k))).collect();
+        let flown = free_motion_at(chain, q, qd, gravity, &times).unwrap();
+        let mut shake = |pose: &[f64]| {
+            let step: Vec<f64> = (0..chain.nv()).map(|_| sigma * normal(rng)).collect();
+            chain.integrate(pose, &step, 1.0).unwrap()
+        };
+        let mut samples: Vec<(f64, Vec<f64>)> = flown.iter().map(|m| (m.time, shake(&m.q))).collect();
+        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (times, poses) = samples.into_iter().unzip();
+        Flight { times, poses }
+    };
+    (fly(qd[0], -1.0), fly(qd[1], 1.0))
+}
+
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
+#[test]
+fn flights_without_noise_meet_at_the_impact() {
+    let mut rng = Rng::with_seed(10);
+    let arm = uniform_chain(3, 0.6, 1.0).unwrap();
+    let (arm_q, arm_qd) = (vec![3.1, -0.4, 0.9], [vec![3.0, -2.0, 4.0], vec![-1.0, 2.5, -6.0]]);
+    let free = load("box");
+    let (q, before) = tossed(&mut rng);
+    let (_, later) = tossed(&mut rng);
+    for (chain, q, qd) in [(&arm, arm_q, arm_qd), (&free, q, [before, later])] {
+        let (before, after) = flights(chain, &q, [&qd[0], &qd[1]], 0.0, &mut rng);
+        let joined = join_flights(chain, GRAVITY, &before, &after).unwrap();
+        // Times of 1e-10 s and lengths of 1e-10 m are rounding of the integration (1e-12) over flights of 0.05 s.
+        close("time", joined.time, 0.0, 1e-9);
+        for (a, b) in joined.q.iter().zip(&q) {
+            close("pose", *a, *b, 1e-8);
+        }
+        for (found, truth) in [(&joined.qd_minus, &qd[0]), (&joined.qd_plus, &qd[1])] {
+            for (a, b) in found.iter().zip(truth) {
+                close("velocity", *a, *b, 1e-7);
+            }
+        }
+        assert!(joined.rest < 1e-10, "{}", joined.rest);
+    }
+}
+
+#[test]
+fn noisy_flights_give_velocities_without_bias_and_know_their_doubt() {
+    let mut rng = Rng::with_seed(11);
+    let free = load("box");
+    let toward = |(q, qd): &(Vec<f64>, Vec<f64>)| {
+        let (frame, offset) = lowest_point(&free, q, Vector3::z()).unwrap();
+        let contact = free.impact(q, qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).contact().unwrap();
+        contact.problem().approach_speed() > 0.5
+    };
+    let (q, qd) = std::iter::repeat_with(|| tossed(&mut rng)).find(toward).unwrap();
+    let hit = {
+        let (frame, offset) = lowest_point(&free, &q, Vector3::z()).unwrap();
+        let law = law_by_name::<3>("energetic", rough(0.4, 0.2)).unwrap();
+        free.impact(&q, &qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).resolve(law.as_ref()).unwrap()
+    };
+    assert!(hit.impulse.norm() > 0.0);
+    let (runs, nv) = (16, free.nv());
+    let mut misses = Vec::new();
+    let mut doubt = 0.0;
+    let mass_matrix = free.workspace().update(&free, &q).unwrap().mass_matrix() / free.total_mass();
+    let mut scatter = 0.0;
+    for _ in 0..runs {
+        let (before, after) = flights(&free, &q, [&qd, &hit.qd_plus], 5e-4, &mut rng);
+        let joined = join_flights(&free, GRAVITY, &before, &after).unwrap();
+        let miss = DVector::from_iterator(
+            nv,
+            (0..nv).map(|k| joined.qd_plus[k] - joined.qd_minus[k] - (hit.qd_plus[k] - qd[k])),
+        );
+        doubt += joined.deviation.powi(2) / f64::from(runs);
+        scatter += miss.dot(&(&mass_matrix * &miss)) / f64::from(runs);
+        misses.push(miss);
+    }
+    for k in 0..nv {
+        let of: Vec<f64> = misses.iter().map(|miss| miss[k]).collect();
+        let mean = of.iter().sum::<f64>() / f64::from(runs);
+        let deviation = (of.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(runs - 1)).sqrt();
+        // Five standard errors of 16 draws, over six numbers.
+        assert!(mean.abs() < 5.0 * deviation / f64::from(runs).sqrt(), "qd[{k}]: {mean} ± {deviation}");
+        assert!(deviation > 0.0);
+    }
+    // A variance from 16 draws of six numbers is known to about 15 %.
+    assert!((0.5..2.0).contains(&(scatter / doubt)), "{scatter} against {doubt}");
+}
+
+#[test]
+fn flights_that_are_none_are_refused() {
+    let arm = uniform_chain(2, 0.6, 1.0).unwrap();
+    let flight = |times: &[f64]| Flight { times: times.to_vec(), poses: times.iter().map(|t| vec![*t, 0.0]).collect() };
+    let join = |before: &Flight, after: &Flight| join_flights(&arm, GRAVITY, before, after).unwrap_err().to_string();
+    let good = flight(&[0.1, 0.2, 0.3]);
+    assert_eq!(join(&flight(&[0.0]), &good), "samples of a flight, at least: 1 where 2 are needed");
+    assert_eq!(
+        join(&flight(&[0.0, 0.2]), &good),
+        "the flight before the impact ends at 0.2 s, and the one after it begins at 0.1 s: it must begin later"
+    );
+    assert_eq!(
+        join(&flight(&[0.0, -0.1]), &good),
+        "the times of the flight before the impact do not ascend: -0.1 s follows 0 s"
+    );
+    let mut short = good.clone();
+    short.poses.pop();
+    assert_eq!(join(&flight(&[0.0, 0.05]), &short), "poses of a flight, one for each time: 2 where 3 are needed");
+    short.times = vec![0.1, f64::NAN];
+    assert_eq!(join(&flight(&[0.0, 0.05]), &short), "a flight's times holds NaN: every number must be finite");
+    let mut long = good.clone();
+    long.poses[0].push(0.0);
+    assert!(join(&flight(&[0.0, 0.05]), &long).starts_with("q has 3 numbers, 2 are needed"));
+}
+
+/// A ball with spin, thrown at the floor: its bounces tell restitution, what they take of the spin tells friction.
+#[test]
+fn a_ball_s_tosses_give_its_coefficients_back() {
+    let ball = load("ball");
+    let mut rng = Rng::with_seed(12);
+    let mut tosses = Vec::new();
+    for number in 0..8 {
+        let (mut q, mut qd) = tossed(&mut rng);
+        q[2] = 0.1 + 0.2 * rng.f64();
+        qd[2] *= 0.2;
+        let truth =
+            carom_sim::ContactRule { law: "energetic", restitution: 0.62, friction: 0.13, ..Default::default() };
+        let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact: truth, motion: None };
+        let touches = carom_sim::Touch::all(&ball, &[floor], 0.0).unwrap().touches;
+        let simulation =
+            carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(ball.clone(), touches) };
+        let mut samples: Vec<Moment> = Vec::new();
+        let sampling = carom_sim::Sampling { every: Some(0.02), dense: false };
+        simulation
+            .stream(&q, &qd, 0.4, sampling, &mut |seen| {
+                if let carom_sim::Seen::Moment(moment) = seen {
+                    samples.push(moment.clone());
+                }
+            })
+            .unwrap();
+        tosses.push(Toss { number, samples });
+    }
+    let tosses = Tosses { chain: ball, tosses };
+    let options = FitOptions { train: 0.5, ..ALL };
+    let fit = fit_trajectories(&tosses, &options, &RollOutOptions::default(), QUIET).unwrap();
+    // The search ends with steps of about 1/50 of its range, halved a few times.
+    close("restitution", fit.coefficients[0].value, 0.62, 5e-3);
+    close("friction", fit.coefficients[1].value, 0.13, 5e-3);
+    assert_eq!((fit.train.count, fit.test.unwrap().count), (4, 4));
+    let test = fit.test.unwrap();
+    assert!(test.mean < 0.05 && test.below_half == Some(1.0), "{test:?}");
+    assert!(fit.notes[0].starts_with("fitted to trajectories"));
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let impacts = in_plane("energetic", 0.5, 0.3, 6, 0.01, &mut Rng::with_seed(13));
+    let refuse = |options: FitOptions| fit_velocities(&impacts, None, &options, QUIET).unwrap_err().to_string();
+    let laws = "whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
+    assert_eq!(
+        refuse(FitOptions { law: "hertz", ..ALL }),
+        format!("no law is named 'hertz': the laws are frictionless, {laws}")
+    );
+    assert_eq!(
+        refuse(FitOptions { law: "frictionless", ..ALL }),
+        format!("the law 'frictionless' knows no friction, so there is none to fit: choose one of {laws}")
+    );
+    for (options, message) in [
+        (FitOptions { train: 0.0, ..ALL }, "training share is 0: it lies above 0, and 1 is all"),
+        (FitOptions { train: f64::NAN, ..ALL }, "training share is NaN: it lies above 0, and 1 is all"),
+        (
+            FitOptions { max_friction: -1.0, ..ALL },
+            "largest friction is -1: the search ends above 0 and at 100 at most",
+        ),
+        (FitOptions { confidence: 1.0, ..ALL }, "confidence is 1: it lies between 0.5 and 1, and below 1"),
+        (
+            FitOptions { train: 0.4, ..ALL },
+            "2 of 6 impacts are there to fit 2 coefficients, and at least 3 are needed: record more, or fit on a larger \
+             share of them",
+        ),
+        (
+            FitOptions { inertia: true, ..ALL },
+            "the scale of inertia can't be fitted to plain numbers: a Delassus matrix is all there is, give a robot and q",
+        ),
+    ] {
+        assert_eq!(refuse(options), message);
+    }
+    let parting = MeasuredImpact::in_plane(Matrix2::identity(), Vector2::new(0.0, 1.0), Vector2::zeros());
+    let why = "the contact does not approach: its normal velocity before is 1 m/s, and in an impact it is negative; leave \
+               this one out, or check the normal (from the environment to the robot)";
+    assert_eq!(parting.unwrap_err().to_string(), why);
+    let hole = MeasuredImpact::in_plane(Matrix2::identity(), Vector2::new(0.0, -1.0), Vector2::new(f64::NAN, 0.0));
+    assert_eq!(hole.unwrap_err().to_string(), "u_plus holds NaN: every number must be finite");
+}
