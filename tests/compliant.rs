@@ -306,3 +306,29 @@ fn a_scene_chooses_its_forces_and_says_what_is_wrong() {
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
+
+/// A ball put down where its contact bears its weight, k dⁿ = m g, stays there: it may start inside its surface.
+#[test]
+fn a_ball_rests_on_what_gives_way() {
+    let chain = Chain::from_urdf_str(
+        r#"<robot name="ball"><link name="world"/><link name="ball"><inertial><mass value="2"/>
+        <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
+        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#,
+        &Default::default(),
+    )
+    .unwrap();
+    let floor = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let contact = ContactRule { restitution: 0.5, compliance: Some(Compliance::new(1e6)), ..ContactRule::default() };
+    let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    let sim = Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) };
+    let depth = (2.0 * 9.81 / 1e6_f64).powf(1.0 / 1.5);
+    let run = sim.run(&[0.1 - depth], &[0.0], 1.0).unwrap();
+    assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-10, "{:?} {:?}", run.summary.last, run.events);
+    assert_eq!(run.summary.mode.name(), "pressing");
+    // Put down higher, where it presses less than the weight, it sinks to the same depth.
+    let run = sim.run(&[0.1 - 0.5 * depth], &[0.0], 5.0).unwrap();
+    assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-2 * depth, "{:?}", run.summary.last);
+}

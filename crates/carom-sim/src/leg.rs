@@ -71,6 +71,8 @@ pub(crate) struct Sampler<'a> {
     pub sizes: (usize, usize),
     /// How many moments were handed out.
     pub count: usize,
+    /// Up to here segments were handed out: a leg that was given up is gone through again.
+    pub until: f64,
     /// Who gets them.
     pub watch: &'a mut dyn FnMut(Seen),
 }
@@ -88,7 +90,9 @@ impl Sampler<'_> {
                 self.count += 1;
             }
         }
+        let start = start.max(self.until);
         if self.sampling.dense && end > start {
+            self.until = end;
             let states = Segment::times(start, end, points).map(|time| at(time)[..nq + nv].to_vec()).collect();
             (self.watch)(Seen::Segment(&Segment { start, end, states }));
         }

@@ -241,7 +241,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             time: 0.0,
             y: [q, qd, &[0.0, 0.0], if bristles { &[0.0; 3] } else { &[] }].concat(),
             end,
-            sampler: Sampler { sampling, sizes, count: 0, watch },
+            sampler: Sampler { sampling, sizes, count: 0, until: 0.0, watch },
             events: 0,
             statistics: Statistics::default(),
             lost: 0.0,
@@ -292,7 +292,15 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return Ok(());
         }
         let before = self.y.clone();
-        match leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler) {
+        let mut ended =
+            leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler);
+        let presses = matches!(self.motion.mode, ContactMode::Pressing { .. });
+        if presses && matches!(ended, Err(SimError::Integration { .. })) {
+            // What rests on a stiff spring is for the implicit integrator.
+            let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: false, ..accuracy };
+            ended = leg(&mut self.motion, self.time, &before, until, accuracy, &mut self.statistics, &mut self.sampler);
+        }
+        match ended {
             Ok(LegEnd { time, y, fired }) => {
                 (self.time, self.y) = (time, y);
                 fired.map_or(Ok(()), |witness| self.event(witness))
@@ -300,7 +308,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             // Rigid sliding has no consistent acceleration here, or slip turns ever faster on its way to zero; impulses of
             // a time step always have an answer.
             Err(SimError::Jam { .. }) => self.enter(ContactMode::Several),
-            Err(SimError::Integration { .. }) if self.motion.mode.touch().is_some() => self.enter(ContactMode::Several),
+            Err(SimError::Integration { .. }) if gives_up => self.enter(ContactMode::Several),
             Err(error) => Err(error),
         }
     }
@@ -320,10 +328,15 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// What touches at the start.
     fn begin(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
-        let (mut hits, mut rests) = (Vec::new(), Vec::new());
+        let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
         for touch in 0..sim.touches.len() {
             let (gap, rate) = self.gap(touch)?;
+            let gives_way = sim.touches[touch].contact.compliance.is_some() && sim.touches[touch].link().is_some();
             if gap < -TOUCHING {
+                if gives_way {
+                    sunk.push((touch, -rate, -gap));
+                    continue;
+                }
                 return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth: -gap });
             }
             if gap <= TOUCHING {
@@ -338,6 +351,19 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         let rests = pressed;
+        // Where a body rests on a contact that gives way, it is a little inside.
+        if let Some(&(touch, approach, depth)) = sunk.first() {
+            if sunk.len() + hits.len() + rests.len() > 1 {
+                return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth });
+            }
+            let ContactRule { compliance, restitution, .. } = sim.touches[touch].contact;
+            let (q, _) = self.q_qd();
+            let mass = self.motion.effective_mass(touch, &q, self.time)?;
+            let speed = approach.max(Compliance::SLOWEST);
+            let damping =
+                compliance.map_or(Ok(0.0), |it| Ok::<_, SimError>(it.normal(restitution)?.damping(speed, mass)))?;
+            return self.press(touch, damping);
+        }
         if sim.stepping {
             return self.enter(ContactMode::Several);
         }
@@ -454,9 +480,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             let depth = law.greatest_penetration(speed, mass);
             if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
                 self.motion.impacts[touch] += 1;
-                self.motion.deepest = f64::NEG_INFINITY;
-                self.y[nq + qd.len() + 2..].fill(0.0); // the bristle is new
-                return self.enter(ContactMode::Pressing { touch, damping: law.damping(speed, mass) });
+                return self.press(touch, law.damping(speed, mass));
             }
             self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
         }
@@ -504,6 +528,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.lost += energy - self.motion.energy(&self.y)?;
         let (_, rebound) = self.gap(touch)?;
         self.leave(touch, approach, rebound)
+    }
+
+    /// A compliant contact begins to press.
+    fn press(&mut self, touch: usize, damping: f64) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        self.motion.deepest = f64::NEG_INFINITY;
+        self.y[sim.chain.nq() + sim.chain.nv() + 2..].fill(0.0); // the bristle is new
+        self.enter(ContactMode::Pressing { touch, damping })
     }
 
     /// A latch closes: all velocity of the touching point over the surface goes.
