@@ -22,7 +22,7 @@ fn every_verdict_is_the_one_that_theory_gives() {
         let row = rows.iter().find(|row| row.scene == scene).unwrap_or_else(|| panic!("{scene}"));
         row.cells.iter().find(|cell| cell.method == method).unwrap_or_else(|| panic!("{scene}, {method}")).verdict
     };
-    use Verdict::{Degrades, Exact, Fails, Within};
+    use Verdict::{Degrades, Exact, Fails, Refused, Within};
     // Who gains energy, and who does not.
     for scene in ["energy paradox", "random census", "census in space"] {
         for method in &METHODS[..8] {
@@ -34,6 +34,7 @@ fn every_verdict_is_the_one_that_theory_gives() {
     assert_eq!(verdict("impact without collision", "frictionless"), Exact);
     assert_eq!(verdict("impact without collision", "energetic"), Fails);
     assert_eq!(verdict("slip about to stop", "brach"), Fails);
+    assert!(METHODS[..8].iter().all(|method| verdict("stretched exactly", method) == Refused));
     // Orders, different e, and waves.
     assert_eq!(verdict("rod on two ends", "moreau"), Exact);
     assert_eq!(verdict("rod on two ends", "sequential"), Fails);

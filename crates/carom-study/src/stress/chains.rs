@@ -72,12 +72,16 @@ pub fn singular_pose(name: &str) -> Judged {
         error = worse(error, (found - jump).norm() / jump.norm());
         last = angle;
     }
-    match strike(0.0) {
-        Err(SimError::SingularNormal { .. }) => {
-            Ok(Found::figure(error).noting(format!("answered down to {last:e} rad, refused at 0")))
-        }
-        _ => Ok(Found::figure(f64::INFINITY).noting("the singular pose was answered;")),
-    }
+    Ok(Found::figure(error).noting(format!("answered down to {last:e} rad")))
+}
+
+/// Stretched exactly: the impulse of any rigid law would be infinite.
+pub fn stretched(name: &str) -> Judged {
+    let (chain, law) = (arm()?, law(name, 0.5, 0.0));
+    let tip = chain.frame("tip").map_err(said)?;
+    let hit = chain.impact(&[0.0, 0.0], &[0.3, -1.0]).at(tip).normal([-1.0, 0.0, 0.0]).resolve(law.as_ref());
+    hit.map_err(said)?;
+    Ok(Found::figure(f64::INFINITY).noting("an impulse where there is none;"))
 }
 
 /// The last of a row of sliders is hit: only it changes its velocity, so only the last joint does.

@@ -270,11 +270,19 @@ pub const SCENES: &[Scene] = &[
     },
     Scene {
         name: "singular pose",
-        story: "a stretched two-link arm hit along itself, elbow from 0.1 down to 1e-12 rad; at 0 there is no answer",
+        story: "a stretched two-link arm hit along itself, elbow from 0.1 down to 1e-12 rad",
         measures: "relative error of the joint velocities against their closed form",
         tolerance: 1e-9,
         methods: LAWS,
         judge: chains::singular_pose,
+    },
+    Scene {
+        name: "stretched exactly",
+        story: "the same arm with its elbow at 0: no joint moves the tip along the normal",
+        measures: "–",
+        tolerance: 1e-9,
+        methods: LAWS,
+        judge: chains::stretched,
     },
     Scene {
         name: "mass ratio 1e6",
