@@ -1,5 +1,6 @@
 """PyBullet on the scenes: reduced coordinates, Newton's coefficient per contact, semi-implicit Euler steps."""
 
+import importlib.metadata
 import os
 import tempfile
 import xml.etree.ElementTree as xml
@@ -9,7 +10,7 @@ import pybullet as bullet
 
 import common
 
-VERSION = bullet.getAPIVersion()
+VERSION = importlib.metadata.version("pybullet")
 
 
 def without_made_up_mass(path):

@@ -64,9 +64,9 @@ class Run:
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
             spec.option.tolerance = 1e-15
             for k in range(len(scene["surfaces"])):
-                # A pair of its own, since only a pair can have another reference for its friction than for its bounce:
-    XX impedance is constant and next to
-                # one: as rigid as the format lets a contact be.
+                # A pair of its own, since only a pair can have another reference for its friction than for its bounce: ten
+                # steps, the best of those tried. The impedance is constant and next to one: as rigid as the format lets a
+                # contact be.
                 spec.add_pair(geomname1="tip", geomname2=f"surface{k}", condim=3 if scene["friction"] else 1,
                               friction=[scene["friction"], scene["friction"], 0, 0, 0], solref=solref,
                               solreffriction=[10 * dt, 1], solimp=[0.9999, 0.9999, 1e-3, 0.5, 2])

@@ -75,6 +75,8 @@ pub struct Chart {
     pub doubt_after_impact: Option<f64>,
     /// The yardstick's own error at the end.
     pub doubt_at_end: f64,
+    /// Methods of peers.
+    peers: Vec<String>,
 }
 
 /// The yardstick.
@@ -137,7 +139,8 @@ impl Chart {
         let other = Reference::of(&run(&exact(Integrator::Radau, 10.0 * TIGHT))?);
         let doubt_after_impact = other.impact.as_ref().and_then(|(_, qd)| reference.after_impact(qd));
         let doubt_at_end = reference.at_end(&other.end.0, &other.end.1).unwrap_or(0.0);
-        let mut chart = Self { runs: Vec::new(), absent: Vec::new(), doubt_after_impact, doubt_at_end };
+        let (runs, absent, peers) = (Vec::new(), Vec::new(), Vec::new());
+        let mut chart = Self { runs, absent, doubt_after_impact, doubt_at_end, peers };
 
         let tolerances = || (3..=13).map(|k| 10_f64.powi(-k));
         let mut spaces = vec![(false, "in space")];
@@ -175,6 +178,9 @@ impl Chart {
     }
 
     /// Adds peers' runs; those of other scenes are the caller's to leave out.
+    ///
+    /// # Errors
+    /// As [`Chart::of`].
     pub fn add_peers(&mut self, peers: &[PeerRun], scene: &Scene) -> Result<(), SimError> {
         let tight =
             Simulation { tolerance: TIGHT, planar: false, max_step: scene.duration, ..scene.simulation.clone() };
@@ -191,11 +197,17 @@ impl Chart {
                         continue;
                     }
                     let (method, knob, value) = (method.clone(), knob.clone(), *value);
+                    self.peers.push(method.clone());
                     self.runs.push(Run { method, knob, value, wall_time: *wall_time, after_impact, at_end });
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether a method is carom's.
+    fn is_own(&self, method: &str) -> bool {
+        !self.peers.iter().any(|peer| peer == method)
     }
 
     /// One method over its knob, until a run takes too long.

@@ -21,7 +21,7 @@ pub fn svg(chart: &Chart, title: &str) -> String {
         }
     }
     let rows = methods.len().div_ceil(2) + chart.absent.len();
-    let size = (2 * PANEL.0, PANEL.1 + 70 + (LINE * rows as i32) as u32);
+    let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let drawn = draw(&root, chart, title, &methods);
     drop(root);
@@ -33,28 +33,21 @@ pub fn svg(chart: &Chart, title: &str) -> String {
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
-/// Carom's methods in full colours, round; peers' in others, square.
+/// Hues a golden angle apart, so that neighbours in the list never look alike; every other one darker.
 fn colour(k: usize) -> RGBColor {
-    const COLOURS: [(u8, u8, u8); 16] = [
-        (31, 120, 180),
-        (51, 160, 44),
-        (106, 61, 154),
-        (0, 150, 160),
-        (227, 26, 28),
-        (255, 127, 0),
-        (120, 120, 120),
-        (177, 89, 40),
-        (230, 120, 170),
-        (150, 190, 60),
-        (90, 90, 200),
-        (200, 160, 40),
-        (60, 60, 60),
-        (160, 60, 90),
-        (100, 170, 210),
-        (140, 140, 70),
-    ];
-    let (r, g, b) = COLOURS[k % COLOURS.len()];
+    let hue = (0.58 + k as f64 * 0.381_966) % 1.0;
+    let (r, g, b) = HSLColor(hue, 0.75, if k.is_multiple_of(2) { 0.42 } else { 0.55 }).rgb();
     RGBColor(r, g, b)
+}
+
+/// Our own methods are round and thick, others' square and thin.
+fn mark(place: (i32, i32), own: bool) -> Vec<(i32, i32)> {
+    let ((x, y), corners) = (place, if own { 12 } else { 4 });
+    let corner = |k: i32| {
+        let (sin, cos) = (std::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(corners)).sin_cos();
+        (x + (4.6 * cos).round() as i32, y + (4.6 * sin).round() as i32)
+    };
+    (0..corners).map(corner).collect()
 }
 
 fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Drawn<'a> {
@@ -72,8 +65,9 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
     let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));
     for (k, method) in methods.iter().enumerate() {
         let (x, y) = (20 + (k % 2) as i32 * PANEL.0 as i32, 12 + LINE * (k / 2) as i32);
-        below.draw(&PathElement::new([(x, y), (x + 22, y)], colour(k).stroke_width(2)))?;
-        below.draw(&Circle::new((x + 11, y), 4, colour(k).filled()))?;
+        let own = chart.is_own(method);
+        below.draw(&PathElement::new([(x, y), (x + 22, y)], colour(k).stroke_width(if own { 3 } else { 1 })))?;
+        below.draw(&Polygon::new(mark((x + 11, y), own), colour(k).filled()))?;
         let knobs = chart.runs.iter().filter(|run| run.method == *method);
         let values: Vec<f64> = knobs.clone().map(|run| run.value).collect();
         let knob = knobs.map(|run| run.knob.as_str()).next().unwrap_or_default();
@@ -134,12 +128,16 @@ fn panel<'a>(
         let grey = RGBColor(150, 150, 150);
         axes.draw_series(DashedLineSeries::new(line, 5, 4, grey.stroke_width(1)))?;
         let font = ("sans-serif", 12).into_font().color(&grey);
-        axes.draw_series([Text::new("the yardstick's own error", (times.start * 1.05, doubt * 0.7), font)])?;
+        let font = font.pos(Pos::new(HPos::Right, VPos::Bottom));
+        axes.draw_series([Text::new("the yardstick's own error", (times.end / 1.05, doubt * 1.2), font)])?;
     }
     for (k, method) in methods.iter().enumerate() {
         let points = points(method);
-        axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(2)))?;
-        axes.draw_series(points.iter().map(|p| Circle::new(*p, 4, colour(k).filled())))?;
+        let own = chart.is_own(method);
+        let width = if own { 3 } else { 1 };
+        axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(width)))?;
+        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), own), colour(k).filled());
+        axes.draw_series(points.iter().map(at))?;
     }
     Ok(())
 }
