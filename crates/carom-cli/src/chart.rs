@@ -86,9 +86,10 @@ struct Missing<'a> {
 
 impl ChartCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        if !(self.budget > 0.0 && self.budget.is_finite()) {
-            return Err(CliError::Option(format!("--budget {}: it must be positive and finite", self.budget)));
-        }
+        let budget = Duration::try_from_secs_f64(self.budget).ok().filter(|budget| !budget.is_zero());
+        let Some(budget) = budget else {
+            return Err(CliError::Option(format!("--budget {}: it must be a number of seconds above 0", self.budget)));
+        };
         if self.out.extension().is_none_or(|ending| ending != "svg") {
             return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
         }
@@ -103,7 +104,7 @@ impl ChartCommand {
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
             bar.set_style(style);
         }
-        let mut chart = Chart::of(&scene, Duration::from_secs_f64(self.budget), &mut |method| {
+        let mut chart = Chart::of(&scene, budget, &mut |method| {
             bar.set_message(method.to_owned());
             bar.inc(1);
         })

@@ -243,6 +243,10 @@ fn contact_rules_that_can_not_be_are_refused() {
                 "[contact] links = [\"tip\", \"tip\"]: link 'tip' is paired with itself: name two links",
             ),
             (
+                "links = [[\"tip\", \"link1\"], [\"link1\", \"tip\"]]",
+                "[contact] links = [\"link1\", \"tip\"]: the pair is there twice, leave one out",
+            ),
+            (
                 "links = [[\"tip\", \"base\"]]",
                 "[contact] links = [\"tip\", \"base\"]: link 'base' has no collision shape: give it one in the URDF",
             ),

@@ -122,7 +122,13 @@ impl Scene {
         } else {
             Touch::all(&chain, &surfaces, limits)?
         };
-        for [link, other] in &file.contact.links {
+        for (k, [link, other]) in file.contact.links.iter().enumerate() {
+            let twin = |pair: &[String; 2]| pair.contains(link) && pair.contains(other);
+            if link != other && file.contact.links[..k].iter().any(twin) {
+                return Err(refuse(format!(
+                    "[contact] links = [\"{link}\", \"{other}\"]: the pair is there twice, leave one out"
+                )));
+            }
             let pair = Touch::between(&chain, link, other, rule);
             touches.extend(pair.map_err(|e| refuse(format!("[contact] links = [\"{link}\", \"{other}\"]: {e}")))?);
         }

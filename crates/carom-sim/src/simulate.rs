@@ -149,6 +149,18 @@ impl Simulation {
         Ok(self.touches.iter().map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
     }
 
+    /// Where a link touches, or would touch, its surface: the point of the link nearest to it and the unit normal from the
+    /// surface to the robot, world. `None` for joint limits.
+    ///
+    /// # Errors
+    /// A state that does not fit.
+    pub fn touching_point(&self, touch: usize, moment: &Moment) -> Result<Option<[Vector3<f64>; 2]>, SimError> {
+        let mut workspace = self.chain.workspace();
+        let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
+        let place = self.touches.get(touch).and_then(|it| it.at(&view, &moment.q, moment.time).surface);
+        Ok(place.map(|place| [place.position, place.normal]))
+    }
+
     /// The force on the robot, world, N, of a compliant contact that presses
     /// ([`ContactMode::Pressing`] names its touch and damping).
     ///
@@ -192,9 +204,15 @@ impl Simulation {
         positive("longest step", self.max_step)?;
         positive("Zeno time", self.zeno_time)?;
         positive("contact step", self.contact_step)?;
+        let countable = |what, value: f64| {
+            let rule = "it fits more than 1e10 times into the duration: make it longer";
+            if duration / value <= 1e10 { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
+        };
         if let Some(every) = sampling.every {
             positive("sampling interval", every)?;
+            countable("sampling interval", every)?;
         }
+        countable("contact step", self.contact_step)?;
         for touch in &self.touches {
             touch.contact.check(&touch.name)?;
             if let Some(compliance) = touch.contact.compliance.filter(|_| self.stepping) {

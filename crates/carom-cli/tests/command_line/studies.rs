@@ -94,7 +94,7 @@ fn charts_refuse_what_they_can_not_read() {
     desk.write("broken.jsonl", "{\"scene\":\"wall\"}\n");
     for (args, message) in [
         ("wall.toml --out wall.png", "--out wall.png: give a file that ends in .svg"),
-        ("wall.toml --out w.svg --budget 0", "--budget 0: it must be positive and finite"),
+        ("wall.toml --out w.svg --budget 0", "--budget 0: it must be a number of seconds above 0"),
         ("no.toml --out w.svg", "no.toml: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers no.jsonl", "no.jsonl: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers broken.jsonl", "broken.jsonl:1: missing field `peer` at line 1 column 16"),

@@ -22,6 +22,9 @@ pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
             ));
         }
     }
+    if points().filter_map(height).next().is_none() {
+        return Err("no entry has an E above its e: there is no Y to draw, leave the picture out".to_owned());
+    }
     let top = 1.3 * points().filter_map(height).fold(0.0, f64::max).max(0.1);
     let (left, right) = (cots().fold(0.0, f64::min), cots().fold(0.0, f64::max));
     let room = 0.15 * (right - left).max(1.0);

@@ -77,7 +77,9 @@ impl Axis {
     /// Its value number `k`, SI units (degrees where its name ends in `_deg`); for an axis of words, `k`.
     pub fn value(&self, k: u64) -> f64 {
         match &self.points {
-            // both ends come out exactly, and a middle does too
+            Points::Range { from, .. } if k == 0 => *from,
+            Points::Range { to, count, .. } if k + 1 == *count => *to,
+            // a middle comes out exactly
             Points::Range { from, to, count } => {
                 let last = (count - 1) as f64;
                 (from * (last - k as f64) + to * k as f64) / last
