@@ -100,16 +100,22 @@ impl<A: Algebra> Probe<A> {
         &self.chain
     }
 
+    /// # Errors
+    /// [`ChainError::WrongLength`] unless `length` is the number of velocities, nv.
+    pub fn check_velocities(&self, length: usize) -> Result<(), ChainError> {
+        self.chain.check_nv("qd", length)
+    }
+
     /// Memory for what this probe finds. Allocates; reading into it does not.
     pub fn reading(&self) -> Reading<A> {
         let n = self.chain.nv;
         let (row, tree) = if self.kind == Kind::Tree { (0, n) } else { (n, 0) };
         let zero = A::Scalar::zero();
         Reading {
-            position: A::Vector::zero(),
-            jacobian: vec![A::Vector::zero(); n],
+            position: A::zero(),
+            jacobian: vec![A::zero(); n],
             mass_matrix: vec![zero; n * n],
-            delassus: [A::Vector::zero(); 3],
+            delassus: [A::zero(); 3],
             joint_impulse: vec![zero; n],
             response: vec![zero; n],
             mobility: zero,
@@ -119,8 +125,7 @@ impl<A: Algebra> Probe<A> {
         }
     }
 
-    /// Everything at `q`, for the normal n, with the sine and cosine of each joint's angle given: `turned(i)` is asked once
-    /// for each body that is a hinge, for its angle `ratio · q + shift`. Allocates nothing.
+    /// Everything at `q`, for the normal n, with the sine and cosine of each joint's angle given. Allocates nothing.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -131,7 +136,7 @@ impl<A: Algebra> Probe<A> {
     pub fn read_turned(
         &self,
         q: &[A::Scalar],
-        turned: impl Fn(usize, &Body<A>) -> (A::Scalar, A::Scalar),
+        turned: &impl Turned<A>,
         normal: A::Vector,
         reading: &mut Reading<A>,
     ) -> Result<(), ChainError> {
@@ -151,7 +156,7 @@ impl<A: Algebra> Probe<A> {
                 let mut factor = std::mem::take(&mut reading.factor);
                 // Off the way from the point to the world, and between branches, nothing is written.
                 reading.mass_matrix.fill(A::Scalar::zero());
-                reading.jacobian.fill(A::Vector::zero());
+                reading.jacobian.fill(A::zero());
                 reading.joint_impulse.fill(A::Scalar::zero());
                 reading.response.fill(A::Scalar::zero());
                 self.read::<Tree>(&self.chain.bodies, q, turned, normal, &mut links, &mut factor, reading);
@@ -162,12 +167,7 @@ impl<A: Algebra> Probe<A> {
     }
 
     #[inline(always)]
-    fn read_fixed<const N: usize>(
-        &self,
-        turned: impl Fn(usize, &Body<A>) -> (A::Scalar, A::Scalar),
-        normal: A::Vector,
-        reading: &mut Reading<A>,
-    ) {
+    fn read_fixed<const N: usize>(&self, turned: &impl Turned<A>, normal: A::Vector, reading: &mut Reading<A>) {
         let mut links = [Link::new(); N];
         let mut factor = [[A::Scalar::zero(); N]; N];
         self.read::<Row>(&self.chain.bodies[..N], &[], turned, normal, &mut links, factor.as_flattened_mut(), reading);
@@ -180,7 +180,7 @@ impl<A: Algebra> Probe<A> {
         &self,
         bodies: &[Body<A>],
         q: &[A::Scalar],
-        turned: impl Fn(usize, &Body<A>) -> (A::Scalar, A::Scalar),
+        turned: &impl Turned<A>,
         normal: A::Vector,
         links: &mut [Link<A, S::Axis>],
         factor: &mut [A::Scalar],
@@ -202,7 +202,7 @@ impl<A: Algebra> Probe<A> {
                     (A::compose(outer, body.placement.rotation), A::rotate(outer, body.placement.translation))
                 }
             };
-            let (rotation, moved, axis) = S::step(body, placed, q, || turned(i, body));
+            let (rotation, moved, axis) = S::step(body, i, placed, q, turned);
             let link = &mut links[i];
             (link.rotation, link.axis) = (rotation, axis);
             link.offset = S::displaced(offset, moved);
@@ -264,7 +264,7 @@ impl<A: Algebra> Probe<A> {
         }
 
         // Y = L⁻ᵀ Jᵀ from the point down, and H = Yᵀ D⁻¹ Y on the way.
-        let mut h = [A::Vector::zero(); 3];
+        let mut h = [A::zero(); 3];
         let mut mobility = A::Scalar::zero();
         let mut next = Some(point);
         while let Some(k) = next {
@@ -312,8 +312,24 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     /// # Panics
     /// If the reading was made for another chain.
     pub fn read_into(&self, q: &[f64], normal: A::Vector, reading: &mut Reading<A>) -> Result<(), ChainError> {
-        let turned = |_: usize, body: &Body<A>| sin_cos(body.ratio * q[body.q_index] + body.shift);
-        self.read_turned(q, turned, normal, reading)
+        self.read_turned(q, &ByAngle(q), normal, reading)
+    }
+}
+
+/// Where the sines and cosines of joint angles come from. (A trait and not a closure, because a closure can't be made to
+/// be inlined, and in lanes a call of it cost more than the sines.)
+pub trait Turned<A: Algebra> {
+    /// Of the angle `ratio · q + shift` of body `i`, a hinge.
+    fn sin_cos(&self, i: usize, body: &Body<A>) -> (A::Scalar, A::Scalar);
+}
+
+/// From q, one after another.
+struct ByAngle<'a>(&'a [f64]);
+
+impl<A: Algebra<Scalar = f64>> Turned<A> for ByAngle<'_> {
+    #[inline(always)]
+    fn sin_cos(&self, _: usize, body: &Body<A>) -> (f64, f64) {
+        sin_cos(body.ratio * self.0[body.q_index] + body.shift)
     }
 }
 
@@ -333,10 +349,10 @@ impl<A: Algebra, X: Moves<A>> Link<A, X> {
     fn new() -> Self {
         Self {
             rotation: A::no_rotation(),
-            offset: A::Vector::zero(),
+            offset: A::zero(),
             axis: X::still(),
             composite: Inertia::zero(),
-            felt: A::Vector::zero(),
+            felt: A::zero(),
             inverse_d: A::Scalar::zero(),
         }
     }
@@ -360,7 +376,7 @@ struct Hinge<A: Algebra>(A::Angular);
 impl<A: Algebra> Moves<A> for Hinge<A> {
     #[inline(always)]
     fn still() -> Self {
-        Self(A::Angular::zero())
+        Self(A::zero_angular())
     }
     #[inline(always)]
     fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
@@ -379,7 +395,7 @@ impl<A: Algebra> Moves<A> for Hinge<A> {
 impl<A: Algebra> Moves<A> for Axis<A> {
     #[inline(always)]
     fn still() -> Self {
-        Self::Turn(A::Angular::zero())
+        Self::Turn(A::zero_angular())
     }
     #[inline(always)]
     fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
@@ -405,9 +421,10 @@ trait Shape<A: Algebra> {
     /// Rotation, displacement (if any) and axis of the body, its joint's frame being `placed`.
     fn step(
         body: &Body<A>,
+        i: usize,
         placed: A::Rotation,
         q: &[A::Scalar],
-        turned: impl FnOnce() -> (A::Scalar, A::Scalar),
+        turned: &impl Turned<A>,
     ) -> (A::Rotation, Option<A::Vector>, Self::Axis);
     #[inline(always)]
     fn displaced(offset: A::Vector, moved: Option<A::Vector>) -> A::Vector {
@@ -443,11 +460,12 @@ impl<A: Algebra> Shape<A> for Row {
     #[inline(always)]
     fn step(
         body: &Body<A>,
+        i: usize,
         placed: A::Rotation,
         _: &[A::Scalar],
-        turned: impl FnOnce() -> (A::Scalar, A::Scalar),
+        turned: &impl Turned<A>,
     ) -> (A::Rotation, Option<A::Vector>, Hinge<A>) {
-        let (sin, cos) = turned();
+        let (sin, cos) = turned.sin_cos(i, body);
         let rotation = A::turn(placed, sin, cos);
         (rotation, None, Hinge(A::hinge(rotation) * body.ratio))
     }
@@ -473,12 +491,13 @@ impl<A: Algebra> Shape<A> for Tree {
     #[inline(always)]
     fn step(
         body: &Body<A>,
+        i: usize,
         placed: A::Rotation,
         q: &[A::Scalar],
-        turned: impl FnOnce() -> (A::Scalar, A::Scalar),
+        turned: &impl Turned<A>,
     ) -> (A::Rotation, Option<A::Vector>, Axis<A>) {
         let (rotation, moved) = if A::turns(body.joint) {
-            let (sin, cos) = turned();
+            let (sin, cos) = turned.sin_cos(i, body);
             (A::turn(placed, sin, cos), None)
         } else {
             let (rotation, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);

@@ -9,6 +9,7 @@
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
 
+mod batch;
 mod drive;
 mod error;
 mod free_motion;
@@ -26,6 +27,7 @@ mod strike;
 mod touch;
 mod trajectory;
 
+pub use batch::{FrictionlessJump, Jump, LANES, Outcomes, States};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::free_motion;

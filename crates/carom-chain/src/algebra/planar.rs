@@ -48,12 +48,23 @@ impl<T: Real> Algebra for Planar<T> {
     const ANGULAR: usize = 1;
     const LINEAR: usize = 2;
 
+    #[inline(always)]
     fn linear_part(v: Vector2<T>, i: usize) -> T {
         v[i]
     }
+    #[inline(always)]
     fn angular_part(w: T, _: usize) -> T {
         w
     }
+    #[inline(always)]
+    fn zero() -> Vector2<T> {
+        Vector2::new(T::zero(), T::zero())
+    }
+    #[inline(always)]
+    fn zero_angular() -> T {
+        T::zero()
+    }
+    #[inline(always)]
     fn vector(f: impl Fn(usize) -> T) -> Vector2<T> {
         Vector2::new(f(0), f(1))
     }
@@ -136,7 +147,7 @@ impl<T: Real> Algebra for Planar<T> {
         match joint {
             PlanarJoint::Revolute => {
                 let (sin, cos) = position.simd_sin_cos();
-                (Self::turn(placed, sin, cos), Vector2::zeros())
+                (Self::turn(placed, sin, cos), Self::zero())
             }
             PlanarJoint::Prismatic => (placed, Vector2::new(placed.cos, placed.sin) * position),
         }

@@ -112,12 +112,23 @@ impl<T: Real> Algebra for Spatial<T> {
     const ANGULAR: usize = 3;
     const LINEAR: usize = 3;
 
+    #[inline(always)]
     fn linear_part(v: Vector3<T>, i: usize) -> T {
         v[i]
     }
+    #[inline(always)]
     fn angular_part(w: Vector3<T>, i: usize) -> T {
         w[i]
     }
+    #[inline(always)]
+    fn zero() -> Vector3<T> {
+        Vector3::new(T::zero(), T::zero(), T::zero())
+    }
+    #[inline(always)]
+    fn zero_angular() -> Vector3<T> {
+        Self::zero()
+    }
+    #[inline(always)]
     fn vector(f: impl Fn(usize) -> T) -> Vector3<T> {
         Vector3::new(f(0), f(1), f(2))
     }
@@ -145,7 +156,8 @@ impl<T: Real> Algebra for Spatial<T> {
 
     #[inline(always)]
     fn no_rotation() -> Matrix3<T> {
-        Matrix3::identity()
+        let (o, i) = (T::zero(), T::one());
+        Matrix3::new(i, o, o, o, i, o, o, o, i)
     }
     #[inline(always)]
     fn compose(a: Matrix3<T>, b: Matrix3<T>) -> Matrix3<T> {
@@ -177,7 +189,7 @@ impl<T: Real> Algebra for Spatial<T> {
     {
         let principal = i.matrix().symmetric_eigen();
         let rounding: T = nalgebra::convert::<f64, T>(64.0) * T::default_epsilon();
-        let mut w = Vector3::zeros();
+        let mut w = Self::zero();
         for k in 0..3 {
             let axis = column(&principal.eigenvectors, k);
             let (inertia, part) = (principal.eigenvalues[k], Self::dot(axis, n));
@@ -219,14 +231,14 @@ impl<T: Real> Algebra for Spatial<T> {
         match joint {
             SpatialJoint::Revolute => {
                 let (sin, cos) = (ratio * q[0] + shift).simd_sin_cos();
-                (Self::turn(placed, sin, cos), Vector3::zeros())
+                (Self::turn(placed, sin, cos), Self::zero())
             }
             SpatialJoint::Prismatic => (placed, column(&placed, 2) * (ratio * q[0] + shift)),
             SpatialJoint::Floating(0) => {
                 let turned = placed * from_quaternion(q[3], q[4], q[5], q[6]);
                 (turned, placed * Vector3::new(q[0], q[1], q[2]))
             }
-            SpatialJoint::Floating(_) => (placed, Vector3::zeros()),
+            SpatialJoint::Floating(_) => (placed, Self::zero()),
         }
     }
     #[inline(always)]
