@@ -109,7 +109,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         let ws = &mut *self.kin.ws;
         ws.acceleration.fill(Motion::zero());
         ws.force.fill(Force::zero());
-        self.sweep(joint_force, A::Vector::zero(), out);
+        self.sweep(joint_force, A::zero(), out);
         Ok(())
     }
 
@@ -128,7 +128,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
                 ws.force[p] += felt;
             }
         }
-        let base = Motion { angular: A::Angular::zero(), linear: -gravity };
+        let base = Motion { angular: A::zero_angular(), linear: -gravity };
         for (i, body) in bodies.iter().enumerate() {
             let carried = body.parent.map_or(base, |p| ws.acceleration[p]).shifted(ws.offset[i]);
             let a = carried + ws.acceleration[i];

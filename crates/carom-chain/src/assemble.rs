@@ -3,7 +3,7 @@
 //! [`weld`] is the one place where bodies are merged; loading a URDF and [locking](crate::Chain::lock) joints both end
 //! in it.
 
-use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, z_onto};
+use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, Symmetric3, z_onto};
 use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
 use crate::error::ChainError;
 use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
@@ -190,7 +190,7 @@ fn parents_first(robot: &Robot) -> Vec<(usize, Option<usize>)> {
 }
 
 fn inertia_of(inertial: Inertial) -> Inertia<Space> {
-    Inertia::from_com(inertial.mass, inertial.com, inertial.inertia_at_com)
+    Inertia::from_com(inertial.mass, inertial.com, Symmetric3::of(&inertial.inertia_at_com))
 }
 
 /// Pushes one node for each axis of a joint; says where the child link's frame then hangs.

@@ -288,25 +288,31 @@ impl<A: Algebra> Chain<A> {
         Ok(scaled)
     }
 
+    #[inline(always)]
     pub(crate) fn check_nq(&self, got: usize) -> Result<(), ChainError> {
         let note = if self.nq == self.nv { "" } else { "; a floating joint takes x y z qx qy qz qw" };
         self.check_length("q", got, self.nq, note)
     }
 
+    #[inline(always)]
     pub(crate) fn check_nv(&self, what: &'static str, got: usize) -> Result<(), ChainError> {
         self.check_length(what, got, self.nv, "")
     }
 
+    #[inline(always)]
     fn check_length(&self, what: &'static str, got: usize, expected: usize, note: &str) -> Result<(), ChainError> {
-        if got == expected {
-            return Ok(());
-        }
+        if got == expected { Ok(()) } else { Err(self.wrong_length(what, got, expected, note)) }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn wrong_length(&self, what: &'static str, got: usize, expected: usize, note: &str) -> ChainError {
         let own = self.about.joints.iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
         let names: Vec<&str> = own.map(|j| j.name.as_str()).collect();
         let layout = match names.as_slice() {
             [first @ .., last] if first.len() > 20 => format!("{}, …, {last}{note}", first[..20].join(", ")),
             names => format!("{}{note}", names.join(", ")),
         };
-        Err(ChainError::WrongLength { what, got, expected, layout })
+        ChainError::WrongLength { what, got, expected, layout }
     }
 }

@@ -130,7 +130,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// Outward pass of RNEA: accelerations from a base that accelerates against gravity, and the forces they need.
     fn spread_force(&mut self, qd: &[A::Scalar], qdd: Option<&[A::Scalar]>, gravity: A::Vector) {
         let ws = &mut *self.ws;
-        let base = Motion { angular: A::Angular::zero(), linear: -gravity };
+        let base = Motion { angular: A::zero_angular(), linear: -gravity };
         for (i, body) in self.chain.bodies.iter().enumerate() {
             let carried = body.parent.map_or(base, |p| ws.acceleration[p]).shifted(ws.offset[i]);
             let mut a = carried + ws.force_free_rate(self.chain, i, qd);

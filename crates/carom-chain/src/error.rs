@@ -95,6 +95,12 @@ pub enum ChainError {
         /// The chain.
         chain: String,
     },
+    /// A point of the world, which no joint moves.
+    #[error("the point belongs to the fixed base of '{chain}', which no joint moves: choose a point of a moving link")]
+    FixedPoint {
+        /// The chain.
+        chain: String,
+    },
     /// A number breaks its rule.
     #[error("{what} is {value}: {rule}")]
     OutOfRange {

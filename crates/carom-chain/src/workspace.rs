@@ -64,9 +64,9 @@ impl<A: Algebra> Chain<A> {
         let n = self.bodies.len();
         Workspace {
             rotation: vec![A::no_rotation(); n],
-            offset: vec![A::Vector::zero(); n],
-            position: vec![A::Vector::zero(); n],
-            axis: vec![Axis::Turn(A::Angular::zero()); n],
+            offset: vec![A::zero(); n],
+            position: vec![A::zero(); n],
+            axis: vec![Axis::Turn(A::zero_angular()); n],
             composite: vec![Inertia::zero(); n],
             velocity: vec![Motion::zero(); n],
             acceleration: vec![Motion::zero(); n],
@@ -93,7 +93,7 @@ impl<A: Algebra> Workspace<A> {
         for (i, body) in chain.bodies.iter().enumerate() {
             let (rotation, position) = match body.parent {
                 Some(p) => (self.rotation[p], self.position[p]),
-                None => (A::no_rotation(), A::Vector::zero()),
+                None => (A::no_rotation(), A::zero()),
             };
             let placed = A::compose(rotation, body.placement.rotation);
             let (turned, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);
@@ -194,7 +194,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// [`ChainError::WrongLength`].
     pub fn point_velocity(&self, point: Point<A>, qd: &[A::Scalar]) -> Result<A::Vector, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
-        let mut velocity = A::Vector::zero();
+        let mut velocity = A::zero();
         self.for_each_mover(point, |i, r| {
             velocity += self.ws.axis[i].point_velocity(r) * qd[self.chain.bodies[i].v_index];
         });
@@ -208,7 +208,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn angular_velocity(&self, frame: FrameId, qd: &[A::Scalar]) -> Result<A::Angular, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
         let frame = &self.chain.frames[frame.0];
-        let mut velocity = A::Angular::zero();
+        let mut velocity = A::zero_angular();
         self.for_each_mover(Point { body: frame.body, position: frame.pose.translation }, |i, _| {
             velocity += self.ws.axis[i].at_rate(qd[self.chain.bodies[i].v_index]).angular;
         });
@@ -240,7 +240,7 @@ impl<A: Algebra> Kinematics<'_, A> {
             ws.acceleration[i] = carried + ws.force_free_rate(self.chain, i, qd);
         }
         let Some(body) = point.body else {
-            return Ok(A::Vector::zero());
+            return Ok(A::zero());
         };
         let r = self.arm(body, point);
         let (v, a) = (self.ws.velocity[body].shifted(r), self.ws.acceleration[body].shifted(r));

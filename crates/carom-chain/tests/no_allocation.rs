@@ -26,7 +26,12 @@ fn in_place_calls_allocate_nothing() {
     let (mut h, mut flat_h) = (Matrix3::zeros(), Matrix2::zeros());
     let gravity = Vector3::new(0.0, -9.81, 0.0);
 
+    let (probe, flat_probe) = (chain.probe(point).unwrap(), flat.chain.probe(flat_point).unwrap());
+    let (mut reading, mut flat_reading) = (probe.reading(), flat_probe.reading());
+
     let count = allocations(|| {
+        probe.read_into(&q, gravity, &mut reading).unwrap();
+        flat_probe.read_into(&q, Vector2::new(0.0, 1.0), &mut flat_reading).unwrap();
         let mut kin = ws.update(&chain, &q).unwrap();
         kin.point_jacobian_into(point, &mut j);
         kin.mass_matrix_into(&mut m);
@@ -48,4 +53,5 @@ fn in_place_calls_allocate_nothing() {
     });
     assert_eq!(count, 0);
     assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite() && flat_h.determinant() > 0.0);
+    assert!(reading.mobility > 0.0 && flat_reading.mobility > 0.0);
 }

@@ -9,6 +9,7 @@
 //! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
 //! normal velocity; impulses act on the robot.
 
+mod batch;
 mod compliance;
 mod derivative;
 mod drive;
@@ -29,6 +30,7 @@ mod strike;
 mod touch;
 mod trajectory;
 
+pub use batch::{FrictionlessJump, Jumped, LANES, Outcomes, States};
 pub use compliance::{Compliance, Holding, Yielding};
 pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};

@@ -22,9 +22,11 @@
 
 mod planar;
 mod spatial;
+mod symmetric;
 
 pub use planar::{Planar, PlanarArticulated, PlanarJoint, Turn};
 pub use spatial::{Spatial, SpatialArticulated, SpatialJoint, z_onto};
+pub use symmetric::Symmetric3;
 
 use nalgebra::{RealField, SimdRealField};
 use num_traits::Zero;
@@ -99,6 +101,10 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn linear_part(v: Self::Vector, i: usize) -> Self::Scalar;
     /// Component `i` of an angular quantity.
     fn angular_part(w: Self::Angular, i: usize) -> Self::Scalar;
+    /// The vector of zeros: said here because nalgebra's own costs a lane kernel of two links half its time.
+    fn zero() -> Self::Vector;
+    /// No turning.
+    fn zero_angular() -> Self::Angular;
     /// The vector with components `f(i)`.
     fn vector(f: impl Fn(usize) -> Self::Scalar) -> Self::Vector;
 
@@ -135,6 +141,12 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h.
     fn parallel_axis(mass: Self::Scalar, h: Self::Vector, r: Self::Vector) -> Self::Rotational;
 
+    /// A hinge's rotation: first the angle of this sine and cosine about the hinge, then `placed`.
+    fn turn(placed: Self::Rotation, sin: Self::Scalar, cos: Self::Scalar) -> Self::Rotation;
+    /// The axis of a hinge in world axes, for the child's rotation.
+    fn hinge(rotation: Self::Rotation) -> Self::Angular;
+    /// Whether the joint is a hinge.
+    fn turns(joint: Self::Joint) -> bool;
     /// Moves a joint: from the pose of its frame before the motion (`placed`, world axes) to the rotation of the child
     /// and the displacement of its origin. `q` starts at the joint's own coordinates; 1-dof joints are at
     /// `ratio · q[0] + shift`.
@@ -221,21 +233,25 @@ pub struct Pose<A: Algebra> {
 
 impl<A: Algebra> Pose<A> {
     /// The pose that changes nothing.
+    #[inline(always)]
     pub fn identity() -> Self {
-        Self { rotation: A::no_rotation(), translation: A::Vector::zero() }
+        Self { rotation: A::no_rotation(), translation: A::zero() }
     }
 
     /// First `inner`, then `self`.
+    #[inline(always)]
     pub fn then(&self, inner: &Self) -> Self {
         Self { rotation: A::compose(self.rotation, inner.rotation), translation: self.point(inner.translation) }
     }
 
     /// The outer coordinates of a point given in inner ones.
+    #[inline(always)]
     pub fn point(&self, p: A::Vector) -> A::Vector {
         self.translation + A::rotate(self.rotation, p)
     }
 
     /// The pose backwards.
+    #[inline(always)]
     pub fn inverse(&self) -> Self {
         let back = A::inverse(self.rotation);
         Self { rotation: back, translation: -A::rotate(back, self.translation) }
@@ -244,16 +260,19 @@ impl<A: Algebra> Pose<A> {
 
 impl<A: Algebra> Motion<A> {
     /// At rest.
+    #[inline(always)]
     pub fn zero() -> Self {
-        Self { angular: A::Angular::zero(), linear: A::Vector::zero() }
+        Self { angular: A::zero_angular(), linear: A::zero() }
     }
 
     /// The same motion seen at the point `r` away: v + ω × r.
+    #[inline(always)]
     pub fn shifted(self, r: A::Vector) -> Self {
         Self { angular: self.angular, linear: self.linear + A::swing(self.angular, r) }
     }
 
     /// v × s q̇: how the axis `s`, carried along by this motion, changes. (Featherstone eq. 2.31.)
+    #[inline(always)]
     pub fn carry(self, s: Motion<A>) -> Self {
         Self {
             angular: A::cross_angular(self.angular, s.angular),
@@ -262,6 +281,7 @@ impl<A: Algebra> Motion<A> {
     }
 
     /// v ×* f: the rate of a momentum that is carried along by this motion. (Featherstone eq. 2.32.)
+    #[inline(always)]
     pub fn carry_force(self, f: Force<A>) -> Force<A> {
         Force {
             moment: A::cross_angular(self.angular, f.moment) + A::moment(self.linear, f.force),
@@ -272,6 +292,7 @@ impl<A: Algebra> Motion<A> {
 
 impl<A: Algebra> Add for Motion<A> {
     type Output = Self;
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         Self { angular: self.angular + other.angular, linear: self.linear + other.linear }
     }
@@ -279,21 +300,25 @@ impl<A: Algebra> Add for Motion<A> {
 
 impl<A: Algebra> Force<A> {
     /// No force.
+    #[inline(always)]
     pub fn zero() -> Self {
-        Self { moment: A::Angular::zero(), force: A::Vector::zero() }
+        Self { moment: A::zero_angular(), force: A::zero() }
     }
 
     /// The force `f` acting at `r` from the reference point.
+    #[inline(always)]
     pub fn at(r: A::Vector, f: A::Vector) -> Self {
         Self { moment: A::moment(r, f), force: f }
     }
 
     /// Power v · f.
+    #[inline(always)]
     pub fn power(self, v: Motion<A>) -> A::Scalar {
         A::dot_angular(v.angular, self.moment) + A::dot(v.linear, self.force)
     }
 
     /// The same force about the point at −r: n + r × f.
+    #[inline(always)]
     pub fn shifted(self, r: A::Vector) -> Self {
         Self { moment: self.moment + A::moment(r, self.force), force: self.force }
     }
@@ -301,6 +326,7 @@ impl<A: Algebra> Force<A> {
 
 impl<A: Algebra> Add for Force<A> {
     type Output = Self;
+    #[inline(always)]
     fn add(self, other: Self) -> Self {
         Self { moment: self.moment + other.moment, force: self.force + other.force }
     }
@@ -308,12 +334,14 @@ impl<A: Algebra> Add for Force<A> {
 
 impl<A: Algebra> Sub for Force<A> {
     type Output = Self;
+    #[inline(always)]
     fn sub(self, other: Self) -> Self {
         Self { moment: self.moment - other.moment, force: self.force - other.force }
     }
 }
 
 impl<A: Algebra> AddAssign for Force<A> {
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         *self = *self + other;
     }
@@ -321,6 +349,7 @@ impl<A: Algebra> AddAssign for Force<A> {
 
 impl<A: Algebra> Mul<A::Scalar> for Force<A> {
     type Output = Self;
+    #[inline(always)]
     fn mul(self, k: A::Scalar) -> Self {
         Self { moment: self.moment * k, force: self.force * k }
     }
@@ -328,6 +357,7 @@ impl<A: Algebra> Mul<A::Scalar> for Force<A> {
 
 impl<A: Algebra> Axis<A> {
     /// s · f: the part of a force that the joint feels.
+    #[inline(always)]
     pub fn dot(self, f: Force<A>) -> A::Scalar {
         match self {
             Self::Turn(z) => A::dot_angular(z, f.moment),
@@ -336,14 +366,16 @@ impl<A: Algebra> Axis<A> {
     }
 
     /// s q̇
+    #[inline(always)]
     pub fn at_rate(self, rate: A::Scalar) -> Motion<A> {
         match self {
-            Self::Turn(z) => Motion { angular: z * rate, linear: A::Vector::zero() },
-            Self::Slide(z) => Motion { angular: A::Angular::zero(), linear: z * rate },
+            Self::Turn(z) => Motion { angular: z * rate, linear: A::zero() },
+            Self::Slide(z) => Motion { angular: A::zero_angular(), linear: z * rate },
         }
     }
 
     /// The velocity that unit rate gives to the point `r` away from the joint's origin.
+    #[inline(always)]
     pub fn point_velocity(self, r: A::Vector) -> A::Vector {
         match self {
             Self::Turn(z) => A::swing(z, r),
@@ -352,6 +384,7 @@ impl<A: Algebra> Axis<A> {
     }
 
     /// The axis times a coupling ratio.
+    #[inline(always)]
     pub fn scaled(self, ratio: A::Scalar) -> Self {
         match self {
             Self::Turn(z) => Self::Turn(z * ratio),
@@ -362,17 +395,20 @@ impl<A: Algebra> Axis<A> {
 
 impl<A: Algebra> Inertia<A> {
     /// No inertia.
+    #[inline(always)]
     pub fn zero() -> Self {
-        Self { mass: A::Scalar::zero(), first_moment: A::Vector::zero(), rotational: A::Rotational::zero() }
+        Self { mass: A::Scalar::zero(), first_moment: A::zero(), rotational: A::Rotational::zero() }
     }
 
     /// From mass, centre of mass and the rotational inertia about it.
+    #[inline(always)]
     pub fn from_com(mass: A::Scalar, com: A::Vector, inertia_at_com: A::Rotational) -> Self {
-        let at_com = Self { mass, first_moment: A::Vector::zero(), rotational: inertia_at_com };
+        let at_com = Self { mass, first_moment: A::zero(), rotational: inertia_at_com };
         at_com.shifted(com)
     }
 
     /// I v
+    #[inline(always)]
     pub fn apply(&self, v: Motion<A>) -> Force<A> {
         Force {
             moment: A::apply_inertia(self.rotational, v.angular) + A::moment(self.first_moment, v.linear),
@@ -381,6 +417,7 @@ impl<A: Algebra> Inertia<A> {
     }
 
     /// I s
+    #[inline(always)]
     pub fn along(&self, s: Axis<A>) -> Force<A> {
         match s {
             Axis::Turn(z) => {
@@ -391,6 +428,7 @@ impl<A: Algebra> Inertia<A> {
     }
 
     /// The same body about the point at −r.
+    #[inline(always)]
     pub fn shifted(&self, r: A::Vector) -> Self {
         Self {
             mass: self.mass,
@@ -400,6 +438,7 @@ impl<A: Algebra> Inertia<A> {
     }
 
     /// The same body in rotated axes.
+    #[inline(always)]
     pub fn rotated(&self, rotation: A::Rotation) -> Self {
         Self {
             mass: self.mass,
@@ -409,12 +448,14 @@ impl<A: Algebra> Inertia<A> {
     }
 
     /// The body of a child frame, in the frame that `pose` puts it in.
+    #[inline(always)]
     pub fn placed(&self, pose: &Pose<A>) -> Self {
         self.rotated(pose.rotation).shifted(pose.translation)
     }
 }
 
 impl<A: Algebra> AddAssign for Inertia<A> {
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         self.mass += other.mass;
         self.first_moment += other.first_moment;

@@ -28,6 +28,7 @@ pub struct Turn<T> {
 }
 
 /// ω × r = ω · perp(r): r turned by a quarter.
+#[inline(always)]
 fn perp<T: Real>(r: Vector2<T>) -> Vector2<T> {
     Vector2::new(-r.y, r.x)
 }
@@ -47,62 +48,73 @@ impl<T: Real> Algebra for Planar<T> {
     const ANGULAR: usize = 1;
     const LINEAR: usize = 2;
 
+    #[inline(always)]
     fn linear_part(v: Vector2<T>, i: usize) -> T {
         v[i]
     }
+    #[inline(always)]
     fn angular_part(w: T, _: usize) -> T {
         w
     }
+    #[inline(always)]
+    fn zero() -> Vector2<T> {
+        Vector2::new(T::zero(), T::zero())
+    }
+    #[inline(always)]
+    fn zero_angular() -> T {
+        T::zero()
+    }
+    #[inline(always)]
     fn vector(f: impl Fn(usize) -> T) -> Vector2<T> {
         Vector2::new(f(0), f(1))
     }
 
-    #[inline]
+    #[inline(always)]
     fn dot(a: Vector2<T>, b: Vector2<T>) -> T {
         a.x * b.x + a.y * b.y
     }
-    #[inline]
+    #[inline(always)]
     fn dot_angular(a: T, b: T) -> T {
         a * b
     }
-    #[inline]
+    #[inline(always)]
     fn moment(r: Vector2<T>, f: Vector2<T>) -> T {
         r.x * f.y - r.y * f.x
     }
-    #[inline]
+    #[inline(always)]
     fn swing(w: T, r: Vector2<T>) -> Vector2<T> {
-        perp(r) * w
+        Vector2::new(-r.y * w, r.x * w)
     }
-    #[inline]
+    #[inline(always)]
     fn cross_angular(_: T, _: T) -> T {
         T::zero()
     }
 
-    #[inline]
+    #[inline(always)]
     fn no_rotation() -> Turn<T> {
         Turn { cos: T::one(), sin: T::zero() }
     }
-    #[inline]
+    #[inline(always)]
     fn compose(a: Turn<T>, b: Turn<T>) -> Turn<T> {
         Turn { cos: a.cos * b.cos - a.sin * b.sin, sin: a.sin * b.cos + a.cos * b.sin }
     }
-    #[inline]
+    #[inline(always)]
     fn inverse(a: Turn<T>) -> Turn<T> {
         Turn { cos: a.cos, sin: -a.sin }
     }
-    #[inline]
+    #[inline(always)]
     fn rotate(a: Turn<T>, v: Vector2<T>) -> Vector2<T> {
         Vector2::new(a.cos * v.x - a.sin * v.y, a.sin * v.x + a.cos * v.y)
     }
-    #[inline]
+    #[inline(always)]
     fn rotate_inertia(_: Turn<T>, i: T) -> T {
         i
     }
-    #[inline]
+    #[inline(always)]
     fn apply_inertia(i: T, w: T) -> T {
         i * w
     }
-    #[inline]
+    #[inline(always)]
     fn trace(i: T) -> T {
         i
     }
@@ -112,30 +124,42 @@ impl<T: Real> Algebra for Planar<T> {
     {
         if n == T::zero() { Some(n) } else { (i > T::zero()).then(|| n / i) }
     }
-    #[inline]
+    #[inline(always)]
     fn parallel_axis(mass: T, h: Vector2<T>, r: Vector2<T>) -> T {
         Self::dot(r, h + h + r * mass)
     }
 
-    #[inline]
+    #[inline(always)]
+    fn turn(placed: Turn<T>, sin: T, cos: T) -> Turn<T> {
+        Self::compose(placed, Turn { cos, sin })
+    }
+    #[inline(always)]
+    fn hinge(_: Turn<T>) -> T {
+        T::one()
+    }
+    #[inline(always)]
+    fn turns(joint: PlanarJoint) -> bool {
+        joint == PlanarJoint::Revolute
+    }
+    #[inline(always)]
     fn move_joint(joint: PlanarJoint, placed: Turn<T>, ratio: T, shift: T, q: &[T]) -> (Turn<T>, Vector2<T>) {
         let position = ratio * q[0] + shift;
         match joint {
             PlanarJoint::Revolute => {
                 let (sin, cos) = position.simd_sin_cos();
-                (Self::compose(placed, Turn { cos, sin }), Vector2::zeros())
+                (Self::turn(placed, sin, cos), Self::zero())
             }
             PlanarJoint::Prismatic => (placed, Vector2::new(placed.cos, placed.sin) * position),
         }
     }
-    #[inline]
+    #[inline(always)]
     fn axis(joint: PlanarJoint, rotation: Turn<T>) -> Axis<Self> {
         match joint {
             PlanarJoint::Revolute => Axis::Turn(T::one()),
             PlanarJoint::Prismatic => Axis::Slide(Vector2::new(rotation.cos, rotation.sin)),
         }
     }
-    #[inline]
+    #[inline(always)]
     fn rides_along(_: PlanarJoint) -> bool {
         false
     }
@@ -165,6 +189,7 @@ pub struct PlanarArticulated<T> {
 }
 
 impl<T: Real> AddAssign for PlanarArticulated<T> {
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         self.rotational += other.rotational;
         self.coupling += other.coupling;
@@ -173,6 +198,7 @@ impl<T: Real> AddAssign for PlanarArticulated<T> {
 }
 
 impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
+    #[inline(always)]
     fn from_rigid(inertia: &Inertia<Planar<T>>) -> Self {
         // h × v is the row (−h_y, h_x) times v
         Self {
@@ -182,6 +208,7 @@ impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
         }
     }
 
+    #[inline(always)]
     fn along(&self, s: Axis<Planar<T>>) -> Force<Planar<T>> {
         match s {
             Axis::Turn(z) => Force { moment: self.rotational * z, force: self.coupling * z },
@@ -189,6 +216,7 @@ impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
         }
     }
 
+    #[inline(always)]
     fn apply(&self, a: Motion<Planar<T>>) -> Force<Planar<T>> {
         Force {
             moment: self.rotational * a.angular + Planar::dot(self.coupling, a.linear),
@@ -196,6 +224,7 @@ impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
         }
     }
 
+    #[inline(always)]
     fn without(&self, u: Force<Planar<T>>, inverse_d: T) -> Self {
         let scaled = u.force * inverse_d;
         Self {
@@ -205,6 +234,7 @@ impl<T: Real> Articulated<Planar<T>> for PlanarArticulated<T> {
         }
     }
 
+    #[inline(always)]
     fn shifted(&self, r: Vector2<T>) -> Self {
         // With ρ = perp(r): v = v′ + ω ρ, so H′ = H + ρᵀM and I′ = I + H ρ + (H ρ)ᵀ + ρᵀM ρ.
         let rho = perp(r);

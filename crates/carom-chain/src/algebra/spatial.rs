@@ -1,6 +1,7 @@
 //! Space: SE(3). Angular quantities and vectors are three numbers.
 
 use super::planar::cast;
+use super::symmetric::Symmetric3;
 use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
 use nalgebra::{Matrix3, RealField, Vector3};
 use std::marker::PhantomData;
@@ -24,12 +25,43 @@ pub enum SpatialJoint {
 
 impl<T: Real> Sealed for Spatial<T> {}
 
+#[inline(always)]
 fn column<T: Real>(m: &Matrix3<T>, j: usize) -> Vector3<T> {
     Vector3::new(m[(0, j)], m[(1, j)], m[(2, j)])
 }
 
-fn outer<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Matrix3<T> {
-    a * b.transpose()
+#[inline(always)]
+fn row<T: Real>(m: &Matrix3<T>, i: usize) -> Vector3<T> {
+    Vector3::new(m[(i, 0)], m[(i, 1)], m[(i, 2)])
+}
+
+/// a + b. Written out like the products below: that is a third of the instructions of the general matrix loops.
+#[inline(always)]
+fn plus<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
+}
+
+#[inline(always)]
+fn times<T: Real>(a: Vector3<T>, k: T) -> Vector3<T> {
+    Vector3::new(a.x * k, a.y * k, a.z * k)
+}
+
+/// A v
+#[inline(always)]
+fn apply<T: Real>(m: &Matrix3<T>, v: Vector3<T>) -> Vector3<T> {
+    Vector3::new(Spatial::dot(row(m, 0), v), Spatial::dot(row(m, 1), v), Spatial::dot(row(m, 2), v))
+}
+
+/// Aᵀ v
+#[inline(always)]
+fn apply_transposed<T: Real>(m: &Matrix3<T>, v: Vector3<T>) -> Vector3<T> {
+    Vector3::new(Spatial::dot(column(m, 0), v), Spatial::dot(column(m, 1), v), Spatial::dot(column(m, 2), v))
+}
+
+/// A matrix by its columns.
+#[inline(always)]
+fn columns<T: Real>(x: Vector3<T>, y: Vector3<T>, z: Vector3<T>) -> Matrix3<T> {
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }
 
 /// The matrix of a×.
@@ -71,7 +103,7 @@ impl<T: Real> Algebra for Spatial<T> {
     type Scalar = T;
     type Vector = Vector3<T>;
     type Angular = Vector3<T>;
-    type Rotational = Matrix3<T>;
+    type Rotational = Symmetric3<T>;
     type Rotation = Matrix3<T>;
     type Joint = SpatialJoint;
     type Articulated = SpatialArticulated<T>;
@@ -80,72 +112,84 @@ impl<T: Real> Algebra for Spatial<T> {
     const ANGULAR: usize = 3;
     const LINEAR: usize = 3;
 
+    #[inline(always)]
     fn linear_part(v: Vector3<T>, i: usize) -> T {
         v[i]
     }
+    #[inline(always)]
     fn angular_part(w: Vector3<T>, i: usize) -> T {
         w[i]
     }
+    #[inline(always)]
+    fn zero() -> Vector3<T> {
+        Vector3::new(T::zero(), T::zero(), T::zero())
+    }
+    #[inline(always)]
+    fn zero_angular() -> Vector3<T> {
+        Self::zero()
+    }
+    #[inline(always)]
     fn vector(f: impl Fn(usize) -> T) -> Vector3<T> {
         Vector3::new(f(0), f(1), f(2))
     }
 
-    #[inline]
+    #[inline(always)]
     fn dot(a: Vector3<T>, b: Vector3<T>) -> T {
         a.x * b.x + a.y * b.y + a.z * b.z
     }
-    #[inline]
+    #[inline(always)]
     fn dot_angular(a: Vector3<T>, b: Vector3<T>) -> T {
         Self::dot(a, b)
     }
-    #[inline]
+    #[inline(always)]
     fn moment(r: Vector3<T>, f: Vector3<T>) -> Vector3<T> {
         Vector3::new(r.y * f.z - r.z * f.y, r.z * f.x - r.x * f.z, r.x * f.y - r.y * f.x)
     }
-    #[inline]
+    #[inline(always)]
     fn swing(w: Vector3<T>, r: Vector3<T>) -> Vector3<T> {
         Self::moment(w, r)
     }
-    #[inline]
+    #[inline(always)]
     fn cross_angular(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
         Self::moment(a, b)
     }
 
-    #[inline]
+    #[inline(always)]
     fn no_rotation() -> Matrix3<T> {
-        Matrix3::identity()
+        let (o, i) = (T::zero(), T::one());
+        Matrix3::new(i, o, o, o, i, o, o, o, i)
     }
-    #[inline]
+    #[inline(always)]
     fn compose(a: Matrix3<T>, b: Matrix3<T>) -> Matrix3<T> {
-        a * b
+        columns(apply(&a, column(&b, 0)), apply(&a, column(&b, 1)), apply(&a, column(&b, 2)))
     }
-    #[inline]
+    #[inline(always)]
     fn inverse(a: Matrix3<T>) -> Matrix3<T> {
         a.transpose()
     }
-    #[inline]
+    #[inline(always)]
     fn rotate(a: Matrix3<T>, v: Vector3<T>) -> Vector3<T> {
-        a * v
+        apply(&a, v)
     }
-    #[inline]
-    fn rotate_inertia(a: Matrix3<T>, i: Matrix3<T>) -> Matrix3<T> {
-        a * i * a.transpose()
+    #[inline(always)]
+    fn rotate_inertia(a: Matrix3<T>, i: Symmetric3<T>) -> Symmetric3<T> {
+        i.rotated(&a)
     }
-    #[inline]
-    fn apply_inertia(i: Matrix3<T>, w: Vector3<T>) -> Vector3<T> {
+    #[inline(always)]
+    fn apply_inertia(i: Symmetric3<T>, w: Vector3<T>) -> Vector3<T> {
         i * w
     }
-    #[inline]
-    fn trace(i: Matrix3<T>) -> T {
-        i[(0, 0)] + i[(1, 1)] + i[(2, 2)]
+    #[inline(always)]
+    fn trace(i: Symmetric3<T>) -> T {
+        i.diagonal.x + i.diagonal.y + i.diagonal.z
     }
-    fn solve_inertia(i: Matrix3<T>, n: Vector3<T>) -> Option<Vector3<T>>
+    fn solve_inertia(i: Symmetric3<T>, n: Vector3<T>) -> Option<Vector3<T>>
     where
         T: RealField,
     {
-        let principal = i.symmetric_eigen();
+        let principal = i.matrix().symmetric_eigen();
         let rounding: T = nalgebra::convert::<f64, T>(64.0) * T::default_epsilon();
-        let mut w = Vector3::zeros();
+        let mut w = Self::zero();
         for k in 0..3 {
             let axis = column(&principal.eigenvectors, k);
             let (inertia, part) = (principal.eigenvalues[k], Self::dot(axis, n));
@@ -157,30 +201,47 @@ impl<T: Real> Algebra for Spatial<T> {
         }
         Some(w)
     }
-    #[inline]
-    fn parallel_axis(mass: T, h: Vector3<T>, r: Vector3<T>) -> Matrix3<T> {
-        // −r×h× = (r·h)E − h rᵀ, so the sum is r·(h + h′) E − h rᵀ − r h′ᵀ with h′ = h + m r.
-        let moved = h + r * mass;
-        Matrix3::from_diagonal_element(Self::dot(r, h + moved)) - outer(h, r) - outer(r, moved)
+    #[inline(always)]
+    fn parallel_axis(mass: T, h: Vector3<T>, r: Vector3<T>) -> Symmetric3<T> {
+        // −r×h× = (r·h)E − h rᵀ, so the sum is r·(h + h′) E − h rᵀ − r h′ᵀ with h′ = h + m r: with 2k = h + h′ it is
+        // symmetric, 2 r·k E − k rᵀ − r kᵀ, and w = 2k serves.
+        let w = plus(plus(h, h), times(r, mass));
+        let (x, y, z) = (r.x * w.x, r.y * w.y, r.z * w.z);
+        let half: T = nalgebra::convert(-0.5);
+        Symmetric3 {
+            diagonal: Vector3::new(y + z, z + x, x + y),
+            beside: times(Vector3::new(r.y * w.z + r.z * w.y, r.z * w.x + r.x * w.z, r.x * w.y + r.y * w.x), half),
+        }
     }
-
-    #[inline]
+    #[inline(always)]
+    fn turn(placed: Matrix3<T>, sin: T, cos: T) -> Matrix3<T> {
+        let (x, y, z) = (column(&placed, 0), column(&placed, 1), column(&placed, 2));
+        columns(plus(times(x, cos), times(y, sin)), plus(times(y, cos), times(x, -sin)), z)
+    }
+    #[inline(always)]
+    fn hinge(rotation: Matrix3<T>) -> Vector3<T> {
+        column(&rotation, 2)
+    }
+    #[inline(always)]
+    fn turns(joint: SpatialJoint) -> bool {
+        joint == SpatialJoint::Revolute
+    }
+    #[inline(always)]
     fn move_joint(joint: SpatialJoint, placed: Matrix3<T>, ratio: T, shift: T, q: &[T]) -> (Matrix3<T>, Vector3<T>) {
         match joint {
             SpatialJoint::Revolute => {
                 let (sin, cos) = (ratio * q[0] + shift).simd_sin_cos();
-                let (x, y, z) = (column(&placed, 0), column(&placed, 1), column(&placed, 2));
-                (Matrix3::from_columns(&[x * cos + y * sin, y * cos - x * sin, z]), Vector3::zeros())
+                (Self::turn(placed, sin, cos), Self::zero())
             }
             SpatialJoint::Prismatic => (placed, column(&placed, 2) * (ratio * q[0] + shift)),
             SpatialJoint::Floating(0) => {
                 let turned = placed * from_quaternion(q[3], q[4], q[5], q[6]);
                 (turned, placed * Vector3::new(q[0], q[1], q[2]))
             }
-            SpatialJoint::Floating(_) => (placed, Vector3::zeros()),
+            SpatialJoint::Floating(_) => (placed, Self::zero()),
         }
     }
-    #[inline]
+    #[inline(always)]
     fn axis(joint: SpatialJoint, rotation: Matrix3<T>) -> Axis<Self> {
         match joint {
             SpatialJoint::Revolute => Axis::Turn(column(&rotation, 2)),
@@ -189,7 +250,7 @@ impl<T: Real> Algebra for Spatial<T> {
             SpatialJoint::Floating(k) => Axis::Turn(column(&rotation, usize::from(k) - 3)),
         }
     }
-    #[inline]
+    #[inline(always)]
     fn rides_along(joint: SpatialJoint) -> bool {
         matches!(joint, SpatialJoint::Floating(1..))
     }
@@ -200,7 +261,7 @@ impl<T: Real> Algebra for Spatial<T> {
     fn cast_rotation<U: Real>(a: Matrix3<T>) -> Matrix3<U> {
         a.map(cast)
     }
-    fn cast_inertia<U: Real>(i: Matrix3<T>) -> Matrix3<U> {
+    fn cast_inertia<U: Real>(i: Symmetric3<T>) -> Symmetric3<U> {
         i.map(cast)
     }
 }
@@ -208,12 +269,13 @@ impl<T: Real> Algebra for Spatial<T> {
 /// `[Iᵣ H; Hᵀ M]`: rotational, coupling and linear 3×3 blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialArticulated<T> {
-    rotational: Matrix3<T>,
+    rotational: Symmetric3<T>,
     coupling: Matrix3<T>,
-    linear: Matrix3<T>,
+    linear: Symmetric3<T>,
 }
 
 impl<T: Real> AddAssign for SpatialArticulated<T> {
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         self.rotational += other.rotational;
         self.coupling += other.coupling;
@@ -222,45 +284,67 @@ impl<T: Real> AddAssign for SpatialArticulated<T> {
 }
 
 impl<T: Real> Articulated<Spatial<T>> for SpatialArticulated<T> {
+    #[inline(always)]
     fn from_rigid(inertia: &Inertia<Spatial<T>>) -> Self {
         Self {
             rotational: inertia.rotational,
             coupling: skew(inertia.first_moment),
-            linear: Matrix3::from_diagonal_element(inertia.mass),
+            linear: Symmetric3::from_diagonal_element(inertia.mass),
         }
     }
 
+    #[inline(always)]
     fn along(&self, s: Axis<Spatial<T>>) -> Force<Spatial<T>> {
         match s {
-            Axis::Turn(z) => Force { moment: self.rotational * z, force: self.coupling.tr_mul(&z) },
-            Axis::Slide(z) => Force { moment: self.coupling * z, force: self.linear * z },
+            Axis::Turn(z) => Force { moment: self.rotational * z, force: apply_transposed(&self.coupling, z) },
+            Axis::Slide(z) => Force { moment: apply(&self.coupling, z), force: self.linear * z },
         }
     }
 
+    #[inline(always)]
     fn apply(&self, a: Motion<Spatial<T>>) -> Force<Spatial<T>> {
         Force {
-            moment: self.rotational * a.angular + self.coupling * a.linear,
-            force: self.coupling.tr_mul(&a.angular) + self.linear * a.linear,
+            moment: plus(self.rotational * a.angular, apply(&self.coupling, a.linear)),
+            force: plus(apply_transposed(&self.coupling, a.angular), self.linear * a.linear),
         }
     }
 
+    #[inline(always)]
     fn without(&self, u: Force<Spatial<T>>, inverse_d: T) -> Self {
-        let (moment, force) = (u.moment * inverse_d, u.force * inverse_d);
+        let Force { moment, force } = u;
+        let scaled = times(moment, -inverse_d);
+        let column = |j: usize| plus(column(&self.coupling, j), times(scaled, force[j]));
         Self {
-            rotational: self.rotational - outer(moment, u.moment),
-            coupling: self.coupling - outer(moment, u.force),
-            linear: self.linear - outer(force, u.force),
+            rotational: self.rotational + Symmetric3::square(moment, -inverse_d),
+            coupling: columns(column(0), column(1), column(2)),
+            linear: self.linear + Symmetric3::square(force, -inverse_d),
         }
     }
 
+    #[inline(always)]
     fn shifted(&self, r: Vector3<T>) -> Self {
-        // v = v′ + ω × r, so H′ = H + r×M and I′ = I + r×Hᵀ − H′r×.
-        let cross = skew(r);
-        let coupling = self.coupling + cross * self.linear;
-        Self {
-            rotational: self.rotational + cross * self.coupling.transpose() - coupling * cross,
-            coupling,
-            linear: self.linear,
-        }
+        // v = v′ + ω × r, so H′ = H + r×M and I′ = I + r×Hᵀ − H′r×. In columns and rows: (r×M)eⱼ = r × Meⱼ, and row i
+        // of −H′r× is r × (row i of H′). The sum is symmetric: six of its numbers are enough.
+        let cross = Spatial::moment;
+        let m = self.linear.matrix();
+        let moved = |j: usize| plus(column(&self.coupling, j), cross(r, column(&m, j)));
+        let coupling = columns(moved(0), moved(1), moved(2));
+        let (x, y, z) = (row(&self.coupling, 0), row(&self.coupling, 1), row(&self.coupling, 2));
+        let (x1, y1, z1) = (row(&coupling, 0), row(&coupling, 1), row(&coupling, 2));
+        // r×Hᵀ: its column j is r × (row j of H), so the sum's entry (i, j) is (r × Hⱼ)ᵢ + (r × H′ᵢ)ⱼ.
+        let Symmetric3 { diagonal: d, beside: b } = self.rotational;
+        let rotational = Symmetric3 {
+            diagonal: Vector3::new(
+                d.x + r.y * (x.z + x1.z) - r.z * (x.y + x1.y),
+                d.y + r.z * (y.x + y1.x) - r.x * (y.z + y1.z),
+                d.z + r.x * (z.y + z1.y) - r.y * (z.x + z1.x),
+            ),
+            beside: Vector3::new(
+                b.x + (r.z * z.x - r.x * z.z) + (r.x * y1.y - r.y * y1.x),
+                b.y + (r.x * x.y - r.y * x.x) + (r.y * z1.z - r.z * z1.y),
+                b.z + (r.y * y.z - r.z * y.y) + (r.z * x1.x - r.x * x1.z),
+            ),
+        };
+        Self { rotational, coupling, linear: self.linear }
     }
 }

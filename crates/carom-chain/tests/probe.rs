@@ -1,0 +1,127 @@
+//! The fused kernel against the general path, for every shape that it distinguishes.
+
+mod common;
+
+use carom_chain::algebra::Algebra;
+use carom_chain::urdf::{JointType, LoadOptions};
+use carom_chain::{Chain, ChainError, Point, uniform_chain};
+use common::{Sample, Zoo, close, robot, sample};
+use nalgebra::{DMatrix, Vector2, Vector3};
+
+/// Position, J, M and H to 1e-13 of their largest entry; the solve with M, and H, lose its condition number on top.
+fn agrees<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, q: &[f64]) {
+    let probe = chain.probe(point).unwrap();
+    let mut reading = probe.reading();
+    // What an earlier pose left must not show.
+    probe.read_into(&q.iter().map(|x| x + 0.3).collect::<Vec<_>>(), normal, &mut reading).unwrap();
+    probe.read_into(q, normal, &mut reading).unwrap();
+
+    let n = chain.nv();
+    let mut ws = chain.workspace();
+    let mut kin = ws.update(chain, q).unwrap();
+    let parts = |v: A::Vector| (0..A::LINEAR).map(|k| A::linear_part(v, k)).collect::<Vec<f64>>();
+    let (j, m) = (kin.point_jacobian(point), kin.mass_matrix());
+    close("position", &parts(reading.position), &parts(kin.position(point)), 1e-13, 1.0);
+    let columns: Vec<f64> = reading.jacobian.iter().flat_map(|&c| parts(c)).collect();
+    close("J", &columns, j.iter(), 1e-13, 1.0);
+    close("M", &reading.mass_matrix, m.iter(), 1e-13, 1e-3);
+
+    let mut along = vec![0.0; n];
+    kin.add_point_force(point, normal, &mut along).unwrap();
+    close("Jᵀn", &reading.joint_impulse, &along, 1e-13, 1.0);
+
+    // 100 ε for the recursions' own rounding, times the condition number.
+    let eigenvalues = m.symmetric_eigenvalues();
+    let solved = 1e-13 + 100.0 * f64::EPSILON * eigenvalues.max() / eigenvalues.min();
+    let mut response = vec![0.0; n];
+    let mut articulation = kin.articulate().unwrap();
+    articulation.solve_into(&along, &mut response).unwrap();
+    close("M⁻¹Jᵀn", &reading.response, &response, solved, 1e-3);
+    let h: DMatrix<f64> = articulation.delassus(point);
+    let columns: Vec<f64> = reading.delassus[..A::LINEAR].iter().flat_map(|&c| parts(c)).collect();
+    close("H", &columns, h.iter(), solved, 1e-3);
+    let mobility: f64 = along.iter().zip(&response).map(|(a, x)| a * x).sum();
+    close("nᵀHn", [reading.mobility].iter(), [mobility].iter(), solved, h.amax());
+}
+
+fn direction(s: &mut Sample) -> Vector3<f64> {
+    s.vector().normalize()
+}
+
+#[test]
+fn the_fused_kernel_equals_the_general_path_on_any_tree() {
+    for seed in 0..300 {
+        let mut s = sample(1 + seed as usize % 9, Zoo::Uncoupled, seed);
+        let moving: Vec<_> = s.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
+        for name in [moving.first(), moving.last()].into_iter().flatten() {
+            let offset = s.vector();
+            let point = s.chain.point(s.chain.frame(name).unwrap(), offset);
+            let (normal, q) = (direction(&mut s), s.q());
+            agrees(&s.chain, point, normal, &q);
+        }
+    }
+}
+
+/// Random hinges one after another, in space.
+fn row(hinges: usize, seed: u64) -> Sample {
+    let mut rng = fastrand::Rng::with_seed(seed);
+    let mut robot = robot(hinges, Zoo::Uncoupled, &mut rng);
+    for (k, joint) in robot.joints.iter_mut().enumerate() {
+        (joint.kind, joint.parent) = (JointType::Revolute, k);
+    }
+    Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng }
+}
+
+#[test]
+fn the_fused_kernel_equals_the_general_path_on_rows_of_hinges() {
+    for seed in 0..100 {
+        for hinges in 1..=8 {
+            let mut s = row(hinges, seed);
+            let name = format!("link{hinges}");
+            let offset = s.vector();
+            let point = s.chain.point(s.chain.frame(&name).unwrap(), offset);
+            let (normal, q) = (direction(&mut s), s.q());
+            agrees(&s.chain, point, normal, &q);
+        }
+    }
+}
+
+#[test]
+fn the_fused_kernel_equals_the_general_path_in_the_plane() {
+    for seed in 0..300 {
+        let mut s = sample(1 + seed as usize % 9, Zoo::Plane, seed);
+        let Ok(flat) = s.chain.to_planar() else { continue };
+        let frames: Vec<_> = flat.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
+        let Some(name) = frames.last() else { continue };
+        let offset = s.vector();
+        let point = flat.point(s.chain.frame(name).unwrap(), offset);
+        let q = s.q();
+        let normal = Vector2::new(s.vector().x, 1.0).normalize();
+        if !flat.chain.is_coupled() {
+            agrees(&flat.chain, point, normal, &q);
+        }
+    }
+    for hinges in [1, 2, 3, 4, 7, 30] {
+        let chain = uniform_chain(hinges, 1.0, 1.0).unwrap();
+        let flat = chain.to_planar().unwrap();
+        let point = flat.point(chain.frame("tip").unwrap(), Vector3::zeros());
+        let q: Vec<f64> = (0..hinges).map(|i| 0.3 + 0.1 * (i % 5) as f64).collect();
+        agrees(&flat.chain, point, -Vector2::x(), &q);
+    }
+}
+
+#[test]
+fn a_probe_is_refused_where_it_has_no_meaning() {
+    let chain = uniform_chain(2, 1.0, 1.0).unwrap();
+    let base = chain.point(chain.frame("link0").unwrap(), Vector3::zeros());
+    assert!(matches!(chain.probe(base), Err(ChainError::FixedPoint { .. })));
+    let coupled = (0..).map(|seed| sample(6, Zoo::All, seed)).find(|s| s.chain.is_coupled()).unwrap().chain;
+    let last = coupled.point(coupled.frame("link6").unwrap(), Vector3::zeros());
+    assert!(matches!(coupled.probe(last), Err(ChainError::Coupled { .. })));
+    let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
+    let probe = chain.probe(tip).unwrap();
+    let mut reading = probe.reading();
+    for q in [&[0.1][..], &[0.1, 0.2, 0.3]] {
+        assert!(matches!(probe.read_into(q, Vector3::x(), &mut reading), Err(ChainError::WrongLength { .. })));
+    }
+}

@@ -1,0 +1,117 @@
+//! One kernel, a hundred times: for counting its instructions, which repeat exactly where times do not.
+//!
+//! `.ci/instructions` runs this under callgrind for every kernel and compares with its table. Alone it gives the fastest
+//! time of many: `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
+
+use carom_chain::algebra::Algebra;
+use carom_chain::{Chain, Point, uniform_chain};
+use carom_sim::{FrictionlessJump, Outcomes, States, frictionless_jump_into};
+use nalgebra::{DMatrix, Vector2, Vector3};
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+const REPEATS: u32 = 100;
+/// Configurations of a batch.
+const MANY: usize = 1024;
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (robot, kernel, time) = match arguments.as_slice() {
+        [robot, kernel] => (robot, kernel, false),
+        [robot, kernel, time] if time == "time" => (robot, kernel, true),
+        _ => panic!("usage: instructions ROBOT KERNEL [time], as in .ci/instructions.txt"),
+    };
+    let (name, in_space) = match robot.strip_suffix("-in-space") {
+        Some(name) => (name, true),
+        None => (robot.as_str(), false),
+    };
+    let chain = match name.strip_prefix("chain") {
+        Some(links) => uniform_chain(links.parse().expect("number of links"), 1.0, 1.0).unwrap(),
+        None => Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap(),
+    };
+    let tip = chain.frame("tip").unwrap();
+    match chain.to_planar() {
+        Ok(flat) if !in_space => {
+            let point = flat.point(tip, Vector3::zeros());
+            run(&flat.chain, point, -Vector2::x(), kernel, time);
+        }
+        _ => run(&chain, chain.point(tip, Vector3::zeros()), -Vector3::x(), kernel, time),
+    }
+}
+
+/// What callgrind counts: it is told to collect inside of this function only.
+#[inline(never)]
+fn measured(work: &mut dyn FnMut()) {
+    for _ in 0..REPEATS {
+        work();
+    }
+}
+
+fn report(time: bool, mut work: impl FnMut()) {
+    work(); // what is done once, like asking for the processor's instructions, is not counted
+    measured(&mut work);
+    if time {
+        let once = || {
+            let start = Instant::now();
+            measured(&mut work);
+            start.elapsed()
+        };
+        let best = std::iter::repeat_with(once).take(2000).min().unwrap_or(Duration::ZERO);
+        println!("{:.1} ns", best.as_nanos() as f64 / f64::from(REPEATS));
+    }
+}
+
+fn run<A: Algebra<Scalar = f64>>(chain: &Chain<A>, tip: Point<A>, normal: A::Vector, kernel: &str, time: bool) {
+    let n = chain.nv();
+    let q: Vec<f64> = (0..n).map(|i| 0.3 + 0.1 * (i % 5) as f64).collect();
+    let fused = FrictionlessJump::new(chain, tip).unwrap();
+    let mut workspace = chain.workspace();
+    let mut out = q.clone();
+    match kernel {
+        "chain" => {
+            let mut jump = fused.jump();
+            report(time, || fused.jump_into(black_box(&q), &q, normal, 0.35, &mut jump).unwrap());
+        }
+        "batch" => {
+            let columns = |rows: usize| -> Vec<Vec<f64>> {
+                (0..rows).map(|i| (0..MANY).map(|k| 0.3 + 0.1 * (i % 5) as f64 + 1e-3 * k as f64).collect()).collect()
+            };
+            let states = columns(n);
+            let states: Vec<&[f64]> = states.iter().map(Vec::as_slice).collect();
+            let (mut qd_plus, mut impulse) = (columns(n), columns(1));
+            let mut qd_plus: Vec<&mut [f64]> = qd_plus.iter_mut().map(Vec::as_mut_slice).collect();
+            let mut impulse: Vec<&mut [f64]> = impulse.iter_mut().map(Vec::as_mut_slice).collect();
+            report(time, || {
+                let states = black_box(States { q: &states, qd: &states });
+                let mut outcomes = Outcomes { qd_plus: &mut qd_plus, impulse: &mut impulse, ..Default::default() };
+                fused.many(states, normal, 0.35, &mut outcomes).unwrap();
+            });
+        }
+        "recursive-jump" => {
+            let mut scratch = q.clone();
+            report(time, || {
+                let mut kin = workspace.update(chain, black_box(&q)).unwrap();
+                frictionless_jump_into(&mut kin, tip, normal, 0.35, &q, &mut scratch, &mut out).unwrap();
+            });
+        }
+        "mass-matrix" => {
+            let mut m = DMatrix::zeros(n, n);
+            report(time, || workspace.update(chain, black_box(&q)).unwrap().mass_matrix_into(&mut m));
+        }
+        "inverse-dynamics" => report(time, || {
+            workspace.update(chain, black_box(&q)).unwrap().inverse_dynamics_into(&q, &q, normal, &mut out).unwrap();
+        }),
+        "forward-dynamics" => report(time, || {
+            let mut kin = workspace.update(chain, black_box(&q)).unwrap();
+            kin.articulate().unwrap().forward_dynamics_into(&q, &q, normal, &mut out).unwrap();
+        }),
+        "delassus" => {
+            let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
+            report(time, || {
+                let mut kin = workspace.update(chain, black_box(&q)).unwrap();
+                kin.articulate().unwrap().delassus_into(tip, &mut h);
+            });
+        }
+        _ => panic!("no kernel '{kernel}'"),
+    }
+}

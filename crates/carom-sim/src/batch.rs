@@ -1,0 +1,304 @@
+//! The frictionless impact at one configuration after another, or at many at once: the kernel for sweeps.
+//!
+//! `qd⁺ = qd⁻ − (1+e) (n·J qd⁻)/(nᵀHn) M⁻¹Jᵀn`: eqs. (10)–(15) of Pagilla & Yu, IEEE/ASME T. Mechatronics 9 (2004), with
+//! J, M, H and M⁻¹Jᵀn from one fused pass ([`carom_chain::Probe`]).
+//!
+//! **Many at once.** [`FrictionlessJump::many`] takes columns, as a table has them: one slice for each coordinate, one entry
+//! for each configuration. Inside, sines and cosines are taken over whole columns, and then the same kernel runs over
+//! [`LANES`] configurations side by side. Which instructions the processor has is asked at run time. The operations on one
+//! configuration are those of the kernel for one at a time, in the same order, so the digits are the same
+//! (`tests/batch.rs`).
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | n | unit normal, world axes, from the environment to the robot | `normal` |
+//! | e | restitution; Newton's, Poisson's and Stronge's coincide here | `restitution` |
+//! | p = −(1+e) (n·u⁻)/(nᵀHn) | normal impulse, N s | `impulse` |
+
+use carom_chain::algebra::Algebra;
+use carom_chain::sine::sin_cos_into;
+use carom_chain::{Body, Chain, ChainError, Point, Probe, Reading, Turned};
+use num_traits::{One, Zero};
+use pulp::{Arch, Simd, WithSimd};
+use simba::simd::AutoSimd;
+
+/// How many configurations run side by side.
+pub const LANES: usize = 4;
+
+/// A number for each of them. Plain arrays: the compiler makes of them whatever the processor at hand has.
+type Lane = AutoSimd<[f64; LANES]>;
+
+/// Configurations whose sines are taken together: enough to fill the vectors, few enough for the first cache.
+const BLOCK: usize = 64;
+
+/// One point of a chain, ready to be struck without friction at many configurations. Immutable, and shared by reference.
+#[derive(Debug, Clone)]
+pub struct FrictionlessJump<A: Algebra<Scalar = f64>> {
+    one: Probe<A>,
+    lanes: Probe<A::Cast<Lane>>,
+}
+
+/// What one impact does, and the scratch memory to find it.
+#[derive(Debug, Clone)]
+pub struct Jumped<A: Algebra> {
+    /// Joint velocities after.
+    pub qd_plus: Vec<A::Scalar>,
+    /// Normal impulse, N s.
+    pub impulse: A::Scalar,
+    /// Position, J, M and H at the point.
+    pub reading: Reading<A>,
+}
+
+/// States before the impacts, by columns of equal length.
+#[derive(Debug, Clone, Copy)]
+pub struct States<'a> {
+    /// A column for each entry of q; rad, m, quaternion.
+    pub q: &'a [&'a [f64]],
+    /// A column for each entry of qd.
+    pub qd: &'a [&'a [f64]],
+}
+
+/// What the impacts do, by columns as long as those of the states. Columns that nobody wants are left out: an empty slice.
+#[derive(Debug, Default)]
+pub struct Outcomes<'a, 'b> {
+    /// A column for each joint velocity after.
+    pub qd_plus: &'a mut [&'b mut [f64]],
+    /// The normal impulses, N s, in one column.
+    pub impulse: &'a mut [&'b mut [f64]],
+    /// H column by column, 9 columns or 4 in the plane, world axes, 1/kg.
+    pub delassus: &'a mut [&'b mut [f64]],
+    /// J column by column, 3·nv columns or 2·nv in the plane, world axes.
+    pub jacobian: &'a mut [&'b mut [f64]],
+    /// M column by column, nv² columns.
+    pub mass_matrix: &'a mut [&'b mut [f64]],
+}
+
+impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
+    /// Makes a point of a chain ready to be struck.
+    ///
+    /// # Errors
+    /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
+    pub fn new(chain: &Chain<A>, point: Point<A>) -> Result<Self, ChainError> {
+        let wide = Point { body: point.body, position: A::cast_vector(point.position) };
+        Ok(Self { one: chain.probe(point)?, lanes: chain.cast().probe(wide)? })
+    }
+
+    /// Memory for one impact. Allocates; jumping into it does not.
+    pub fn jump(&self) -> Jumped<A> {
+        Jumped::of(&self.one)
+    }
+
+    /// The impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes. Allocates nothing.
+    ///
+    /// The sign of the approach is not looked at, and a singular normal gives infinities: this is the kernel, and
+    /// [`crate::Strike`] is what checks.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    ///
+    /// # Panics
+    /// If `jump` was made for another chain.
+    pub fn jump_into(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        normal: A::Vector,
+        restitution: f64,
+        jump: &mut Jumped<A>,
+    ) -> Result<(), ChainError> {
+        self.one.check_velocities(qd.len())?;
+        self.one.read_into(q, normal, &mut jump.reading)?;
+        jump.finish(qd, restitution);
+        Ok(())
+    }
+
+    /// The impacts at many states, all with the same `normal` and `restitution`. Allocates its scratch memory once.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`]: too few columns or too many, or columns of different lengths.
+    pub fn many(
+        &self,
+        states: States,
+        normal: A::Vector,
+        restitution: f64,
+        outcomes: &mut Outcomes,
+    ) -> Result<(), ChainError> {
+        let count = self.check(&states, outcomes)?;
+        let normal = A::cast_vector(normal);
+        Arch::new().dispatch(Sweep { probe: &self.lanes, states, normal, restitution, outcomes, count });
+        Ok(())
+    }
+
+    /// The number of states, if all columns are there and have it.
+    fn check(&self, states: &States, outcomes: &Outcomes) -> Result<usize, ChainError> {
+        let chain = self.one.chain();
+        let (nv, linear) = (chain.nv(), A::LINEAR);
+        let number = |what, got, expected: usize, optional: bool| {
+            let layout = "one column for each number".to_string();
+            if got == expected || optional && got == 0 {
+                Ok(())
+            } else {
+                Err(ChainError::WrongLength { what, got, expected, layout })
+            }
+        };
+        number("columns of q", states.q.len(), chain.nq(), false)?;
+        number("columns of qd", states.qd.len(), nv, false)?;
+        number("columns of qd_plus", outcomes.qd_plus.len(), nv, true)?;
+        number("columns of impulse", outcomes.impulse.len(), 1, true)?;
+        number("columns of delassus", outcomes.delassus.len(), linear * linear, true)?;
+        number("columns of jacobian", outcomes.jacobian.len(), linear * nv, true)?;
+        number("columns of mass_matrix", outcomes.mass_matrix.len(), nv * nv, true)?;
+        let count = states.qd.first().map_or(0, |column| column.len());
+        let given = states.q.iter().chain(states.qd).map(|c| c.len());
+        let wanted = outcomes.all().map(|c| c.len());
+        match given.chain(wanted).find(|&length| length != count) {
+            None => Ok(count),
+            Some(got) => {
+                let layout = "one entry for each state".to_string();
+                Err(ChainError::WrongLength { what: "column", got, expected: count, layout })
+            }
+        }
+    }
+}
+
+impl<'b> Outcomes<'_, 'b> {
+    fn all(&self) -> impl Iterator<Item = &&'b mut [f64]> {
+        let rest = self.delassus.iter().chain(self.jacobian.iter()).chain(self.mass_matrix.iter());
+        self.qd_plus.iter().chain(self.impulse.iter()).chain(rest)
+    }
+}
+
+impl<A: Algebra> Jumped<A> {
+    #[inline(always)]
+    fn of(probe: &Probe<A>) -> Self {
+        let zero = A::Scalar::zero();
+        Self { qd_plus: vec![zero; probe.chain().nv()], impulse: zero, reading: probe.reading() }
+    }
+
+    /// From the reading to the velocities after.
+    #[inline(always)]
+    fn finish(&mut self, qd: &[A::Scalar], restitution: A::Scalar) {
+        let Reading { joint_impulse, response, mobility, .. } = &self.reading;
+        let mut approach = A::Scalar::zero();
+        for (j, v) in joint_impulse.iter().zip(qd) {
+            approach += *j * *v;
+        }
+        let impulse = -(A::Scalar::one() + restitution) * approach / *mobility;
+        for ((after, before), x) in self.qd_plus.iter_mut().zip(qd).zip(response) {
+            *after = *before + *x * impulse;
+        }
+        self.impulse = impulse;
+    }
+}
+
+/// The work over all states, in whatever instructions the processor has.
+struct Sweep<'a, 'b, 'c, A: Algebra> {
+    probe: &'a Probe<A>,
+    states: States<'a>,
+    normal: A::Vector,
+    restitution: f64,
+    outcomes: &'a mut Outcomes<'b, 'c>,
+    count: usize,
+}
+
+impl<A: Algebra<Scalar = Lane>> WithSimd for Sweep<'_, '_, '_, A> {
+    type Output = ();
+
+    // Everything must be inlined here: only this body is compiled for the processor at hand.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { probe, states, normal, restitution, outcomes, count } = self;
+        let bodies = probe.chain().bodies();
+        let restitution = AutoSimd([restitution; LANES]);
+        let mut jump = Jumped::of(probe);
+        let (mut q, mut qd) = (vec![Lane::zero(); states.q.len()], vec![Lane::zero(); states.qd.len()]);
+        let mut angles = [0.0; BLOCK];
+        let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies.len()], vec![[0.0; BLOCK]; bodies.len()]);
+        for block in (0..count).step_by(BLOCK) {
+            let size = BLOCK.min(count - block);
+            for ((body, sin), cos) in
+                bodies.iter().zip(&mut sines).zip(&mut cosines).filter(|((b, _), _)| A::turns(b.joint))
+            {
+                let (AutoSimd([ratio, ..]), AutoSimd([shift, ..])) = (body.ratio, body.shift);
+                for (angle, q) in angles.iter_mut().zip(&states.q[body.q_index][block..block + size]) {
+                    *angle = ratio * q + shift;
+                }
+                sin_cos_into(&angles, sin, cos);
+            }
+            for start in (0..size).step_by(LANES) {
+                let at = block + start;
+                for (q, column) in q.iter_mut().zip(states.q) {
+                    *q = load(column, at);
+                }
+                for (qd, column) in qd.iter_mut().zip(states.qd) {
+                    *qd = load(column, at);
+                }
+                let turned = ByColumn { sines: &sines, cosines: &cosines, start };
+                // The number of columns is that of the chain: nothing can be refused.
+                let _ = probe.read_turned(&q, &turned, normal, &mut jump.reading);
+                jump.finish(&qd, restitution);
+
+                let reading = &jump.reading;
+                for (column, x) in outcomes.qd_plus.iter_mut().zip(&jump.qd_plus) {
+                    store(column, at, *x);
+                }
+                for column in outcomes.impulse.iter_mut() {
+                    store(column, at, jump.impulse);
+                }
+                for (k, column) in outcomes.delassus.iter_mut().enumerate() {
+                    store(column, at, A::linear_part(reading.delassus[k / A::LINEAR], k % A::LINEAR));
+                }
+                for (k, column) in outcomes.jacobian.iter_mut().enumerate() {
+                    store(column, at, A::linear_part(reading.jacobian[k / A::LINEAR], k % A::LINEAR));
+                }
+                for (column, x) in outcomes.mass_matrix.iter_mut().zip(&reading.mass_matrix) {
+                    store(column, at, *x);
+                }
+            }
+        }
+    }
+}
+
+/// From the sines and cosines of a block, which were taken all together.
+struct ByColumn<'a> {
+    sines: &'a [[f64; BLOCK]],
+    cosines: &'a [[f64; BLOCK]],
+    start: usize,
+}
+
+impl<A: Algebra<Scalar = Lane>> Turned<A> for ByColumn<'_> {
+    #[inline(always)]
+    fn sin_cos(&self, i: usize, _: &Body<A>) -> (Lane, Lane) {
+        (load(&self.sines[i], self.start), load(&self.cosines[i], self.start))
+    }
+}
+
+/// Entries from `at` on; where the column ends, its last one again.
+#[inline(always)]
+fn load(column: &[f64], at: usize) -> Lane {
+    match column.get(at..at + LANES) {
+        Some(&[a, b, c, d]) => AutoSimd([a, b, c, d]),
+        _ => AutoSimd(load_end(column, at)),
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn load_end(column: &[f64], at: usize) -> [f64; LANES] {
+    std::array::from_fn(|l| column[(at + l).min(column.len() - 1)])
+}
+
+/// Puts entries at `at`, as far as the column goes.
+#[inline(always)]
+fn store(column: &mut [f64], at: usize, AutoSimd(x): Lane) {
+    match column.get_mut(at..at + LANES) {
+        Some(entries) => entries.copy_from_slice(&x),
+        None => store_end(&mut column[at..], &x),
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn store_end(end: &mut [f64], x: &[f64; LANES]) {
+    end.iter_mut().zip(x).for_each(|(entry, x)| *entry = *x);
+}
