@@ -27,3 +27,16 @@ pub mod prelude {
         uniform_chain,
     };
 }
+
+/// The book's pages that have Rust in them: `cargo test --doc` compiles and runs it.
+#[cfg(doctest)]
+mod book {
+    #[doc = include_str!("../../../book/src/first-steps.md")]
+    mod first_steps {}
+    #[doc = include_str!("../../../book/src/one-impact.md")]
+    mod one_impact {}
+    #[doc = include_str!("../../../book/src/law-several.md")]
+    mod law_several {}
+    #[doc = include_str!("../../../book/src/scenes.md")]
+    mod scenes {}
+}
