@@ -27,6 +27,8 @@ use std::cell::RefCell;
 const HYSTERESIS: f64 = 1e-14;
 /// Legs that need more steps than this are given up.
 const MAX_STEPS: usize = 10_000_000;
+/// So many steps for each of the longest are given to a leg that has another way.
+const PATIENCE: usize = 500;
 
 /// A smooth vector field with witnesses: one mode of contact of one chain.
 pub(crate) trait Flow {
@@ -184,6 +186,9 @@ fn integrate(
 ) -> Result<(), SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
+    // A lasting contact whose steps grow so small has better ways: a leg of its length is done in hundreds.
+    let max_steps =
+        if accuracy.gives_up { PATIENCE * (1 + ((end - start).abs() / longest) as usize) } else { MAX_STEPS };
     // One for each number: ivp 0.6's Radau converts a tolerance in place, once for each number, so that a shared one ends
     // at 1e-3 whatever it was.
     let (relative, absolute) =
@@ -193,13 +198,13 @@ fn integrate(
             let method = DOP853::builder()
                 .max_step(longest)
                 .stiff_test(if accuracy.gives_up { 1000 } else { usize::MAX })
-                .max_steps(MAX_STEPS)
+                .max_steps(max_steps)
                 .build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
         Integrator::Radau => {
             let method =
-                RADAU::builder().max_step(longest).max_steps(MAX_STEPS).mass_storage(MatrixStorage::Identity).build();
+                RADAU::builder().max_step(longest).max_steps(max_steps).mass_storage(MatrixStorage::Identity).build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
     };
