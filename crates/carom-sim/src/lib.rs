@@ -19,6 +19,7 @@ mod frictionless;
 mod leg;
 mod motion;
 mod plan;
+mod run;
 mod saltation;
 mod scene;
 mod scene_file;

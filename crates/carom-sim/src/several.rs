@@ -16,7 +16,7 @@
 
 use crate::error::SimError;
 use crate::motion::Dry;
-use crate::simulate::{Run, Stays, TOUCHING};
+use crate::run::{Run, Stays, TOUCHING};
 use crate::space::{Space, View};
 use crate::touch::{At, Touch};
 use crate::trajectory::{Blow, ContactMode, EventKind};
