@@ -72,25 +72,22 @@ fn near(angle: f64) -> (f64, f64) {
     let rounded = angle * std::f64::consts::FRAC_2_PI + ROUNDER;
     let quarter = rounded.to_bits();
     let k = rounded - ROUNDER;
-    // angle − k π/2 = x + rest: the first difference and all products but the last are exact.
+    // angle − k π/2 = x + rest: all is exact but x, whose rounding `rest` takes up, and the last product.
     let first = angle - k * PART_1;
     let second = k * PART_2;
-    let near = first - second;
-    let back = first - near;
-    let lost = (first - (near + back)) + (back - second);
-    let tail = lost - k * PART_3;
-    let x = near + tail;
-    let rest = (near - x) + tail;
+    let x = first - second;
+    let back = first - x;
+    let lost = (first - (x + back)) + (back - second);
+    let rest = lost - k * PART_3;
 
-    let z = x * x;
-    let odd = SIN[1] + z * (SIN[2] + z * (SIN[3] + z * (SIN[4] + z * SIN[5])));
-    let cube = z * x;
-    let sine = x - ((z * (0.5 * rest - cube * odd) - rest) - cube * SIN[0]);
-
-    let even = z * (COS[0] + z * (COS[1] + z * (COS[2] + z * (COS[3] + z * (COS[4] + z * COS[5])))));
-    let half = 0.5 * z;
-    let one_less = 1.0 - half;
-    let cosine = one_less + (((1.0 - one_less) - half) + (z * even - x * rest));
+    // Polynomials by pairs (Estrin): a short chain waits for their last digit, and has nothing else to do.
+    let (z, half_z) = (x * x, 0.5 * (x * x));
+    let zz = z * z;
+    let by_pairs = |c: [f64; 6]| (c[0] + z * c[1]) + zz * ((c[2] + z * c[3]) + zz * (c[4] + z * c[5]));
+    // sin(x + rest) = x + (S x³ + rest cos x), cos(x + rest) = 1 − x²/2 + (C x⁴ − rest x); the rounding of 1 − x²/2 is exact.
+    let sine = x + ((z * x) * by_pairs(SIN) + (rest - half_z * rest));
+    let one_less = 1.0 - half_z;
+    let cosine = one_less + (((1.0 - one_less) - half_z) + (zz * by_pairs(COS) - x * rest));
 
     // Odd quarters change sine and cosine over; bit 1 of the quarter, and of the next, is the sign.
     let swap = 0_u64.wrapping_sub(quarter & 1);
