@@ -37,7 +37,7 @@ pub use contact_inertia::ContactInertia;
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use planarize::{PlanarChain, Plane};
-pub use probe::{Probe, Reading, Turned};
+pub use probe::{Angle, Finish, Found, Probe, Reading, Turned};
 pub use reduce::Reduced;
 pub use state::OutsideLimit;
 pub use workspace::{Kinematics, Workspace};

@@ -4,8 +4,8 @@
 //! J, M, H and M⁻¹Jᵀn from one fused pass ([`carom_chain::Probe`]).
 //!
 //! **Many at once.** [`FrictionlessJump::many`] takes columns, as a table has them: one slice for each coordinate, one entry
-//! for each configuration. Inside, sines and cosines are taken over whole columns, and then the same kernel runs over
-//! [`LANES`] configurations side by side. Which instructions the processor has is asked at run time. The operations on one
+//! for each configuration. Inside, sines and cosines are taken over whole columns, and then the same kernel runs over four
+//! configurations side by side, or eight. Which instructions the processor has is asked at run time. The operations on one
 //! configuration are those of the kernel for one at a time, in the same order, so the digits are the same
 //! (`tests/batch.rs`).
 //!
@@ -17,16 +17,14 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
-use carom_chain::{Body, Chain, ChainError, Point, Probe, Reading, Turned};
+use carom_chain::{Angle, Chain, ChainError, Finish, Found, Point, Probe, Reading, Turned};
+use nalgebra::SimdRealField;
 use num_traits::{One, Zero};
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
 
-/// How many configurations run side by side.
-pub const LANES: usize = 4;
-
-/// A number for each of them. Plain arrays: the compiler makes of them whatever the processor at hand has.
-type Lane = AutoSimd<[f64; LANES]>;
+/// `L` configurations side by side. Plain arrays: the compiler makes of them whatever the processor at hand has.
+type Lanes<const L: usize> = AutoSimd<[f64; L]>;
 
 /// Configurations whose sines are taken together: enough to fill the vectors, few enough for the first cache.
 const BLOCK: usize = 64;
@@ -34,8 +32,7 @@ const BLOCK: usize = 64;
 /// One point of a chain, ready to be struck without friction at many configurations. Immutable, and shared by reference.
 #[derive(Debug, Clone)]
 pub struct FrictionlessJump<A: Algebra<Scalar = f64>> {
-    one: Probe<A>,
-    lanes: Probe<A::Cast<Lane>>,
+    probe: Probe<A>,
 }
 
 /// What one impact does, and the scratch memory to find it.
@@ -79,13 +76,12 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
     pub fn new(chain: &Chain<A>, point: Point<A>) -> Result<Self, ChainError> {
-        let wide = Point { body: point.body, position: A::cast_vector(point.position) };
-        Ok(Self { one: chain.probe(point)?, lanes: chain.cast().probe(wide)? })
+        Ok(Self { probe: chain.probe(point)? })
     }
 
     /// Memory for one impact. Allocates; jumping into it does not.
     pub fn jump(&self) -> Jumped<A> {
-        Jumped::of(&self.one)
+        Jumped { qd_plus: vec![0.0; self.probe.chain().nv()], impulse: 0.0, reading: self.probe.reading() }
     }
 
     /// The impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes. Allocates nothing.
@@ -106,10 +102,10 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         restitution: f64,
         jump: &mut Jumped<A>,
     ) -> Result<(), ChainError> {
-        self.one.check_velocities(qd.len())?;
-        self.one.read_into(q, normal, &mut jump.reading)?;
-        jump.finish(qd, restitution);
-        Ok(())
+        self.probe.check_velocities(qd.len())?;
+        assert_eq!(jump.qd_plus.len(), qd.len(), "this jump belongs to another chain");
+        let Jumped { qd_plus, impulse, reading } = jump;
+        self.probe.read_and(q, normal, reading, Single { qd, restitution, qd_plus, impulse })
     }
 
     /// The impacts at many states, all with the same `normal` and `restitution`. Allocates its scratch memory once.
@@ -124,14 +120,13 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         outcomes: &mut Outcomes,
     ) -> Result<(), ChainError> {
         let count = self.check(&states, outcomes)?;
-        let normal = A::cast_vector(normal);
-        Arch::new().dispatch(Sweep { probe: &self.lanes, states, normal, restitution, outcomes, count });
+        Arch::new().dispatch(Sweep { probe: &self.probe, states, normal, restitution, outcomes, count });
         Ok(())
     }
 
     /// The number of states, if all columns are there and have it.
     fn check(&self, states: &States, outcomes: &Outcomes) -> Result<usize, ChainError> {
-        let chain = self.one.chain();
+        let chain = self.probe.chain();
         let (nv, linear) = (chain.nv(), A::LINEAR);
         let number = |what, got, expected: usize, optional: bool| {
             let layout = "one column for each number".to_string();
@@ -168,26 +163,39 @@ impl<'b> Outcomes<'_, 'b> {
     }
 }
 
-impl<A: Algebra> Jumped<A> {
-    #[inline(always)]
-    fn of(probe: &Probe<A>) -> Self {
-        let zero = A::Scalar::zero();
-        Self { qd_plus: vec![zero; probe.chain().nv()], impulse: zero, reading: probe.reading() }
+/// From what was found to the impulse, and the velocities after to `after`.
+#[inline(always)]
+fn jump<A: Algebra>(
+    found: &Found<A>,
+    qd: &[A::Scalar],
+    restitution: A::Scalar,
+    mut after: impl FnMut(usize, A::Scalar),
+) -> A::Scalar {
+    let mut approach = A::Scalar::zero();
+    for (j, v) in found.joint_impulse.iter().zip(qd) {
+        approach += *j * *v;
     }
+    let impulse = -(A::Scalar::one() + restitution) * approach / found.mobility;
+    for (i, (before, x)) in qd.iter().zip(found.response).enumerate() {
+        after(i, *before + *x * impulse);
+    }
+    impulse
+}
 
-    /// From the reading to the velocities after.
+/// One impact alone.
+struct Single<'a> {
+    qd: &'a [f64],
+    restitution: f64,
+    qd_plus: &'a mut [f64],
+    impulse: &'a mut f64,
+}
+
+impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
+    const KEEPS: bool = true;
     #[inline(always)]
-    fn finish(&mut self, qd: &[A::Scalar], restitution: A::Scalar) {
-        let Reading { joint_impulse, response, mobility, .. } = &self.reading;
-        let mut approach = A::Scalar::zero();
-        for (j, v) in joint_impulse.iter().zip(qd) {
-            approach += *j * *v;
-        }
-        let impulse = -(A::Scalar::one() + restitution) * approach / *mobility;
-        for ((after, before), x) in self.qd_plus.iter_mut().zip(qd).zip(response) {
-            *after = *before + *x * impulse;
-        }
-        self.impulse = impulse;
+    fn finish(&mut self, found: Found<A>) {
+        let n = self.qd_plus.len();
+        *self.impulse = jump(&found, &self.qd[..n], self.restitution, |i, v| self.qd_plus[i] = v);
     }
 }
 
@@ -201,31 +209,42 @@ struct Sweep<'a, 'b, 'c, A: Algebra> {
     count: usize,
 }
 
-impl<A: Algebra<Scalar = Lane>> WithSimd for Sweep<'_, '_, '_, A> {
+impl<A: Algebra<Scalar = f64>> WithSimd for Sweep<'_, '_, '_, A> {
     type Output = ();
 
     // Everything must be inlined here: only this body is compiled for the processor at hand.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
+        if S::F64_LANES >= 8 { self.over::<8>() } else { self.over::<4>() }
+    }
+}
+
+impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
+    #[inline(always)]
+    fn over<const L: usize>(self)
+    where
+        Lanes<L>: SimdRealField + Copy,
+    {
         let Self { probe, states, normal, restitution, outcomes, count } = self;
-        let bodies = probe.chain().bodies();
-        let restitution = AutoSimd([restitution; LANES]);
-        let mut jump = Jumped::of(probe);
-        let (mut q, mut qd) = (vec![Lane::zero(); states.q.len()], vec![Lane::zero(); states.qd.len()]);
-        let mut angles = [0.0; BLOCK];
-        let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies.len()], vec![[0.0; BLOCK]; bodies.len()]);
+        let angles = probe.angles();
+        let bodies = probe.chain().bodies().len();
+        let probe = probe.cast::<Lanes<L>>();
+        let normal = A::cast_vector(normal);
+        let restitution = AutoSimd([restitution; L]);
+        let mut reading = probe.reading();
+        let zero = AutoSimd([0.0; L]);
+        let (mut q, mut qd) = (vec![zero; states.q.len()], vec![zero; states.qd.len()]);
+        let mut block_angles = [0.0; BLOCK];
+        let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies], vec![[0.0; BLOCK]; bodies]);
         for block in (0..count).step_by(BLOCK) {
             let size = BLOCK.min(count - block);
-            for ((body, sin), cos) in
-                bodies.iter().zip(&mut sines).zip(&mut cosines).filter(|((b, _), _)| A::turns(b.joint))
-            {
-                let (AutoSimd([ratio, ..]), AutoSimd([shift, ..])) = (body.ratio, body.shift);
-                for (angle, q) in angles.iter_mut().zip(&states.q[body.q_index][block..block + size]) {
-                    *angle = ratio * q + shift;
+            for &(body, Angle { coordinate, sense, shift }) in &angles {
+                for (angle, q) in block_angles.iter_mut().zip(&states.q[coordinate][block..block + size]) {
+                    *angle = sense * q + shift;
                 }
-                sin_cos_into(&angles, sin, cos);
+                sin_cos_into(&block_angles, &mut sines[body], &mut cosines[body]);
             }
-            for start in (0..size).step_by(LANES) {
+            for start in (0..size).step_by(L) {
                 let at = block + start;
                 for (q, column) in q.iter_mut().zip(states.q) {
                     *q = load(column, at);
@@ -234,27 +253,48 @@ impl<A: Algebra<Scalar = Lane>> WithSimd for Sweep<'_, '_, '_, A> {
                     *qd = load(column, at);
                 }
                 let turned = ByColumn { sines: &sines, cosines: &cosines, start };
+                let finish = Several { qd: &qd, restitution, outcomes, at };
                 // The number of columns is that of the chain: nothing can be refused.
-                let _ = probe.read_turned(&q, &turned, normal, &mut jump.reading);
-                jump.finish(&qd, restitution);
-
-                let reading = &jump.reading;
-                for (column, x) in outcomes.qd_plus.iter_mut().zip(&jump.qd_plus) {
-                    store(column, at, *x);
-                }
-                for column in outcomes.impulse.iter_mut() {
-                    store(column, at, jump.impulse);
-                }
-                for (k, column) in outcomes.delassus.iter_mut().enumerate() {
-                    store(column, at, A::linear_part(reading.delassus[k / A::LINEAR], k % A::LINEAR));
-                }
-                for (k, column) in outcomes.jacobian.iter_mut().enumerate() {
-                    store(column, at, A::linear_part(reading.jacobian[k / A::LINEAR], k % A::LINEAR));
-                }
-                for (column, x) in outcomes.mass_matrix.iter_mut().zip(&reading.mass_matrix) {
-                    store(column, at, *x);
-                }
+                let _ = probe.read_turned(&q, &turned, normal, &mut reading, finish);
             }
+        }
+    }
+}
+
+/// `L` impacts, from entry `at` of the columns on.
+struct Several<'a, 'b, 'c, const L: usize> {
+    qd: &'a [Lanes<L>],
+    restitution: Lanes<L>,
+    outcomes: &'a mut Outcomes<'b, 'c>,
+    at: usize,
+}
+
+impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Finish<A> for Several<'_, '_, '_, L>
+where
+    Lanes<L>: SimdRealField + Copy,
+{
+    const KEEPS: bool = false;
+    #[inline(always)]
+    fn finish(&mut self, found: Found<A>) {
+        let Self { qd, restitution, outcomes, at } = self;
+        let at = *at;
+        let wanted = !outcomes.qd_plus.is_empty();
+        let impulse = jump(&found, qd, *restitution, |i, v| {
+            if wanted {
+                store(outcomes.qd_plus[i], at, v);
+            }
+        });
+        for column in outcomes.impulse.iter_mut() {
+            store(column, at, impulse);
+        }
+        for (k, column) in outcomes.delassus.iter_mut().enumerate() {
+            store(column, at, A::linear_part(found.delassus[k / A::LINEAR], k % A::LINEAR));
+        }
+        for (k, column) in outcomes.jacobian.iter_mut().enumerate() {
+            store(column, at, A::linear_part(found.jacobian[k / A::LINEAR], k % A::LINEAR));
+        }
+        for (column, x) in outcomes.mass_matrix.iter_mut().zip(found.mass_matrix) {
+            store(column, at, *x);
         }
     }
 }
@@ -266,32 +306,35 @@ struct ByColumn<'a> {
     start: usize,
 }
 
-impl<A: Algebra<Scalar = Lane>> Turned<A> for ByColumn<'_> {
+impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Turned<A> for ByColumn<'_>
+where
+    Lanes<L>: SimdRealField + Copy,
+{
     #[inline(always)]
-    fn sin_cos(&self, i: usize, _: &Body<A>) -> (Lane, Lane) {
+    fn sin_cos(&self, i: usize, _: Angle<Lanes<L>>) -> (Lanes<L>, Lanes<L>) {
         (load(&self.sines[i], self.start), load(&self.cosines[i], self.start))
     }
 }
 
 /// Entries from `at` on; where the column ends, its last one again.
 #[inline(always)]
-fn load(column: &[f64], at: usize) -> Lane {
-    match column.get(at..at + LANES) {
-        Some(&[a, b, c, d]) => AutoSimd([a, b, c, d]),
-        _ => AutoSimd(load_end(column, at)),
+fn load<const L: usize>(column: &[f64], at: usize) -> Lanes<L> {
+    match column.get(at..).and_then(<[f64]>::first_chunk) {
+        Some(entries) => AutoSimd(*entries),
+        None => AutoSimd(load_end(column, at)),
     }
 }
 
 #[cold]
 #[inline(never)]
-fn load_end(column: &[f64], at: usize) -> [f64; LANES] {
+fn load_end<const L: usize>(column: &[f64], at: usize) -> [f64; L] {
     std::array::from_fn(|l| column[(at + l).min(column.len() - 1)])
 }
 
 /// Puts entries at `at`, as far as the column goes.
 #[inline(always)]
-fn store(column: &mut [f64], at: usize, AutoSimd(x): Lane) {
-    match column.get_mut(at..at + LANES) {
+fn store<const L: usize>(column: &mut [f64], at: usize, AutoSimd(x): Lanes<L>) {
+    match column.get_mut(at..at + L) {
         Some(entries) => entries.copy_from_slice(&x),
         None => store_end(&mut column[at..], &x),
     }
@@ -299,6 +342,6 @@ fn store(column: &mut [f64], at: usize, AutoSimd(x): Lane) {
 
 #[cold]
 #[inline(never)]
-fn store_end(end: &mut [f64], x: &[f64; LANES]) {
+fn store_end(end: &mut [f64], x: &[f64]) {
     end.iter_mut().zip(x).for_each(|(entry, x)| *entry = *x);
 }

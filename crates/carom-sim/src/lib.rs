@@ -31,7 +31,7 @@ mod strike;
 mod touch;
 mod trajectory;
 
-pub use batch::{FrictionlessJump, Jumped, LANES, Outcomes, States};
+pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
 pub use compliance::{Compliance, Holding, Yielding};
 pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};

@@ -138,13 +138,25 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Option<Self::Angular>
     where
         Self::Scalar: RealField;
-    /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h.
-    fn parallel_axis(mass: Self::Scalar, h: Self::Vector, r: Self::Vector) -> Self::Rotational;
+    /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h,
+    /// given `twice` = 2h + m r, the sum of the first moments before and after.
+    fn parallel_axis(twice: Self::Vector, r: Self::Vector) -> Self::Rotational;
 
     /// A hinge's rotation: first the angle of this sine and cosine about the hinge, then `placed`.
     fn turn(placed: Self::Rotation, sin: Self::Scalar, cos: Self::Scalar) -> Self::Rotation;
-    /// The axis of a hinge in world axes, for the child's rotation.
-    fn hinge(rotation: Self::Rotation) -> Self::Angular;
+    /// The axis of a hinge in world axes, for the child's rotation. In the plane a hinge may turn backwards, `sense` −1.
+    fn hinge(rotation: Self::Rotation, sense: Self::Scalar) -> Self::Angular;
+    /// A rotation as turns about z, x and z again, the last one first: R = R_z(a) R_x(b) R_z(c). In the plane c is all.
+    fn euler_angles(rotation: Self::Rotation) -> [Self::Scalar; 3]
+    where
+        Self::Scalar: RealField;
+    /// First a turn about x by the angle of this sine and cosine, then `placed`; in the plane nothing.
+    fn tilt(placed: Self::Rotation, sin: Self::Scalar, cos: Self::Scalar) -> Self::Rotation;
+    /// What a hinge's turning does not change of the inertia that it carries: its mass on the axis, and a rotational
+    /// inertia that is the same about all axes across it.
+    fn unturned(inertia: Inertia<Self>) -> Inertia<Self>;
+    /// First moment and rotational inertia in rotated axes, of a body that has nothing left of its [`Algebra::unturned`].
+    fn rotate_turning(a: Self::Rotation, h: Self::Vector, i: Self::Rotational) -> (Self::Vector, Self::Rotational);
     /// Whether the joint is a hinge.
     fn turns(joint: Self::Joint) -> bool;
     /// Moves a joint: from the pose of its frame before the motion (`placed`, world axes) to the rotation of the child
@@ -430,10 +442,11 @@ impl<A: Algebra> Inertia<A> {
     /// The same body about the point at −r.
     #[inline(always)]
     pub fn shifted(&self, r: A::Vector) -> Self {
+        let h = self.first_moment;
         Self {
             mass: self.mass,
-            first_moment: self.first_moment + r * self.mass,
-            rotational: self.rotational + A::parallel_axis(self.mass, self.first_moment, r),
+            first_moment: h + r * self.mass,
+            rotational: self.rotational + A::parallel_axis(h + h + r * self.mass, r),
         }
     }
 

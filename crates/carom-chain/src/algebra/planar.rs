@@ -125,8 +125,8 @@ impl<T: Real> Algebra for Planar<T> {
         if n == T::zero() { Some(n) } else { (i > T::zero()).then(|| n / i) }
     }
     #[inline(always)]
-    fn parallel_axis(mass: T, h: Vector2<T>, r: Vector2<T>) -> T {
-        Self::dot(r, h + h + r * mass)
+    fn parallel_axis(twice: Vector2<T>, r: Vector2<T>) -> T {
+        Self::dot(r, twice)
     }
 
     #[inline(always)]
@@ -134,8 +134,25 @@ impl<T: Real> Algebra for Planar<T> {
         Self::compose(placed, Turn { cos, sin })
     }
     #[inline(always)]
-    fn hinge(_: Turn<T>) -> T {
-        T::one()
+    fn hinge(_: Turn<T>, sense: T) -> T {
+        sense
+    }
+    fn euler_angles(rotation: Turn<T>) -> [T; 3]
+    where
+        T: RealField,
+    {
+        [T::zero(), T::zero(), rotation.sin.atan2(rotation.cos)]
+    }
+    #[inline(always)]
+    fn tilt(placed: Turn<T>, _: T, _: T) -> Turn<T> {
+        placed
+    }
+    fn unturned(inertia: Inertia<Self>) -> Inertia<Self> {
+        Inertia { mass: inertia.mass, ..Inertia::zero() }
+    }
+    #[inline(always)]
+    fn rotate_turning(a: Turn<T>, h: Vector2<T>, i: T) -> (Vector2<T>, T) {
+        (Self::rotate(a, h), i)
     }
     #[inline(always)]
     fn turns(joint: PlanarJoint) -> bool {

@@ -202,10 +202,10 @@ impl<T: Real> Algebra for Spatial<T> {
         Some(w)
     }
     #[inline(always)]
-    fn parallel_axis(mass: T, h: Vector3<T>, r: Vector3<T>) -> Symmetric3<T> {
+    fn parallel_axis(twice: Vector3<T>, r: Vector3<T>) -> Symmetric3<T> {
         // −r×h× = (r·h)E − h rᵀ, so the sum is r·(h + h′) E − h rᵀ − r h′ᵀ with h′ = h + m r: with 2k = h + h′ it is
         // symmetric, 2 r·k E − k rᵀ − r kᵀ, and w = 2k serves.
-        let w = plus(plus(h, h), times(r, mass));
+        let w = twice;
         let (x, y, z) = (r.x * w.x, r.y * w.y, r.z * w.z);
         let half: T = nalgebra::convert(-0.5);
         Symmetric3 {
@@ -219,8 +219,49 @@ impl<T: Real> Algebra for Spatial<T> {
         columns(plus(times(x, cos), times(y, sin)), plus(times(y, cos), times(x, -sin)), z)
     }
     #[inline(always)]
-    fn hinge(rotation: Matrix3<T>) -> Vector3<T> {
+    fn hinge(rotation: Matrix3<T>, _: T) -> Vector3<T> {
         column(&rotation, 2)
+    }
+    fn euler_angles(rotation: Matrix3<T>) -> [T; 3]
+    where
+        T: RealField,
+    {
+        // z goes to (sin a sin b, −cos a sin b, cos b). Where that is z itself a is free; else, however small b, what is
+        // left after R_z(a) has its c in the first row, and the errors of a and c cancel.
+        let z = column(&rotation, 2);
+        let a = if z.x == T::zero() && z.y == T::zero() { T::zero() } else { z.x.atan2(-z.y) };
+        let rest = Self::compose(Self::turn(Self::no_rotation(), -a.sin(), a.cos()), rotation);
+        [a, (-rest[(1, 2)]).atan2(rest[(2, 2)]), (-rest[(0, 1)]).atan2(rest[(0, 0)])]
+    }
+    #[inline(always)]
+    fn tilt(placed: Matrix3<T>, sin: T, cos: T) -> Matrix3<T> {
+        let (x, y, z) = (column(&placed, 0), column(&placed, 1), column(&placed, 2));
+        columns(x, plus(times(y, cos), times(z, sin)), plus(times(z, cos), times(y, -sin)))
+    }
+    fn unturned(inertia: Inertia<Self>) -> Inertia<Self> {
+        let (o, across) = (T::zero(), inertia.rotational.diagonal.y);
+        Inertia {
+            mass: inertia.mass,
+            first_moment: Vector3::new(o, o, inertia.first_moment.z),
+            rotational: Symmetric3 { diagonal: Vector3::new(across, across, o), beside: Vector3::new(o, o, o) },
+        }
+    }
+    #[inline(always)]
+    fn rotate_turning(a: Matrix3<T>, h: Vector3<T>, i: Symmetric3<T>) -> (Vector3<T>, Symmetric3<T>) {
+        // With axes x, y, z: I = p xᵀ + x pᵀ + r zᵀ + z rᵀ for p = I₁₁/2 x + I₁₂ y + I₁₃ z, r = I₃₃/2 z + I₂₃ y.
+        let (x, y, z) = (column(&a, 0), column(&a, 1), column(&a, 2));
+        let half: T = nalgebra::convert(0.5);
+        let (d, b) = (i.diagonal, i.beside);
+        let p = plus(plus(times(x, d.x * half), times(y, b.z)), times(z, b.y));
+        let r = plus(times(z, d.z * half), times(y, b.x));
+        let on = |i: usize| {
+            let once = p[i] * x[i] + r[i] * z[i];
+            once + once
+        };
+        let beside = |i: usize, j: usize| (p[i] * x[j] + x[i] * p[j]) + (r[i] * z[j] + z[i] * r[j]);
+        let turned =
+            Symmetric3 { diagonal: Vector3::new(on(0), on(1), on(2)), beside: Vector3::new(beside(1, 2), beside(2, 0), beside(0, 1)) };
+        (plus(times(x, h.x), times(y, h.y)), turned)
     }
     #[inline(always)]
     fn turns(joint: SpatialJoint) -> bool {

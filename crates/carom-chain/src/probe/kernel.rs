@@ -1,0 +1,312 @@
+//! The kernel: one source for every shape of chain (see [`super`] for the symbols).
+
+use super::row::{HingeRow, Turning};
+use super::{Angle, Found, Turned};
+use crate::algebra::{Algebra, Axis, Force, Inertia};
+use crate::chain::Body;
+use num_traits::{One, Zero};
+use std::ops::AddAssign;
+
+/// The scratch memory of one body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Link<A: Algebra, X: Moves<A>> {
+    rotation: A::Rotation,
+    offset: A::Vector,
+    axis: X,
+    composite: X::Inertia,
+    felt: A::Vector,
+    inverse_d: A::Scalar,
+}
+
+/// Where the kernel writes: `links`, `jacobian`, `joint_impulse` and `response` have n entries, the others n².
+pub(super) struct Memory<'a, A: Algebra, X: Moves<A>> {
+    pub links: &'a mut [Link<A, X>],
+    pub factor: &'a mut [A::Scalar],
+    pub jacobian: &'a mut [A::Vector],
+    pub mass_matrix: &'a mut [A::Scalar],
+    pub joint_impulse: &'a mut [A::Scalar],
+    pub response: &'a mut [A::Scalar],
+}
+
+/// Everything about the point at `arm` on the shape's last body, or the one it names.
+#[inline(always)]
+pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
+    shape: S,
+    n: usize,
+    arm: A::Vector,
+    q: &[A::Scalar],
+    turned: &impl Turned<A>,
+    normal: A::Vector,
+    memory: Memory<'a, A, S::Axis>,
+) -> Found<'a, A> {
+    let links = &mut memory.links[..n];
+    let l = &mut memory.factor[..n * n];
+    let (jacobian, mass_matrix) = (&mut memory.jacobian[..n], &mut memory.mass_matrix[..n * n]);
+    let (joint_impulse, response) = (&mut memory.joint_impulse[..n], &mut memory.response[..n]);
+
+    // Outward: where everything is.
+    for i in 0..n {
+        let outer = shape.parent(i).map(|p| links[p].rotation);
+        links[i] = shape.place(i, outer, q, turned);
+    }
+
+    // Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
+    for i in (0..n).rev() {
+        let composite = links[i].composite;
+        if let Some(p) = shape.parent(i) {
+            let carried = S::Axis::shifted(&composite, links[i].offset);
+            links[p].composite += carried;
+        }
+        let mut f = links[i].axis.momentum(&composite);
+        let v = shape.coordinate(i);
+        let own = links[i].axis.share(f);
+        (l[i * n + i], mass_matrix[v * n + v]) = (own, own);
+        let mut j = i;
+        while let Some(p) = shape.parent(j) {
+            f = f.shifted(links[j].offset);
+            j = p;
+            let m = links[j].axis.share(f);
+            let w = shape.coordinate(j);
+            l[i * n + j] = m;
+            (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
+        }
+    }
+
+    // From the point down: J.
+    let point = shape.point(n);
+    let mut r = A::rotate(links[point].rotation, arm);
+    let mut next = Some(point);
+    while let Some(i) = next {
+        let felt = links[i].axis.at(r);
+        links[i].felt = felt;
+        let v = shape.coordinate(i);
+        (jacobian[v], joint_impulse[v]) = (felt, A::dot(felt, normal));
+        r += links[i].offset;
+        next = shape.parent(i);
+    }
+    let position = r;
+
+    // M = Lᵀ D L in place.
+    for k in (0..n).rev() {
+        let inverse_d = A::Scalar::one() / l[k * n + k];
+        links[k].inverse_d = inverse_d;
+        let mut next = shape.parent(k);
+        while let Some(i) = next {
+            let a = l[k * n + i] * inverse_d;
+            let mut beyond = Some(i);
+            while let Some(j) = beyond {
+                let product = a * l[k * n + j];
+                l[i * n + j] -= product;
+                beyond = shape.parent(j);
+            }
+            l[k * n + i] = a;
+            next = shape.parent(i);
+        }
+    }
+
+    // Y = L⁻ᵀ Jᵀ from the point down, and H = Yᵀ D⁻¹ Y on the way.
+    let mut delassus = [A::zero(); 3];
+    let mut mobility = A::Scalar::zero();
+    let mut next = Some(point);
+    while let Some(k) = next {
+        let (y, inverse_d) = (links[k].felt, links[k].inverse_d);
+        let scaled = y * inverse_d;
+        for (c, column) in delassus.iter_mut().enumerate().take(A::LINEAR) {
+            *column += y * A::linear_part(scaled, c);
+        }
+        let along = A::dot(y, normal);
+        let moved = along * inverse_d;
+        mobility += along * moved;
+        response[shape.coordinate(k)] = moved;
+        next = shape.parent(k);
+        let mut beyond = next;
+        while let Some(i) = beyond {
+            let product = y * l[k * n + i];
+            links[i].felt -= product;
+            beyond = shape.parent(i);
+        }
+    }
+
+    // Outward: M⁻¹Jᵀn = L⁻¹ (D⁻¹ Y n).
+    for i in 0..n {
+        let v = shape.coordinate(i);
+        let mut x = response[v];
+        let mut next = shape.parent(i);
+        while let Some(j) = next {
+            x -= l[i * n + j] * response[shape.coordinate(j)];
+            next = shape.parent(j);
+        }
+        response[v] = x;
+    }
+    Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
+}
+
+/// What the kernel need not look up, body by body.
+pub(super) trait Shape<A: Algebra>: Copy {
+    type Axis: Moves<A>;
+    fn parent(self, i: usize) -> Option<usize>;
+    fn coordinate(self, i: usize) -> usize;
+    /// The body that carries the point, of n.
+    fn point(self, n: usize) -> usize;
+    /// Body `i`, whose parent has the rotation `outer`.
+    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self::Axis>;
+}
+
+/// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
+pub(super) trait Moves<A: Algebra>: Copy {
+    type Inertia: Copy + AddAssign;
+    fn still() -> (Self, Self::Inertia);
+    /// The same inertia about the point at −r.
+    fn shifted(inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
+    /// I s
+    fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
+    /// s · f
+    fn share(self, force: Force<A>) -> A::Scalar;
+    /// The velocity that unit rate gives the point r away.
+    fn at(self, r: A::Vector) -> A::Vector;
+}
+
+impl<A: Algebra, X: Moves<A>> Link<A, X> {
+    #[inline(always)]
+    fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
+        Self { rotation, offset, axis, composite, felt: A::zero(), inverse_d: A::Scalar::zero() }
+    }
+
+    /// Memory, to be written.
+    #[inline(always)]
+    pub fn new() -> Self {
+        let (axis, inertia) = X::still();
+        Self::at(A::no_rotation(), A::zero(), axis, inertia)
+    }
+}
+
+/// Hinges one after another, in the order of their coordinates, the point on the last.
+impl<A: Algebra> Shape<A> for &HingeRow<A> {
+    type Axis = Hinge<A>;
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        i.checked_sub(1)
+    }
+    #[inline(always)]
+    fn coordinate(self, i: usize) -> usize {
+        i
+    }
+    #[inline(always)]
+    fn point(self, n: usize) -> usize {
+        n - 1
+    }
+    #[inline(always)]
+    fn place(self, i: usize, outer: Option<A::Rotation>, _: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Hinge<A>> {
+        let body = &self.bodies[i];
+        let (placed, offset) = match outer {
+            None => (self.base, body.offset),
+            Some(outer) => (A::tilt(outer, body.tilt.0, body.tilt.1), A::rotate(outer, body.offset)),
+        };
+        let (sin, cos) = turned.sin_cos(i, body.angle(i));
+        let rotation = A::turn(placed, sin, cos);
+        Link::at(rotation, offset, Hinge(A::hinge(rotation, body.sense)), body.turning.rotated(rotation))
+    }
+}
+
+/// The axis of a hinge of a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hinge<A: Algebra>(A::Angular);
+
+impl<A: Algebra> Moves<A> for Hinge<A> {
+    type Inertia = Turning<A>;
+    #[inline(always)]
+    fn still() -> (Self, Turning<A>) {
+        (Self(A::zero_angular()), Turning::zero())
+    }
+    #[inline(always)]
+    fn shifted(inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
+        inertia.shifted(r)
+    }
+    #[inline(always)]
+    fn momentum(self, inertia: &Turning<A>) -> Force<A> {
+        Force {
+            moment: A::apply_inertia(inertia.rotational, self.0),
+            force: A::swing(self.0, inertia.first_moment),
+        }
+    }
+    #[inline(always)]
+    fn share(self, force: Force<A>) -> A::Scalar {
+        A::dot_angular(self.0, force.moment)
+    }
+    #[inline(always)]
+    fn at(self, r: A::Vector) -> A::Vector {
+        A::swing(self.0, r)
+    }
+}
+
+impl<A: Algebra> Body<A> {
+    /// The angle of its hinge.
+    #[inline(always)]
+    pub(super) fn angle(&self) -> Angle<A::Scalar> {
+        Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
+    }
+}
+
+/// Joints of any type in a tree, the point on the body `point`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tree<'a, A: Algebra> {
+    pub bodies: &'a [Body<A>],
+    pub point: usize,
+}
+
+impl<A: Algebra> Shape<A> for Tree<'_, A> {
+    type Axis = Axis<A>;
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        self.bodies[i].parent
+    }
+    #[inline(always)]
+    fn coordinate(self, i: usize) -> usize {
+        self.bodies[i].v_index
+    }
+    #[inline(always)]
+    fn point(self, _: usize) -> usize {
+        self.point
+    }
+    #[inline(always)]
+    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Axis<A>> {
+        let body = &self.bodies[i];
+        let (placed, offset) = match outer {
+            None => (body.placement.rotation, body.placement.translation),
+            Some(outer) => (A::compose(outer, body.placement.rotation), A::rotate(outer, body.placement.translation)),
+        };
+        let (rotation, offset) = if A::turns(body.joint) {
+            let (sin, cos) = turned.sin_cos(i, body.angle());
+            (A::turn(placed, sin, cos), offset)
+        } else {
+            let (rotation, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);
+            (rotation, offset + moved)
+        };
+        let axis = A::axis(body.joint, rotation).scaled(body.ratio);
+        Link::at(rotation, offset, axis, body.inertia.rotated(rotation))
+    }
+}
+
+impl<A: Algebra> Moves<A> for Axis<A> {
+    type Inertia = Inertia<A>;
+    #[inline(always)]
+    fn still() -> (Self, Inertia<A>) {
+        (Self::Turn(A::zero_angular()), Inertia::zero())
+    }
+    #[inline(always)]
+    fn shifted(inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
+        inertia.shifted(r)
+    }
+    #[inline(always)]
+    fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
+        inertia.along(self)
+    }
+    #[inline(always)]
+    fn share(self, force: Force<A>) -> A::Scalar {
+        self.dot(force)
+    }
+    #[inline(always)]
+    fn at(self, r: A::Vector) -> A::Vector {
+        self.point_velocity(r)
+    }
+}

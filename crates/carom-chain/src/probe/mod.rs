@@ -1,0 +1,331 @@
+//! What a contact at one point needs of a chain, fused: position, J, M, H and the response to a unit impulse.
+//!
+//! [`crate::Kinematics`] answers any question in any order; this kernel answers one, and shares what the answers have in
+//! common. M is built once and factored in place, `M = Lᵀ D L`, which keeps the zeros of a tree; then with `Y = L⁻ᵀ Jᵀ`
+//! (zero off the way from the point to the world) `H = Yᵀ D⁻¹ Y`, and `M⁻¹Jᵀn = L⁻¹ D⁻¹ Y n`. No bias, no roots, one
+//! division for each joint.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
+//! | M | nv×nv | mass matrix | `mass_matrix` |
+//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L | `factor`, `inverse_d` |
+//! | yₖ | 3, 2 | row k of Y: what the joint k feels of unit forces at the point, those beyond it free | `felt` |
+//! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
+//! | Jᵀn | nv | joint impulse of a unit impulse along n | `joint_impulse` |
+//! | M⁻¹Jᵀn | nv | joint velocities that it gives | `response` |
+//! | nᵀHn | 1 | velocity along n that it gives the point, 1/kg | `mobility` |
+//!
+//! **Shapes.** The kernel (`kernel.rs`) is written once. What a chain is made of is looked at once, when the probe is made:
+//! hinges one after another take no branches on joints and parents, and what is the same at all configurations is done in
+//! advance (`row.rs`); two and three of them have fixed sizes, so that everything lives in registers; all else is a tree.
+//! Instructions of the paper's chain of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to
+//! [`crate::Kinematics`].
+//!
+//! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
+
+mod kernel;
+mod row;
+
+use crate::algebra::{Algebra, Axis, Real};
+use crate::chain::{Chain, Point};
+use crate::error::ChainError;
+use crate::sine::sin_cos;
+use kernel::{Hinge, Link, Memory, Tree, read};
+use num_traits::Zero;
+use row::HingeRow;
+
+/// One point of a chain, ready to be asked at many configurations. Immutable, and shared by reference.
+#[derive(Debug, Clone)]
+pub struct Probe<A: Algebra> {
+    chain: Chain<A>,
+    body: usize,
+    arm: A::Vector,
+    shape: Shape<A>,
+}
+
+/// What the chain is made of: a row of two hinges, of three, of any number, or a tree.
+#[derive(Debug, Clone)]
+enum Shape<A: Algebra> {
+    RowOfTwo(HingeRow<A>),
+    RowOfThree(HingeRow<A>),
+    Row(HingeRow<A>),
+    Tree,
+}
+
+/// What a probe finds at one configuration, and the scratch memory to find it.
+#[derive(Debug, Clone)]
+pub struct Reading<A: Algebra> {
+    /// World position of the point, m.
+    pub position: A::Vector,
+    /// Column for each coordinate: velocity of the point for unit rate, world axes.
+    pub jacobian: Vec<A::Vector>,
+    /// nv×nv, all of it.
+    pub mass_matrix: Vec<A::Scalar>,
+    /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
+    pub delassus: [A::Vector; 3],
+    /// Jᵀn: the joint impulse of a unit impulse along the normal.
+    pub joint_impulse: Vec<A::Scalar>,
+    /// M⁻¹Jᵀn: the joint velocities that a unit impulse along the normal gives.
+    pub response: Vec<A::Scalar>,
+    /// nᵀHn: the velocity along the normal that it gives the point, 1/kg.
+    pub mobility: A::Scalar,
+    factor: Vec<A::Scalar>,
+    row: Vec<Link<A, Hinge<A>>>,
+    tree: Vec<Link<A, Axis<A>>>,
+}
+
+/// The same, where the kernel has it: for [`Finish`].
+#[derive(Debug, Clone, Copy)]
+pub struct Found<'a, A: Algebra> {
+    /// World position of the point, m.
+    pub position: A::Vector,
+    /// Column for each coordinate.
+    pub jacobian: &'a [A::Vector],
+    /// nv×nv.
+    pub mass_matrix: &'a [A::Scalar],
+    /// Columns of H.
+    pub delassus: [A::Vector; 3],
+    /// Jᵀn
+    pub joint_impulse: &'a [A::Scalar],
+    /// M⁻¹Jᵀn
+    pub response: &'a [A::Scalar],
+    /// nᵀHn
+    pub mobility: A::Scalar,
+}
+
+/// What is done with each answer while it is still in registers. (A trait and not a closure, because a closure can't be
+/// made to be inlined.)
+pub trait Finish<A: Algebra> {
+    /// Whether the answer is put into the [`Reading`] too; if not, what it then holds means nothing.
+    const KEEPS: bool;
+    /// Takes what was found.
+    fn finish(&mut self, found: Found<A>);
+}
+
+/// The angle of a hinge: `sense · q[coordinate] + shift`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Angle<T> {
+    /// Its place in q.
+    pub coordinate: usize,
+    /// 1, or −1 in the plane for a hinge that turns backwards.
+    pub sense: T,
+    /// What the zeros of its frames lie apart, rad.
+    pub shift: T,
+}
+
+impl<A: Algebra<Scalar = f64>> Chain<A> {
+    /// Makes a point ready to be asked at many configurations.
+    ///
+    /// # Errors
+    /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
+    pub fn probe(&self, point: Point<A>) -> Result<Probe<A>, ChainError> {
+        if self.is_coupled() {
+            return Err(ChainError::Coupled { chain: self.name().into() });
+        }
+        let body = point.body.ok_or_else(|| ChainError::FixedPoint { chain: self.name().into() })?;
+        let row = if body + 1 == self.bodies.len() { HingeRow::of(self) } else { None };
+        let shape = match (row, self.bodies.len()) {
+            (Some(row), 2) => Shape::RowOfTwo(row),
+            (Some(row), 3) => Shape::RowOfThree(row),
+            (Some(row), _) => Shape::Row(row),
+            (None, _) => Shape::Tree,
+        };
+        Ok(Probe { chain: self.clone(), body, arm: point.position, shape })
+    }
+}
+
+impl<A: Algebra<Scalar = f64>> Probe<A> {
+    /// The same probe over another scalar: its digits at each lane are those of one at a time.
+    pub fn cast<U: Real>(&self) -> Probe<A::Cast<U>> {
+        let shape = match &self.shape {
+            Shape::RowOfTwo(row) => Shape::RowOfTwo(row.cast()),
+            Shape::RowOfThree(row) => Shape::RowOfThree(row.cast()),
+            Shape::Row(row) => Shape::Row(row.cast()),
+            Shape::Tree => Shape::Tree,
+        };
+        Probe { chain: self.chain.cast(), body: self.body, arm: A::cast_vector(self.arm), shape }
+    }
+
+    /// Everything at `q` (length nq; rad, m, quaternion), for the unit normal n in world axes. Allocates nothing.
+    ///
+    /// Numbers are not looked at: [`Chain::check_state`] does that, and a singular M gives infinities.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    ///
+    /// # Panics
+    /// If the reading was made for another chain.
+    pub fn read_into(&self, q: &[f64], normal: A::Vector, reading: &mut Reading<A>) -> Result<(), ChainError> {
+        self.read_and(q, normal, reading, Keep)
+    }
+
+    /// The same, and what `finish` makes of it.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    ///
+    /// # Panics
+    /// If the reading was made for another chain.
+    #[inline(always)]
+    pub fn read_and(
+        &self,
+        q: &[f64],
+        normal: A::Vector,
+        reading: &mut Reading<A>,
+        finish: impl Finish<A>,
+    ) -> Result<(), ChainError> {
+        self.read_turned(q, &ByAngle(q), normal, reading, finish)
+    }
+}
+
+impl<A: Algebra> Probe<A> {
+    /// The chain.
+    pub fn chain(&self) -> &Chain<A> {
+        &self.chain
+    }
+
+    /// # Errors
+    /// [`ChainError::WrongLength`] unless `length` is the number of velocities, nv.
+    pub fn check_velocities(&self, length: usize) -> Result<(), ChainError> {
+        self.chain.check_nv("qd", length)
+    }
+
+    /// The angles whose sines and cosines [`Turned`] is asked for, each after the number of its body.
+    pub fn angles(&self) -> Vec<(usize, Angle<A::Scalar>)> {
+        match &self.shape {
+            Shape::RowOfTwo(row) | Shape::RowOfThree(row) | Shape::Row(row) => {
+                row.bodies.iter().enumerate().map(|(i, b)| (i, b.angle(i))).collect()
+            }
+            Shape::Tree => {
+                let hinges = self.chain.bodies.iter().enumerate().filter(|(_, b)| A::turns(b.joint));
+                hinges.map(|(i, b)| (i, b.angle())).collect()
+            }
+        }
+    }
+
+    /// Memory for what this probe finds. Allocates; reading into it does not.
+    pub fn reading(&self) -> Reading<A> {
+        let n = self.chain.nv;
+        let (row, tree) = if matches!(self.shape, Shape::Tree) { (0, n) } else { (n, 0) };
+        let zero = A::Scalar::zero();
+        Reading {
+            position: A::zero(),
+            jacobian: vec![A::zero(); n],
+            mass_matrix: vec![zero; n * n],
+            delassus: [A::zero(); 3],
+            joint_impulse: vec![zero; n],
+            response: vec![zero; n],
+            mobility: zero,
+            factor: vec![zero; n * n],
+            row: vec![Link::new(); row],
+            tree: vec![Link::new(); tree],
+        }
+    }
+
+    /// Everything at `q`, for the normal n, with the sine and cosine of each joint's angle given. Allocates nothing.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    ///
+    /// # Panics
+    /// If the reading was made for another chain.
+    #[inline(always)]
+    pub fn read_turned<F: Finish<A>>(
+        &self,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+        normal: A::Vector,
+        reading: &mut Reading<A>,
+        mut finish: F,
+    ) -> Result<(), ChainError> {
+        self.chain.check_nq(q.len())?;
+        assert_eq!(reading.joint_impulse.len(), self.chain.nv, "this reading belongs to another chain");
+        let (n, arm) = (self.chain.bodies.len(), self.arm);
+        match &self.shape {
+            Shape::RowOfTwo(row) => read_fixed::<A, F, 2>(row, arm, turned, normal, reading, finish),
+            Shape::RowOfThree(row) => read_fixed::<A, F, 3>(row, arm, turned, normal, reading, finish),
+            Shape::Row(row) => {
+                let Reading { jacobian, mass_matrix, joint_impulse, response, factor, row: links, .. } = reading;
+                let memory = Memory { links, factor, jacobian, mass_matrix, joint_impulse, response };
+                let found = read(row, n, arm, q, turned, normal, memory);
+                finish.finish(found);
+                let Found { position, delassus, mobility, .. } = found;
+                (reading.position, reading.delassus, reading.mobility) = (position, delassus, mobility);
+            }
+            Shape::Tree => {
+                let Reading { jacobian, mass_matrix, joint_impulse, response, factor, tree: links, .. } = reading;
+                // Off the way from the point to the world, and between branches, nothing is written.
+                mass_matrix.fill(A::Scalar::zero());
+                jacobian.fill(A::zero());
+                joint_impulse.fill(A::Scalar::zero());
+                response.fill(A::Scalar::zero());
+                let memory = Memory { links, factor, jacobian, mass_matrix, joint_impulse, response };
+                let tree = Tree { bodies: &self.chain.bodies, point: self.body };
+                let found = read(tree, n, arm, q, turned, normal, memory);
+                finish.finish(found);
+                let Found { position, delassus, mobility, .. } = found;
+                (reading.position, reading.delassus, reading.mobility) = (position, delassus, mobility);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// In memory of fixed size, which the compiler turns into registers; the reading is written only if it is wanted.
+#[inline(always)]
+fn read_fixed<A: Algebra, F: Finish<A>, const N: usize>(
+    row: &HingeRow<A>,
+    arm: A::Vector,
+    turned: &impl Turned<A>,
+    normal: A::Vector,
+    reading: &mut Reading<A>,
+    mut finish: F,
+) {
+    let zero = A::Scalar::zero();
+    let (mut links, mut factor, mut mass_matrix) = ([Link::new(); N], [[zero; N]; N], [[zero; N]; N]);
+    let (mut jacobian, mut joint_impulse, mut response) = ([A::zero(); N], [zero; N], [zero; N]);
+    let memory = Memory {
+        links: &mut links,
+        factor: factor.as_flattened_mut(),
+        jacobian: &mut jacobian,
+        mass_matrix: mass_matrix.as_flattened_mut(),
+        joint_impulse: &mut joint_impulse,
+        response: &mut response,
+    };
+    let found = read(row, N, arm, &[], turned, normal, memory);
+    if F::KEEPS {
+        reading.jacobian.copy_from_slice(found.jacobian);
+        reading.mass_matrix.copy_from_slice(found.mass_matrix);
+        reading.joint_impulse.copy_from_slice(found.joint_impulse);
+        reading.response.copy_from_slice(found.response);
+        (reading.position, reading.delassus, reading.mobility) = (found.position, found.delassus, found.mobility);
+    }
+    finish.finish(found);
+}
+
+/// Nothing but the reading.
+struct Keep;
+
+impl<A: Algebra> Finish<A> for Keep {
+    const KEEPS: bool = true;
+    #[inline(always)]
+    fn finish(&mut self, _: Found<A>) {}
+}
+
+/// Where the sines and cosines of joint angles come from. (A trait for the same reason as [`Finish`]: in lanes the call of
+/// a closure cost more than the sines.)
+pub trait Turned<A: Algebra> {
+    /// Of the angle of body `i`, a hinge.
+    fn sin_cos(&self, i: usize, angle: Angle<A::Scalar>) -> (A::Scalar, A::Scalar);
+}
+
+/// From q, one after another.
+struct ByAngle<'a>(&'a [f64]);
+
+impl<A: Algebra<Scalar = f64>> Turned<A> for ByAngle<'_> {
+    #[inline(always)]
+    fn sin_cos(&self, _: usize, angle: Angle<f64>) -> (f64, f64) {
+        sin_cos(angle.sense * self.0[angle.coordinate] + angle.shift)
+    }
+}

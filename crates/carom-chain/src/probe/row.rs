@@ -1,0 +1,152 @@
+//! A row of hinges, with all that is the same at every configuration done once.
+//!
+//! Frames: a body's axes are free to be turned about its own hinge, so that every placement R = R_z(a) R_x(b) R_z(c) is
+//! left with its tilt b: the turns about z go into the angles of the joints. (Craig, *Introduction to Robotics* (1989),
+//! section 3.5, gives each link such axes; its origins, which go to infinity where axes are nearly parallel, stay here
+//! where the file puts them.)
+//!
+//! Inertia: what a hinge's turning does not change of the inertia that it carries might as well be part of the body
+//! below: the mass, on the axis, and an inertia that is the same about all axes across it. Moved there once, from the last
+//! body to the first, no mass is left, nor are the third component of any first moment and the second diagonal number of
+//! any rotational inertia; M stays what it was. (Gautier & Khalil, *Direct calculation of minimum set of inertial
+//! parameters of serial robots*, IEEE Trans. Robotics and Automation 6 (1990): the base parameters.)
+
+use super::Angle;
+use crate::algebra::{Algebra, Inertia, Pose, Real};
+use crate::chain::{Body, Chain};
+use nalgebra::convert;
+use num_traits::Zero;
+use std::ops::AddAssign;
+
+/// A row of hinges, one after another in the order of their coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct HingeRow<A: Algebra> {
+    /// R_z(a) R_x(b) of the first.
+    pub base: A::Rotation,
+    /// From the world outward.
+    pub bodies: Vec<Hinged<A>>,
+}
+
+/// One body of a row of hinges, and the hinge above it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Hinged<A: Algebra> {
+    /// Sine and cosine of b, from the axes of the body below.
+    pub tilt: (A::Scalar, A::Scalar),
+    /// The joint's origin from the one below, in the axes of the body below.
+    pub offset: A::Vector,
+    /// Angle of the joint = `sense` · q + `shift`.
+    pub sense: A::Scalar,
+    /// See `sense`.
+    pub shift: A::Scalar,
+    /// Inertia without mass, in body axes.
+    pub turning: Turning<A>,
+}
+
+/// The inertia that is left when what the hinge does not turn has gone below: no mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Turning<A: Algebra> {
+    pub first_moment: A::Vector,
+    pub rotational: A::Rotational,
+}
+
+impl<A: Algebra> Hinged<A> {
+    /// The angle of the row's joint `i`.
+    #[inline(always)]
+    pub fn angle(&self, i: usize) -> Angle<A::Scalar> {
+        Angle { coordinate: i, sense: self.sense, shift: self.shift }
+    }
+}
+
+impl<A: Algebra> Turning<A> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { first_moment: A::zero(), rotational: A::Rotational::zero() }
+    }
+
+    /// The same about the point at −r.
+    #[inline(always)]
+    pub fn shifted(&self, r: A::Vector) -> Self {
+        let h = self.first_moment;
+        Self { first_moment: h, rotational: self.rotational + A::parallel_axis(h + h, r) }
+    }
+
+    /// The same in rotated axes.
+    #[inline(always)]
+    pub fn rotated(&self, rotation: A::Rotation) -> Self {
+        let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
+        Self { first_moment, rotational }
+    }
+}
+
+impl<A: Algebra> AddAssign for Turning<A> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        self.first_moment += other.first_moment;
+        self.rotational += other.rotational;
+    }
+}
+
+impl<A: Algebra> HingeRow<A> {
+    /// `None` for a chain that is not such a row.
+    pub fn of(chain: &Chain<A>) -> Option<Self>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        let follows = |(i, b): (usize, &Body<A>)| {
+            let forwards = b.ratio == 1.0 || A::ANGULAR == 1;
+            A::turns(b.joint) && forwards && b.parent == i.checked_sub(1) && b.v_index == i && b.q_index == i
+        };
+        if !chain.bodies.iter().enumerate().all(follows) {
+            return None;
+        }
+        let about_z = |angle: f64| A::turn(A::no_rotation(), angle.sin(), angle.cos());
+        let angles: Vec<[f64; 3]> = chain.bodies.iter().map(|b| A::euler_angles(b.placement.rotation)).collect();
+        // Each body's axes are turned by the a of the next.
+        let beyond = |i: usize| angles.get(i + 1).map_or(0.0, |[a, ..]| *a);
+        let mut inertia: Vec<Inertia<A>> =
+            chain.bodies.iter().enumerate().map(|(i, b)| b.inertia.rotated(about_z(-beyond(i)))).collect();
+        let mut bodies = Vec::with_capacity(angles.len());
+        for (i, (body, [_, b, c])) in chain.bodies.iter().zip(&angles).enumerate() {
+            let offset = body.placement.translation;
+            bodies.push(Hinged {
+                tilt: b.sin_cos(),
+                offset: if i == 0 { offset } else { A::rotate(about_z(-angles[i][0]), offset) },
+                sense: body.ratio,
+                shift: body.shift + c + beyond(i),
+                turning: Turning::zero(),
+            });
+        }
+        for (i, body) in bodies.iter_mut().enumerate().rev() {
+            let unturned = A::unturned(inertia[i]);
+            body.turning = Turning {
+                first_moment: inertia[i].first_moment - unturned.first_moment,
+                rotational: inertia[i].rotational - unturned.rotational,
+            };
+            // Below the first there is only the world.
+            if let Some(below) = i.checked_sub(1) {
+                let rotation = A::tilt(A::no_rotation(), body.tilt.0, body.tilt.1);
+                inertia[below] += unturned.placed(&Pose { rotation, translation: body.offset });
+            }
+        }
+        let base = angles.first().map_or(A::no_rotation(), |[a, b, _]| A::tilt(about_z(*a), b.sin(), b.cos()));
+        Some(Self { base, bodies })
+    }
+
+    /// The same row over another scalar.
+    pub fn cast<U: Real>(&self) -> HingeRow<A::Cast<U>>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        let body = |b: &Hinged<A>| Hinged {
+            tilt: (convert(b.tilt.0), convert(b.tilt.1)),
+            offset: A::cast_vector(b.offset),
+            sense: convert(b.sense),
+            shift: convert(b.shift),
+            turning: Turning {
+                first_moment: A::cast_vector(b.turning.first_moment),
+                rotational: A::cast_inertia(b.turning.rotational),
+            },
+        };
+        HingeRow { base: A::cast_rotation(self.base), bodies: self.bodies.iter().map(body).collect() }
+    }
+}
