@@ -19,7 +19,6 @@ use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
 use carom_chain::{Angle, Chain, ChainError, Finish, Found, Point, Probe, Reading, Turned};
 use nalgebra::SimdRealField;
-use num_traits::{One, Zero};
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
 
@@ -163,23 +162,10 @@ impl<'b> Outcomes<'_, 'b> {
     }
 }
 
-/// From what was found to the impulse, and the velocities after to `after`.
+/// p = −(1+e) (n·u⁻)/(nᵀHn)
 #[inline(always)]
-fn jump<A: Algebra>(
-    found: &Found<A>,
-    qd: &[A::Scalar],
-    restitution: A::Scalar,
-    mut after: impl FnMut(usize, A::Scalar),
-) -> A::Scalar {
-    let mut approach = A::Scalar::zero();
-    for (j, v) in found.joint_impulse.iter().zip(qd) {
-        approach += *j * *v;
-    }
-    let impulse = -(A::Scalar::one() + restitution) * approach / found.mobility;
-    for (i, (before, x)) in qd.iter().zip(found.response).enumerate() {
-        after(i, *before + *x * impulse);
-    }
-    impulse
+fn impulse<T: SimdRealField + Copy>(restitution: T, approach: T, mobility: T) -> T {
+    -(T::one() + restitution) * approach / mobility
 }
 
 /// One impact alone.
@@ -194,8 +180,14 @@ impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
     const KEEPS: bool = true;
     #[inline(always)]
     fn finish(&mut self, found: Found<A>) {
-        let n = self.qd_plus.len();
-        *self.impulse = jump(&found, &self.qd[..n], self.restitution, |i, v| self.qd_plus[i] = v);
+        let mut approach = found.joint_impulse[0] * self.qd[0];
+        for (j, v) in found.joint_impulse.iter().zip(self.qd).skip(1) {
+            approach += j * v;
+        }
+        *self.impulse = impulse(self.restitution, approach, found.mobility);
+        for ((after, before), x) in self.qd_plus.iter_mut().zip(self.qd).zip(found.response) {
+            *after = before + x * *self.impulse;
+        }
     }
 }
 
@@ -233,7 +225,8 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
         let restitution = AutoSimd([restitution; L]);
         let mut reading = probe.reading();
         let zero = AutoSimd([0.0; L]);
-        let (mut q, mut qd) = (vec![zero; states.q.len()], vec![zero; states.qd.len()]);
+        let mut q = vec![zero; states.q.len()];
+        let turns_only = angles.len() == bodies;
         let mut block_angles = [0.0; BLOCK];
         let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies], vec![[0.0; BLOCK]; bodies]);
         for block in (0..count).step_by(BLOCK) {
@@ -246,14 +239,13 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
             }
             for start in (0..size).step_by(L) {
                 let at = block + start;
-                for (q, column) in q.iter_mut().zip(states.q) {
-                    *q = load(column, at);
-                }
-                for (qd, column) in qd.iter_mut().zip(states.qd) {
-                    *qd = load(column, at);
+                if !turns_only {
+                    for (q, column) in q.iter_mut().zip(states.q) {
+                        *q = load(column, at);
+                    }
                 }
                 let turned = ByColumn { sines: &sines, cosines: &cosines, start };
-                let finish = Several { qd: &qd, restitution, outcomes, at };
+                let finish = Several { qd: states.qd, restitution, outcomes, at };
                 // The number of columns is that of the chain: nothing can be refused.
                 let _ = probe.read_turned(&q, &turned, normal, &mut reading, finish);
             }
@@ -263,7 +255,7 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
 
 /// `L` impacts, from entry `at` of the columns on.
 struct Several<'a, 'b, 'c, const L: usize> {
-    qd: &'a [Lanes<L>],
+    qd: &'a [&'a [f64]],
     restitution: Lanes<L>,
     outcomes: &'a mut Outcomes<'b, 'c>,
     at: usize,
@@ -274,27 +266,47 @@ where
     Lanes<L>: SimdRealField + Copy,
 {
     const KEEPS: bool = false;
+    // Loops over numbers that the compiler knows, where it knows them, are unrolled; over iterators they were not.
+    #[allow(clippy::needless_range_loop)]
     #[inline(always)]
     fn finish(&mut self, found: Found<A>) {
         let Self { qd, restitution, outcomes, at } = self;
         let at = *at;
-        let wanted = !outcomes.qd_plus.is_empty();
-        let impulse = jump(&found, qd, *restitution, |i, v| {
-            if wanted {
-                store(outcomes.qd_plus[i], at, v);
+        // Slices of the length of what was found: where that is known to the compiler, nothing here is a loop.
+        let n = found.response.len();
+        let qd = &qd[..n];
+        let mut approach = found.joint_impulse[0] * load(qd[0], at);
+        for (j, before) in found.joint_impulse.iter().zip(qd).skip(1) {
+            approach += *j * load(before, at);
+        }
+        let impulse = impulse(*restitution, approach, found.mobility);
+        if !outcomes.qd_plus.is_empty() {
+            let columns = &mut outcomes.qd_plus[..n];
+            for i in 0..n {
+                store(columns[i], at, load(qd[i], at) + found.response[i] * impulse);
             }
-        });
+        }
         for column in outcomes.impulse.iter_mut() {
             store(column, at, impulse);
         }
-        for (k, column) in outcomes.delassus.iter_mut().enumerate() {
-            store(column, at, A::linear_part(found.delassus[k / A::LINEAR], k % A::LINEAR));
+        let linear = A::LINEAR;
+        if !outcomes.delassus.is_empty() {
+            let columns = &mut outcomes.delassus[..linear * linear];
+            for k in 0..linear * linear {
+                store(columns[k], at, A::linear_part(found.delassus[k / linear], k % linear));
+            }
         }
-        for (k, column) in outcomes.jacobian.iter_mut().enumerate() {
-            store(column, at, A::linear_part(found.jacobian[k / A::LINEAR], k % A::LINEAR));
+        if !outcomes.jacobian.is_empty() {
+            let columns = &mut outcomes.jacobian[..linear * n];
+            for k in 0..linear * n {
+                store(columns[k], at, A::linear_part(found.jacobian[k / linear], k % linear));
+            }
         }
-        for (column, x) in outcomes.mass_matrix.iter_mut().zip(found.mass_matrix) {
-            store(column, at, *x);
+        if !outcomes.mass_matrix.is_empty() {
+            let columns = &mut outcomes.mass_matrix[..n * n];
+            for k in 0..n * n {
+                store(columns[k], at, found.mass_matrix[k]);
+            }
         }
     }
 }

@@ -105,19 +105,11 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     }
 
     // Y = L⁻ᵀ Jᵀ from the point down, and H = Yᵀ D⁻¹ Y on the way.
-    let mut delassus = [A::zero(); 3];
-    let mut mobility = A::Scalar::zero();
+    let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
     let mut next = Some(point);
     while let Some(k) = next {
-        let (y, inverse_d) = (links[k].felt, links[k].inverse_d);
-        let scaled = y * inverse_d;
-        for (c, column) in delassus.iter_mut().enumerate().take(A::LINEAR) {
-            *column += y * A::linear_part(scaled, c);
-        }
-        let along = A::dot(y, normal);
-        let moved = along * inverse_d;
-        mobility += along * moved;
-        response[shape.coordinate(k)] = moved;
+        let y = links[k].felt;
+        response[shape.coordinate(k)] = sum.add(y, links[k].inverse_d, normal);
         next = shape.parent(k);
         let mut beyond = next;
         while let Some(i) = beyond {
@@ -138,7 +130,163 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
         }
         response[v] = x;
     }
+    let Sum { delassus, mobility } = sum;
     Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
+}
+
+/// The kernel for two hinges, written out: the same operations in the same order, without a loop. The compiler does not
+/// unroll loops over lanes, and what is in arrays that a loop walks stays in memory.
+#[inline(always)]
+pub(super) fn read_two<A: Algebra>(
+    row: &HingeRow<A>,
+    arm: A::Vector,
+    turned: &impl Turned<A>,
+    n: A::Vector,
+) -> Few<A, 2> {
+    let b0 = row.place(0, None, &[], turned);
+    let b1 = row.place(1, Some(b0.rotation), &[], turned);
+
+    let f1 = b1.axis.momentum(&b1.composite);
+    let m11 = b1.axis.share(f1);
+    let m10 = b0.axis.share(f1.shifted(b1.offset));
+    let mut composite = b0.composite;
+    composite += b1.composite.shifted(b1.offset);
+    let m00 = b0.axis.share(b0.axis.momentum(&composite));
+
+    let r1 = A::rotate(b1.rotation, arm);
+    let j1 = b1.axis.at(r1);
+    let r0 = r1 + b1.offset;
+    let j0 = b0.axis.at(r0);
+    let position = r0 + b0.offset;
+
+    let d1 = A::Scalar::one() / m11;
+    let l10 = m10 * d1;
+    let d0 = A::Scalar::one() / (m00 - l10 * m10);
+
+    let (mut sum, x1) = Sum::<A>::of(j1, d1, n);
+    let x0 = sum.add(j0 - j1 * l10, d0, n);
+    Few {
+        position,
+        jacobian: [j0, j1],
+        mass_matrix: [[m00, m10], [m10, m11]],
+        delassus: sum.delassus,
+        joint_impulse: [A::dot(j0, n), A::dot(j1, n)],
+        response: [x0, x1 - l10 * x0],
+        mobility: sum.mobility,
+    }
+}
+
+/// The kernel for three hinges, written out.
+#[inline(always)]
+pub(super) fn read_three<A: Algebra>(
+    row: &HingeRow<A>,
+    arm: A::Vector,
+    turned: &impl Turned<A>,
+    n: A::Vector,
+) -> Few<A, 3> {
+    let b0 = row.place(0, None, &[], turned);
+    let b1 = row.place(1, Some(b0.rotation), &[], turned);
+    let b2 = row.place(2, Some(b1.rotation), &[], turned);
+
+    let f2 = b2.axis.momentum(&b2.composite);
+    let m22 = b2.axis.share(f2);
+    let f2 = f2.shifted(b2.offset);
+    let m21 = b1.axis.share(f2);
+    let m20 = b0.axis.share(f2.shifted(b1.offset));
+    let mut composite = b1.composite;
+    composite += b2.composite.shifted(b2.offset);
+    let f1 = b1.axis.momentum(&composite);
+    let m11 = b1.axis.share(f1);
+    let m10 = b0.axis.share(f1.shifted(b1.offset));
+    let carried = composite.shifted(b1.offset);
+    let mut composite = b0.composite;
+    composite += carried;
+    let m00 = b0.axis.share(b0.axis.momentum(&composite));
+
+    let r2 = A::rotate(b2.rotation, arm);
+    let j2 = b2.axis.at(r2);
+    let r1 = r2 + b2.offset;
+    let j1 = b1.axis.at(r1);
+    let r0 = r1 + b1.offset;
+    let j0 = b0.axis.at(r0);
+    let position = r0 + b0.offset;
+
+    let d2 = A::Scalar::one() / m22;
+    let (l21, l20) = (m21 * d2, m20 * d2);
+    let (e11, e10, e00) = (m11 - l21 * m21, m10 - l21 * m20, m00 - l20 * m20);
+    let d1 = A::Scalar::one() / e11;
+    let l10 = e10 * d1;
+    let d0 = A::Scalar::one() / (e00 - l10 * e10);
+
+    let (mut sum, x2) = Sum::<A>::of(j2, d2, n);
+    let y1 = j1 - j2 * l21;
+    let x1 = sum.add(y1, d1, n);
+    let x0 = sum.add((j0 - j2 * l20) - y1 * l10, d0, n);
+    let x1 = x1 - l10 * x0;
+    Few {
+        position,
+        jacobian: [j0, j1, j2],
+        mass_matrix: [[m00, m10, m20], [m10, m11, m21], [m20, m21, m22]],
+        delassus: sum.delassus,
+        joint_impulse: [A::dot(j0, n), A::dot(j1, n), A::dot(j2, n)],
+        response: [x0, x1, (x2 - l21 * x1) - l20 * x0],
+        mobility: sum.mobility,
+    }
+}
+
+/// What is found of N hinges.
+pub(super) struct Few<A: Algebra, const N: usize> {
+    position: A::Vector,
+    jacobian: [A::Vector; N],
+    mass_matrix: [[A::Scalar; N]; N],
+    delassus: [A::Vector; 3],
+    joint_impulse: [A::Scalar; N],
+    response: [A::Scalar; N],
+    mobility: A::Scalar,
+}
+
+impl<A: Algebra, const N: usize> Few<A, N> {
+    #[inline(always)]
+    pub fn found(&self) -> Found<'_, A> {
+        Found {
+            position: self.position,
+            jacobian: &self.jacobian,
+            mass_matrix: self.mass_matrix.as_flattened(),
+            delassus: self.delassus,
+            joint_impulse: &self.joint_impulse,
+            response: &self.response,
+            mobility: self.mobility,
+        }
+    }
+}
+
+/// H = Yᵀ D⁻¹ Y and nᵀHn, joint by joint.
+struct Sum<A: Algebra> {
+    delassus: [A::Vector; 3],
+    mobility: A::Scalar,
+}
+
+impl<A: Algebra> Sum<A> {
+    /// What one joint with row `y` and 1/D gives, and its entry of D⁻¹ Y n.
+    #[inline(always)]
+    fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Scalar) {
+        let scaled = y * inverse_d;
+        let column = |c: usize| if c < A::LINEAR { y * A::linear_part(scaled, c) } else { A::zero() };
+        let along = A::dot(y, normal);
+        let moved = along * inverse_d;
+        (Self { delassus: [column(0), column(1), column(2)], mobility: along * moved }, moved)
+    }
+
+    /// Adds another joint.
+    #[inline(always)]
+    fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Scalar {
+        let (other, moved) = Self::of(y, inverse_d, normal);
+        for c in 0..A::LINEAR {
+            self.delassus[c] += other.delassus[c];
+        }
+        self.mobility += other.mobility;
+        moved
+    }
 }
 
 /// What the kernel need not look up, body by body.

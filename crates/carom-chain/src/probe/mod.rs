@@ -31,7 +31,7 @@ use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
 use crate::sine::sin_cos;
-use kernel::{Hinge, Link, Memory, Tree, read};
+use kernel::{Hinge, Link, Memory, Tree, read, read_three, read_two};
 use num_traits::Zero;
 use row::HingeRow;
 
@@ -243,8 +243,8 @@ impl<A: Algebra> Probe<A> {
         assert_eq!(reading.joint_impulse.len(), self.chain.nv, "this reading belongs to another chain");
         let (n, arm) = (self.chain.bodies.len(), self.arm);
         match &self.shape {
-            Shape::RowOfTwo(row) => read_fixed::<A, F, 2>(row, arm, turned, normal, reading, finish),
-            Shape::RowOfThree(row) => read_fixed::<A, F, 3>(row, arm, turned, normal, reading, finish),
+            Shape::RowOfTwo(row) => reading.keep(read_two(row, arm, turned, normal).found(), finish),
+            Shape::RowOfThree(row) => reading.keep(read_three(row, arm, turned, normal).found(), finish),
             Shape::Row(row) => {
                 let Reading { jacobian, mass_matrix, joint_impulse, response, factor, row: links, .. } = reading;
                 let memory = Memory { links, factor, jacobian, mass_matrix, joint_impulse, response };
@@ -272,36 +272,19 @@ impl<A: Algebra> Probe<A> {
     }
 }
 
-/// In memory of fixed size, which the compiler turns into registers; the reading is written only if it is wanted.
-#[inline(always)]
-fn read_fixed<A: Algebra, F: Finish<A>, const N: usize>(
-    row: &HingeRow<A>,
-    arm: A::Vector,
-    turned: &impl Turned<A>,
-    normal: A::Vector,
-    reading: &mut Reading<A>,
-    mut finish: F,
-) {
-    let zero = A::Scalar::zero();
-    let (mut links, mut factor, mut mass_matrix) = ([Link::new(); N], [[zero; N]; N], [[zero; N]; N]);
-    let (mut jacobian, mut joint_impulse, mut response) = ([A::zero(); N], [zero; N], [zero; N]);
-    let memory = Memory {
-        links: &mut links,
-        factor: factor.as_flattened_mut(),
-        jacobian: &mut jacobian,
-        mass_matrix: mass_matrix.as_flattened_mut(),
-        joint_impulse: &mut joint_impulse,
-        response: &mut response,
-    };
-    let found = read(row, N, arm, &[], turned, normal, memory);
-    if F::KEEPS {
-        reading.jacobian.copy_from_slice(found.jacobian);
-        reading.mass_matrix.copy_from_slice(found.mass_matrix);
-        reading.joint_impulse.copy_from_slice(found.joint_impulse);
-        reading.response.copy_from_slice(found.response);
-        (reading.position, reading.delassus, reading.mobility) = (found.position, found.delassus, found.mobility);
+impl<A: Algebra> Reading<A> {
+    /// Hands on what was found, and keeps it if that is wanted.
+    #[inline(always)]
+    fn keep<F: Finish<A>>(&mut self, found: Found<A>, mut finish: F) {
+        if F::KEEPS {
+            self.jacobian.copy_from_slice(found.jacobian);
+            self.mass_matrix.copy_from_slice(found.mass_matrix);
+            self.joint_impulse.copy_from_slice(found.joint_impulse);
+            self.response.copy_from_slice(found.response);
+            (self.position, self.delassus, self.mobility) = (found.position, found.delassus, found.mobility);
+        }
+        finish.finish(found);
     }
-    finish.finish(found);
 }
 
 /// Nothing but the reading.
