@@ -214,13 +214,13 @@ def first_line(*command):
 def foot(rounds, seconds, load, worst, missing, versions):
     cpu = next((it.split(":")[1].strip() for it in open("/proc/cpuinfo") if it.startswith("model name")), platform.processor())
     yield (f"\nMedians of {rounds} rounds of {seconds} s each, and in brackets the median over the rounds of the ratio to carom of the same "
-           f"build (above 1: carom is faster). Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before "
-           f"and after {load[0]:.1f}, {load[1]:.1f}.")
-    yield f"carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
-    yield (f"C and C++: {first_line('gcc', '--version')}, `-O3`. "
-           + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + ".")
-    yield "Answers agree within (of the largest number): " + ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom") + "."
-    yield from (f"Left out: {it}." for it in missing)
+           "build (above 1: carom is faster).\n")
+    yield f"- Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before and after {load[0]:.1f}, {load[1]:.1f}."
+    yield f"- carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
+    yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
+    answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
+    yield f"- Answers are off by at most, in parts of the largest number of a state: {answers}."
+    yield from (f"- Left out: {it}." for it in missing)
 
 
 def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):

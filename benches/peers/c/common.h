@@ -61,37 +61,41 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* `sweeps` times all states. What `work` reads could have changed between two calls, for all the compiler knows. */
-#define SWEEP(c, sweeps, work)                        \
-    for (long r_ = 0; r_ < (sweeps); r_++)            \
-        for (int k = 0; k < (c).states; k++) {        \
-            __asm__ volatile("" ::: "memory");        \
-            work;                                     \
-        }
+/* `calls` times `work`, which reads state `k`, one state after another. What it reads could have changed between two calls, for
+ * all the compiler knows. */
+#define CALLS(c, calls, work)                     \
+    for (long r_ = 0; r_ < (calls); r_++) {       \
+        __asm__ volatile("" ::: "memory");        \
+        work;                                     \
+        k = k + 1 < (c).states ? k + 1 : 0;       \
+    }
 
-/* `work`, which reads state `k`, over all states again and again for `seconds`, and one line with its time: the median over
- * the stretches between two looks at the clock, so that one which was interrupted counts for nothing. With zero seconds
- * the line has the answers at all states instead. */
+/* `work` again and again for `seconds`, and one line with its time: the median over the stretches between two looks at the
+ * clock, so that one which was interrupted counts for nothing. With zero seconds the line has the answers at all states
+ * instead. */
 #define TIMED(label, kernel, c, seconds, work, answer, count)                                          \
     do {                                                                                               \
         static double each_[STRETCHES];                                                                \
         double passed_ = 0, begin_ = seconds_now();                                                    \
-        long stretches_ = 0, sweeps_ = 1;                                                              \
+        long stretches_ = 0, calls_ = 1;                                                               \
+        int k = 0;                                                                                     \
         if ((seconds) > 0) {                                                                           \
-            SWEEP(c, 1, work)                                                                          \
-            double first_ = seconds_now() - begin_;                                                    \
-            sweeps_ = first_ < BETWEEN_LOOKS ? (long)(BETWEEN_LOOKS / first_) : 1;                     \
+            CALLS(c, 16, work)                                                                         \
+            begin_ = seconds_now();                                                                    \
+            CALLS(c, 16, work)                                                                         \
+            double first_ = (seconds_now() - begin_) / 16;                                             \
+            calls_ = first_ < BETWEEN_LOOKS ? (long)(BETWEEN_LOOKS / first_) : 1;                      \
             begin_ = seconds_now();                                                                    \
             while (passed_ < (seconds) && stretches_ < STRETCHES) {                                    \
-                SWEEP(c, sweeps_, work)                                                                \
+                CALLS(c, calls_, work)                                                                 \
                 double now_ = seconds_now() - begin_;                                                  \
                 each_[stretches_++] = now_ - passed_;                                                  \
                 passed_ = now_;                                                                        \
             }                                                                                          \
             qsort(each_, stretches_, sizeof *each_, by_size);                                          \
         }                                                                                              \
-        printf("%s %s %.17g", label, kernel, each_[stretches_ / 2] * 1e9 / ((double)sweeps_ * (c).states)); \
-        for (int k = 0; k < (c).states && !((seconds) > 0); k++) {                                     \
+        printf("%s %s %.17g", label, kernel, each_[stretches_ / 2] * 1e9 / (double)calls_);            \
+        for (k = 0; k < (c).states && !((seconds) > 0); k++) {                                         \
             work;                                                                                      \
             const double *answer_ = answer;                                                            \
             for (int i_ = 0; i_ < (count); i_++) printf(" %.17g", answer_[i_]);                        \

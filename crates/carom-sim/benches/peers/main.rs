@@ -101,21 +101,23 @@ impl Clock {
             println!("{label} {kernel} 0 {}", numbers.join(" "));
             return;
         }
-        let mut sweeps = |sweeps: u32| {
+        let mut k = 0;
+        let mut stretch = |calls: u32| {
             let begin = Instant::now();
-            for _ in 0..sweeps {
-                (0..states).for_each(|k| work(k, None));
+            for _ in 0..calls {
+                work(k, None);
+                k = if k + 1 < states { k + 1 } else { 0 };
             }
             begin.elapsed().as_secs_f64()
         };
-        let each = (BETWEEN_LOOKS / sweeps(1)).clamp(1.0, 1e4) as u32;
+        stretch(16); // warm
+        let calls = (BETWEEN_LOOKS * 16.0 / stretch(16)).clamp(1.0, 1e6) as u32;
         let (mut stretches, begin) = (Vec::new(), Instant::now());
         while begin.elapsed().as_secs_f64() < self.seconds {
-            stretches.push(sweeps(each));
+            stretches.push(stretch(calls));
         }
         stretches.sort_by(f64::total_cmp);
-        let calls = f64::from(each) * (states * parts) as f64;
-        println!("{label} {kernel} {}", stretches[stretches.len() / 2] * 1e9 / calls);
+        println!("{label} {kernel} {}", stretches[stretches.len() / 2] * 1e9 / (f64::from(calls) * parts as f64));
     }
 
     fn own(&self, kernel: &str, states: usize, work: impl FnMut(usize, Option<&mut Vec<f64>>)) {
