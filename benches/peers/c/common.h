@@ -10,7 +10,8 @@
 #define MOST_STATES 16
 /* Time between two looks at the clock, s, of which one costs some 50 ns. */
 #define BETWEEN_LOOKS 5e-5
-/* Most stretches in a sample. */
+/* Fewest and most stretches in a sample. */
+#define FEWEST 15
 #define STRETCHES 65536
 
 /* A robot's hinges, parents first, and states; `input` is tau for forward, qdd for inverse dynamics. */
@@ -86,7 +87,7 @@ static int by_size(const void *a, const void *b) {
             double first_ = (seconds_now() - begin_) / 16;                                             \
             calls_ = first_ < BETWEEN_LOOKS ? (long)(BETWEEN_LOOKS / first_) : 1;                      \
             begin_ = seconds_now();                                                                    \
-            while (passed_ < (seconds) && stretches_ < STRETCHES) {                                    \
+            while ((passed_ < (seconds) || stretches_ < FEWEST) && stretches_ < STRETCHES) {           \
                 CALLS(c, calls_, work)                                                                 \
                 double now_ = seconds_now() - begin_;                                                  \
                 each_[stretches_++] = now_ - passed_;                                                  \

@@ -9,6 +9,8 @@ use std::time::Instant;
 
 /// Time between two looks at the clock, s: a look costs some 50 ns.
 const BETWEEN_LOOKS: f64 = 5e-5;
+/// Fewest stretches between two looks in a sample.
+const FEWEST: usize = 15;
 
 /// As in `c/common.h`, where the format of the file is.
 pub struct Case {
@@ -99,7 +101,7 @@ pub fn time(
     stretch(16); // warm
     let calls = (BETWEEN_LOOKS * 16.0 / stretch(16)).clamp(1.0, 1e6) as u32;
     let (mut stretches, begin) = (Vec::new(), Instant::now());
-    while begin.elapsed().as_secs_f64() < seconds {
+    while stretches.len() < FEWEST || begin.elapsed().as_secs_f64() < seconds {
         stretches.push(stretch(calls));
     }
     stretches.sort_by(f64::total_cmp);

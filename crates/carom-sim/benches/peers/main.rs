@@ -22,6 +22,8 @@ const MANY: usize = 1024;
 const SHOWN: usize = 64;
 /// Time between two looks at the clock, s: a look costs some 50 ns.
 const BETWEEN_LOOKS: f64 = 5e-5;
+/// Fewest stretches between two looks in a sample.
+const FEWEST: usize = 15;
 /// The checked strike finds singular directions, and its derivative runs the chain once for eight joints: beyond this neither
 /// is for loops.
 const STRIKES_UP_TO: usize = 29;
@@ -113,7 +115,7 @@ impl Clock {
         stretch(16); // warm
         let calls = (BETWEEN_LOOKS * 16.0 / stretch(16)).clamp(1.0, 1e6) as u32;
         let (mut stretches, begin) = (Vec::new(), Instant::now());
-        while begin.elapsed().as_secs_f64() < self.seconds {
+        while stretches.len() < FEWEST || begin.elapsed().as_secs_f64() < self.seconds {
             stretches.push(stretch(calls));
         }
         stretches.sort_by(f64::total_cmp);
