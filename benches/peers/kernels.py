@@ -253,7 +253,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
                         samples.setdefault((program.build, kernel, robot, peer), []).append(nanoseconds)
     load.append(os.getloadavg()[0])
     versions = {"mujoco": f"{version('mujoco')} (the wheel's library)", "pinocchio": f"{version('pin')} (headers)",
-                "generated": f"from CasADi {version('casadi')}", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
+                "generated": f"{version('casadi')} (by gcc)", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
     with open(f"{folder}/../kernels.jsonl", "w") as file:
         for (build, kernel, robot, peer), them in samples.items():
             file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this tree"), "build": build,
