@@ -1,27 +1,50 @@
 """The driver of `kernels`: makes cases, builds the peers' programs, checks that they agree, then times them in turn.
 
     kernels.py prepare FOLDER CAROM ROBOT...      (under the venv's Python)
-    kernels.py time FOLDER ROUNDS SECONDS CAROM_BENCH CAROM_BENCH_NATIVE
+    kernels.py time FOLDER ROUNDS SECONDS CAROM_BENCH CAROM_BENCH_NATIVE CRATES CRATES_NATIVE
 """
 
 import json
 import os
+import platform
 import random
 import statistics
 import subprocess
 import sys
+from importlib.metadata import version
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 # Straight-line code grows with the cube of the joints; beyond this it is no yardstick any more.
 GENERATED_UP_TO = 7
+STATES = 16
+BUILDS = {"plain": "without flags for the processor", "native": "`target-cpu=native`, `-march=native`"}
+COLUMNS = {
+    "carom": "carom",
+    "closed-form": "closed form by hand",
+    "generated": "CasADi's C",
+    "pinocchio": "Pinocchio",
+    "mujoco": "MuJoCo",
+    "featherstone": "featherstone (f32)",
+    "rapier": "rapier",
+}
+KERNELS = {
+    "chain": "chain",
+    "batch-all": "chain, batch",
+    "batch": "jump, batch",
+    "mass": "M",
+    "inverse": "inverse dynamics",
+    "forward": "forward dynamics",
+}
+# How far an answer may be off, in parts of the largest number of its state.
+TOLERANCE = {"closed-form": 1e-12, "featherstone": 1e-3}
 
 
 def prepare(folder, carom, urdfs):
     import mujoco
     import numpy as np
 
-    import symbolic
     import prepare as scenes
+    import symbolic
 
     os.makedirs(folder, exist_ok=True)
     chance = random.Random(20040)
@@ -33,16 +56,18 @@ def prepare(folder, carom, urdfs):
             robot, hinges = symbolic.Robot(urdf), scenes.hinges(urdf)
             place = [order.index(it) for it in robot.names]
             n = len(order)
-            q, qd, tau = ([chance.uniform(-1, 1) for _ in range(n)] for _ in range(3))
+            # q, q̇, and q̈ or τ.
+            states = [[[chance.uniform(-1, 1) for _ in range(n)] for _ in range(3)] for _ in range(STATES)]
             show = lambda them: " ".join(repr(float(x)) for x in np.ravel(them))
-            plain.write(f"{name} {os.path.abspath(urdf)} {n} {show(q)} {show(qd)} {show(tau)}\n")
-            full.write(f"{name} {os.path.abspath(urdf)} {n} {place[hinges['tip']['link']]} {show(hinges['tip']['at'])}\n")
+            plain.write(f"{name} {os.path.abspath(urdf)} {n} {STATES}\n{show(states)}\n")
+            full.write(f"{name} {n} {STATES} {place[hinges['tip']['link']]} {show(hinges['tip']['at'])}\n")
             for wanted in range(n):
                 it = hinges["links"][place.index(wanted)]
                 parent = place[it["parent"]] if it["parent"] >= 0 else -1
                 assert parent < wanted, "parents come first in carom's order"
-                rest = [it[key] for key in ("turn", "shift", "axis", "mass", "centre", "inertia")] + [q[wanted], qd[wanted], tau[wanted]]
+                rest = [it[key] for key in ("turn", "shift", "axis", "mass", "centre", "inertia")]
                 full.write(f"{order[wanted]} {parent} " + " ".join(show(x) for x in rest) + "\n")
+            full.writelines(show(row) + "\n" for state in states for row in state)
             spec = mujoco.MjSpec.from_file(urdf)
             for geom in list(spec.geoms):
                 spec.delete(geom)
@@ -50,106 +75,197 @@ def prepare(folder, carom, urdfs):
             spec.option.gravity = [0, -9.81, 0]
             # Everything that isn't in the other programs: limits, constraints, damping.
             spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-            model = spec.compile()
-            mujoco.mj_saveModel(model, f"{folder}/{name}.mjb")
+            mujoco.mj_saveModel(spec.compile(), f"{folder}/{name}.mjb")
             if n <= GENERATED_UP_TO:
                 if robot.names != order:
                     raise SystemExit(f"{urdf}: the file's order of joints is not carom's, the generated code would be out of order")
                 symbolic.write(urdf, f"{folder}/{name}.c", [0, -9.81, 0])
 
 
-def build(folder):
-    """The peers' programs, each as (label, flags, version, argument list); who can't be built is named with the reason."""
-    from importlib.metadata import version
+class Program:
+    """What one process times: the lines it prints name the peer (its column) and the kernel."""
 
+    def __init__(self, build, command, robots=None):
+        self.build, self.command, self.robots = build, command, robots
+
+    def lines(self, robot, seconds):
+        """(peer, kernel, nanoseconds, numbers) of each line."""
+        done = subprocess.run(self.command(robot, str(seconds)), capture_output=True, text=True)
+        if done.returncode:
+            raise SystemExit(f"{self.command(robot, seconds)} ended with status {done.returncode}: {done.stderr.strip()[:500]}")
+        for line in done.stdout.splitlines():
+            peer, kernel, nanoseconds, *numbers = line.split()
+            yield peer, kernel, float(nanoseconds), [float(x) for x in numbers]
+
+
+def compiled(folder):
+    """The C and C++ programs, built two at a time; what can't be built comes back with the reason."""
     site = os.path.dirname(os.path.dirname(__import__("mujoco").__file__))
     library = next(it for it in os.listdir(f"{site}/mujoco") if it.startswith("libmujoco.so"))
     include = f"{site}/cmeel.prefix/include"
-    made, jobs = [], [
-        ("mujoco", "-O3", version("mujoco"), ["gcc", "-O3", f"{HERE}/c/mujoco.c", f"-I{site}/mujoco/include",
-         f"{site}/mujoco/{library}", f"-Wl,-rpath,{site}/mujoco", "-lm"], [f"{folder}/hinges.txt", folder]),
-    ]
-    for flags in (["-O3"], ["-O3", "-march=native"]):
-        tail = "-native" if len(flags) > 1 else ""
-        jobs.append((f"pinocchio{tail}", " ".join(flags), version("pin"), ["g++", "-std=c++17", "-DNDEBUG", *flags,
-                     # Pinocchio's joints are a variant of more kinds than Boost's lists are written out for.
-                     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12", f"{HERE}/c/pinocchio.cpp",
-                     f"-I{include}", f"-I{include}/eigen3"], [f"{folder}/hinges.txt"]))
-    for label, flags, release, command, arguments in jobs:
-        program = f"{os.path.abspath(folder)}/{label}"
-        source = next(it for it in command if it.endswith((".c", ".cpp")))
-        if not os.path.exists(program) or os.path.getmtime(program) < os.path.getmtime(source):
+    hinges, folder = f"{folder}/hinges.txt", os.path.abspath(folder)
+    # The wheel's library has its own instructions, so there is one build of it.
+    jobs = [("mujoco", None, ["gcc", "-O3", f"{HERE}/c/mujoco.c", f"-I{site}/mujoco/include", f"{site}/mujoco/{library}",
+                              f"-Wl,-rpath,{site}/mujoco", "-lm"], None,
+             lambda p: lambda robot, s: [p, hinges, robot, s, "mujoco", folder])]
+    for build, flags in (("plain", ["-O3"]), ("native", ["-O3", "-march=native"])):
+        jobs.append((f"pinocchio-{build}", build, ["g++", "-std=c++17", "-DNDEBUG", *flags,
+                     # Its joints are a variant of more kinds than Boost's lists are written out for.
+                     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
+                     f"{HERE}/c/pinocchio.cpp", f"-I{include}", f"-I{include}/eigen3"], None,
+                     lambda p: lambda robot, s: [p, hinges, robot, s, "pinocchio"]))
+        for file in sorted(it for it in os.listdir(folder) if it.endswith(".c")):
+            jobs.append((f"generated-{build}-{file[:-2]}", build, ["gcc", *flags, f'-DROBOT_C="{folder}/{file}"',
+                         f"{HERE}/c/generated.c", "-lm"], file[:-2],
+                         lambda p: lambda robot, s: [p, hinges, robot, s, "generated"]))
+    programs, missing, running = [], [], []
+
+    def finish():
+        label, process = running.pop(0)
+        _, errors = process.communicate()
+        if process.returncode:
+            first = next((it for it in errors.splitlines() if "error" in it), errors.strip()[:200])
+            missing.append(f"{label}: could not be built: {first}")
+
+    for label, build, command, robot, arguments in jobs:
+        program = f"{folder}/{label}"
+        sources = [f"{HERE}/c/common.h", *(it for it in command if it.endswith((".c", ".cpp"))), *([f"{folder}/{robot}.c"] if robot else [])]
+        if not os.path.exists(program) or os.path.getmtime(program) < max(map(os.path.getmtime, sources)):
+            if len(running) > 1:
+                finish()
             print(f"building {label}", flush=True)
-            done = subprocess.run([*command, "-o", program], capture_output=True, text=True)
-            if done.returncode:
-                first = next((it for it in done.stderr.splitlines() if "error" in it), done.stderr.strip()[:200])
-                print(f"could not build {label}: {first}")
+            running.append((label, subprocess.Popen([*command, "-o", program], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)))
+        programs.append((label, Program(build, arguments(program), robot and {robot})))
+    while running:
+        finish()
+    broken = {it.split(":")[0] for it in missing}
+    return [program for label, program in programs if label not in broken], missing
+
+
+def agree(programs, robots):
+    """Stops where a program's answers are not carom's. Returns how far they are off, by peer; single precision is named, not
+    stopped."""
+    worst, left_out = {}, []
+    for robot in robots:
+        ours = {}
+        for program in programs:
+            if program.robots and robot not in program.robots:
                 continue
-        made.append((label, flags, release, lambda s, p=program, a=arguments, l=label: [p, *a, s, l]))
-    for file in sorted(os.listdir(folder)):
-        if file.endswith(".c"):
-            robot = file[:-2]
-            program = f"{os.path.abspath(folder)}/generated-{robot}"
-            subprocess.run(["gcc", "-O3", "-march=native", f'-DROBOT_C="{os.path.abspath(folder)}/{file}"', f"{HERE}/c/generated.c",
-                            "-o", program, "-lm"], check=True)
-            made.append((f"generated-{robot}", "-O3 -march=native", f"CasADi {version('casadi')}",
-                         lambda s, p=program, r=robot: [p, f"{folder}/hinges.txt", s, "generated", r]))
-    return made
+            for peer, kernel, _, numbers in program.lines(robot, 0):
+                if kernel not in ours:
+                    ours[kernel] = numbers
+                # State by state, so that a state of small numbers counts as much.
+                reference = ours[kernel]
+                size = len(reference) // (1 if kernel.startswith("batch") else STATES)
+                parts = [(reference[i : i + size], numbers[i : i + size]) for i in range(0, len(reference), size)]
+                if len(numbers) != len(reference):
+                    raise SystemExit(f"{peer} gives {len(numbers)} numbers for {kernel} of {robot}, and not {len(reference)}")
+                off = max(max(abs(a - b) for a, b in zip(x, y)) / max(map(abs, x)) for x, y in parts)
+                # Solving with M costs its condition number, which in a chain grows with the fourth power of the links.
+                limit = TOLERANCE.get(peer, 1e-8 if robot == "chain100" else 1e-10)
+                if off < limit:
+                    worst[peer] = max(worst.get(peer, 0), off)
+                elif peer == "featherstone":
+                    left_out.append((peer, kernel, robot, off))
+                else:
+                    raise SystemExit(f"{peer} ({program.build}) disagrees on {kernel} of {robot} by {off:.1e} of the largest: nothing is timed")
+    return worst, left_out
 
 
-def one_round(programs, seconds):
-    for label, flags, release, command in programs:
-        done = subprocess.run(command(str(seconds)), capture_output=True, text=True)
-        if done.returncode:
-            print(f"{label} ended with status {done.returncode}: {done.stderr.strip()[:200]}")
-        for line in done.stdout.splitlines():
-            name, kernel, robot, nanoseconds, *numbers = line.split()
-            yield (kernel, robot, name), float(nanoseconds), [float(x) for x in numbers], flags, release
+def shown(nanoseconds):
+    digits = 1 if nanoseconds < 100 else 0
+    return f"{nanoseconds:.{digits}f} ns" if nanoseconds < 9999.5 else f"{nanoseconds / 1000:.1f} µs"
 
 
-def time(folder, rounds, seconds, carom, native):
-    programs = [
-        ("carom", "release", "this tree", lambda s: [carom, f"{folder}/cases.txt", s, "carom"]),
-        ("carom-native", "release, target-cpu=native", "this tree", lambda s: [native, f"{folder}/cases.txt", s, "carom-native"]),
-        *build(folder),
-    ]
-    answers, worst = {}, 0.0
-    for (kernel, robot, name), _, numbers, _, _ in one_round(programs, 0.0):
-        if name == "carom":
-            answers[kernel, robot] = numbers
-        elif numbers:
-            ours = answers[kernel, robot]
-            off = max(abs(a - b) for a, b in zip(ours, numbers)) / max(map(abs, ours))
-            worst = max(worst, off)
-            # Solving with M costs its condition number, which in a chain grows with the fourth power of the links.
-            limit = 1e-8 if robot == "chain100" else 1e-10
-            if len(ours) != len(numbers) or not off < limit:
-                raise SystemExit(f"{name} disagrees on {kernel} of {robot} by {off:.1e} of the largest: nothing is timed")
-    print(f"all agree within {worst:.1e} of the largest number of each answer")
-    samples, about = {}, {}
-    for k in range(rounds):
-        for key, nanoseconds, _, flags, release in one_round(programs, seconds):
-            samples.setdefault(key, []).append(nanoseconds)
-            about[key] = flags, release
-    with open(f"{folder}/../kernels.jsonl", "w") as file:
-        for (kernel, robot, name), them in samples.items():
-            flags, release = about[kernel, robot, name]
-            file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": name, "version": release, "flags": flags,
-                                   "median_ns": statistics.median(them), "repeats": len(them), "least_ns": min(them)}) + "\n")
-    names = list(dict.fromkeys(name for _, _, name in samples))
-    print("\nMedian ns, and in brackets the median over the rounds of the ratio to carom (above 1: carom is faster).\n")
-    print("| kernel | robot | " + " | ".join(names) + " |\n| --- | --- |" + " --- |" * len(names))
-    for kernel, robot in dict.fromkeys((kernel, robot) for kernel, robot, _ in samples):
+def tables(samples, kernels, robots):
+    """Markdown. A round's samples were taken one after the other: what slows the machine slows both of a ratio."""
+    ratio = lambda them, ours: statistics.median(a / b for a, b in zip(them, ours))
+    for build, how in BUILDS.items():
+        peers = [it for it in COLUMNS if any(key[0] in (build, None) and key[3] == it for key in samples)]
+        yield f"\nBuilt {how}:\n"
+        yield "| kernel | robot | " + " | ".join(COLUMNS[it] for it in peers) + " |"
+        yield "| --- | --- |" + " --- |" * len(peers)
+        for kernel, name in KERNELS.items():
+            for robot in robots:
+                ours = samples.get((build, kernel, robot, "carom"))
+                if not ours:
+                    continue
+                cells = [shown(statistics.median(ours))]
+                for peer in peers[1:]:
+                    them = samples.get((build, kernel, robot, peer)) or samples.get((None, kernel, robot, peer))
+                    cells.append(f"{shown(statistics.median(them))} ({ratio(them, ours):.2f})" if them else "–")
+                yield f"| {name} | {robot} | " + " | ".join(cells) + " |"
+    yield "\n| checked strike in space, and with all its derivatives | " + " | ".join(BUILDS.values()) + " |\n| --- | --- | --- |"
+    for robot in robots:
         cells = []
-        for name in names:
-            them, ours = samples.get((kernel, robot, name)), samples[kernel, robot, "carom"]
-            # A round's samples were taken one after the other: what slows the machine slows both.
-            cells.append("–" if not them else f"{statistics.median(them):.0f} ({statistics.median(a / b for a, b in zip(them, ours)):.2f})")
-        print(f"| {kernel} | {robot} | " + " | ".join(cells) + " |")
+        for build in BUILDS:
+            strike, both = (samples.get((build, it, robot, "carom")) for it in ("strike", "derivative"))
+            if both:
+                cells.append(f"{shown(statistics.median(strike))}, {shown(statistics.median(both))} ({ratio(both, strike):.2f})")
+        if cells:
+            yield f"| {robot} | " + " | ".join(cells) + " |"
+
+
+def first_line(*command):
+    done = subprocess.run(command, capture_output=True, text=True)
+    return done.stdout.splitlines()[0] if done.returncode == 0 and done.stdout else "unknown"
+
+
+def foot(rounds, seconds, load, worst, missing, versions):
+    cpu = next((it.split(":")[1].strip() for it in open("/proc/cpuinfo") if it.startswith("model name")), platform.processor())
+    yield (f"\nMedians of {rounds} rounds of {seconds} s each, and in brackets the median over the rounds of the ratio to carom of the same "
+           "build (above 1: carom is faster).\n")
+    yield f"- Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before and after {load[0]:.1f}, {load[1]:.1f}."
+    yield f"- carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
+    yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
+    answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
+    yield f"- Answers are off by at most, in parts of the largest number of a state: {answers}."
+    yield from (f"- Left out: {it}." for it in missing)
+
+
+def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
+    programs = [
+        Program(build, lambda robot, s, p=path: [p, f"{folder}/cases.txt", robot, s, "carom"])
+        for build, path in (("plain", carom), ("native", carom_native))
+    ]
+    c_programs, missing = compiled(folder)
+    programs += c_programs
+    for build, path in (("plain", crates), ("native", crates_native)):
+        if os.path.exists(path):
+            programs.append(Program(build, lambda robot, s, p=path: [p, f"{folder}/hinges.txt", robot, s]))
+        else:
+            missing.append(f"featherstone and rapier ({build}): could not be built")
+    with open(f"{folder}/cases.txt") as file:
+        robots = [line.split()[0] for line in list(file)[::2]]
+    worst, wrong = agree(programs, robots)
+    missing += [f"{COLUMNS[peer]}'s {kernel} of {robot}, off by {off:.0e}" for peer, kernel, robot, off in dict.fromkeys(wrong)]
+    wrong = {it[:3] for it in wrong}
+    samples, load = {}, [os.getloadavg()[0]]
+    for turn in range(rounds):
+        print(f"round {turn + 1} of {rounds}", file=sys.stderr, flush=True)
+        for robot in robots:
+            # Each round begins with another program.
+            for program in programs[turn % len(programs) :] + programs[: turn % len(programs)]:
+                if program.robots and robot not in program.robots:
+                    continue
+                for peer, kernel, nanoseconds, _ in program.lines(robot, seconds):
+                    if (peer, kernel, robot) not in wrong:
+                        samples.setdefault((program.build, kernel, robot, peer), []).append(nanoseconds)
+    load.append(os.getloadavg()[0])
+    versions = {"mujoco": f"{version('mujoco')} (the wheel's library)", "pinocchio": f"{version('pin')} (headers)",
+                "generated": f"{version('casadi')} (by gcc)", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
+    with open(f"{folder}/../kernels.jsonl", "w") as file:
+        for (build, kernel, robot, peer), them in samples.items():
+            file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this tree"), "build": build,
+                                   "median_ns": statistics.median(them), "least_ns": min(them), "repeats": len(them)}) + "\n")
+    text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, worst, missing, versions)]) + "\n"
+    with open(f"{folder}/../kernels.md", "w") as file:
+        file.write(text)
+    print(text, end="")
 
 
 if __name__ == "__main__":
     if sys.argv[1] == "prepare":
         prepare(sys.argv[2], sys.argv[3], sys.argv[4:])
     else:
-        time(sys.argv[2], int(sys.argv[3]), float(sys.argv[4]), *sys.argv[5:7])
+        time(sys.argv[2], int(sys.argv[3]), float(sys.argv[4]), *sys.argv[5:9])

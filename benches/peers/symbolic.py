@@ -3,7 +3,7 @@
     symbolic.py ROBOT.urdf OUT.c [--gravity X Y Z]
 
 The file holds, as CasADi functions of dense column-major arrays: `mass` (q) -> M; `bias` (q, qd) -> C(q, qd) qd + g;
-`inverse` (q, qd, qdd) -> tau; `tip` (q) -> position of the link `tip`; `jacobian` (q) -> 3 x n; `drift` (q, qd) -> Jdot qd
+`inverse` (q, qd, qdd) -> tau; `forward` (q, qd, tau) -> qdd; `tip` (q) -> position of the link `tip`; `jacobian` (q) -> 3 x n; `drift` (q, qd) -> Jdot qd
 and `rate` (q, qd) -> Jdot; `chain` (q, qd, normal, e) -> J, M, H = J M^-1 J^T, qd+ of the frictionless impact.
 """
 
@@ -186,7 +186,7 @@ class Dynamics:
 def functions(path, gravity):
     robot = Robot(path)
     n = len(robot.parent)
-    q, qd, qdd = (casadi.SX.sym(name, n) for name in ("q", "qd", "qdd"))
+    q, qd, qdd, tau = (casadi.SX.sym(name, n) for name in ("q", "qd", "qdd", "tau"))
     normal, e = casadi.SX.sym("normal", 3), casadi.SX.sym("e")
     dynamics = Dynamics(robot, q)
     mass, jacobian = dynamics.mass(), dynamics.jacobian()
@@ -201,15 +201,25 @@ def functions(path, gravity):
         half[i] = jacobian[:, i].T - sum(l[i, k] * half[k] for k in range(i))
     h = sum(half[i].T @ half[i] / d[i] for i in range(n))
     impulse = -(1 + e) * (normal.T @ (jacobian @ qd)) / (normal.T @ h @ normal)
-    back = [half[i] @ normal * impulse / d[i] for i in range(n)]
-    for i in reversed(range(n)):
-        back[i] = back[i] - sum(l[k, i] * back[k] for k in range(i + 1, n))
-    after = qd + casadi.vertcat(*back)
+
+    def back(y):
+        """L^-T D^-1 y."""
+        x = [y[i] / d[i] for i in range(n)]
+        for i in reversed(range(n)):
+            x[i] = x[i] - sum(l[k, i] * x[k] for k in range(i + 1, n))
+        return casadi.vertcat(*x)
+
+    after = qd + back([half[i] @ normal * impulse for i in range(n)])
+    bias = dynamics.inverse(qd, casadi.SX(n, 1), gravity)
+    driven = [None] * n
+    for i in range(n):
+        driven[i] = tau[i] - bias[i] - sum(l[i, k] * driven[k] for k in range(i))
     rate = casadi.reshape(casadi.jtimes(casadi.vec(jacobian), q, qd), 3, n)
     out = {
         "mass": ([q], [mass]),
-        "bias": ([q, qd], [dynamics.inverse(qd, casadi.SX(n, 1), gravity)]),
+        "bias": ([q, qd], [bias]),
         "inverse": ([q, qd, qdd], [dynamics.inverse(qd, qdd, gravity)]),
+        "forward": ([q, qd, tau], [back(driven)]),
         "tip": ([q], [dynamics.tip()]),
         "jacobian": ([q], [jacobian]),
         "rate": ([q, qd], [rate]),

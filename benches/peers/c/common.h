@@ -3,16 +3,23 @@
 #define CAROM_PEERS_COMMON_H
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
-#define MOST 256
+#define MOST 128
+#define MOST_STATES 16
+/* Time between two looks at the clock, s, of which one costs some 50 ns. */
+#define BETWEEN_LOOKS 5e-5
+/* Fewest and most stretches in a sample. */
+#define FEWEST 15
+#define STRETCHES 65536
 
-/* A robot's hinges, parents first, and a state; `input` is tau for forward, qdd for inverse dynamics. */
+/* A robot's hinges, parents first, and states; `input` is tau for forward, qdd for inverse dynamics. */
 typedef struct {
-    char name[64], file[1024], joint[MOST][64];
-    int n, parent[MOST], tip_link;
+    char name[64], joint[MOST][64];
+    int n, states, parent[MOST], tip_link;
     double turn[MOST][9], shift[MOST][3], axis[MOST][3], mass[MOST], centre[MOST][3], inertia[MOST][9], tip[3];
-    double q[MOST], qd[MOST], input[MOST];
+    double q[MOST_STATES][MOST], qd[MOST_STATES][MOST], input[MOST_STATES][MOST];
 } Case;
 
 static int numbers(FILE *f, double *to, int count) {
@@ -22,15 +29,26 @@ static int numbers(FILE *f, double *to, int count) {
 }
 
 static int next_case(FILE *f, Case *c) {
-    if (fscanf(f, "%63s %1023s %d %d", c->name, c->file, &c->n, &c->tip_link) != 4) return 0;
-    if (c->n > MOST || !numbers(f, c->tip, 3)) exit(3);
+    if (fscanf(f, "%63s %d %d %d", c->name, &c->n, &c->states, &c->tip_link) != 4) return 0;
+    if (c->n > MOST || c->states > MOST_STATES || !numbers(f, c->tip, 3)) exit(3);
     for (int i = 0; i < c->n; i++) {
         if (fscanf(f, "%63s %d", c->joint[i], &c->parent[i]) != 2 || !numbers(f, c->turn[i], 9) || !numbers(f, c->shift[i], 3) ||
             !numbers(f, c->axis[i], 3) || !numbers(f, &c->mass[i], 1) || !numbers(f, c->centre[i], 3) ||
-            !numbers(f, c->inertia[i], 9) || !numbers(f, &c->q[i], 1) || !numbers(f, &c->qd[i], 1) || !numbers(f, &c->input[i], 1))
+            !numbers(f, c->inertia[i], 9))
             exit(3);
     }
+    for (int k = 0; k < c->states; k++)
+        if (!numbers(f, c->q[k], c->n) || !numbers(f, c->qd[k], c->n) || !numbers(f, c->input[k], c->n)) exit(3);
     return 1;
+}
+
+/* The case of this name. */
+static int find_case(const char *file, const char *name, Case *c) {
+    FILE *cases = fopen(file, "r");
+    if (!cases) return 0;
+    while (next_case(cases, c))
+        if (!strcmp(c->name, name)) return 1;
+    return 0;
 }
 
 static double seconds_now(void) {
@@ -39,21 +57,50 @@ static double seconds_now(void) {
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* What a kernel reads could have changed between two calls, for all the compiler knows. */
-#define TIMED(label, kernel, robot, seconds, work, answer, count)                                      \
+static int by_size(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* `calls` times `work`, which reads state `k`, one state after another. What it reads could have changed between two calls, for
+ * all the compiler knows. */
+#define CALLS(c, calls, work)                     \
+    for (long r_ = 0; r_ < (calls); r_++) {       \
+        __asm__ volatile("" ::: "memory");        \
+        work;                                     \
+        k = k + 1 < (c).states ? k + 1 : 0;       \
+    }
+
+/* `work` again and again for `seconds`, and one line with its time: the median over the stretches between two looks at the
+ * clock, so that one which was interrupted counts for nothing. With zero seconds the line has the answers at all states
+ * instead. */
+#define TIMED(label, kernel, c, seconds, work, answer, count)                                          \
     do {                                                                                               \
-        double begin_ = seconds_now(), passed_ = 0;                                                    \
-        long calls_ = 0;                                                                               \
-        do {                                                                                           \
-            for (int k_ = 0; k_ < 100; k_++) {                                                         \
-                __asm__ volatile("" ::: "memory");                                                     \
-                work;                                                                                  \
+        static double each_[STRETCHES];                                                                \
+        double passed_ = 0, begin_ = seconds_now();                                                    \
+        long stretches_ = 0, calls_ = 1;                                                               \
+        int k = 0;                                                                                     \
+        if ((seconds) > 0) {                                                                           \
+            CALLS(c, 16, work)                                                                         \
+            begin_ = seconds_now();                                                                    \
+            CALLS(c, 16, work)                                                                         \
+            double first_ = (seconds_now() - begin_) / 16;                                             \
+            calls_ = first_ < BETWEEN_LOOKS ? (long)(BETWEEN_LOOKS / first_) : 1;                      \
+            begin_ = seconds_now();                                                                    \
+            while ((passed_ < (seconds) || stretches_ < FEWEST) && stretches_ < STRETCHES) {           \
+                CALLS(c, calls_, work)                                                                 \
+                double now_ = seconds_now() - begin_;                                                  \
+                each_[stretches_++] = now_ - passed_;                                                  \
+                passed_ = now_;                                                                        \
             }                                                                                          \
-            calls_ += 100;                                                                             \
-            passed_ = seconds_now() - begin_;                                                          \
-        } while (passed_ < (seconds));                                                                 \
-        printf("%s %s %s %.17g", label, kernel, robot, passed_ * 1e9 / (double)calls_);                \
-        for (int i_ = 0; i_ < (count); i_++) printf(" %.17g", (answer)[i_]);                           \
+            qsort(each_, stretches_, sizeof *each_, by_size);                                          \
+        }                                                                                              \
+        printf("%s %s %.17g", label, kernel, each_[stretches_ / 2] * 1e9 / (double)calls_);            \
+        for (k = 0; k < (c).states && !((seconds) > 0); k++) {                                         \
+            work;                                                                                      \
+            const double *answer_ = answer;                                                            \
+            for (int i_ = 0; i_ < (count); i_++) printf(" %.17g", answer_[i_]);                        \
+        }                                                                                              \
         printf("\n");                                                                                  \
     } while (0)
 #endif

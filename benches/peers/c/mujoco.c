@@ -1,16 +1,25 @@
-/* MuJoCo's side of `kernels`: mujoco CASES FOLDER SECONDS LABEL; FOLDER holds NAME.mjb with a site `tip`. */
+/* MuJoCo's side of `kernels`: mujoco CASES ROBOT SECONDS LABEL FOLDER; FOLDER holds ROBOT.mjb with a site `tip`. */
 #include <mujoco/mujoco.h>
-#include <string.h>
 
 #include "common.h"
 
 static mjModel *m;
 static mjData *d;
+static Case c;
 static int site, joint_of[MOST];
-static double jacobian[3 * MOST], solved[3 * MOST], h[9], after[MOST], mass[MOST * MOST], force[MOST];
+/* The states in MuJoCo's order of joints. */
+static double q[MOST_STATES][MOST], qd[MOST_STATES][MOST], input[MOST_STATES][MOST];
+static double jacobian[3 * MOST], solved[3 * MOST], h[9], after[MOST], force[MOST];
 static const double NORMAL[3] = {-1, 0, 0};
 
-static void chain(const Case *c) {
+/* MuJoCo reads its state where these point: nothing is copied. */
+static void state(int k) {
+    d->qpos = q[k];
+    d->qvel = qd[k];
+    d->qacc = input[k];
+}
+
+static void chain(void) {
     mj_kinematics(m, d);
     mj_comPos(m, d);
     mj_makeM(m, d);
@@ -55,38 +64,42 @@ static void forward(const double *tau) {
     mj_solveM(m, d, after, force, 1);
 }
 
-/* From MuJoCo's order of joints to that of the cases. */
-static const double *ordered(const double *x, int n) {
-    static double out[MOST];
-    for (int i = 0; i < n; i++) out[i] = x[joint_of[i]];
+/* From MuJoCo's order of joints to that of the cases; then H's x and y rows. */
+static const double *ordered(const double *x) {
+    static double out[MOST + 3];
+    for (int i = 0; i < c.n; i++) out[i] = x[joint_of[i]];
+    out[c.n] = h[0];
+    out[c.n + 1] = h[1];
+    out[c.n + 2] = h[4];
     return out;
 }
 
+/* M times the state's `input`. */
+static const double *product(int k) {
+    static double y[MOST];
+    mj_mulM(m, d, y, input[k]);
+    return ordered(y);
+}
+
 int main(int argc, char **argv) {
-    if (argc != 5) return 2;
-    static Case c;
-    double seconds = atof(argv[3]), tau[MOST];
-    static double shown[MOST * MOST];
-    FILE *cases = fopen(argv[1], "r");
-    while (cases && next_case(cases, &c)) {
-        char path[2048];
-        snprintf(path, sizeof path, "%s/%s.mjb", argv[2], c.name);
-        m = mj_loadModel(path, NULL);
-        d = mj_makeData(m);
-        site = mj_name2id(m, mjOBJ_SITE, "tip");
-        for (int i = 0; i < c.n; i++) {
-            int j = m->jnt_dofadr[mj_name2id(m, mjOBJ_JOINT, c.joint[i])];
-            joint_of[i] = j;
-            d->qpos[j] = c.q[i];
-            d->qvel[j] = c.qd[i];
-            d->qacc[j] = tau[j] = c.input[i];
+    if (argc != 6 || !find_case(argv[1], argv[2], &c)) return 2;
+    double seconds = atof(argv[3]);
+    char path[2048];
+    snprintf(path, sizeof path, "%s/%s.mjb", argv[5], c.name);
+    m = mj_loadModel(path, NULL);
+    d = mj_makeData(m);
+    site = mj_name2id(m, mjOBJ_SITE, "tip");
+    for (int i = 0; i < c.n; i++) {
+        int j = joint_of[i] = m->jnt_dofadr[mj_name2id(m, mjOBJ_JOINT, c.joint[i])];
+        for (int k = 0; k < c.states; k++) {
+            q[k][j] = c.q[k][i];
+            qd[k][j] = c.qd[k][i];
+            input[k][j] = c.input[k][i];
         }
-        TIMED(argv[4], "chain", c.name, seconds, chain(&c), ordered(after, c.n), c.n);
-        TIMED(argv[4], "mass", c.name, seconds, mass_matrix(), shown, 0);
-        TIMED(argv[4], "inverse", c.name, seconds, inverse(), ordered(force, c.n), c.n);
-        TIMED(argv[4], "forward", c.name, seconds, forward(tau), ordered(after, c.n), c.n);
-        mj_deleteData(d);
-        mj_deleteModel(m);
     }
+    TIMED(argv[4], "chain", c, seconds, (state(k), chain()), ordered(after), c.n + 3);
+    TIMED(argv[4], "mass", c, seconds, (state(k), mass_matrix()), product(k), c.n);
+    TIMED(argv[4], "inverse", c, seconds, (state(k), inverse()), ordered(force), c.n);
+    TIMED(argv[4], "forward", c, seconds, (state(k), forward(input[k])), ordered(after), c.n);
     return 0;
 }

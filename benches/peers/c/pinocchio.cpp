@@ -1,13 +1,15 @@
-// Pinocchio's side of `kernels`: pinocchio CASES SECONDS LABEL. Header-only, the model built joint by joint: no library that
-// was compiled with other flags takes part.
-#include <cstring>
+// Pinocchio's side of `kernels`: pinocchio CASES ROBOT SECONDS LABEL. Header-only, the model built joint by joint: no library
+// that was compiled with other flags takes part. Where Pinocchio offers two conventions, axes of the bodies and of the
+// world, the faster one is timed.
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/cholesky.hpp>
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/frames.hpp>
-#include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
+#include <algorithm>
+#include <functional>
 #include <pinocchio/multibody.hpp>
+#include <vector>
 
 #include "common.h"
 
@@ -23,48 +25,87 @@ static JointModel hinge(const Eigen::Vector3d &axis) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 4) return 2;
     static Case c;
-    const double seconds = atof(argv[2]);
-    FILE *cases = fopen(argv[1], "r");
-    while (cases && next_case(cases, &c)) {
-        Model model;
-        model.gravity.linear() << 0, -9.81, 0;
-        for (int i = 0; i < c.n; i++) {
-            const SE3 place(Eigen::Map<Rows3>(c.turn[i]), Eigen::Map<Eigen::Vector3d>(c.shift[i]));
-            const JointIndex id = model.addJoint(c.parent[i] + 1, hinge(Eigen::Map<Eigen::Vector3d>(c.axis[i])), place, c.joint[i]);
-            model.appendBodyToJoint(id, Inertia(c.mass[i], Eigen::Map<Eigen::Vector3d>(c.centre[i]), Eigen::Map<Rows3>(c.inertia[i])));
-        }
-        const SE3 at(Eigen::Matrix3d::Identity(), Eigen::Map<Eigen::Vector3d>(c.tip));
-        const FrameIndex tip = model.addFrame(Frame("tip", c.tip_link + 1, 0, at, OP_FRAME));
-        Data data(model);
-        const Eigen::VectorXd q = Eigen::Map<Eigen::VectorXd>(c.q, c.n), qd = Eigen::Map<Eigen::VectorXd>(c.qd, c.n);
-        const Eigen::VectorXd input = Eigen::Map<Eigen::VectorXd>(c.input, c.n);
-        const Eigen::Vector3d normal(-1, 0, 0);
-        Data::Matrix6x jacobian(Data::Matrix6x::Zero(6, c.n));
-        Eigen::MatrixXd solved(c.n, 3);
-        Eigen::Matrix3d h;
-        Eigen::VectorXd after(c.n);
-        auto chain = [&] {
-            crba(model, data, q, Convention::WORLD);
-            computeJointJacobians(model, data, q);
-            updateFramePlacement(model, data, tip);
-            getFrameJacobian(model, data, tip, LOCAL_WORLD_ALIGNED, jacobian);
-            cholesky::decompose(model, data);
-            solved = jacobian.topRows<3>().transpose();
-            for (int k = 0; k < 3; k++) {
-                auto column = solved.col(k);
-                cholesky::solve(model, data, column);
+    if (argc != 5 || !find_case(argv[1], argv[2], &c)) return 2;
+    const double seconds = atof(argv[3]);
+    // It wants each branch's joints one after another.
+    std::vector<int> order, place(c.n);
+    std::function<void(int)> visit = [&](int parent) {
+        for (int i = 0; i < c.n; i++)
+            if (c.parent[i] == parent) {
+                place[i] = order.size();
+                order.push_back(i);
+                visit(i);
             }
-            h.noalias() = jacobian.topRows<3>() * solved;
-            const double u = normal.dot(jacobian.topRows<3>() * qd);
-            after = qd;
-            after.noalias() += solved * (normal * (-1.35 * u / normal.dot(h * normal)));
+    };
+    visit(-1);
+    Model model;
+    model.gravity.linear() << 0, -9.81, 0;
+    for (int i : order) {
+        const SE3 turned(Eigen::Map<Rows3>(c.turn[i]), Eigen::Map<Eigen::Vector3d>(c.shift[i]));
+        const JointIndex parent = c.parent[i] < 0 ? 0 : place[c.parent[i]] + 1;
+        const JointIndex id = model.addJoint(parent, hinge(Eigen::Map<Eigen::Vector3d>(c.axis[i])), turned, c.joint[i]);
+        model.appendBodyToJoint(id, Inertia(c.mass[i], Eigen::Map<Eigen::Vector3d>(c.centre[i]), Eigen::Map<Rows3>(c.inertia[i])));
+    }
+    const SE3 at(Eigen::Matrix3d::Identity(), Eigen::Map<Eigen::Vector3d>(c.tip));
+    const FrameIndex tip = model.addFrame(Frame("tip", place[c.tip_link] + 1, 0, at, OP_FRAME));
+    Data data(model);
+    std::vector<Eigen::VectorXd> q, qd, input;
+    for (int k = 0; k < c.states; k++) {
+        auto ordered = [&](const double *x) {
+            Eigen::VectorXd out(c.n);
+            for (int i = 0; i < c.n; i++) out[place[i]] = x[i];
+            return out;
         };
-        TIMED(argv[3], "chain", c.name, seconds, chain(), after.data(), c.n);
-        TIMED(argv[3], "mass", c.name, seconds, crba(model, data, q, Convention::LOCAL), after.data(), 0);
-        TIMED(argv[3], "inverse", c.name, seconds, rnea(model, data, q, qd, input), data.tau.data(), c.n);
-        TIMED(argv[3], "forward", c.name, seconds, aba(model, data, q, qd, input, Convention::LOCAL), data.ddq.data(), c.n);
+        q.push_back(ordered(c.q[k]));
+        qd.push_back(ordered(c.qd[k]));
+        input.push_back(ordered(c.input[k]));
+    }
+    const Eigen::Vector3d normal(-1, 0, 0);
+    Data::Matrix6x jacobian(Data::Matrix6x::Zero(6, c.n));
+    Eigen::MatrixXd solved(c.n, 3);
+    Eigen::Matrix3d h;
+    Eigen::VectorXd after(c.n);
+    auto chain = [&](int k) {
+        // In world axes, which gives the columns of J with it.
+        crba(model, data, q[k], Convention::WORLD);
+        updateFramePlacement(model, data, tip);
+        getFrameJacobian(model, data, tip, LOCAL_WORLD_ALIGNED, jacobian);
+        cholesky::decompose(model, data);
+        solved = jacobian.topRows<3>().transpose();
+        cholesky::solve(model, data, solved);
+        h.noalias() = jacobian.topRows<3>() * solved;
+        const double u = normal.dot(jacobian.topRows<3>() * qd[k]);
+        after = qd[k];
+        after.noalias() += solved * (normal * (-1.35 * u / normal.dot(h * normal)));
+    };
+    auto shown = [&](const Eigen::VectorXd &x) {
+        static double out[MOST + 3];
+        for (int i = 0; i < c.n; i++) out[i] = x[place[i]];
+        out[c.n] = h(0, 0), out[c.n + 1] = h(0, 1), out[c.n + 2] = h(1, 1);
+        return out;
+    };
+    // Its upper triangle is what crba fills.
+    auto product = [&](int k) { return shown(data.M.selfadjointView<Eigen::Upper>() * input[k]); };
+    auto mass = [&](int k, Convention in) { crba(model, data, q[k], in); };
+    auto forward = [&](int k, Convention in) { aba(model, data, q[k], qd[k], input[k], in); };
+    auto faster = [&](auto work) {
+        double least[2] = {1e9, 1e9};
+        for (int turn = 0; turn < 20; turn++) {
+            int k = 0;
+            const double begin = seconds_now();
+            CALLS(c, c.states, work(k, turn % 2 ? Convention::WORLD : Convention::LOCAL))
+            least[turn % 2] = std::min(least[turn % 2], seconds_now() - begin);
+        }
+        return least[1] < least[0] ? Convention::WORLD : Convention::LOCAL;
+    };
+    TIMED(argv[4], "chain", c, seconds, chain(k), shown(after), c.n + 3);
+    TIMED(argv[4], "inverse", c, seconds, rnea(model, data, q[k], qd[k], input[k]), shown(data.tau), c.n);
+    const Convention of_mass = faster(mass), of_forward = faster(forward);
+    for (const Convention in : {Convention::LOCAL, Convention::WORLD}) {
+        // All answers are shown.
+        if (!(seconds > 0) || in == of_mass) TIMED(argv[4], "mass", c, seconds, mass(k, in), product(k), c.n);
+        if (!(seconds > 0) || in == of_forward) TIMED(argv[4], "forward", c, seconds, forward(k, in), shown(data.ddq), c.n);
     }
     return 0;
 }

@@ -1,0 +1,109 @@
+//! Two crates' side of `kernels`: `carom-peers-crates HINGES ROBOT SECONDS`. Lines as those of carom's own side
+//! (`crates/carom-sim/benches/peers`), labelled `featherstone` and `rapier`.
+
+mod featherstone_side;
+mod rapier_side;
+
+use std::hint::black_box;
+use std::time::Instant;
+
+/// Time between two looks at the clock, s: a look costs some 50 ns.
+const BETWEEN_LOOKS: f64 = 5e-5;
+/// Fewest stretches between two looks in a sample.
+const FEWEST: usize = 15;
+
+/// As in `c/common.h`, where the format of the file is.
+pub struct Case {
+    pub hinges: Vec<Hinge>,
+    pub tip: (usize, [f64; 3]),
+    pub states: Vec<State>,
+}
+
+pub struct Hinge {
+    pub parent: Option<usize>,
+    /// Rows.
+    pub turn: [[f64; 3]; 3],
+    pub shift: [f64; 3],
+    pub axis: [f64; 3],
+    pub mass: f64,
+    pub centre: [f64; 3],
+    pub inertia: [[f64; 3]; 3],
+}
+
+pub struct State {
+    pub q: Vec<f64>,
+    pub qd: Vec<f64>,
+    /// q̈ for the inverse dynamics, τ for the forward dynamics.
+    pub input: Vec<f64>,
+}
+
+fn main() {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let [hinges, robot, seconds] = &args[..] else { panic!("usage: carom-peers-crates HINGES ROBOT SECONDS") };
+    let text = std::fs::read_to_string(hinges).expect("HINGES is a file");
+    let case = Case::read(&text, robot);
+    let seconds: f64 = seconds.parse().expect("SECONDS is a number");
+    featherstone_side::run(&case, seconds);
+    rapier_side::run(&case, seconds);
+}
+
+impl Case {
+    fn read(text: &str, robot: &str) -> Self {
+        let mut lines = text.lines().skip_while(|line| line.split_whitespace().next() != Some(robot));
+        let numbers = |line: &str, skip: usize| -> Vec<f64> {
+            line.split_whitespace().skip(skip).map(|it| it.parse().expect("a number")).collect()
+        };
+        let head = numbers(lines.next().expect("no such robot in HINGES"), 1);
+        let [n, states, link] = [0, 1, 2].map(|i| head[i] as usize);
+        let three = |x: &[f64]| [x[0], x[1], x[2]];
+        let nine = |x: &[f64]| [three(x), three(&x[3..]), three(&x[6..])];
+        let mut next = || lines.next().expect("a line");
+        let hinge = |x: Vec<f64>| Hinge {
+            parent: (x[0] >= 0.0).then_some(x[0] as usize),
+            turn: nine(&x[1..]),
+            shift: three(&x[10..]),
+            axis: three(&x[13..]),
+            mass: x[16],
+            centre: three(&x[17..]),
+            inertia: nine(&x[20..]),
+        };
+        let hinges = (0..n).map(|_| hinge(numbers(next(), 1))).collect();
+        let mut state = || State { q: numbers(next(), 0), qd: numbers(next(), 0), input: numbers(next(), 0) };
+        Self { hinges, tip: (link, three(&head[3..])), states: (0..states).map(|_| state()).collect() }
+    }
+}
+
+/// Runs `work`, which reads a state and shows its answer where it is asked to, for `seconds`: the line's time is the median
+/// over stretches of 50 µs. Where `seconds` is zero, once for each answer.
+pub fn time(
+    label: &str,
+    kernel: &str,
+    states: &[State],
+    seconds: f64,
+    mut work: impl FnMut(&State, Option<&mut Vec<f64>>),
+) {
+    if seconds <= 0.0 {
+        let mut shown = Vec::new();
+        states.iter().for_each(|state| work(state, Some(&mut shown)));
+        let numbers: Vec<String> = shown.iter().map(|x| format!("{x:e}")).collect();
+        println!("{label} {kernel} 0 {}", numbers.join(" "));
+        return;
+    }
+    let mut k = 0;
+    let mut stretch = |calls: u32| {
+        let begin = Instant::now();
+        for _ in 0..calls {
+            work(black_box(&states[k]), None);
+            k = if k + 1 < states.len() { k + 1 } else { 0 };
+        }
+        begin.elapsed().as_secs_f64()
+    };
+    stretch(16); // warm
+    let calls = (BETWEEN_LOOKS * 16.0 / stretch(16)).clamp(1.0, 1e6) as u32;
+    let (mut stretches, begin) = (Vec::new(), Instant::now());
+    while stretches.len() < FEWEST || begin.elapsed().as_secs_f64() < seconds {
+        stretches.push(stretch(calls));
+    }
+    stretches.sort_by(f64::total_cmp);
+    println!("{label} {kernel} {}", stretches[stretches.len() / 2] * 1e9 / f64::from(calls));
+}
