@@ -276,8 +276,8 @@ where
         let n = found.response.len();
         let qd = &qd[..n];
         let mut approach = found.joint_impulse[0] * load(qd[0], at);
-        for (j, before) in found.joint_impulse.iter().zip(qd).skip(1) {
-            approach += *j * load(before, at);
+        for i in 1..n {
+            approach += found.joint_impulse[i] * load(qd[i], at);
         }
         let impulse = impulse(*restitution, approach, found.mobility);
         if !outcomes.qd_plus.is_empty() {

@@ -259,8 +259,10 @@ impl<T: Real> Algebra for Spatial<T> {
             once + once
         };
         let beside = |i: usize, j: usize| (p[i] * x[j] + x[i] * p[j]) + (r[i] * z[j] + z[i] * r[j]);
-        let turned =
-            Symmetric3 { diagonal: Vector3::new(on(0), on(1), on(2)), beside: Vector3::new(beside(1, 2), beside(2, 0), beside(0, 1)) };
+        let turned = Symmetric3 {
+            diagonal: Vector3::new(on(0), on(1), on(2)),
+            beside: Vector3::new(beside(1, 2), beside(2, 0), beside(0, 1)),
+        };
         (plus(times(x, h.x), times(y, h.y)), turned)
     }
     #[inline(always)]

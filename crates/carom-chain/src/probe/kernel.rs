@@ -15,7 +15,6 @@ pub(super) struct Link<A: Algebra, X: Moves<A>> {
     axis: X,
     composite: X::Inertia,
     felt: A::Vector,
-    inverse_d: A::Scalar,
 }
 
 /// Where the kernel writes: `links`, `jacobian`, `joint_impulse` and `response` have n entries, the others n².
@@ -86,10 +85,12 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     }
     let position = r;
 
-    // M = Lᵀ D L in place.
+    // M = Lᵀ D L in place, and with each row of L, once it is there, Y = L⁻ᵀ Jᵀ from the point down and H = Yᵀ D⁻¹ Y:
+    // together, because each division keeps the next row waiting.
+    let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
+    let mut on_the_way = Some(point);
     for k in (0..n).rev() {
         let inverse_d = A::Scalar::one() / l[k * n + k];
-        links[k].inverse_d = inverse_d;
         let mut next = shape.parent(k);
         while let Some(i) = next {
             let a = l[k * n + i] * inverse_d;
@@ -102,20 +103,16 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
             l[k * n + i] = a;
             next = shape.parent(i);
         }
-    }
-
-    // Y = L⁻ᵀ Jᵀ from the point down, and H = Yᵀ D⁻¹ Y on the way.
-    let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
-    let mut next = Some(point);
-    while let Some(k) = next {
-        let y = links[k].felt;
-        response[shape.coordinate(k)] = sum.add(y, links[k].inverse_d, normal);
-        next = shape.parent(k);
-        let mut beyond = next;
-        while let Some(i) = beyond {
-            let product = y * l[k * n + i];
-            links[i].felt -= product;
-            beyond = shape.parent(i);
+        if on_the_way == Some(k) {
+            let y = links[k].felt;
+            response[shape.coordinate(k)] = sum.add(y, inverse_d, normal);
+            on_the_way = shape.parent(k);
+            let mut beyond = on_the_way;
+            while let Some(i) = beyond {
+                let product = y * l[k * n + i];
+                links[i].felt -= product;
+                beyond = shape.parent(i);
+            }
         }
     }
 
@@ -297,7 +294,13 @@ pub(super) trait Shape<A: Algebra>: Copy {
     /// The body that carries the point, of n.
     fn point(self, n: usize) -> usize;
     /// Body `i`, whose parent has the rotation `outer`.
-    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self::Axis>;
+    fn place(
+        self,
+        i: usize,
+        outer: Option<A::Rotation>,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> Link<A, Self::Axis>;
 }
 
 /// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
@@ -317,7 +320,7 @@ pub(super) trait Moves<A: Algebra>: Copy {
 impl<A: Algebra, X: Moves<A>> Link<A, X> {
     #[inline(always)]
     fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
-        Self { rotation, offset, axis, composite, felt: A::zero(), inverse_d: A::Scalar::zero() }
+        Self { rotation, offset, axis, composite, felt: A::zero() }
     }
 
     /// Memory, to be written.
@@ -344,7 +347,13 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
         n - 1
     }
     #[inline(always)]
-    fn place(self, i: usize, outer: Option<A::Rotation>, _: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Hinge<A>> {
+    fn place(
+        self,
+        i: usize,
+        outer: Option<A::Rotation>,
+        _: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> Link<A, Hinge<A>> {
         let body = &self.bodies[i];
         let (placed, offset) = match outer {
             None => (self.base, body.offset),
@@ -372,10 +381,7 @@ impl<A: Algebra> Moves<A> for Hinge<A> {
     }
     #[inline(always)]
     fn momentum(self, inertia: &Turning<A>) -> Force<A> {
-        Force {
-            moment: A::apply_inertia(inertia.rotational, self.0),
-            force: A::swing(self.0, inertia.first_moment),
-        }
+        Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
     }
     #[inline(always)]
     fn share(self, force: Force<A>) -> A::Scalar {

@@ -9,7 +9,7 @@
 //! | --- | --- | --- | --- |
 //! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
 //! | M | nv×nv | mass matrix | `mass_matrix` |
-//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L | `factor`, `inverse_d` |
+//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L | `factor` |
 //! | yₖ | 3, 2 | row k of Y: what the joint k feels of unit forces at the point, those beyond it free | `felt` |
 //! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
 //! | Jᵀn | nv | joint impulse of a unit impulse along n | `joint_impulse` |
