@@ -1,56 +1,29 @@
 //! `carom simulate`: scenes from the command line, and what is refused.
 
+use crate::desk::*;
 use serde_json::Value;
-use std::path::PathBuf;
-use std::process::{Command, Output};
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-
-/// A folder of its own for each test, gone afterwards.
-struct Desk(PathBuf);
+const SCENE: &str = include_str!("../../../../scenes/planar2.toml");
 
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-simulate-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn scene(&self, change: impl Fn(String) -> String) -> String {
-        let text = std::fs::read_to_string(format!("{ROOT}/scenes/planar2.toml")).unwrap();
-        let text = text.replace("../robots", &format!("{ROOT}/robots"));
-        std::fs::write(self.0.join("s.toml"), change(text)).unwrap();
-        "s.toml".into()
-    }
-
-    fn run(&self, args: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_carom")).args(args).current_dir(&self.0).output().unwrap()
+    fn scene(&self, change: impl Fn(String) -> String) {
+        self.write("s.toml", change(SCENE.replace("../robots/", "")));
     }
 
     #[track_caller]
-    fn refused(&self, change: impl Fn(String) -> String, message: &str) {
-        let scene = self.scene(change);
-        let ran = self.run(&["simulate", &scene, "--json", "--csv", "x.csv"]);
-        let said = String::from_utf8(ran.stderr).unwrap();
-        assert_eq!((ran.status.code(), said.trim_end()), (Some(1), message));
-        assert!(ran.stdout.is_empty());
-        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), 1, "nothing is written but the scene itself");
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
+    fn refuses_scene(&self, change: impl Fn(String) -> String, message: &str) {
+        self.scene(change);
+        let before = self.files("");
+        refused(self.run("simulate s.toml --json --csv x.csv"), message);
+        assert_eq!(self.files(""), before, "nothing is written");
     }
 }
 
 #[test]
 fn the_designs_scene_gives_events_and_a_table() {
-    let desk = Desk::new("good");
-    let scene = desk.scene(|text| text);
-    let ran = desk.run(&["simulate", &scene, "--json", "--csv", "x.csv"]);
-    assert!(ran.status.success(), "{ran:?}");
-    let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    let desk = Desk::new("simulate");
+    desk.scene(|text| text);
+    let summary = &desk.answers("simulate s.toml --json --csv x.csv", "")[0];
     for key in ["stop_reason", "events", "final", "energy", "statistics"] {
         assert!(!summary[key].is_null(), "{key}");
     }
@@ -69,45 +42,44 @@ fn the_designs_scene_gives_events_and_a_table() {
 
 #[test]
 fn scenes_that_can_not_be_are_refused_with_the_reason() {
-    let desk = Desk::new("bad");
-    desk.refused(
+    let desk = Desk::new("simulate-bad");
+    desk.refuses_scene(
         |text| text.replace("restitution =", "restituton ="),
-        "error: s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, \
+        "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, \
          `limit_restitution`, `latch`, `compliance`, `several`, `links`, `pair`; did you mean `restitution`?",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("0.6364, 0, 0]", "0.63, 0, 0]"),
-        "error: s.toml: at the start tip on surface 1 overlaps by 0.006395934260112617 m: move the start apart",
+        "s.toml: at the start tip on surface 1 overlaps by 0.006395934260112617 m: move the start apart",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("tolerance = 1e-9", "tolerance = 0"),
-        "error: s.toml: tolerance is 0: it must be positive and finite",
+        "s.toml: tolerance is 0: it must be positive and finite",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("0.35", "1.5"),
-        "error: s.toml: [contact]: restitution is 1.5: a coefficient of restitution lies between 0 and 1",
+        "s.toml: [contact]: restitution is 1.5: a coefficient of restitution lies between 0 and 1",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("\"energetic\"", "\"hertz\""),
-        "error: s.toml: [contact] law = \"hertz\": the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith",
+        "s.toml: [contact] law = \"hertz\": the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("q = [0.7854, -1.5708]", "q = [0.7854]"),
-        "error: s.toml: q has 1 numbers, 2 are needed (shoulder, elbow)",
+        "s.toml: q has 1 numbers, 2 are needed (shoulder, elbow)",
     );
-    desk.refused(
+    desk.refuses_scene(
         |text| text.replace("normal = [-1, 0, 0]", "normal = [0, 0, 0]"),
-        "error: s.toml: [[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction needs a length",
+        "s.toml: [[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction needs a length",
     );
 }
 
 /// A surface out of reach is a plain answer: nothing happens.
 #[test]
 fn an_unreachable_surface_is_no_error() {
-    let desk = Desk::new("far");
-    let scene = desk.scene(|text| text.replace("0.6364, 0, 0]", "2, 0, 0]"));
-    let ran = desk.run(&["simulate", &scene, "--json"]);
-    let summary: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    let desk = Desk::new("simulate-far");
+    desk.scene(|text| text.replace("0.6364, 0, 0]", "2, 0, 0]"));
+    let summary = &desk.answers("simulate s.toml --json", "")[0];
     assert_eq!(summary["events"].as_array().unwrap().len(), 0);
     assert_eq!((summary["stop_reason"].as_str(), summary["mode"].as_str()), (Some("duration"), Some("free")));
 }
@@ -116,24 +88,22 @@ fn an_unreachable_surface_is_no_error() {
 #[test]
 fn a_recording_is_whole_or_not_there() {
     let desk = Desk::new("record");
-    let scene = desk.scene(|text| text);
-    let ran = desk.run(&["simulate", &scene, "--out", "x.rrd"]);
-    let files = || std::fs::read_dir(&desk.0).unwrap().count();
+    desk.scene(|text| text);
+    let files = desk.files("").len();
+    let ran = desk.run("simulate s.toml --out x.rrd");
     if !cfg!(feature = "rerun") {
-        let said =
-            "error: --out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
-        assert_eq!(String::from_utf8(ran.stderr).unwrap().trim_end(), said);
-        assert_eq!((ran.status.code(), files()), (Some(1), 1));
+        refused(
+            ran,
+            "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)",
+        );
+        assert_eq!(desk.files("").len(), files);
         return;
     }
-    assert!(ran.status.success(), "{ran:?}");
+    assert_eq!(ran.code, Some(0), "{ran:?}");
     assert!(desk.0.join("x.rrd").metadata().unwrap().len() > 10_000);
-    assert_eq!(files(), 2, "the scene and the recording");
-    let ran = desk.run(&["simulate", &scene, "--out", "nowhere/x.rrd"]);
-    let said = String::from_utf8(ran.stderr).unwrap();
-    assert!(said.starts_with("error: nowhere/x.rrd: the recording can't be written: "), "{said}");
-    assert_eq!((ran.status.code(), files()), (Some(1), 2));
-    let ran = desk.run(&["simulate", &scene, "--connect", "rerun+http://127.0.0.1:1/proxy"]);
-    let said = String::from_utf8(ran.stderr).unwrap();
-    assert!(said.starts_with("error: the viewer can't be used: rerun+http://127.0.0.1:1/proxy: "), "{said}");
+    assert_eq!(desk.files("").len(), files + 1, "the recording, and nothing beside it");
+    let ran = desk.run("simulate s.toml --connect rerun+http://127.0.0.1:1/proxy");
+    assert_eq!(ran.code, Some(1));
+    let words = "error: the viewer can't be used: rerun+http://127.0.0.1:1/proxy: ";
+    assert!(ran.err.starts_with(words), "{}", ran.err);
 }
