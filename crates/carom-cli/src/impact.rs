@@ -200,13 +200,15 @@ impl Impact {
         // What the options say is wrong with every state, and none of them is to be blamed for it.
         let strike = chain.impact(&[], &[]).at(tip).offset(self.state.point).normal(self.normal).joints(joints);
         strike.check().map_err(|why| {
-            let option = match &why {
-                SimError::FixedPoint { .. } => "--tip",
-                SimError::Chain(ChainError::NoDirection { .. }) => "--normal",
-                SimError::Setting { .. } => "--contact-time",
-                _ => "--locked",
+            // What a robot has is said with its file.
+            let robot = format!("{}: ", self.robot.urdf.display());
+            let (robot, option) = match &why {
+                SimError::Chain(ChainError::NoDirection { .. }) => ("", "--normal"),
+                SimError::Setting { .. } => ("", "--contact-time"),
+                SimError::FixedPoint { .. } => (robot.as_str(), "--tip"),
+                _ => (robot.as_str(), "--locked"),
             };
-            CliError::Option(format!("{}: {option}: {why}", self.robot.urdf.display()))
+            CliError::Option(format!("{robot}{option}: {why}"))
         })?;
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {

@@ -115,7 +115,7 @@ fn normals_without_an_impulse_of_finite_size_are_refused() {
     let zero = strike("tip", "0,0,0", "[0,0]");
     assert_eq!((zero.code, zero.out.as_str()), (Some(1), ""));
     let words = "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length\n";
-    assert_eq!(zero.err, format!("error: planar2.urdf: --normal: {words}"));
+    assert_eq!(zero.err, format!("error: --normal: {words}"));
     // A straight arm hit along its axis; and across its plane.
     for (normal, unit, q) in [("-1,0,0", "[-1.0, 0.0, 0.0]", "[0,0]"), ("0,0,2", "[0.0, 0.0, 1.0]", "[0.3,1]")] {
         refused(
@@ -194,11 +194,11 @@ fn drives_that_can_t_be_are_refused() {
         ),
         (
             "--joint-stiffness 5 --contact-time 0",
-            "planar2.urdf: --contact-time: the contact time is 0: it is a finite number of seconds above 0",
+            "--contact-time: the contact time is 0: it is a finite number of seconds above 0",
         ),
         (
             "--joint-stiffness 1e300 --contact-time 1e10",
-            "planar2.urdf: --contact-time: the inertia Δt (K Δt + D) is inf: it must be finite: lock the joint instead",
+            "--contact-time: the inertia Δt (K Δt + D) is inf: it must be finite: lock the joint instead",
         ),
         (
             "--contact-time 0.01",
