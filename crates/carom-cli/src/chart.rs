@@ -1,7 +1,8 @@
 //! `carom chart`: error against time, for every method that can run a scene.
 
 use crate::error::CliError;
-use crate::output::{make_folder, write_whole};
+use crate::files;
+use crate::output::{to_json, write_whole};
 use crate::scene::load;
 use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, svg};
 use clap::Args;
@@ -23,7 +24,7 @@ pub struct ChartCommand {
     #[arg(long, value_name = "F.jsonl")]
     peers: Option<PathBuf>,
     /// The longest that a single run may take, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 10.0, allow_hyphen_values = true)]
     budget: f64,
     /// One line of JSON
     #[arg(long)]
@@ -59,6 +60,7 @@ struct PeerState {
 
 #[derive(Serialize)]
 struct Report<'a> {
+    law: &'a str,
     runs: Vec<Line<'a>>,
     absent: Vec<Missing<'a>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -69,6 +71,7 @@ struct Report<'a> {
 #[derive(Serialize)]
 struct Line<'a> {
     method: &'a str,
+    law: &'a str,
     knob: &'a str,
     value: f64,
     wall_time: f64,
@@ -97,8 +100,9 @@ impl ChartCommand {
         let scene = load(&self.scene)?;
         let title = self.scene.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
-        let folder = self.out.parent().filter(|folder| !folder.as_os_str().is_empty());
-        folder.map_or(Ok(()), make_folder)?;
+        let numbers = self.out.with_extension("csv");
+        let reads: Vec<PathBuf> = scene.files.iter().chain(&self.peers).cloned().collect();
+        files::check(&reads, &[("--out", Some(&self.out)), ("the numbers of --out,", Some(&numbers))])?;
 
         let bar = ProgressBar::new_spinner();
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
@@ -109,13 +113,12 @@ impl ChartCommand {
             bar.inc(1);
         })
         .map_err(refuse)?;
-        chart.add_peers(&peers, &scene).map_err(refuse)?;
+        chart.add_peers(&peers);
         bar.finish_and_clear();
         write_whole(&self.out, &svg(&chart, &title))?;
-        write_whole(&self.out.with_extension("csv"), &csv(&chart))?;
+        write_whole(&numbers, &csv(&chart))?;
         if self.json {
-            let json = serde_json::to_string(&report(&chart)).map_err(|e| CliError::Option(e.to_string()))?;
-            writeln!(out, "{json}")?;
+            writeln!(out, "{}", to_json(&report(&chart))?)?;
             return Ok(());
         }
         for_people(&chart, out)?;
@@ -149,24 +152,35 @@ fn read_peers(file: &Path, scene: &str) -> Result<Vec<PeerRun>, CliError> {
 }
 
 fn line(run: &Run) -> Line<'_> {
-    let Run { method, knob, value, wall_time, after_impact, at_end } = run;
-    Line { method, knob, value: *value, wall_time: *wall_time, after_impact: *after_impact, at_end: *at_end }
+    let Run { method, law, knob, value, wall_time, after_impact, at_end } = run;
+    Line { method, law, knob, value: *value, wall_time: *wall_time, after_impact: *after_impact, at_end: *at_end }
 }
 
 fn report(chart: &Chart) -> Report<'_> {
     let runs = chart.runs.iter().map(line).collect();
     let absent = chart.absent.iter().map(|Absent { method, reason }| Missing { method, reason }).collect();
-    Report { runs, absent, doubt_after_impact: chart.doubt_after_impact, doubt_at_end: chart.doubt_at_end }
+    Report {
+        law: &chart.law,
+        runs,
+        absent,
+        doubt_after_impact: chart.doubt_after_impact,
+        doubt_at_end: chart.doubt_at_end,
+    }
 }
 
 fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
     let number = |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{x:.1e}"));
-    writeln!(out, "{:36} {:>20} {:>10} {:>12} {:>10}", "method", "knob", "time, ms", "after impact", "at the end")?;
+    writeln!(
+        out,
+        "{:36} {:>20} {:>10} {:>12} {:>10}  law",
+        "method", "knob", "time, ms", "after impact", "at the end"
+    )?;
     for run in &chart.runs {
         let knob = format!("{} {:.0e}", run.knob, run.value);
         let (after, end) = (number(run.after_impact), number(run.at_end));
-        writeln!(out, "{:36} {knob:>20} {:>10.4} {after:>12} {end:>10}", run.method, run.wall_time * 1e3)?;
+        writeln!(out, "{:36} {knob:>20} {:>10.4} {after:>12} {end:>10}  {}", run.method, run.wall_time * 1e3, run.law)?;
     }
+    writeln!(out, "{}", chart.caption().join("\n"))?;
     for absent in &chart.absent {
         writeln!(out, "not run: {}: {}", absent.method, absent.reason)?;
     }

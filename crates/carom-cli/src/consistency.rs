@@ -1,6 +1,7 @@
 //! `carom consistency`: whether measured restitutions and energies are those of one frictionless impact.
 
 use crate::error::CliError;
+use crate::files;
 use crate::output::{answer, short, write_whole};
 use carom_study::consistency::{Findings, MeasuredRow, Range, Rounded, consistency, read_measured, v_plot};
 use clap::Args;
@@ -124,6 +125,7 @@ impl From<Range> for Bounds {
 
 impl ConsistencyCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        files::check(std::slice::from_ref(&self.table), &[("--svg", self.svg.as_deref())])?;
         let rows = read_measured(&self.table, self.rounding)?;
         let found: Vec<(MeasuredRow, Findings)> =
             rows.into_iter().map(|row| (row.clone(), consistency(&row))).collect();

@@ -6,12 +6,13 @@ use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, p
 use crate::law::{All, LawArgs};
 use crate::output::{row, short};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates};
+use carom_chain::{Chain, ChainError, Coordinates};
 use carom_impact::{CoefficientRanges, Law};
 use carom_sim::{ChainImpact, Contact, Impacts, JointModel, SimError};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
+use std::path::Path;
 
 #[derive(Args)]
 pub struct Impact {
@@ -26,7 +27,8 @@ pub struct Impact {
     law: LawArgs,
     #[command(flatten)]
     drives: Drives,
-    /// The derivatives of qd⁺ by q (along unit motions of qd), qd⁻, restitution and friction, and how far the next mode is
+    /// The derivatives of qd⁺ by q (along unit motions of qd), qd⁻, restitution and friction, and how far the nearest
+    /// boundary is at which they change
     #[arg(long, conflicts_with_all = ["locked", "contact_time"])]
     derivatives: bool,
     /// Bounds of the outcome while the restitution lies in this range, whatever --restitution is
@@ -63,6 +65,19 @@ struct Impedance {
 }
 
 impl Drives {
+    /// The joints that keep their rates, each named once; `all` stands alone.
+    fn locked(&self, urdf: &Path) -> Result<Vec<&str>, CliError> {
+        let names: Vec<&str> = self.locked.iter().flatten().map(String::as_str).collect();
+        let refuse = |why: String| Err(CliError::Option(format!("{}: --locked: {why}", urdf.display())));
+        if names.len() > 1 && names.contains(&"all") {
+            return refuse("'all' is every joint but a floating base: give it alone, or names without it".into());
+        }
+        match names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
+            Some((_, twin)) => refuse(format!("joint '{twin}' is named twice")),
+            None => Ok(names),
+        }
+    }
+
     fn impedance(&self, chain: &Chain, order: &JointOrder) -> Result<Option<Impedance>, CliError> {
         let Some(contact_time) = self.contact_time else { return Ok(None) };
         if self.joint_stiffness.is_none() && self.joint_damping.is_none() {
@@ -71,6 +86,10 @@ impl Drives {
         }
         let spread = |option: &str, given: &Option<Vec<f64>>| {
             let given = given.as_deref().unwrap_or(&[0.0]);
+            if let Some(x) = given.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
+                let rule = "a drive resists, so it is finite and 0 or more";
+                return Err(CliError::Option(format!("{option} {x}: {rule}")));
+            }
             if let [one] = given
                 && chain.nv() != 1
             {
@@ -169,7 +188,7 @@ impl Impact {
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let tip = self.robot.frame(&chain, &self.state.tip)?;
         let impedance = self.drives.impedance(&chain, &order)?;
-        let locked = self.drives.locked.iter().flatten().map(String::as_str).collect::<Vec<_>>();
+        let locked = self.drives.locked(&self.robot.urdf)?;
         let joints = match (&impedance, locked.as_slice()) {
             (Some(Impedance { stiffness, damping, contact_time }), _) => {
                 JointModel::Impedance { stiffness, damping, contact_time: *contact_time }
@@ -178,6 +197,19 @@ impl Impact {
             (None, ["all"]) => JointModel::AllLocked,
             (None, names) => JointModel::Locked(names),
         };
+        // What the options say is wrong with every state, and none of them is to be blamed for it.
+        let strike = chain.impact(&[], &[]).at(tip).offset(self.state.point).normal(self.normal).joints(joints);
+        strike.check().map_err(|why| {
+            // What a robot has is said with its file.
+            let robot = format!("{}: ", self.robot.urdf.display());
+            let (robot, option) = match &why {
+                SimError::Chain(ChainError::NoDirection { .. }) => ("", "--normal"),
+                SimError::Setting { .. } => ("", "--contact-time"),
+                SimError::FixedPoint { .. } => (robot.as_str(), "--tip"),
+                _ => (robot.as_str(), "--locked"),
+            };
+            CliError::Option(format!("{robot}{option}: {why}"))
+        })?;
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
             let (q, qd) = (order.q(&state.q), order.v(&state.qd));
@@ -329,7 +361,10 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
             writeln!(out, "{:29} {:12} {}", "", "∂qd⁺/∂μ", row(friction))?;
         }
         if let Some(Margin { margin, edge, beyond }) = &a.mode_margin {
-            writeln!(out, "{:29} nearest mode {beyond}, at {edge}, margin {}", "", short(*margin))?;
+            // Slip that stops in another phase ends under the same name, and still has a kink there.
+            let still = if *beyond == a.mode { "still " } else { "" };
+            let margin = short(*margin);
+            writeln!(out, "{:29} nearest boundary {edge}, margin {margin}; beyond it {still}{beyond}", "")?;
         }
         if let Some(band) = &a.band {
             let ([e0, e1], [m0, m1]) = (band.restitution, band.friction);

@@ -8,6 +8,7 @@ use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Write};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 impl RobotArgs {
@@ -32,6 +33,17 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
         return Err(format!("{x} is not finite"));
     }
     numbers.try_into().map_err(|n: Vec<f64>| format!("{} numbers, three are needed: x,y,z", n.len()))
+}
+
+/// A number of an option that keeps its rule.
+pub fn within(option: &str, x: f64, range: RangeInclusive<f64>, rule: &str) -> Result<(), CliError> {
+    if range.contains(&x) { Ok(()) } else { Err(CliError::Option(format!("{option} {x}: {rule}"))) }
+}
+
+/// Coefficients that every law has.
+pub fn check_coefficients(restitution: f64, friction: f64) -> Result<(), CliError> {
+    within("--restitution", restitution, 0.0..=1.0, "a coefficient of restitution lies between 0 and 1")?;
+    within("--friction", friction, 0.0..=f64::MAX, "a coefficient of friction is finite and not negative")
 }
 
 /// Two numbers in order: `low:high`.

@@ -2,6 +2,7 @@
 
 use crate::RobotArgs;
 use crate::error::CliError;
+use crate::output::to_json;
 use carom_chain::{Chain, Coordinates, JointInfo};
 use clap::Args;
 use serde::Serialize;
@@ -99,8 +100,7 @@ impl Inspect {
             warnings: chain.warnings(),
         };
         if self.json {
-            return writeln!(out, "{}", serde_json::to_string(&report).map_err(io::Error::from)?)
-                .map_err(CliError::Output);
+            return writeln!(out, "{}", to_json(&report)?).map_err(CliError::Output);
         }
         for_people(&report, out).map_err(CliError::Output)
     }

@@ -1,7 +1,8 @@
 //! `carom law`: an impact law on plain numbers.
 
 use crate::error::{CliError, LineError};
-use crate::input::{Refused, for_each_line};
+use crate::files;
+use crate::input::{Refused, check_coefficients, for_each_line, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
 use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
@@ -35,19 +36,10 @@ type Named<const D: usize> = Vec<(&'static str, Box<dyn Law<f64, D> + Send + Syn
 impl LawArgs {
     /// The laws asked for.
     pub fn laws<const D: usize>(&self) -> Result<Named<D>, CliError> {
-        let range = |option: &str, x: f64, low: f64, high: f64, rule: &str| {
-            if (low..=high).contains(&x) { Ok(()) } else { Err(CliError::Option(format!("{option} {x}: {rule}"))) }
-        };
-        range("--restitution", self.restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
-        range("--friction", self.friction, 0.0, f64::MAX, "a coefficient of friction is finite and not negative")?;
+        check_coefficients(self.restitution, self.friction)?;
         if let Some(et) = self.tangential_restitution {
-            range(
-                "--tangential-restitution",
-                et,
-                -1.0,
-                1.0,
-                "a coefficient of tangential restitution lies between -1 and 1",
-            )?;
+            let rule = "a coefficient of tangential restitution lies between -1 and 1";
+            within("--tangential-restitution", et, -1.0..=1.0, rule)?;
             if !["all", "chatterjee-ruina"].contains(&self.law.as_str()) {
                 say(&format!("warning: --tangential-restitution is not used by {}", self.law));
             }
@@ -163,7 +155,12 @@ struct Branch {
 impl LawCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let (plane, space) = (self.law.laws::<2>()?, self.law.laws::<3>()?);
+        self.record.check()?;
+        let reads: Vec<PathBuf> =
+            (self.problems != Path::new("-")).then(|| self.problems.clone()).into_iter().collect();
+        files::check(&reads, &[("--svg", self.svg.as_deref()), ("--out", self.record.file())])?;
         let mut drawn = self.svg.is_none() && !self.record.is_asked();
+        let mut drawing = None;
         for_each_line(&self.problems, out, |problem: Problem, _, out| {
             let first = !std::mem::replace(&mut drawn, true);
             let all = match problem.u.len() {
@@ -171,7 +168,7 @@ impl LawCommand {
                     let all = resolve(&problem, &plane)?;
                     if first {
                         let routh = routh_diagram(&problem.checked()?, self.law.friction, &points(&all));
-                        self.draw(&all, routh, None)?;
+                        drawing = Some(Drawing::of(&all, routh, None)?);
                     }
                     all
                 }
@@ -180,7 +177,8 @@ impl LawCommand {
                     if first {
                         let (problem, points) = (problem.checked()?, points(&all));
                         let slips = hodograph(&problem, self.law.friction, &points);
-                        self.draw(&all, slips, impulse_space(&problem, self.law.friction, &points))?;
+                        let space = impulse_space(&problem, self.law.friction, &points);
+                        drawing = Some(Drawing::of(&all, slips, space)?);
                     }
                     all
                 }
@@ -193,24 +191,36 @@ impl LawCommand {
             };
             all.answer(out, self.json, plane.len(), for_people)
         })?;
+        // Not before: nothing is written where anything is refused.
+        if let Some(Drawing { svg, plane, space, words }) = &drawing {
+            if self.record.is_asked() {
+                record_diagrams(&self.record, plane, space.as_ref(), words)?;
+            }
+            self.svg.as_ref().map_or(Ok(()), |path| write_whole(path, svg))?;
+        }
         if drawn {
             return Ok(());
         }
         let file = if self.problems == Path::new("-") { "<stdin>".into() } else { self.problems.display().to_string() };
         Err(CliError::Option(format!("{file}: there is no problem to draw")))
     }
+}
 
-    /// Writes what pictures were asked for; `space` is for recordings alone.
-    fn draw(&self, all: &All<Answer>, plane: Option<Diagram<2>>, space: Option<Diagram<3>>) -> Result<(), LineError> {
+/// What is drawn of the first problem.
+struct Drawing {
+    svg: String,
+    plane: Diagram<2>,
+    /// For recordings alone.
+    space: Option<Diagram<3>>,
+    words: String,
+}
+
+impl Drawing {
+    fn of(all: &All<Answer>, plane: Option<Diagram<2>>, space: Option<Diagram<3>>) -> Result<Self, LineError> {
         let missing =
             || LineError("a picture needs a contact that approaches, and a delassus that is not singular".into());
         let plane = plane.ok_or_else(missing)?;
-        let svg = plane.svg().ok_or_else(missing)?;
-        // First what may be refused for more reasons: then nothing has been written.
-        if self.record.is_asked() {
-            record_diagrams(&self.record, &plane, space.as_ref(), &page(all)).map_err(|e| LineError(e.to_string()))?;
-        }
-        self.svg.as_ref().map_or(Ok(()), |path| write_whole(path, &svg).map_err(|e| LineError(e.to_string())))
+        Ok(Self { svg: plane.svg().ok_or_else(missing)?, plane, space, words: page(all) })
     }
 }
 

@@ -8,6 +8,7 @@ mod chart;
 mod consistency;
 mod dynamics;
 mod error;
+mod files;
 mod fit;
 mod impact;
 mod input;

@@ -1,19 +1,22 @@
 //! `carom map`: a study, from its file to its map.
 
 use crate::error::CliError;
-use crate::output::{answer, say, short};
+use crate::files;
+use crate::output::{answer, say, short, write_whole};
+use crate::record::check_map;
 use carom_study::Study;
 use carom_study::study::{Advice, MapFile, Written};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 #[derive(Args)]
+#[command(group(ArgGroup::new("result").args(["out", "svg", "rrd", "advise"]).required(true).multiple(true)))]
 pub struct MapCommand {
     /// The study, TOML
     #[arg(value_name = "STUDY.toml")]
@@ -139,9 +142,20 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
 
 impl MapCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        check_map(self.rrd.as_deref())?;
         let study = Study::from_file(&self.study)?;
+        let writes = [("--out", self.out.as_deref()), ("--svg", self.svg.as_deref()), ("--rrd", self.rrd.as_deref())];
+        files::check(&study.files, &writes)?;
         for warning in &study.warnings {
             say(&format!("warning: {}: {warning}", self.study.display()));
+        }
+        let names: Vec<&str> = study.columns().iter().map(|column| column.name.as_str()).collect();
+        let shown = self.show.as_deref().or(names.get(class(&study) + 1).copied()).unwrap_or("class");
+        if !names.contains(&shown) {
+            let names = names.join(", ");
+            return Err(CliError::Option(format!(
+                "--show {shown}: no column of this map is called so: it has {names}"
+            )));
         }
         let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
@@ -152,11 +166,9 @@ impl MapCommand {
             let file = MapFile { path: path.clone(), rows: rows.clone(), resume: self.resume };
             self.write(&study, &file, &pool)?;
         }
-        let first = study.columns().get(class(&study) + 1).map_or("class", |column| column.name.as_str());
-        let shown = self.show.as_deref().unwrap_or(first);
         if let Some(path) = &self.svg {
             let svg = pool.install(|| study.picture(shown))?;
-            write_beside(path, svg.as_bytes())?;
+            write_whole(path, &svg)?;
         }
         if let Some(path) = &self.rrd {
             pool.install(|| crate::record::record_map(&study, shown, path))?;
@@ -165,7 +177,7 @@ impl MapCommand {
         let summary = Summary {
             study: self.study.display().to_string(),
             rows: rows.end - rows.start,
-            columns: study.columns().iter().map(|column| column.name.as_str()).collect(),
+            columns: names,
             out: self.out.as_deref().map(|path| path.display().to_string()),
             svg: self.svg.as_deref().map(|path| path.display().to_string()),
             rrd: self.rrd.as_deref().map(|path| path.display().to_string()),
@@ -252,15 +264,4 @@ impl Advised<'_> {
         }
         Ok(())
     }
-}
-
-/// Writes a file beside its place and moves it there.
-fn write_beside(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let written = std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path));
-    written.map_err(|e| {
-        let _ = std::fs::remove_file(&part);
-        CliError::Option(format!("{}: cannot be written: {e}", path.display()))
-    })
 }

@@ -4,6 +4,7 @@ use crate::error::{CliError, LineError};
 use crate::input::Refused;
 use serde::Serialize;
 use serde_json::Value;
+use serde_json::ser::{CompactFormatter, Formatter};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -17,7 +18,7 @@ pub fn answer<A: Serialize>(
     json: bool,
     for_people: impl FnOnce(&A, &mut dyn Write) -> io::Result<()>,
 ) -> Result<(), Refused> {
-    let text = serde_json::to_string(answer).map_err(|e| LineError(e.to_string()))?;
+    let text = to_json(answer).map_err(|e| LineError(e.to_string()))?;
     // JSON has no word for what is not finite, and puts a null there; no answer holds another null.
     if text.contains("null") {
         let value = serde_json::to_value(answer).map_err(|e| LineError(e.to_string()))?;
@@ -29,6 +30,22 @@ pub fn answer<A: Serialize>(
         }
     }
     if json { writeln!(out, "{text}") } else { for_people(answer, out) }.map_err(Refused::Output)
+}
+
+/// One line of JSON.
+pub fn to_json(answer: &impl Serialize) -> io::Result<String> {
+    let mut text = Vec::new();
+    answer.serialize(&mut serde_json::Serializer::with_formatter(&mut text, Unsigned))?;
+    String::from_utf8(text).map_err(io::Error::other)
+}
+
+/// A zero has no sign here: which way it was rounded to is nothing that a reader should wonder about.
+struct Unsigned;
+
+impl Formatter for Unsigned {
+    fn write_f64<W: ?Sized + Write>(&mut self, out: &mut W, value: f64) -> io::Result<()> {
+        CompactFormatter.write_f64(out, value + 0.0)
+    }
 }
 
 fn first_null(key: &str, value: &Value) -> Option<String> {
@@ -52,9 +69,12 @@ pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
     })
 }
 
-/// Makes a folder for files, before any long work.
+/// Makes a folder for files, before any long work, if it isn't there.
 pub fn make_folder(path: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
+    if path.is_dir() {
+        return Ok(());
+    }
+    std::fs::create_dir(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
 }
 
 /// One line on standard error. That nobody listens there is no failure.

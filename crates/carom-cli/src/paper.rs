@@ -1,6 +1,7 @@
 //! `carom paper`: the figures and the table of Pagilla & Yu (2004) from the preset arm.
 
 use crate::error::CliError;
+use crate::files;
 use crate::output::answer;
 use carom_study::paper::{Paper, PaperError, stand_in};
 use clap::Args;
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct PaperCommand {
     /// Folder for figures (SVG), the numbers behind them (CSV) and report.md: a new or empty one, or one of an earlier
-    /// report, which is replaced
+    /// report, which is replaced; it is made if it isn't there, but not the folders above it
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// One line of JSON
@@ -53,6 +54,7 @@ struct Impact {
 
 impl PaperCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        files::check_folder("--out", &self.out)?;
         let arm = stand_in().map_err(PaperError::from)?;
         let paper = Paper::of(&arm)?;
         paper.write(&self.out)?;

@@ -28,6 +28,20 @@ impl Record {
         self.out.is_some() || self.connect.is_some() || self.spawn
     }
 
+    /// Refuses a recording where there can be none.
+    pub fn check(&self) -> Result<(), CliError> {
+        if self.is_asked() && !cfg!(feature = "rerun") {
+            Err(without("--out, --connect and --spawn need"))
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The file that is written, if it is a file.
+    pub fn file(&self) -> Option<&Path> {
+        self.out.as_deref()
+    }
+
     #[cfg(feature = "rerun")]
     fn target(&self) -> Option<carom_record::Target> {
         use carom_record::Target;
@@ -56,14 +70,18 @@ pub fn record_diagrams(
 
 /// Refuses: there are no recordings.
 #[cfg(not(feature = "rerun"))]
-pub fn record_diagrams(_: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &str) -> Result<(), CliError> {
-    Err(without())
+pub fn record_diagrams(asked: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &str) -> Result<(), CliError> {
+    asked.check()
 }
 
-#[cfg(not(feature = "rerun"))]
-fn without() -> CliError {
-    let refusal = "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)";
-    CliError::Option(refusal.into())
+/// `who` ends in its verb.
+fn without(who: &str) -> CliError {
+    CliError::Option(format!("{who} recordings, without which this carom was built (feature rerun)"))
+}
+
+/// Refuses to record a map where there can be no recordings.
+pub fn check_map(rrd: Option<&Path>) -> Result<(), CliError> {
+    if rrd.is_some() && !cfg!(feature = "rerun") { Err(without("--rrd needs")) } else { Ok(()) }
 }
 
 /// Records one column of a map.
@@ -74,8 +92,8 @@ pub fn record_map(study: &Study, column: &str, path: &Path) -> Result<(), CliErr
 
 /// There are no recordings.
 #[cfg(not(feature = "rerun"))]
-pub fn record_map(_: &Study, _: &str, _: &Path) -> Result<(), CliError> {
-    Err(CliError::Option("--rrd needs recordings, without which this carom was built (feature rerun)".into()))
+pub fn record_map(_: &Study, _: &str, path: &Path) -> Result<(), CliError> {
+    check_map(Some(path))
 }
 
 /// A recording on its way.
@@ -105,7 +123,7 @@ pub enum Recorder {}
 #[cfg(not(feature = "rerun"))]
 impl Recorder {
     pub fn begin(asked: &Record, _: &Scene, _: &Plan) -> Result<Option<Self>, CliError> {
-        if asked.is_asked() { Err(without()) } else { Ok(None) }
+        asked.check().map(|()| None)
     }
 
     pub fn see(&mut self, _: Seen) {

@@ -1,6 +1,7 @@
 //! `carom simulate`: a scene, from its file to its events.
 
 use crate::error::CliError;
+use crate::files;
 use crate::output::{answer, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
@@ -115,10 +116,13 @@ struct Cost {
 impl Simulate {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let refuse = |e| CliError::scene(&self.scene, e);
+        self.record.check()?;
         let scene = load(&self.scene)?;
+        let (csv, parquet) = (self.csv.as_deref(), self.parquet.as_deref());
+        files::check(&scene.files, &[("--csv", csv), ("--parquet", parquet), ("--out", self.record.file())])?;
         let plan = scene.plan().map_err(refuse)?;
         let sim = &plan.simulation;
-        let mut tables = Tables::begin([self.csv.as_deref(), self.parquet.as_deref()], &sim.chain)?;
+        let mut tables = Tables::begin([csv, parquet], &sim.chain)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
         let sampled = !tables.tables.is_empty() || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));

@@ -1,7 +1,8 @@
 //! `carom stress`: where methods fail.
 
 use crate::error::CliError;
-use crate::output::{make_folder, write_whole};
+use crate::files;
+use crate::output::{make_folder, to_json, write_whole};
 use carom_study::stress::{self, METHODS, Row, Verdict};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 pub struct StressCommand {
-    /// Folder for stress.md, stress.json and stress.svg
+    /// Folder for stress.md, stress.json and stress.svg; it is made if it isn't there, but not the folders above it
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Only scenes whose name contains this
@@ -59,6 +60,7 @@ impl StressCommand {
                 names.join(", ")
             )));
         }
+        files::check_folder("--out", &self.out)?;
         make_folder(&self.out)?;
         // Draws on a terminal only.
         let bar = ProgressBar::new(scenes.len() as u64);
@@ -70,7 +72,7 @@ impl StressCommand {
             bar.inc(1);
         });
         bar.finish_and_clear();
-        let json = serde_json::to_string(&report(&rows)).map_err(|e| CliError::Option(e.to_string()))?;
+        let json = to_json(&report(&rows))?;
         write_whole(&self.out.join("stress.md"), &stress::markdown(&rows))?;
         write_whole(&self.out.join("stress.svg"), &stress::svg(&rows))?;
         write_whole(&self.out.join("stress.json"), &format!("{json}\n"))?;

@@ -1,6 +1,7 @@
 //! `carom tosses`: measured tosses, rolled out.
 
 use crate::error::CliError;
+use crate::input::{check_coefficients, within};
 use crate::output::{answer, say, short};
 use carom_impact::LAW_NAMES;
 use carom_sim::ContactRule;
@@ -22,16 +23,16 @@ pub struct TossesCommand {
     #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES), default_value = "whittaker")]
     law: String,
     /// Coefficient of restitution
-    #[arg(long, value_name = "E", default_value_t = 0.0)]
+    #[arg(long, value_name = "E", default_value_t = 0.0, allow_hyphen_values = true)]
     restitution: f64,
     /// Coefficient of friction
-    #[arg(long, value_name = "MU", default_value_t = 0.3)]
+    #[arg(long, value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
     friction: f64,
     /// Relative tolerance of the integration
-    #[arg(long, default_value_t = 1e-9)]
+    #[arg(long, default_value_t = 1e-9, allow_hyphen_values = true)]
     tolerance: f64,
     /// Step while several contacts last, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 5e-4)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 5e-4, allow_hyphen_values = true)]
     contact_step: f64,
     /// One line of JSON
     #[arg(long)]
@@ -77,6 +78,10 @@ const REST: f64 = 1e-3;
 
 impl TossesCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        check_coefficients(self.restitution, self.friction)?;
+        for (option, x) in [("--tolerance", self.tolerance), ("--contact-step", self.contact_step)] {
+            within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
+        }
         let refuse = |e: TossError| CliError::Scene(e.to_string());
         let tosses = Tosses::read(&self.folder, self.robot.as_deref()).map_err(refuse)?;
         for warning in tosses.chain.warnings() {

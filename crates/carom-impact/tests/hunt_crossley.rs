@@ -140,10 +140,10 @@ fn what_is_refused() {
     let refused = |k, n, e| HuntCrossley::new(k, n, e).unwrap_err().to_string();
     assert_eq!(refused(0.0, 1.5, 0.5), "stiffness is 0: it must be finite and above 0");
     assert_eq!(refused(f64::INFINITY, 1.5, 0.5), "stiffness is inf: it must be finite and above 0");
-    assert_eq!(
-        refused(1e7, f64::NAN, 0.5),
-        "exponent is NaN: it must be finite and above 0: 1.5 for round bodies, 1 for a spring"
-    );
+    let rule = "it lies between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
+    for (n, shown) in [(f64::NAN, "NaN"), (0.0, "0"), (0.09, "0.09"), (10.1, "10.1"), (1e9, "1000000000")] {
+        assert_eq!(refused(1e7, n, 0.5), format!("exponent is {shown}: {rule}"));
+    }
     for (e, shown) in [(0.0, "0"), (-0.5, "-0.5"), (1.5, "1.5"), (f64::NAN, "NaN")] {
         assert_eq!(
             refused(1e7, 1.5, e),

@@ -22,6 +22,7 @@ mod plan;
 mod run;
 mod saltation;
 mod scene;
+mod scene_drive;
 mod scene_file;
 mod settle;
 mod several;
@@ -30,6 +31,7 @@ mod space;
 mod strike;
 mod touch;
 mod trajectory;
+mod watch;
 
 pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
 pub use compliance::{Compliance, Holding, Yielding};

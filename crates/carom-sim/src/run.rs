@@ -21,7 +21,7 @@
 use crate::compliance::Compliance;
 use crate::error::SimError;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
-use crate::motion::{Dry, Motion, Watch};
+use crate::motion::{Dry, Motion};
 use crate::simulate::{Integrator, Simulation};
 use crate::space::Space;
 use crate::strike::carry;
@@ -29,6 +29,7 @@ use crate::touch::ContactRule;
 use crate::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
 };
+use crate::watch::Watch;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Coefficients, Frictionless, ImpactProblem, law_by_name};
 use nalgebra::{Matrix3, Vector3};

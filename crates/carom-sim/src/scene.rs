@@ -26,15 +26,15 @@
 //! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
 //! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
 //! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance` for contacts that give way |
-//! | `compliance` | `stiffness` (N/m, N/mⁿ); `force = "hunt-crossley"` (`exponent = 1.5`, `damping = "exact"` or a published formula's name, see [`Damping`]), `"kelvin-voigt"` (`pulls = false`) or `"walton-braun"`; `slip_speed = 1e-3` below which friction is smoothed, or `bristle {stiffness (N/m), damping (N s/m)}`, which sticks |
+//! | `compliance` | `stiffness` (N/m, N/mⁿ); `force = "hunt-crossley"` (`exponent = 1.5`, from 0.1 to 10, `damping = "exact"` or a published formula's name, see [`Damping`]), `"kelvin-voigt"` (`pulls = false`) or `"walton-braun"`; `slip_speed = 1e-3` below which friction is smoothed, or `bristle {stiffness (N/m), damping (N s/m)}`, which sticks |
 //! | `[[contact.pair]]` | `link` and/or `surface` (or the other link of a pair), or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
 //! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `method = "events"` or `"steps"` (of `contact_step` throughout), `model = "auto"` or `"full"`, `neglect` |
 //! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
 
 use crate::compliance::{Compliance, Holding, Yielding};
-use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::error::SimError;
-use crate::scene_file::{self, Controller, File, Method, Model, Robot, Run, Shape, TipVelocity};
+use crate::scene_drive::Drives;
+use crate::scene_file::{self, File, Method, Model, Robot, Shape, TipVelocity};
 use crate::simulate::Simulation;
 use crate::touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
@@ -42,7 +42,7 @@ use carom_chain::{Chain, ChainError};
 use carom_contact::{LeftOut, Obstacle};
 use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A scene as the file says it, with everything it names loaded.
 #[derive(Debug, Clone)]
@@ -65,6 +65,8 @@ pub struct Scene {
     pub out_of_reach: Vec<(String, LeftOut)>,
     /// `model = "full"`: nothing is left out.
     pub full: bool,
+    /// Every file that was read: the scene's own, the robot's and its meshes, meshes of surfaces, torques.
+    pub files: Vec<PathBuf>,
     /// What looks odd.
     pub warnings: Vec<String>,
 }
@@ -173,8 +175,20 @@ impl Scene {
             neglect: if full { None } else { file.run.neglect },
             ..Simulation::new(chain, touches)
         };
+        let named = [Some(&file.robot.urdf), file.run.torque_file.as_ref()].into_iter().flatten();
+        let meshes = file.surface.iter().filter_map(|it| match &it.shape {
+            Shape::Mesh { file, .. } => Some(file),
+            _ => None,
+        });
+        let named = named.chain(meshes).map(|file| folder.join(file));
+        let shapes = simulation.chain.links().iter().flat_map(|link| &link.collisions);
+        let meshes = shapes.filter_map(|collision| match &collision.shape {
+            carom_chain::urdf::Shape::Mesh { file, .. } => Some(file.clone()),
+            _ => None,
+        });
+        let files = std::iter::once(path.to_owned()).chain(named).chain(meshes).collect();
         let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
-        Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, warnings })
+        Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, files, warnings })
     }
 }
 
@@ -329,124 +343,7 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
     Ok(met)
 }
 
-/// What a controller is made from.
-struct Drives<'a> {
-    folder: &'a Path,
-    file: &'a File,
-    chain: &'a Chain,
-    surfaces: &'a [Surface],
-    qd: &'a [f64],
-}
-
-impl Drives<'_> {
-    /// `asks` is the key that chose the controller.
-    fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
-        let run = &self.file.run;
-        let needs = |key: &str| format!("[run] {asks} = \"{}\" needs the key {key}", controller.name());
-        let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
-        Ok(match controller {
-            Controller::Off => Drive::Off,
-            Controller::GravityCompensation => Drive::GravityCompensation,
-            Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
-            Controller::TorqueFile => {
-                let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
-                torque_table(&self.folder.join(file), self.chain.nv())?
-            }
-            Controller::Pd => Drive::Pd {
-                kp: number("kp", run.kp)?,
-                kd: number("kd", run.kd)?,
-                target: run.target.clone().ok_or_else(|| needs("target"))?,
-            },
-            Controller::ImpactInvariant => Drive::ImpactInvariant(ImpactInvariant {
-                tip: self.file.robot.tip.clone(),
-                normal: self.normal("impact-invariant")?,
-                kp: number("kp", run.kp)?,
-                kd: number("kd", run.kd)?,
-                target: run.target.clone().ok_or_else(|| needs("target"))?,
-                velocity: vec![0.0; self.chain.nv()],
-            }),
-            Controller::Transition => Drive::Transition(Transition {
-                tip: self.file.robot.tip.clone(),
-                normal: self.normal("transition")?,
-                velocity: self.velocity().map_err(|e| e.to_string())?,
-                gain: number("gain", run.gain)?,
-                press: run.press.unwrap_or(0.0),
-                compensate: run.compensate.unwrap_or(true),
-                restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.restitution),
-            }),
-        })
-    }
-
-    /// A key that no chosen controller reads is a mistake.
-    fn check_unused(&self) -> Result<(), String> {
-        let run: &Run = &self.file.run;
-        use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Transition};
-        let readers: [(&str, bool, &[Controller], &str); 8] = [
-            ("target", run.target.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("kp", run.kp.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("kd", run.kd.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("torque", run.torque.is_some(), &[Constant], "constant"),
-            ("torque_file", run.torque_file.is_some(), &[TorqueFile], "torque-file"),
-            ("gain", run.gain.is_some(), &[Transition], "transition"),
-            ("press", run.press.is_some(), &[Transition], "transition"),
-            ("compensate", run.compensate.is_some(), &[Transition], "transition"),
-        ];
-        for (key, given, controllers, name) in readers {
-            let read = controllers.iter().any(|&c| run.controller == c || run.after_impact == Some(c));
-            if given && !read {
-                return Err(format!("[run] {key} belongs to controller = \"{name}\""));
-            }
-        }
-        Ok(())
-    }
-
-    fn normal(&self, controller: &str) -> Result<Vector3<f64>, String> {
-        half_space(self.surfaces.first()).ok_or_else(|| {
-            format!("[run] controller = \"{controller}\" works at the first surface, which must be a halfspace")
-        })
-    }
-
-    /// Velocity of the tip at the start.
-    fn velocity(&self) -> Result<Vector3<f64>, ChainError> {
-        let point = self.chain.point(self.chain.frame(&self.file.robot.tip)?, Vector3::zeros());
-        self.chain.workspace().update(self.chain, &self.file.robot.q)?.point_velocity(point, self.qd)
-    }
-}
-
-/// Times in the first column, joint forces in the others; the first line may be a header.
-fn torque_table(path: &Path, joints: usize) -> Result<Drive, String> {
-    let refuse = |why: String| format!("[run] torque_file {}: {why}", path.display());
-    let text = std::fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
-    let text = text.trim_start_matches('\u{feff}');
-    let (mut times, mut forces): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-    for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let cells = || line.split(',').map(|cell| cell.trim().parse::<f64>());
-        let refuse = |why: String| refuse(format!("line {}: {why}", k + 1));
-        match cells().collect::<Result<Vec<f64>, _>>() {
-            Ok(numbers) if numbers.len() != joints + 1 => {
-                let (columns, needed) = (numbers.len(), joints + 1);
-                return Err(refuse(format!(
-                    "{columns} columns, {needed} are needed: the time and {joints} joint forces"
-                )));
-            }
-            Ok(numbers) if times.last().is_some_and(|last| numbers[0] <= *last) => {
-                return Err(refuse(format!("time {} does not come after the one above: times ascend", numbers[0])));
-            }
-            Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => {
-                times.push(numbers[0]);
-                forces.push(numbers[1..].to_vec());
-            }
-            Err(_) if k == 0 && cells().all(|cell| cell.is_err()) => {}
-            _ => return Err(refuse("every cell must be a finite number, separated by commas".into())),
-        }
-    }
-    if times.is_empty() {
-        return Err(refuse("it has no row of numbers: give the time and one joint force for each joint".into()));
-    }
-    Ok(Drive::Table { times, forces })
-}
-
-fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
+pub(crate) fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
     match surface.map(|surface| surface.obstacle.surface()) {
         Some(carom_contact::Surface::HalfSpace { normal, .. }) => Some(*normal),
         _ => None,

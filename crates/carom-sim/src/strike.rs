@@ -74,26 +74,49 @@ impl<'a> Strike<'a> {
         self
     }
 
-    /// Computes what all laws share.
+    /// Looks at all that holds whatever q and qd are: point, normal, joints. Worth a call before a long list of states.
     ///
     /// # Errors
-    /// [`SimError`]: a state that does not fit, a normal without direction, a point that can't move along it, joints that
-    /// can't be locked or resist so.
-    pub fn contact(self) -> Result<Contact<'a>, SimError> {
+    /// [`SimError`]: a point that no joint moves, or only locked ones; a normal without direction; joints that can't be locked
+    /// or resist so.
+    pub fn check(&self) -> Result<(), SimError> {
+        self.checked().map(|_| ())
+    }
+
+    fn checked(&self) -> Result<Checked, SimError> {
         let Some(frame) = self.frame else {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
         };
         let Some(normal) = self.normal else {
             return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
         };
-        self.chain.check_state(self.q, self.qd)?;
         let given = Vector3::from(normal);
         // Scaled first, lest squares overflow or vanish.
         let normal = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
         let Some(normal) = normal else {
             return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
         };
+        let point: Point<Spatial<f64>> = self.chain.point(frame, self.offset);
+        if point.body.is_none() {
+            return Err(SimError::FixedPoint { link: self.chain.frame_name(frame).to_owned() });
+        }
         let added = self.joints.added_inertia(self.chain)?;
+        let bodies = self.chain.bodies();
+        let mut above = std::iter::successors(point.body, |&body| bodies[body].parent);
+        if added.as_ref().is_some_and(|added| above.all(|body| added[bodies[body].v_index].is_infinite())) {
+            let link = self.chain.frame_name(frame).to_owned();
+            return Err(SimError::Locked { link, normal: normal.into() });
+        }
+        Ok(Checked { frame, normal, added })
+    }
+
+    /// Computes what all laws share.
+    ///
+    /// # Errors
+    /// [`SimError`]: what [`Strike::check`] says, a state that does not fit, a point that can't move along the normal.
+    pub fn contact(self) -> Result<Contact<'a>, SimError> {
+        let Checked { frame, normal, added } = self.checked()?;
+        self.chain.check_state(self.q, self.qd)?;
         let contact = Contact::new(self.chain, self.q, self.qd, frame, self.offset, normal, added);
         contact.map_err(|why| match why {
             SimError::SingularNormal { link, normal } if self.joints.locks() => SimError::Locked { link, normal },
@@ -167,6 +190,15 @@ impl<'a> Strike<'a> {
     }
 }
 
+/// What of a description holds whatever q and qd are.
+struct Checked {
+    frame: FrameId,
+    /// Of unit length.
+    normal: Vector3<f64>,
+    /// Diagonal of W, if the drives act.
+    added: Option<Vec<f64>>,
+}
+
 /// A contact at one state of a chain, ready for any law.
 #[derive(Debug)]
 pub struct Contact<'a> {
@@ -195,11 +227,7 @@ impl<'a> Contact<'a> {
         normal: Vector3<f64>,
         added: Option<Vec<f64>>,
     ) -> Result<Self, SimError> {
-        let link = || chain.frame_name(frame).to_owned();
         let point: Point<Spatial<f64>> = chain.point(frame, offset);
-        if point.body.is_none() {
-            return Err(SimError::FixedPoint { link: link() });
-        }
         let mut workspace = chain.workspace();
         let mut kin = workspace.update(chain, q)?;
         let inertia = match &added {
@@ -207,7 +235,8 @@ impl<'a> Contact<'a> {
             Some(added) => kin.contact_inertia_with(point, added)?,
         };
         if inertia.effective_mass(normal.as_slice()).is_none() {
-            return Err(SimError::SingularNormal { link: link(), normal: normal.into() });
+            let link = chain.frame_name(frame).to_owned();
+            return Err(SimError::SingularNormal { link, normal: normal.into() });
         }
         let jacobian = kin.point_jacobian(point);
         let u = kin.point_velocity(point, qd)?;

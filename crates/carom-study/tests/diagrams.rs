@@ -212,6 +212,38 @@ fn svg_is_well_formed_and_its_points_are_where_the_laws_say() {
     assert!((read.x[1].abs() / read.y[1].abs() - 1.0).abs() < 1e-2, "equal scales");
 }
 
+/// Lines are cut at the window. Where that is the frame itself, none of them ends in mid-air, and the legend is outside.
+#[test]
+fn the_frame_is_the_window_and_the_legend_stands_beside_it() {
+    let problem = in_space(vector![-0.25, 0.35, -1.0]);
+    for diagram in [routh_diagram(&pendulum(), 0.5, &[]).unwrap(), hodograph(&problem, 0.3, &[]).unwrap()] {
+        let svg = diagram.svg().unwrap();
+        let read = Read::svg(&svg, &diagram.axes);
+        let document = roxmltree::Document::parse(&svg).unwrap();
+        let number = |node: &roxmltree::Node, name: &str| node.attribute(name).unwrap().parse::<f64>().unwrap();
+        let lines = document.descendants().filter(|node| node.has_tag_name("polyline"));
+        let lines = lines.map(|node| -> Vec<[f64; 2]> {
+            let pairs = node.attribute("points").unwrap().split_whitespace().map(|pair| pair.split_once(',').unwrap());
+            pairs.map(|(x, y)| [x.parse().unwrap(), y.parse().unwrap()]).collect()
+        });
+        let frame = lines.into_iter().find(|line| line.len() == 5 && line[0] == line[4]).unwrap();
+        let [[left, top], [right, low]] = [frame[0], frame[2]];
+        let pixel = 8.0; // of the view box; the numbers on the axes stand beside their ticks in whole units
+        for (k, (axis, ends)) in [(read.x, [left, right]), (read.y, [low, top])].into_iter().enumerate() {
+            for (end, at) in ends.into_iter().zip(diagram.window[k]) {
+                let off = (axis[0] + axis[1] * end - at) / axis[1];
+                // Numbers stand by their ticks' middle, half a letter off.
+                assert!(off.abs() < pixel, "{} {off}", diagram.title);
+            }
+        }
+        for shape in &diagram.shapes {
+            let text = document.descendants().find(|n| n.text().is_some_and(|text| text.trim() == shape.name)).unwrap();
+            let text = text.ancestors().find(|n| n.has_tag_name("text")).unwrap();
+            assert!(number(&text, "x") > right, "{}", shape.name);
+        }
+    }
+}
+
 /// Speeds and masses over many orders: a picture, or none, but no panic and no endless drawing.
 #[test]
 fn there_is_a_picture_for_an_impact_and_none_without() {

@@ -74,11 +74,37 @@ fn a_heat_map_shows_every_row_at_its_place() {
     assert!(colours.keys().all(|class| svg.contains(CLASSES[*class])));
 }
 
+/// A map of signed numbers that runs to a singular pose: no pixel has a colour that the bar doesn't, and the bar says that
+/// there is more.
+#[test]
+fn a_colour_bar_has_every_colour_of_its_map() {
+    let text = TIPS.replace("\"impulse\", \"mode\"", "\"tangential_jump\"");
+    let study = study(&text);
+    let (svg, values) = (study.picture("tangential_jump").unwrap(), study.values("tangential_jump").unwrap());
+    let range = values.colour_range();
+    let beyond = values.values.iter().filter(|x| **x < range.0 || **x > range.1).count();
+    assert!(range.0 < 0.0 && range.1 > 0.0 && beyond > 2, "{range:?} {beyond}");
+    assert!(svg.contains("≥ ") && svg.contains("≤ "));
+    for (end, more) in [(range.0, -1e9), (range.1, 1e9)] {
+        assert_eq!(values.colour(end, range), values.colour(more, range));
+    }
+    // So fine that no colour falls between two steps: each of the three channels has 256 at most.
+    let step = |k: i32| values.colour(range.0 + (range.1 - range.0) * f64::from(k) / 1e6, range);
+    let bar: std::collections::BTreeSet<[u8; 3]> = (0..=1_000_000).map(step).collect();
+    let nothing = values.colour(f64::NAN, range);
+    for (_, _, pixels) in images(&svg) {
+        for pixel in pixels.chunks(3).filter(|pixel| *pixel != nothing) {
+            assert!(bar.contains(pixel), "{pixel:?}");
+        }
+    }
+}
+
 #[test]
 fn one_axis_is_a_curve_and_words_make_several() {
     let text = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5");
     let svg = study(&text).picture("impulse").unwrap();
     assert!(svg.starts_with("<svg") && !svg.contains("<image") && svg.contains("up") && svg.contains("tip.y, m"));
+    assert!(svg.contains("\nelbow\n"), "what is up and down has its name");
     assert!(svg.matches("<polyline").count() >= 2);
 }
 

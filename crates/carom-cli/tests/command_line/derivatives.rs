@@ -42,6 +42,28 @@ fn derivatives_are_differences_of_answers() {
     assert!(["derivatives", "mode_margin", "band"].iter().all(|key| plain.get(key).is_none()));
 }
 
+/// Slip that stops in another phase is a boundary beyond which the mode has the same name: no other mode is announced.
+#[test]
+fn a_boundary_within_a_mode_is_not_called_another_mode() {
+    let desk = Desk::new("boundary");
+    let state = json!({"q": [0.78, -1.57], "qd": [-0.15, 0.6]}).to_string();
+    let said = |mu: &str| {
+        let args =
+            format!("{IMPACT} --restitution 0.35 --friction {mu} --derivatives --states -").replace("--json ", "");
+        desk.feed(&args, &state).out
+    };
+    let reverse = said("0.2");
+    assert!(reverse.contains("energetic        reverse-slip"), "{reverse}");
+    assert!(reverse.contains("nearest boundary stops-at-turn, margin "), "{reverse}");
+    assert!(reverse.contains("; beyond it still reverse-slip\n"), "{reverse}");
+    // Without friction the only boundary is that of the approach, and beyond it there is no impact.
+    let smooth = said("0");
+    assert!(
+        smooth.contains("nearest boundary no-approach, margin ") && smooth.contains("; beyond it open\n"),
+        "{smooth}"
+    );
+}
+
 #[test]
 fn ranges_give_bounds_and_say_whether_they_are_proved() {
     let desk = Desk::new("ranges");

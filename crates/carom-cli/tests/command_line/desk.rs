@@ -40,6 +40,14 @@ impl Desk {
         std::fs::write(self.0.join(file), text).unwrap();
     }
 
+    /// Names of the files in a folder of the desk, in order; none if there is no such folder.
+    pub fn files(&self, folder: &str) -> Vec<String> {
+        let Ok(entries) = std::fs::read_dir(self.0.join(folder)) else { return Vec::new() };
+        let mut names: Vec<String> = entries.map(|it| it.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
     pub fn command(&self, args: &str) -> Command {
         self.command_of(&args.split_whitespace().collect::<Vec<_>>())
     }

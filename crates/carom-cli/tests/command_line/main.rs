@@ -3,6 +3,7 @@
 mod contract;
 mod derivatives;
 mod desk;
+mod files;
 mod numbers;
 mod options;
 mod paper;
@@ -10,4 +11,6 @@ mod people;
 mod refused_input;
 mod refused_robots;
 mod rough_handling;
+mod scenes;
+mod simulate;
 mod studies;

@@ -196,13 +196,13 @@ fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
         (
             r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#,
             "none/x.svg",
-            "<stdin>:1: none/x.svg: cannot be written: No such file or directory (os error 2)",
+            "--svg none/x.svg: there is no folder none: make it first",
         ),
     ];
-    let before = files(&desk);
+    let before = desk.files("");
     for (problem, file, message) in refusals {
         refused(desk.feed(&format!("{args} {file}"), problem), message);
-        assert_eq!(files(&desk), before, "{message}");
+        assert_eq!(desk.files(""), before, "{message}");
     }
     let both = "law --law all --restitution 0.5 --friction 0.3 --problems - --svg x.svg --out x.rrd";
     let ran = desk.feed(both, r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#);
@@ -213,16 +213,9 @@ fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
     } else {
         assert_eq!(ran.code, Some(1));
         assert!(ran.err.contains("without which this carom was built"), "{}", ran.err);
-        assert_eq!(files(&desk), before);
+        assert_eq!(desk.files(""), before);
     }
     usage(desk.feed(&format!("{both} --spawn"), ""), "cannot be used with");
-}
-
-fn files(desk: &Desk) -> Vec<String> {
-    let mut names: Vec<String> =
-        desk.0.read_dir().unwrap().map(|file| file.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
 }
 
 /// Painlevé's rod: sliding at u_n = 0 into a jam, every law with friction has two answers, and the line gives both.

@@ -24,6 +24,19 @@ fn coefficients_out_of_range_are_refused() {
 }
 
 #[test]
+fn tosses_are_refused_for_their_options_before_they_are_read() {
+    let desk = Desk::new("tosses-options");
+    for (options, message) in [
+        ("--restitution 2", "--restitution 2: a coefficient of restitution lies between 0 and 1"),
+        ("--friction -1", "--friction -1: a coefficient of friction is finite and not negative"),
+        ("--tolerance 0", "--tolerance 0: it must be positive and finite"),
+        ("--contact-step -0.001", "--contact-step -0.001: it must be positive and finite"),
+    ] {
+        refused(desk.run(&format!("tosses nowhere {options}")), message);
+    }
+}
+
+#[test]
 fn usage_errors_exit_with_2() {
     let desk = Desk::new("usage");
     let impact = "impact planar2.urdf --tip tip --states - --restitution 0.5";
@@ -102,7 +115,7 @@ fn normals_without_an_impulse_of_finite_size_are_refused() {
     let zero = strike("tip", "0,0,0", "[0,0]");
     assert_eq!((zero.code, zero.out.as_str()), (Some(1), ""));
     let words = "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length\n";
-    assert!(zero.err.starts_with("error: ") && zero.err.ends_with(words), "{}", zero.err);
+    assert_eq!(zero.err, format!("error: --normal: {words}"));
     // A straight arm hit along its axis; and across its plane.
     for (normal, unit, q) in [("-1,0,0", "[-1.0, 0.0, 0.0]", "[0,0]"), ("0,0,2", "[0.0, 0.0, 1.0]", "[0.3,1]")] {
         refused(
@@ -114,7 +127,7 @@ fn normals_without_an_impulse_of_finite_size_are_refused() {
     }
     refused(
         strike("base", "-1,0,0", "[0,0]"),
-        "<stdin>:1: link 'base' is fixed to the world: no impact can move it, choose a link that a joint moves",
+        "planar2.urdf: --tip: link 'base' is fixed to the world: no impact can move it, choose a link that a joint moves",
     );
 }
 
@@ -147,32 +160,45 @@ fn a_point_of_the_base_feels_nothing_and_is_no_error_for_dynamics() {
 #[test]
 fn drives_that_can_t_be_are_refused() {
     let desk = Desk::new("drives-refused");
-    let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]}).to_string();
+    // Whatever the states: here there is none to be blamed.
     let with = |options: &str| {
         let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.5";
-        desk.feed(&format!("{args} --states - {options}"), &state)
+        desk.run(&format!("{args} --states - {options}"))
     };
     for (options, message) in [
         (
             "--locked all",
-            "<stdin>:1: with its joints locked nothing moves 'tip' along the normal [-1.0, 0.0, 0.0]: the inverse inertia there is zero, and the impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one rigid body), or give the joints a finite stiffness and a contact time",
+            "planar2.urdf: --locked: with its joints locked nothing moves 'tip' along the normal [-1.0, 0.0, 0.0]: the inverse inertia there is zero, and the impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one rigid body), or give the joints a finite stiffness and a contact time",
         ),
-        ("--locked elbo", "<stdin>:1: no joint is named 'elbo'; did you mean 'elbow'?"),
+        ("--locked elbo", "planar2.urdf: --locked: no joint is named 'elbo'; did you mean 'elbow'?"),
         (
             "--locked probe",
-            "<stdin>:1: joint 'probe' has no coordinate of its own to lock (it is fixed, or follows another joint)",
+            "planar2.urdf: --locked: joint 'probe' has no coordinate of its own to lock (it is fixed, or follows another joint)",
         ),
         (
             "--joint-stiffness 1,2,3 --contact-time 0.01",
             "--joint-stiffness: 3 numbers; give one, or 2 as qd has (shoulder, elbow)",
         ),
         (
+            "--locked elbow,all",
+            "planar2.urdf: --locked: 'all' is every joint but a floating base: give it alone, or names without it",
+        ),
+        ("--locked elbow,shoulder,elbow", "planar2.urdf: --locked: joint 'elbow' is named twice"),
+        (
             "--joint-stiffness -5 --contact-time 0.01",
-            "<stdin>:1: a joint's stiffness is -5: a drive resists, so it is 0 or more",
+            "--joint-stiffness -5: a drive resists, so it is finite and 0 or more",
+        ),
+        (
+            "--joint-damping 1,NaN --contact-time 0.01",
+            "--joint-damping NaN: a drive resists, so it is finite and 0 or more",
         ),
         (
             "--joint-stiffness 5 --contact-time 0",
-            "<stdin>:1: the contact time is 0: it is a finite number of seconds above 0",
+            "--contact-time: the contact time is 0: it is a finite number of seconds above 0",
+        ),
+        (
+            "--joint-stiffness 1e300 --contact-time 1e10",
+            "--contact-time: the inertia Δt (K Δt + D) is inf: it must be finite: lock the joint instead",
         ),
         (
             "--contact-time 0.01",

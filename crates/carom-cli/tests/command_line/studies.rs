@@ -1,14 +1,7 @@
 //! Tables and charts: files that are whole or not there.
 
-use crate::desk::Desk;
+use crate::desk::*;
 use serde_json::Value;
-
-fn files(desk: &Desk, folder: &str) -> Vec<String> {
-    let Ok(entries) = std::fs::read_dir(desk.0.join(folder)) else { return Vec::new() };
-    let mut names: Vec<String> = entries.map(|it| it.unwrap().file_name().into_string().unwrap()).collect();
-    names.sort();
-    names
-}
 
 #[test]
 fn stress_writes_its_table_three_ways() {
@@ -16,7 +9,7 @@ fn stress_writes_its_table_three_ways() {
     let ran = desk.run("stress --out table --scene jam");
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
     assert!(ran.out.contains("8 exact\n") && ran.out.ends_with("the table is table/stress.md\n"), "{}", ran.out);
-    assert_eq!(files(&desk, "table"), ["stress.json", "stress.md", "stress.svg"]);
+    assert_eq!(desk.files("table"), ["stress.json", "stress.md", "stress.svg"]);
     let read = |name: &str| std::fs::read_to_string(desk.0.join("table").join(name)).unwrap();
     let json: Value = serde_json::from_str(&read("stress.json")).unwrap();
     assert_eq!(json["methods"].as_array().unwrap().len(), 14);
@@ -37,7 +30,7 @@ fn stress_refuses_what_it_can_not_do() {
     );
     desk.write("file", "");
     let ran = desk.run("stress --out file --scene jam");
-    assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: file: cannot be written: File exists (os error 17)\n"));
+    assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: --out file: it is a file: give a folder\n"));
     assert_eq!(desk.run("stress").code, Some(2));
 }
 
@@ -64,6 +57,7 @@ fn a_chart_holds_every_method_and_the_peers() {
     let desk = Desk::new("chart");
     desk.write("wall.toml", SCENE);
     desk.write("peers.jsonl", PEERS);
+    std::fs::create_dir(desk.0.join("c")).unwrap();
     let ran = desk.run("chart wall.toml --out c/wall.svg --peers peers.jsonl --budget 0.01 --json");
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
     let chart: Value = serde_json::from_str(&ran.out).unwrap();
@@ -78,13 +72,24 @@ fn a_chart_holds_every_method_and_the_peers() {
     let soft: Vec<f64> = of("compliant, Hunt–Crossley").iter().map(|run| run["at_end"].as_f64().unwrap()).collect();
     assert!(soft.first() > soft.last(), "{soft:?}");
     assert_eq!(of("x 1, steps").len(), 1);
+    // Whose law each follows: the scene's has none of friction, so that all agree.
+    assert_eq!(chart["law"], "energetic, no friction");
+    for (method, law) in [
+        ("events, DOP853, in space", "the scene's"),
+        ("Moreau–Jean steps", "Newton's e with a friction cone"),
+        ("compliant, Hunt–Crossley", "its force's own"),
+        ("x 1, steps", "its own"),
+    ] {
+        assert!(of(method).iter().all(|run| run["law"] == law) && !of(method).is_empty(), "{method}");
+    }
     assert_eq!(chart["absent"][0]["method"], "y 2, default");
     assert_eq!(chart["absent"][0]["reason"], "dt = 0.001: no rebound");
-    assert_eq!(files(&desk, "c"), ["wall.csv", "wall.svg"]);
+    assert_eq!(desk.files("c"), ["wall.csv", "wall.svg"]);
     let table = std::fs::read_to_string(desk.0.join("c/wall.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + runs.len());
     let picture = std::fs::read_to_string(desk.0.join("c/wall.svg")).unwrap();
     assert!(picture.contains("not run: y 2, default") && picture.contains("yardstick"));
+    assert!(picture.contains("e with a friction cone") && picture.contains("Error is the distance"));
 }
 
 #[test]

@@ -32,7 +32,7 @@ use crate::ImpactError;
 pub struct HuntCrossley {
     /// Stiffness k, N/mⁿ, above 0.
     pub stiffness: f64,
-    /// Exponent n of the penetration, above 0: 3/2 for round bodies (Hertz), 1 for a spring.
+    /// Exponent n of the penetration, from 0.1 to 10: 3/2 for round bodies (Hertz), 1 for a spring.
     pub exponent: f64,
     /// Coefficient of restitution e as a ratio of velocities that is asked for, above 0, at most 1.
     pub restitution: f64,
@@ -44,11 +44,16 @@ impl HuntCrossley {
     /// A contact of `stiffness` k (N/mⁿ), `exponent` n and `restitution` e, damped exactly.
     ///
     /// # Errors
-    /// [`ImpactError::Compliance`]: a stiffness or an exponent that is not positive and finite, a
+    /// [`ImpactError::Compliance`]: a stiffness that is not positive and finite, an exponent outside 0.1 … 10, a
     /// restitution outside (0, 1].
     pub fn new(stiffness: f64, exponent: f64, restitution: f64) -> Result<Self, ImpactError> {
         check_positive("stiffness", stiffness, POSITIVE)?;
-        check_positive("exponent", exponent, "it must be finite and above 0: 1.5 for round bodies, 1 for a spring")?;
+        // Beyond, the force is a step at the surface, or none in any depth that a rigid body may sink.
+        if !(0.1..=10.0).contains(&exponent) {
+            let rule =
+                "it lies between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
+            return Err(ImpactError::Compliance { what: "exponent", value: exponent, rule });
+        }
         check_restitution(restitution)?;
         Ok(Self { stiffness, exponent, restitution, formula: Damping::Exact })
     }

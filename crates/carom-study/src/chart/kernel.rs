@@ -1,6 +1,6 @@
 //! The first impact alone, by the closed form: what remains of a run when only its jump is asked for.
 
-use super::{Absent, Chart, Reference, Run};
+use super::{Absent, Chart, Run};
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, FrameId, Planar, Spatial};
 use carom_sim::{EventKind, Moment, Scene, SimError, Trajectory, frictionless_jump_into};
@@ -16,7 +16,6 @@ impl Chart {
     /// The jump of the first impact from its own state, in the plane and in space, in double and single precision.
     pub(super) fn closed_form(&mut self, scene: &Scene, run: &Trajectory) -> Result<(), SimError> {
         let sim = &scene.simulation;
-        let reference = Reference::of(run);
         let Some(event) = run.events.iter().find(|event| super::is_impact(event)) else { return Ok(()) };
         let EventKind::Impact { touch, .. } = event.kind else { return Ok(()) };
         let hit = &sim.touches[touch];
@@ -66,12 +65,14 @@ impl Chart {
         results.sort_by(|a, b| a.1.total_cmp(&b.1));
         for space in ["in the plane", "in space"] {
             for (_, bits, (wall_time, qd)) in results.iter().filter(|it| it.0 == space) {
+                let after_impact = self.reference.after_impact(qd);
                 self.runs.push(Run {
                     method: format!("{name}, {space}"),
+                    law: "of every law, without friction".to_owned(),
                     knob: "bits".to_owned(),
                     value: *bits,
                     wall_time: *wall_time,
-                    after_impact: reference.after_impact(qd),
+                    after_impact,
                     at_end: None,
                 });
             }

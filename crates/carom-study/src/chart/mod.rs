@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 pub struct Run {
     /// The method, with what tells it from others.
     pub method: String,
+    /// The law of impact that it follows, in words.
+    pub law: String,
     /// What the knob is called.
     pub knob: String,
     /// Its value.
@@ -72,15 +74,19 @@ pub struct Chart {
     pub runs: Vec<Run>,
     /// What could not run.
     pub absent: Vec<Absent>,
+    /// The law of impact that the scene asks for, and the yardstick follows.
+    pub law: String,
     /// The yardstick's own error after the first impact.
     pub doubt_after_impact: Option<f64>,
     /// The yardstick's own error at the end.
     pub doubt_at_end: f64,
     /// Methods of peers.
     peers: Vec<String>,
+    reference: Reference,
 }
 
 /// The yardstick.
+#[derive(Debug, Clone, PartialEq)]
 struct Reference {
     impact: Option<(f64, Vec<f64>)>,
     end: (Vec<f64>, Vec<f64>),
@@ -141,8 +147,8 @@ impl Chart {
         let other = Reference::of(&run(&exact(Integrator::Radau, 10.0 * TIGHT))?);
         let doubt_after_impact = other.impact.as_ref().and_then(|(_, qd)| reference.after_impact(qd));
         let doubt_at_end = reference.at_end(&other.end.0, &other.end.1).unwrap_or(0.0);
-        let (runs, absent, peers) = (Vec::new(), Vec::new(), Vec::new());
-        let mut chart = Self { runs, absent, doubt_after_impact, doubt_at_end, peers };
+        let (runs, absent, peers, law) = (Vec::new(), Vec::new(), Vec::new(), law_of(base));
+        let mut chart = Self { runs, absent, law, doubt_after_impact, doubt_at_end, peers, reference };
         chart.closed_form(scene, &reference_run)?;
 
         let tolerances = || (3..=13).map(|k| 10_f64.powi(-k));
@@ -153,20 +159,22 @@ impl Chart {
         for &(planar, space) in &spaces {
             for (integrator, name) in [(Integrator::DormandPrince, "DOP853"), (Integrator::Radau, "Radau IIA")] {
                 let knob = |tolerance| Simulation { integrator, tolerance, planar, ..base.clone() };
-                let method = format!("events, {name}, {space}");
-                chart.sweep((scene, &reference, budget), &method, "tolerance", tolerances(), knob, done);
+                let method = (format!("events, {name}, {space}"), "the scene's".to_owned());
+                chart.sweep((scene, budget), method, "tolerance", tolerances(), knob, done);
             }
         }
         let planar = spaces[0].0;
         let steps = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6];
         let knob = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
-        chart.sweep((scene, &reference, budget), "Moreau–Jean steps", "step, s", steps, knob, done);
+        let method = ("Moreau–Jean steps".to_owned(), "Newton's e with a friction cone".to_owned());
+        chart.sweep((scene, budget), method, "step, s", steps, knob, done);
+        let own = "its force's own";
         let forces = [
-            ("compliant, Hunt–Crossley", Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
-            ("compliant, Kelvin–Voigt", Yielding::KelvinVoigt { pulls: false }),
-            ("compliant, Walton–Braun", Yielding::WaltonBraun),
+            ("Hunt–Crossley", own, Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
+            ("Kelvin–Voigt", own, Yielding::KelvinVoigt { pulls: false }),
+            ("Walton–Braun", "its force's own, when stiff Stronge's", Yielding::WaltonBraun),
         ];
-        for (method, normal) in forces {
+        for (name, law, normal) in forces {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
             let knob = |stiffness| {
                 let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
@@ -175,37 +183,41 @@ impl Chart {
                 }
                 soft
             };
-            chart.sweep((scene, &reference, budget), method, "stiffness", stiffnesses, knob, done);
+            let method = (format!("compliant, {name}"), law.to_owned());
+            chart.sweep((scene, budget), method, "stiffness", stiffnesses, knob, done);
         }
         Ok(chart)
     }
 
     /// Adds peers' runs; those of other scenes are the caller's to leave out.
-    ///
-    /// # Errors
-    /// As [`Chart::of`].
-    pub fn add_peers(&mut self, peers: &[PeerRun], scene: &Scene) -> Result<(), SimError> {
-        let tight =
-            Simulation { tolerance: TIGHT, planar: false, max_step: scene.duration, ..scene.simulation.clone() };
-        let reference = Reference::of(&tight.run(&scene.q, &scene.qd, scene.duration)?);
+    pub fn add_peers(&mut self, peers: &[PeerRun]) {
         for PeerRun { method, knob, value, outcome } in peers {
             let absent = |reason: String| Absent { method: method.clone(), reason };
             match outcome {
                 Err(reason) => self.absent.push(absent(format!("{knob} = {value}: {reason}"))),
                 Ok(PeerOutcome { wall_time, qd_after_impact, at_end: (q, qd) }) => {
-                    let at_end = reference.at_end(q, qd);
-                    let after_impact = qd_after_impact.as_ref().and_then(|qd| reference.after_impact(qd));
+                    let at_end = self.reference.at_end(q, qd);
+                    let after_impact = qd_after_impact.as_ref().and_then(|qd| self.reference.after_impact(qd));
                     if at_end.is_none() && after_impact.is_none() {
                         self.absent.push(absent("its states are not finite, or not those of this scene".into()));
                         continue;
                     }
                     let (method, knob, value) = (method.clone(), knob.clone(), *value);
                     self.peers.push(method.clone());
-                    self.runs.push(Run { method, knob, value, wall_time: *wall_time, after_impact, at_end });
+                    let law = "its own".to_owned();
+                    self.runs.push(Run { method, law, knob, value, wall_time: *wall_time, after_impact, at_end });
                 }
             }
         }
-        Ok(())
+    }
+
+    /// What is called an error here, in two lines for a reader.
+    pub fn caption(&self) -> [String; 2] {
+        let peers = if self.peers.is_empty() { "" } else { " Peers follow their own laws." };
+        let first = format!("Error is the distance from the scene's law: {}.{peers}", self.law);
+        let second = "One contact without friction is the same under every law; with friction another law's answer stays off, \
+                      however fine its knob.";
+        [first, second.to_owned()]
     }
 
     /// Whether a method is carom's.
@@ -216,8 +228,8 @@ impl Chart {
     /// One method over its knob, until a run takes too long.
     fn sweep(
         &mut self,
-        (scene, reference, budget): (&Scene, &Reference, Duration),
-        method: &str,
+        (scene, budget): (&Scene, Duration),
+        (method, law): (String, String),
         knob: &str,
         values: impl IntoIterator<Item = f64>,
         simulation: impl Fn(f64) -> Simulation,
@@ -227,32 +239,51 @@ impl Chart {
         let before = self.runs.len();
         for value in values {
             let sim = simulation(value);
-            match measure(scene, &sim, reference, MEASURE.min(budget)) {
+            match measure(scene, &sim, &self.reference, MEASURE.min(budget)) {
                 Ok((wall_time, after_impact, at_end)) => {
-                    let (method, knob) = (method.to_owned(), knob.to_owned());
-                    self.runs.push(Run { method, knob, value, wall_time, after_impact, at_end });
+                    let (method, law, knob) = (method.clone(), law.clone(), knob.to_owned());
+                    self.runs.push(Run { method, law, knob, value, wall_time, after_impact, at_end });
                     if wall_time > budget.as_secs_f64() / 4.0 {
                         break; // the next one would take too long
                     }
                 }
                 Err(why) => refused = refused.or(Some(why)),
             }
-            done(method);
+            done(&method);
         }
         if let Some(reason) = refused.filter(|_| self.runs.len() == before) {
-            self.absent.push(Absent { method: method.to_owned(), reason });
+            self.absent.push(Absent { method, reason });
         }
     }
+}
+
+/// The laws of a simulation's contacts, in words.
+fn law_of(sim: &Simulation) -> String {
+    let contacts = sim.touches.iter().filter(|touch| touch.link().is_some());
+    let mut laws: Vec<String> = Vec::new();
+    for contact in contacts.map(|touch| &touch.contact) {
+        let law = match (contact.compliance.is_some(), contact.friction) {
+            (true, _) => "of contacts that give way".to_owned(),
+            (false, 0.0) => format!("{}, no friction", contact.law),
+            (false, mu) => format!("{}, friction {mu}", contact.law),
+        };
+        if !laws.contains(&law) {
+            laws.push(law);
+        }
+    }
+    if laws.is_empty() { "no contact".to_owned() } else { laws.join("; ") }
 }
 
 /// All runs as CSV, one line each.
 pub fn csv(chart: &Chart) -> String {
     let mut lines = csv::Writer::from_writer(Vec::new());
     let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
-    let head = ["method", "knob", "value", "wall_time_s", "error_after_impact", "error_at_end"].map(String::from);
+    let head =
+        ["method", "knob", "value", "wall_time_s", "error_after_impact", "error_at_end", "law"].map(String::from);
     let rows = chart.runs.iter().map(|run| {
         let [value, time] = [run.value, run.wall_time].map(|x| format!("{x:e}"));
-        [run.method.clone(), run.knob.clone(), value, time, number(run.after_impact), number(run.at_end)]
+        let [after, end] = [run.after_impact, run.at_end].map(number);
+        [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone()]
     });
     for row in std::iter::once(head).chain(rows) {
         // A vector takes everything.

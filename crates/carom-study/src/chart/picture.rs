@@ -20,7 +20,7 @@ pub fn svg(chart: &Chart, title: &str) -> String {
             methods.push(&run.method);
         }
     }
-    let rows = methods.len().div_ceil(2) + chart.absent.len();
+    let rows = methods.len().div_ceil(2) + 2 + chart.absent.len();
     let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let drawn = draw(&root, chart, title, &methods);
@@ -76,9 +76,16 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
             [first, .., last] => format!("{knob} {first:e} … {last:e}"),
             [] => String::new(),
         };
-        below.draw(&Text::new(format!("{method} ({range})"), (x + 30, y), text.clone()))?;
+        // What peers follow is said below: their names are long enough.
+        let law = chart.runs.iter().find(|run| own && run.method == *method);
+        let law = law.map_or_else(String::new, |run| format!("; law: {}", run.law));
+        below.draw(&Text::new(format!("{method} ({range}){law}"), (x + 30, y), text.clone()))?;
     }
     let from = 12 + LINE * methods.len().div_ceil(2) as i32;
+    for (k, line) in chart.caption().into_iter().enumerate() {
+        below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
+    }
+    let from = from + 2 * LINE;
     for (k, absent) in chart.absent.iter().enumerate() {
         let reason: String = absent.reason.chars().take(150).collect();
         let line = format!("not run: {}: {reason}", absent.method);
@@ -142,8 +149,29 @@ fn panel<'a>(
     Ok(())
 }
 
-/// A power of ten, as the axes mark them, without its rounding.
+/// A number on a logarithmic axis, without its rounding: 1, 2 and 5 of each decade, nothing between them.
 fn power(x: f64) -> String {
-    let exponent = x.log10().round() as i32;
-    if (-2..4).contains(&exponent) { format!("{}", 10_f64.powi(exponent)) } else { format!("1e{exponent}") }
+    let exponent = (x.log10() + 1e-9).floor() as i32;
+    let digit = x / 10_f64.powi(exponent);
+    let Some(digit) = [1.0, 2.0, 5.0].into_iter().find(|it| (digit - it).abs() < 1e-6) else { return String::new() };
+    if (-2..4).contains(&exponent) {
+        let text = format!("{:.2}", digit * 10_f64.powi(exponent));
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        format!("{digit}e{exponent}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::power;
+
+    #[test]
+    fn a_tick_is_called_by_its_number_or_not_at_all() {
+        for (x, name) in [(1.0, "1"), (2.0, "2"), (3.0, ""), (7.0, ""), (10.0, "10"), (0.05, "0.05"), (5e-6, "5e-6")] {
+            assert_eq!(power(x), name);
+        }
+        // Ten to a whole power, as a product of ten tenths, is off by rounding.
+        assert_eq!([power(0.1 * 0.1 * 0.1), power(1000.0000000000001)], ["1e-3", "1000"]);
+    }
 }

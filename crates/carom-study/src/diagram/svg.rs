@@ -1,8 +1,10 @@
 //! A diagram as SVG; plotters stops here.
 
 use super::{Diagram, Shape, Stroke, Symbol};
+use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 /// plotters draws in whole units: so many of them make a pixel, that curves come out smooth.
 const FINE: i32 = 8;
@@ -10,12 +12,15 @@ const FINE: i32 = 8;
 const SIZE: (i32, i32) = (820, 600);
 const MARGIN: i32 = 12;
 const NUMBERS: (i32, i32) = (64, 44);
-/// Share of the plot's width that the legend takes.
-const LEGEND: f64 = 0.27;
+/// Width of the legend on the plot's right, and the most that a line of it takes, in pixels.
+const LEGEND: (i32, i32) = (208, 22);
 /// Radius of a law's point in pixels, and what it is more for each one drawn over it, that it shows as a ring.
 const DOT: f64 = 4.5;
 const RING: f64 = 1.6;
+/// How much an area covers.
+const AREA: f64 = 0.5;
 
+type Page<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
@@ -37,9 +42,14 @@ impl Diagram<2> {
         let root = SVGBackend::with_string(svg, (size[0], size[1])).into_drawing_area();
         root.fill(&WHITE)?;
         let page = root.margin(6 * FINE, 0, 0, 0).titled(&self.title, ("sans-serif", 20 * FINE))?;
-        let [across, up] = self.frame(page.dim_in_pixel());
+        let [across, up] = self.window;
+        // Lines end where the window does: it is all of the frame, and the legend stands outside.
+        let (right, above, below) = self.margins(page.dim_in_pixel());
         let mut chart = ChartBuilder::on(&page)
-            .margin(MARGIN * FINE)
+            .margin_left(MARGIN * FINE)
+            .margin_right(right)
+            .margin_top(above)
+            .margin_bottom(below)
             .x_label_area_size(NUMBERS.1 * FINE)
             .y_label_area_size(NUMBERS.0 * FINE)
             .build_cartesian_2d(across[0]..across[1], up[0]..up[1])?;
@@ -71,67 +81,89 @@ impl Diagram<2> {
             let radius = DOT + RING * over.count() as f64;
             let (at, colour) = ((mark.at[0], mark.at[1]), rgb(mark.colour));
             let (full, hollow) = (colour.filled(), line(colour, 2));
-            let swatch = 9 * FINE;
             let size = 5 * FINE;
             match mark.symbol {
-                Symbol::Law => chart
-                    .draw_series([Circle::new(at, (radius * f64::from(FINE)) as i32, full)])?
-                    .label(&mark.name)
-                    .legend(move |(x, y)| Circle::new((x + swatch, y), size, full)),
-                Symbol::Start => chart
-                    .draw_series([Circle::new(at, 6 * FINE, hollow)])?
-                    .label(&mark.name)
-                    .legend(move |(x, y)| Circle::new((x + swatch, y), size, hollow)),
-                Symbol::Turn => chart
-                    .draw_series([Cross::new(at, size, hollow)])?
-                    .label(&mark.name)
-                    .legend(move |(x, y)| Cross::new((x + swatch, y), size, hollow)),
-                Symbol::Stop => chart
-                    .draw_series([TriangleMarker::new(at, size, full)])?
-                    .label(&mark.name)
-                    .legend(move |(x, y)| TriangleMarker::new((x + swatch, y), size, full)),
+                Symbol::Law => chart.draw_series([Circle::new(at, (radius * f64::from(FINE)) as i32, full)])?,
+                Symbol::Start => chart.draw_series([Circle::new(at, 6 * FINE, hollow)])?,
+                Symbol::Turn => chart.draw_series([Cross::new(at, size, hollow)])?,
+                Symbol::Stop => chart.draw_series([TriangleMarker::new(at, size, full)])?,
             };
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE)
-            .margin(4 * FINE)
-            .legend_area_size(26 * FINE)
-            .label_font(labels)
-            .draw()?;
+        let (x, y) = chart.plotting_area().get_pixel_range();
+        // Pixels count from the title's foot.
+        let (left, top) = page.get_base_pixel();
+        let ([x0, x1], [y0, y1]) = ([x.start - left, x.end - left], [y.start - top, y.end - top]);
+        let round = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)];
+        page.draw(&PathElement::new(round, line(BLACK, 1)))?;
+        self.legend(&page, (x1, y0), y1 - y0)?;
         root.present()?;
         Ok(())
     }
 
-    /// The window with room for the legend on its right, and in equal scales if they are asked.
-    fn frame(&self, (width, height): (u32, u32)) -> [[f64; 2]; 2] {
-        let [[left, right], [low, high]] = self.window;
+    /// What is left free on the right, above and below the plot, for a frame that is the window and nothing more.
+    fn margins(&self, (width, height): (u32, u32)) -> (i32, i32, i32) {
+        let margin = MARGIN * FINE;
         if !self.equal_scales {
-            return [[left, right + LEGEND / (1.0 - LEGEND) * (right - left)], [low, high]];
+            return (margin + LEGEND.0 * FINE, margin, margin);
         }
-        let width = f64::from(width) - f64::from(FINE * (2 * MARGIN + NUMBERS.0));
+        let width = f64::from(width) - f64::from(FINE * (2 * MARGIN + NUMBERS.0 + LEGEND.0));
         let height = f64::from(height) - f64::from(FINE * (2 * MARGIN + NUMBERS.1));
-        let unit = ((right - left) / ((1.0 - LEGEND) * width)).max((high - low) / height);
-        // What is left over goes to the legend, and above and below.
-        let spare = (height * unit - (high - low)) / 2.0;
-        [[left, left + width * unit], [low - spare, high + spare]]
+        let [across, up] = self.window.map(|[low, high]| high - low);
+        let unit = (across / width).max(up / height);
+        // A strip stays wide enough to be one.
+        let spare = |room: f64, length: f64| (room - (length / unit).max(f64::from(FINE))).floor() as i32;
+        let (beside, above) = (spare(width, across), spare(height, up));
+        (margin + LEGEND.0 * FINE + beside, margin + above / 2, margin + above - above / 2)
+    }
+
+    /// The legend, from the frame's upper right corner down.
+    fn legend(&self, page: &Page, (right, top): (i32, i32), height: i32) -> Drawn {
+        let lines = self.shapes.len() + self.marks.len();
+        let pitch = (LEGEND.1 * FINE).min(height.max((SIZE.1 / 2) * FINE) / lines.max(1) as i32);
+        let text = ("sans-serif", 14 * FINE).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+        let (left, swatch, size) = (right + 14 * FINE, 9 * FINE, 5 * FINE);
+        let place = |k: usize| (left, top + pitch / 2 + pitch * k as i32);
+        for (k, shape) in self.shapes.iter().enumerate() {
+            let (x, y) = place(k);
+            let colour = rgb(shape.colour);
+            let end = x + 2 * swatch;
+            match shape.stroke {
+                Stroke::Area => {
+                    page.draw(&Rectangle::new([(x, y - size), (end, y + size)], colour.mix(AREA).filled()))?;
+                }
+                _ => page.draw(&PathElement::new([(x, y), (end, y)], stroke(shape)))?,
+            }
+            page.draw(&Text::new(shape.name.clone(), (x + 26 * FINE, y), text.clone()))?;
+        }
+        for (k, mark) in self.marks.iter().enumerate() {
+            let (x, y) = place(self.shapes.len() + k);
+            let (at, full) = ((x + swatch, y), rgb(mark.colour).filled());
+            let hollow = rgb(mark.colour).stroke_width(2 * FINE as u32);
+            match mark.symbol {
+                Symbol::Law => page.draw(&Circle::new(at, size, full))?,
+                Symbol::Start => page.draw(&Circle::new(at, size, hollow))?,
+                Symbol::Turn => page.draw(&Cross::new(at, size, hollow))?,
+                Symbol::Stop => page.draw(&TriangleMarker::new(at, size, full))?,
+            }
+            page.draw(&Text::new(mark.name.clone(), (x + 26 * FINE, y), text.clone()))?;
+        }
+        Ok(())
     }
 }
 
 fn draw_shape(chart: &mut Chart, shape: &Shape<2>) -> Drawn {
     let pieces = shape.pieces.iter().map(|piece| piece.iter().map(|p| (p[0], p[1])).collect::<Vec<_>>());
-    let colour = rgb(shape.colour);
     if shape.stroke == Stroke::Area {
-        let pale = colour.mix(0.5);
-        let swatch = move |(x, y)| Rectangle::new([(x, y - 5 * FINE), (x + 18 * FINE, y + 5 * FINE)], pale.filled());
-        chart.draw_series(pieces.map(|piece| Polygon::new(piece, pale)))?.label(&shape.name).legend(swatch);
-        return Ok(());
+        chart.draw_series(pieces.map(|piece| Polygon::new(piece, rgb(shape.colour).mix(AREA))))?;
+    } else {
+        chart.draw_series(pieces.map(|piece| PathElement::new(piece, stroke(shape))))?;
     }
-    let style = colour.stroke_width((FINE * if shape.stroke == Stroke::Thick { 3 } else { 1 }) as u32);
-    let swatch = move |(x, y)| PathElement::new([(x, y), (x + 18 * FINE, y)], style);
-    chart.draw_series(pieces.map(|piece| PathElement::new(piece, style)))?.label(&shape.name).legend(swatch);
     Ok(())
+}
+
+/// How a line is drawn.
+fn stroke(shape: &Shape<2>) -> ShapeStyle {
+    rgb(shape.colour).stroke_width((FINE * if shape.stroke == Stroke::Thick { 3 } else { 1 }) as u32)
 }
 
 fn rgb([r, g, b]: [u8; 3]) -> RGBColor {

@@ -11,6 +11,7 @@
 //! the stand-in of `robots/planar2.urdf`, in which the base–tip line is the surface normal.
 
 mod claims;
+mod figures;
 mod report;
 mod simulated;
 

@@ -1,22 +1,12 @@
 //! Whole chains that are hard on numbers.
 
 use super::single::worse;
-use super::{Found, Judged};
+use super::{Found, Judged, law, said};
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
-use carom_impact::{Coefficients, Law, law_by_name};
 use carom_sim::{ChainImpact, Impacts, SimError};
 use nalgebra::{DVector, Vector2};
 use std::fmt::Write;
-
-fn law(name: &str, restitution: f64, friction: f64) -> Box<dyn Law<f64, 3> + Send + Sync> {
-    let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
-    law_by_name(name, coefficients).unwrap_or_else(|| unreachable!("the scene lists laws only"))
-}
-
-fn said(error: impl std::fmt::Display) -> String {
-    error.to_string()
-}
 
 /// M = [[p₁ + 2p₃c, p₂ + p₃c], [p₂ + p₃c, p₂]] with c = cos q₂: the arm of the paper's preset, with links of 0.45 m.
 const ARM: [f64; 3] = [3.473, 0.196, 0.242];

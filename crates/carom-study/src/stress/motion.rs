@@ -1,22 +1,18 @@
 //! Motions: events, time steps, and contacts that give way.
 
 use super::single::worse;
-use super::{COMPLIANT, EVENTS, Found, Judged, STEPS};
+use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, said};
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::{HuntCrossley, NormalForce, TangentialForce, compliant_impact};
-use carom_sim::{Compliance, ContactRule, EventKind, Holding, SimError, Simulation, Surface, Touch, Trajectory};
+use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Trajectory};
 use nalgebra::{UnitQuaternion, Vector3, dmatrix, dvector};
 
 const G: f64 = 9.81;
 /// Where a scene does not say otherwise.
 const STEP: f64 = 1e-3;
 const STIFFNESS: f64 = 1e7;
-
-fn said(error: SimError) -> String {
-    error.to_string()
-}
 
 fn chain(text: &str) -> Result<Chain, String> {
     Chain::from_urdf_str(text, &LoadOptions::default()).map_err(|e| e.to_string())

@@ -1,7 +1,7 @@
 //! One contact, on plain numbers.
 
-use super::{Found, Judged};
-use carom_impact::{Coefficients, Flags, ImpactError, ImpactOutcome, ImpactProblem, Law, law_by_name};
+use super::{Found, Judged, law, said};
+use carom_impact::{Flags, ImpactOutcome, ImpactProblem};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, matrix, vector};
 
 /// Kane & Levinson's pendulum (Kane & Levinson, *Dynamics*, 1985): two uniform rods of 1 m and 1 kg at 20° and 30° from the
@@ -12,15 +12,6 @@ fn pendulum() -> Matrix2<f64> {
     let jacobian = matrix![a.cos(), b.cos(); a.sin(), b.sin()];
     let inverse = mass.try_inverse().unwrap_or_else(|| unreachable!("a mass matrix has an inverse"));
     jacobian * inverse * jacobian.transpose()
-}
-
-fn law<const D: usize>(name: &str, restitution: f64, friction: f64) -> Box<dyn Law<f64, D> + Send + Sync> {
-    let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
-    law_by_name(name, coefficients).unwrap_or_else(|| unreachable!("the scene lists laws only"))
-}
-
-fn refused(error: ImpactError) -> String {
-    error.to_string()
 }
 
 /// Laws that theory lets gain energy: those whose restitution is a ratio of velocities beside Coulomb's friction.
@@ -73,12 +64,12 @@ impl Worst {
 }
 
 pub fn kane_levinson(name: &str) -> Judged {
-    let problem = ImpactProblem::new(pendulum(), vector![-0.267174342835, -0.134202014333]).map_err(refused)?;
+    let problem = ImpactProblem::new(pendulum(), vector![-0.267174342835, -0.134202014333]).map_err(said)?;
     let mut worst = Worst::new();
     for i in 0..=20 {
         for k in 0..=30 {
             let (e, mu) = (f64::from(i) / 20.0, f64::from(k) / 25.0);
-            let hit = law(name, e, mu).resolve(&problem).map_err(refused)?;
+            let hit = law(name, e, mu).resolve(&problem).map_err(said)?;
             worst.add(&hit, mu, || format!("e = {e}, μ = {mu}"));
         }
     }
@@ -91,7 +82,7 @@ fn random<const D: usize>(rng: &mut fastrand::Rng) -> Result<ImpactProblem<f64, 
     let factor = SMatrix::<f64, D, D>::from_fn(|_, _| number());
     let mut u = SVector::<f64, D>::from_fn(|_, _| number());
     u[D - 1] = -u[D - 1].abs() - 1e-3;
-    ImpactProblem::new(factor * factor.transpose() + SMatrix::identity() * 0.2, u).map_err(refused)
+    ImpactProblem::new(factor * factor.transpose() + SMatrix::identity() * 0.2, u).map_err(said)
 }
 
 pub fn census(name: &str) -> Judged {
@@ -109,7 +100,7 @@ fn random_impacts<const D: usize>(name: &str, count: usize) -> Judged {
     for k in 0..count {
         let problem = random::<D>(&mut rng)?;
         let (e, mu) = (rng.f64(), 2.0 * rng.f64());
-        let hit = law(name, e, mu).resolve(&problem).map_err(refused)?;
+        let hit = law(name, e, mu).resolve(&problem).map_err(said)?;
         gains += usize::from(hit.flags.contains(Flags::ENERGY_GAIN));
         worst.add(&hit, mu, || format!("problem {k} (e = {e:.2}, μ = {mu:.2})"));
     }
@@ -119,8 +110,8 @@ fn random_impacts<const D: usize>(name: &str, count: usize) -> Judged {
 }
 
 pub fn jam(name: &str) -> Judged {
-    let problem = ImpactProblem::new(pendulum(), vector![0.3, -0.134201]).map_err(refused)?;
-    let hit = law(name, 0.5, 0.8).resolve(&problem).map_err(refused)?;
+    let problem = ImpactProblem::new(pendulum(), vector![0.3, -0.134201]).map_err(said)?;
+    let hit = law(name, 0.5, 0.8).resolve(&problem).map_err(said)?;
     let mut worst = Worst::new();
     worst.add(&hit, 0.8, || "u⁻ = (0.3, -0.134)".to_owned());
     let rebound = hit.u_plus[1] / 0.134201;
@@ -138,8 +129,8 @@ fn rod(degrees: f64) -> Matrix2<f64> {
 
 pub fn without_collision(name: &str) -> Judged {
     let at = |v: f64| {
-        let problem = ImpactProblem::new(rod(60.0), vector![-1.0, -v]).map_err(refused)?;
-        law(name, 0.5, 1.5).resolve(&problem).map_err(refused)
+        let problem = ImpactProblem::new(rod(60.0), vector![-1.0, -v]).map_err(said)?;
+        law(name, 0.5, 1.5).resolve(&problem).map_err(said)
     };
     let (limit, touching) = (at(1e-12)?, at(0.0)?);
     let left = limit.impulse[1];
@@ -159,8 +150,8 @@ pub fn grazing(name: &str) -> Judged {
     let mut error = 0.0_f64;
     for k in 0..=12 {
         let v = 10_f64.powi(-k);
-        let problem = ImpactProblem::new(h, vector![1.0, -v]).map_err(refused)?;
-        let hit = law(name, e, mu).resolve(&problem).map_err(refused)?;
+        let problem = ImpactProblem::new(h, vector![1.0, -v]).map_err(said)?;
+        let hit = law(name, e, mu).resolve(&problem).map_err(said)?;
         let mu = if name == "frictionless" { 0.0 } else { mu };
         let normal = (1.0 + e) * v / (h[(1, 1)] - mu * h[(0, 1)]);
         error = worse(error, (hit.impulse - Vector2::new(-mu * normal, normal)).norm() / normal);
@@ -179,7 +170,7 @@ pub fn extreme_restitution(name: &str) -> Judged {
     for k in 0..2000 {
         let problem = random::<3>(&mut rng)?;
         let e = f64::from(k % 2);
-        let hit = law(name, e, 0.0).resolve(&problem).map_err(refused)?;
+        let hit = law(name, e, 0.0).resolve(&problem).map_err(said)?;
         let speed = problem.approach_speed();
         error = worse(error, (hit.u_plus[2] - e * speed).abs() / speed);
         let lost = (1.0 - e * e) * speed * speed / (2.0 * problem.delassus()[(2, 2)]);
@@ -198,7 +189,7 @@ pub fn slip_at_rest(name: &str) -> Judged {
         let slip = vector![u[0], u[1], 0.0].normalize() * 1e-12;
         let (e, mu) = (rng.f64(), rng.f64());
         u = vector![0.0, 0.0, u[2]];
-        let resolve = |u| law(name, e, mu).resolve(&ImpactProblem::new(h, u).map_err(refused)?).map_err(refused);
+        let resolve = |u| law(name, e, mu).resolve(&ImpactProblem::new(h, u).map_err(said)?).map_err(said);
         let moved = resolve(u + slip)?.u_plus - resolve(u)?.u_plus;
         error = worse(error, moved.norm() / u.norm());
     }

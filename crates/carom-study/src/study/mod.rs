@@ -133,6 +133,8 @@ pub struct Study {
     engine: Box<dyn Engine>,
     rows: u64,
     columns: Vec<Column>,
+    /// Every file that was read: the study's own, the robot's.
+    pub files: Vec<PathBuf>,
     /// What looks odd.
     pub warnings: Vec<String>,
 }

@@ -172,13 +172,14 @@ impl Values {
         if value.is_nan() {
             return NOTHING;
         }
-        let share = ((value - low) / (high - low)).clamp(0.0, 1.0);
+        // What lies beyond the bar has the colour of its end, not one that the bar doesn't show.
+        let value = value.clamp(low, high);
         if low < 0.0 && high > 0.0 {
             // white at zero: a sign is what the map is about
             let size = low.abs().max(high);
-            return mix(&DIVERGING, ((value / size).clamp(-1.0, 1.0) + 1.0) / 2.0);
+            return mix(&DIVERGING, (value / size + 1.0) / 2.0);
         }
-        mix(&SEQUENTIAL, share)
+        mix(&SEQUENTIAL, (value - low) / (high - low))
     }
 }
 
@@ -290,6 +291,9 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
         .y_labels(values.words.len().max(9))
         .label_style(TEXT)
         .draw()?;
+    if let Some(axis) = several {
+        legend.draw(&Text::new(axis.name.clone(), (4, 16), TEXT))?;
+    }
     for (k, part) in values.values.chunks(count).enumerate() {
         let stroke = rgb(OTHERS[k % OTHERS.len()]).stroke_width(2);
         let points: Vec<(f64, f64)> = (0..axis.count()).map(|i| axis.value(i)).zip(part.iter().copied()).collect();
@@ -297,7 +301,7 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
             chart.draw_series(LineSeries::new(run.iter().copied(), stroke))?;
         }
         if let Some(axis) = several {
-            let y = 30 + 22 * k as i32;
+            let y = 50 + 22 * k as i32;
             legend.draw(&PathElement::new([(4, y), (24, y)], stroke))?;
             legend.draw(&Text::new(axis.names()[k].clone(), (32, y - 8), TEXT))?;
         }
@@ -411,9 +415,16 @@ fn colour_bar(area: &DrawingArea<SVGBackend, Shift>, values: &Values, (low, high
         let colour = rgb(values.colour(value, (low, high)));
         area.draw(&Rectangle::new([(4, top + k), (26, top + k + 1)], colour.filled()))?;
     }
+    let beyond = |is: &dyn Fn(f64) -> bool| values.values.iter().any(|x| x.is_finite() && is(*x));
     for k in 0..=5 {
         let value = high + (low - high) * f64::from(k) / 5.0;
-        area.draw(&Text::new(tick(value, (high - low) / 5.0), (34, top - 6 + (height - 1) * k / 5), TEXT))?;
+        let more = match k {
+            0 if beyond(&|x| x > high) => "≥ ",
+            5 if beyond(&|x| x < low) => "≤ ",
+            _ => "",
+        };
+        let text = format!("{more}{}", tick(value, (high - low) / 5.0));
+        area.draw(&Text::new(text, (34, top - 6 + (height - 1) * k / 5), TEXT))?;
     }
     Ok(())
 }

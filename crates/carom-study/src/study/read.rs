@@ -30,6 +30,7 @@ impl Study {
         // no quantity of a map asks for shapes
         let options = LoadOptions { floating_base: false, meshes: Meshes::Ignored };
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
+        let files = vec![path.to_owned(), urdf.clone()];
         let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
         let (engine, columns, warnings) = read.all().map_err(refuse)?;
@@ -37,7 +38,7 @@ impl Study {
             refuse("the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into())
         })?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
-        Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, warnings })
+        Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, files, warnings })
     }
 }
 

@@ -1,14 +1,11 @@
 //! The keys of a scene file from the command line: what each does, and in which words it is refused.
 
+use crate::desk::*;
 use serde_json::Value;
-use std::path::PathBuf;
-use std::process::{Command, Output};
-
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// The scene of the design with an arm that starts at 0.2 m/s some micrometres before the wall, and what a test changes.
 const SCENE: &str = r#"[robot]
-urdf = "ROOT/robots/planar2.urdf"
+urdf = "planar2.urdf"
 q = [0.7854, -1.5708]
 qd = [-0.444444, 0.444444]
 [[surface]]
@@ -25,39 +22,20 @@ duration = 0.1
 
 const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
 
-/// A folder of its own for each test, gone afterwards.
-struct Desk(PathBuf);
-
 impl Desk {
-    fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("carom-scenes-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Self(folder)
-    }
-
-    fn write(&self, file: &str, text: &str) {
-        std::fs::write(self.0.join(file), text).unwrap();
-    }
-
-    fn run(&self, command: &str, scene: &str, more: &[&str]) -> Output {
-        self.write("s.toml", &scene.replace("ROOT", ROOT));
-        let mut carom = Command::new(env!("CARGO_BIN_EXE_carom"));
-        carom.args([command, "s.toml", "--json"]).args(more).current_dir(&self.0).output().unwrap()
-    }
-
     /// What a command answers to a scene; warnings are returned as they are.
     #[track_caller]
-    fn answer(&self, command: &str, scene: &str) -> (Value, String) {
-        let ran = self.run(command, scene, &[]);
-        let said = String::from_utf8(ran.stderr).unwrap();
-        assert!(ran.status.success(), "{said}");
-        (serde_json::from_slice(&ran.stdout).unwrap(), said)
+    fn told(&self, command: &str, scene: &str) -> (Value, String) {
+        self.write("s.toml", scene);
+        let ran = self.run(&format!("{command} s.toml --json"));
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        (serde_json::from_str(&ran.out).unwrap(), ran.err)
     }
 
     /// The first impact's velocities of the tip.
     #[track_caller]
     fn impact(&self, scene: &str) -> ([f64; 2], [f64; 2]) {
-        let (run, _) = self.answer("simulate", scene);
+        let (run, _) = self.told("simulate", scene);
         let impact = &run["events"][0]["impact"];
         let pair = |key: &str| [0, 1].map(|k| impact[key][k].as_f64().unwrap_or_else(|| panic!("{run}")));
         (pair("u_minus"), pair("u_plus"))
@@ -65,28 +43,19 @@ impl Desk {
 
     /// Exit status 1, this message, no answer, and no file but those that were there.
     #[track_caller]
-    fn refused(&self, scene: &str, message: &str) {
-        self.write("s.toml", "");
-        let before = std::fs::read_dir(&self.0).unwrap().count();
-        let ran = self.run("simulate", scene, &["--csv", "x.csv"]);
-        let said = String::from_utf8(ran.stderr).unwrap();
-        assert_eq!((ran.status.code(), said.as_str()), (Some(1), format!("error: s.toml: {message}\n").as_str()));
-        assert!(ran.stdout.is_empty());
-        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), before, "nothing is written");
+    fn refuses(&self, scene: &str, message: &str) {
+        self.write("s.toml", scene);
+        let before = self.files("");
+        refused(self.run("simulate s.toml --json --csv x.csv"), &format!("s.toml: {message}"));
+        assert_eq!(self.files(""), before, "nothing is written");
     }
 
     /// Each change of the scene at `mark` with its message.
     #[track_caller]
-    fn all_refused(&self, mark: &str, cases: &[(&str, &str)]) {
+    fn refuses_all(&self, mark: &str, cases: &[(&str, &str)]) {
         for (change, message) in cases {
-            self.refused(&at(mark, change), message);
+            self.refuses(&at(mark, change), message);
         }
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -104,7 +73,7 @@ fn shaped(shape: &str) -> String {
 /// A surface's own coefficient goes before that of `[contact]`, and a pair's before both.
 #[test]
 fn the_nearest_restitution_counts() {
-    let desk = Desk::new("restitution");
+    let desk = Desk::new("scene-restitution");
     let own = "contact = { restitution = 0.9 }";
     let pair = "[[contact.pair]]\nlink = \"tip\"\nsurface = \"surface 1\"\nrestitution = 0.5";
     let both = at("#surface", own).replace("#contact", pair);
@@ -118,22 +87,22 @@ fn the_nearest_restitution_counts() {
 /// Friction changes what the tip does along the wall; a law of its own is named in the answer.
 #[test]
 fn surfaces_have_friction_and_laws_of_their_own() {
-    let desk = Desk::new("law");
+    let desk = Desk::new("scene-law");
     let (_, without) = desk.impact(SCENE);
     let rough = at("#surface", "contact = { friction = 0.3, law = \"poisson\" }");
     let (_, with) = desk.impact(&rough);
     assert!((with[1] - without[1]).abs() > 0.01, "{with:?} {without:?}");
-    let (run, _) = desk.answer("simulate", &rough);
+    let (run, _) = desk.told("simulate", &rough);
     assert_eq!(run["events"][0]["impact"]["law"], "poisson");
 }
 
 /// A joint's limits have their own restitution: the elbow comes back e times as fast.
 #[test]
 fn a_pair_may_be_a_joints_limits() {
-    let desk = Desk::new("limits");
+    let desk = Desk::new("scene-limits");
     let pair = "[[contact.pair]]\njoint = \"elbow\"\nrestitution = 0.6";
     let scene = at("#contact", pair).replace("-1.5708]", "-3.09]").replace("[-0.444444, 0.444444]", "[0, -0.5]");
-    let (run, _) = desk.answer("simulate", &scene);
+    let (run, _) = desk.told("simulate", &scene);
     let event = &run["events"][0];
     assert_eq!((event["kind"].as_str(), event["contact"].as_str()), (Some("limit"), Some("elbow")));
     let rate = |key: &str| event[key][1].as_f64().unwrap();
@@ -143,7 +112,7 @@ fn a_pair_may_be_a_joints_limits() {
 /// A wall that comes towards the tip hits it harder: velocities of an impact are those over the surface.
 #[test]
 fn a_surface_in_motion_hits() {
-    let desk = Desk::new("motion");
+    let desk = Desk::new("scene-motion");
     // s = 0.01 sin(2π t) against the normal: at the start the wall comes at 0.0628 m/s.
     let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
     let ((still, _), (before, after)) = (desk.impact(SCENE), desk.impact(&moving));
@@ -155,9 +124,9 @@ fn a_surface_in_motion_hits() {
 /// What a latch has caught stays.
 #[test]
 fn a_latch_holds() {
-    let desk = Desk::new("latch");
+    let desk = Desk::new("scene-latch");
     for scene in [at("#surface", "contact = { latch = true }"), at("#contact", "latch = true")] {
-        let (run, _) = desk.answer("simulate", &scene);
+        let (run, _) = desk.told("simulate", &scene);
         assert_eq!(run["events"][0]["kind"], "latch");
         let speeds = run["final"]["qd"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs());
         // Two joints and two directions held: rounding is left of 0.44 rad/s.
@@ -167,7 +136,7 @@ fn a_latch_holds() {
 
 #[test]
 fn every_controller_runs() {
-    let desk = Desk::new("controllers");
+    let desk = Desk::new("scene-controllers");
     desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
     let regulator = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
     let cases = [
@@ -178,7 +147,7 @@ fn every_controller_runs() {
         "controller = \"constant\"\ntorque = [0.5, 0]".to_owned(),
         format!("controller = \"gravity-compensation\"\nafter_impact = \"pd\"\n{regulator}"),
     ];
-    let end = |lines: &str| desk.answer("simulate", &at("#run", lines)).0["final"]["q"].clone();
+    let end = |lines: &str| desk.told("simulate", &at("#run", lines)).0["final"]["q"].clone();
     let off = end("");
     for lines in &cases {
         assert_ne!(end(lines), off, "it does something: {lines}");
@@ -187,9 +156,9 @@ fn every_controller_runs() {
 
 #[test]
 fn contact_rules_that_can_not_be_are_refused() {
-    let desk = Desk::new("rules");
+    let desk = Desk::new("scene-rules");
     let pair = |lines: &str| format!("[[contact.pair]]\n{lines}");
-    desk.all_refused(
+    desk.refuses_all(
         "#surface",
         &[
             (
@@ -231,7 +200,7 @@ fn contact_rules_that_can_not_be_are_refused() {
         ],
     );
     let kinds = "[[contact.pair]] names a link and/or a surface, or else a joint (for its limits)";
-    desk.all_refused(
+    desk.refuses_all(
         "#contact",
         &[
             (
@@ -276,27 +245,27 @@ fn contact_rules_that_can_not_be_are_refused() {
         ],
     );
     let negative = SCENE.replace("restitution = 0.35", "restitution = -0.1");
-    desk.refused(&negative, "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1");
+    desk.refuses(&negative, "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1");
 }
 
 /// A pair that can't come together is told of, and no more.
 #[test]
 fn a_pair_without_effect_is_a_warning() {
-    let desk = Desk::new("pairs");
+    let desk = Desk::new("scene-pairs");
     for (named, shown) in [("link = \"base\"", "link = \"base\""), ("joint = \"probe\"", "joint = \"probe\"")] {
         let scene = at("#contact", &format!("[[contact.pair]]\n{named}\nrestitution = 0.5"));
-        let (_, said) = desk.answer("simulate", &scene);
+        let (_, said) = desk.told("simulate", &scene);
         assert_eq!(said, format!("warning: s.toml: [[contact.pair]] {shown}: no such contact can happen here\n"));
     }
 }
 
 #[test]
 fn controllers_without_what_they_need_are_refused() {
-    let desk = Desk::new("drives");
+    let desk = Desk::new("scene-drives");
     let regulator = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
                  `torque-file`";
-    desk.all_refused(
+    desk.refuses_all(
         "#run",
         &[
             (
@@ -335,16 +304,16 @@ fn controllers_without_what_they_need_are_refused() {
     for (name, keys) in [("transition", "gain = 60".to_owned()), ("impact-invariant", format!("kp = 1\n{regulator}"))] {
         let scene = boxed.replace("#run", &format!("controller = \"{name}\"\n{keys}"));
         let why = "works at the first surface, which must be a halfspace";
-        desk.refused(&scene, &format!("[run] controller = \"{name}\" {why}"));
+        desk.refuses(&scene, &format!("[run] controller = \"{name}\" {why}"));
     }
 }
 
 #[test]
 fn torque_files_that_can_not_be_read_are_refused_by_their_line() {
-    let desk = Desk::new("torques");
+    let desk = Desk::new("scene-torques");
     let cells = "every cell must be a finite number, separated by commas";
     let scene = at("#run", "controller = \"torque-file\"\ntorque_file = \"t.csv\"");
-    desk.refused(&scene, "[run] torque_file t.csv: No such file or directory (os error 2)");
+    desk.refuses(&scene, "[run] torque_file t.csv: No such file or directory (os error 2)");
     for (text, why) in [
         ("", "it has no row of numbers: give the time and one joint force for each joint"),
         ("time,a,b\n", "it has no row of numbers: give the time and one joint force for each joint"),
@@ -357,16 +326,16 @@ fn torque_files_that_can_not_be_read_are_refused_by_their_line() {
         ("0,0,0\n0,1,1\n", "line 2: time 0 does not come after the one above: times ascend"),
     ] {
         desk.write("t.csv", text);
-        desk.refused(&scene, &format!("[run] torque_file t.csv: {why}"));
+        desk.refuses(&scene, &format!("[run] torque_file t.csv: {why}"));
     }
 }
 
 #[test]
 fn settings_that_can_not_be_are_refused() {
-    let desk = Desk::new("settings");
+    let desk = Desk::new("scene-settings");
     let share = "it is a share, above 0 and below 1";
     let positive = "it must be positive and finite";
-    desk.all_refused(
+    desk.refuses_all(
         "#run",
         &[
             (
@@ -403,13 +372,13 @@ fn settings_that_can_not_be_are_refused() {
         ],
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
-    desk.refused(&inside, "at the start tip on surface 1 overlaps by 0.006395934260112617 m: move the start apart");
+    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006395934260112617 m: move the start apart");
     let start = |tip: &str| SCENE.replace("qd = [-0.444444, 0.444444]", &format!("tip_velocity = {{ {tip} }}"));
-    desk.refused(
+    desk.refuses(
         &start("speed = 0.2, angle_deg = 45, along = [1, 0, 0]"),
         "[robot] tip_velocity: along = [1, 0, 0] has no part along the surface: give a direction on it",
     );
-    desk.refused(
+    desk.refuses(
         &start("speed = nan, angle_deg = 45, along = [0, 1, 0]"),
         "[robot] tip_velocity: speed NaN and angle_deg 45 must be finite",
     );
@@ -417,7 +386,7 @@ fn settings_that_can_not_be_are_refused() {
 
 #[test]
 fn shapes_that_can_not_be_are_refused() {
-    let desk = Desk::new("shapes");
+    let desk = Desk::new("scene-shapes");
     desk.write("empty.stl", "solid nothing\nendsolid nothing\n");
     desk.write("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     let nothing = |file: &str, count: u8| {
@@ -438,9 +407,9 @@ fn shapes_that_can_not_be_are_refused() {
         ("sphere = { centre = [2, 0, 0], radius = -1 }", "radius is -1: it must be positive and finite".into()),
         ("box = { centre = [2, 0, 0], size = [0, 1, 1] }", "size x is 0: it must be positive and finite".into()),
     ] {
-        desk.refused(&shaped(shape), &format!("[[surface]] 'surface 1': obstacle: {why}"));
+        desk.refuses(&shaped(shape), &format!("[[surface]] 'surface 1': obstacle: {why}"));
     }
-    desk.refused(
+    desk.refuses(
         &shaped("msh = { file = \"m.stl\" }"),
         "line 6, shape = { msh = { file = \"m.stl\" } }: unknown variant `msh`, expected one of `halfspace`, `box`, \
          `sphere`, `mesh`; did you mean `mesh`?",
@@ -454,11 +423,10 @@ fn choices<'a>(plan: &'a Value, section: &str, what: &str) -> Vec<&'a str> {
 
 #[test]
 fn a_plan_has_its_documented_keys() {
-    let desk = Desk::new("plan");
+    let desk = Desk::new("scene-plan");
     let scene = at("#run", "neglect = 0.5").replace("#contact", "friction = 0.001");
-    let (plan, said) = desk.answer("plan", &scene);
+    let (plan, said) = desk.told("plan", &scene);
     assert_eq!(said, "");
-    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
     assert_eq!(keys(&plan), ["bounded", "joints", "kept", "left_out"]);
     assert_eq!(plan["joints"], serde_json::json!(["shoulder", "elbow"]));
     for (section, expected) in [
@@ -472,7 +440,7 @@ fn a_plan_has_its_documented_keys() {
     }
     assert_eq!(choices(&plan, "kept", "space"), ["the plane with the normal (0, 0, 1)"]);
     // The whole model keeps everything.
-    let (full, _) = desk.answer("plan", &scene.replace("neglect = 0.5", "model = \"full\""));
+    let (full, _) = desk.told("plan", &scene.replace("neglect = 0.5", "model = \"full\""));
     assert_eq!(choices(&full, "kept", "model"), ["everything, in space"]);
     assert!(choices(&full, "left_out", "space").is_empty() && full["bounded"].as_array().unwrap().is_empty());
 }
@@ -480,13 +448,13 @@ fn a_plan_has_its_documented_keys() {
 /// A surface that no link reaches is an answer, of a plan and of a run.
 #[test]
 fn a_surface_out_of_reach_is_a_plain_answer() {
-    let desk = Desk::new("far");
+    let desk = Desk::new("scene-far");
     let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
-    let (plan, said) = desk.answer("plan", &far);
+    let (plan, said) = desk.told("plan", &far);
     assert_eq!(said, "");
     assert_eq!(choices(&plan, "kept", "surface"), ["no surface can be touched"]);
     assert!(choices(&plan, "left_out", "pair").contains(&"tip on surface 1"), "{plan}");
-    let (run, said) = desk.answer("simulate", &far);
+    let (run, said) = desk.told("simulate", &far);
     assert_eq!(said, "");
     assert_eq!((run["events"].as_array().unwrap().len(), run["mode"].as_str()), (0, Some("free")));
 }

@@ -1,0 +1,66 @@
+//! Files that a command reads and writes: looked at before any work, so that no answer takes the place of what was read, or
+//! of another answer, and no long run ends at a folder that isn't there.
+
+use crate::error::CliError;
+use std::ffi::OsStr;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Refuses outputs, named by their options, that could not be written as files of their own.
+pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), CliError> {
+    let refuse = |(option, path): (&str, &Path), why: String| {
+        Err(CliError::Option(format!("{option} {}: {why}", path.display())))
+    };
+    let mut taken: Vec<(&str, &Path, PathBuf)> = Vec::new();
+    for (option, path) in writes.iter().filter_map(|(option, path)| Some((*option, (*path)?))) {
+        check_parent(option, path)?;
+        let (Some(name), false) = (path.file_name(), path.exists() && !path.is_file()) else {
+            return refuse((option, path), "it is a folder or a device: give a file's name".into());
+        };
+        let own = place(path, name).map_err(|reason| unwritable(path, reason))?;
+        // What can't be found here is not read either.
+        if reads.iter().any(|read| read.canonicalize().is_ok_and(|read| read == own)) {
+            return refuse((option, path), "this file is read, and would be lost: give another name".into());
+        }
+        if let Some((other, theirs, _)) = taken.iter().find(|(_, _, theirs)| *theirs == own) {
+            let theirs = theirs.display();
+            return refuse((option, path), format!("this is the file of {other} {theirs}: give each its own"));
+        }
+        taken.push((option, path, own));
+    }
+    Ok(())
+}
+
+/// Refuses a folder for outputs whose own folder isn't there; itself it may be made.
+pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    if path.exists() {
+        return Err(CliError::Option(format!("{option} {}: it is a file: give a folder", path.display())));
+    }
+    check_parent(option, path)
+}
+
+fn check_parent(option: &str, path: &Path) -> Result<(), CliError> {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    match parent.filter(|parent| !parent.is_dir()) {
+        None => Ok(()),
+        Some(missing) => {
+            let (path, missing) = (path.display(), missing.display());
+            Err(CliError::Option(format!("{option} {path}: there is no folder {missing}: make it first")))
+        }
+    }
+}
+
+/// Where a file is, or will be, links followed.
+fn place(path: &Path, name: &OsStr) -> io::Result<PathBuf> {
+    path.canonicalize().or_else(|_| {
+        let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());
+        Ok(parent.unwrap_or(Path::new(".")).canonicalize()?.join(name))
+    })
+}
+
+fn unwritable(path: &Path, reason: io::Error) -> CliError {
+    CliError::Unwritable { file: path.display().to_string(), reason }
+}

@@ -1,0 +1,185 @@
+//! Files that commands write: never in the place of one that is read, nor of each other, and none where anything is refused.
+
+use crate::desk::*;
+use serde_json::json;
+
+const SCENE: &str = r#"[robot]
+urdf = "planar2.urdf"
+q = [0.7854, -1.5708]
+[run]
+controller = "torque-file"
+torque_file = "torque.csv"
+duration = 0.01
+"#;
+
+const STUDY: &str = r#"[robot]
+urdf = "planar2.urdf"
+[joints]
+shoulder = { from = 0, to = 1, count = 3 }
+elbow = 1
+[impact]
+normal = [-1, 0, 0]
+approach_deg = 45
+speed = 0.2
+law = "frictionless"
+restitution = 0.5
+[map]
+quantities = ["impulse"]
+"#;
+
+/// A desk with a scene, a study, a table and problems of two lines, the second of which is refused.
+fn laid(name: &str) -> Desk {
+    let desk = Desk::new(name);
+    desk.write("s.toml", SCENE);
+    desk.write("torque.csv", "0,0,0\n1,0,0\n");
+    desk.write("m.toml", STUDY);
+    desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,0.4,0.7\n");
+    let good = json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [0.3, -1]});
+    desk.write("good.jsonl", format!("{good}\n"));
+    desk.write("bad.jsonl", format!("{good}\noops\n"));
+    desk
+}
+
+/// Refused with this message, and the desk is as it was, to the byte.
+#[track_caller]
+fn leaves_all(desk: &Desk, args: &str, message: &str) {
+    let all = || -> Vec<(String, Vec<u8>)> {
+        let read = |name: String| (name.clone(), std::fs::read(desk.0.join(name)).unwrap_or_default());
+        desk.files("").into_iter().map(read).collect()
+    };
+    let before = all();
+    refused(desk.run(args), message);
+    assert!(all() == before, "{args} wrote something");
+}
+
+const LAW: &str = "law --law all --restitution 0.5 --friction 0.2 --problems";
+
+#[test]
+fn no_output_takes_the_place_of_an_input() {
+    let desk = laid("inputs");
+    let lost = "this file is read, and would be lost: give another name";
+    for (args, named) in [
+        ("consistency t.csv --svg t.csv".to_owned(), "--svg t.csv"),
+        (format!("{LAW} good.jsonl --svg ./good.jsonl"), "--svg ./good.jsonl"),
+        ("simulate s.toml --csv s.toml".into(), "--csv s.toml"),
+        ("simulate s.toml --csv torque.csv".into(), "--csv torque.csv"),
+        ("simulate s.toml --parquet planar2.urdf".into(), "--parquet planar2.urdf"),
+        ("chart s.toml --out torque.svg".into(), "the numbers of --out, torque.csv"),
+        ("map m.toml --svg m.toml".into(), "--svg m.toml"),
+        ("map m.toml --svg planar2.urdf".into(), "--svg planar2.urdf"),
+    ] {
+        leaves_all(&desk, &args, &format!("{named}: {lost}"));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_link_to_an_input_is_that_input() {
+    let desk = laid("links");
+    std::os::unix::fs::symlink("t.csv", desk.0.join("link.svg")).unwrap();
+    std::os::unix::fs::symlink(".", desk.0.join("here")).unwrap();
+    let lost = "this file is read, and would be lost: give another name";
+    leaves_all(&desk, "consistency t.csv --svg link.svg", &format!("--svg link.svg: {lost}"));
+    leaves_all(&desk, "consistency link.svg --svg t.csv", &format!("--svg t.csv: {lost}"));
+    leaves_all(&desk, "consistency t.csv --svg here/t.csv", &format!("--svg here/t.csv: {lost}"));
+    let twice = "--svg here/m.csv: this is the file of --out m.csv: give each its own";
+    leaves_all(&desk, "map m.toml --out m.csv --svg here/m.csv", twice);
+}
+
+#[test]
+fn two_outputs_have_two_files() {
+    let desk = laid("outputs");
+    for (args, message) in [
+        ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: this is the file of --out m.csv: give each its own"),
+        (
+            "simulate s.toml --csv x.csv --parquet ./x.csv",
+            "--parquet ./x.csv: this is the file of --csv x.csv: give each its own",
+        ),
+    ] {
+        leaves_all(&desk, args, message);
+    }
+}
+
+#[test]
+fn folders_are_there_before_any_work_begins() {
+    let desk = laid("folders");
+    for (args, option) in [
+        ("consistency t.csv".to_owned(), "--svg"),
+        (format!("{LAW} good.jsonl"), "--svg"),
+        ("simulate s.toml".into(), "--csv"),
+        ("simulate s.toml".into(), "--parquet"),
+        ("chart s.toml".into(), "--out"),
+        ("map m.toml".into(), "--out"),
+        ("map m.toml".into(), "--svg"),
+        ("paper".into(), "--out"),
+        ("stress".into(), "--out"),
+    ] {
+        let file = "no/such.svg";
+        let file = if file.ends_with(".svg") && args.starts_with("stress") { "no/such" } else { file };
+        let message = format!("{option} {file}: there is no folder no: make it first");
+        leaves_all(&desk, &format!("{args} {option} {file}"), &message);
+    }
+    let folder = "it is a folder or a device: give a file's name";
+    leaves_all(&desk, "map m.toml --out .", &format!("--out .: {folder}"));
+    leaves_all(&desk, "consistency t.csv --svg ..", &format!("--svg ..: {folder}"));
+}
+
+#[test]
+fn nothing_is_drawn_where_a_line_is_refused() {
+    let desk = laid("drawn");
+    let ran = desk.run(&format!("{LAW} bad.jsonl --svg x.svg"));
+    assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: bad.jsonl:2: expected value at column 1\n"));
+    assert!(!desk.0.join("x.svg").exists());
+    done(&desk.run(&format!("{LAW} good.jsonl --svg x.svg")));
+    assert!(std::fs::read_to_string(desk.0.join("x.svg")).unwrap().trim_end().ends_with("</svg>"));
+}
+
+#[test]
+fn recordings_that_can_t_be_are_refused_before_anything_is_read() {
+    if cfg!(feature = "rerun") {
+        return;
+    }
+    let desk = laid("recordings");
+    let without = "recordings, without which this carom was built (feature rerun)";
+    desk.write("empty.jsonl", "");
+    for file in ["empty.jsonl", "bad.jsonl"] {
+        let message = format!("--out, --connect and --spawn need {without}");
+        leaves_all(&desk, &format!("{LAW} {file} --out x.rrd"), &message);
+    }
+    leaves_all(&desk, "map m.toml --out m.csv --rrd m.rrd", &format!("--rrd needs {without}"));
+}
+
+#[test]
+fn a_map_is_asked_for_something() {
+    let desk = laid("asked");
+    for words in ["--out <X.parquet|csv>", "--svg <X.svg>", "--rrd <X.rrd>", "--advise"] {
+        usage(desk.run("map m.toml"), words);
+    }
+    for args in ["--out m.csv --show impulses", "--out m.csv --svg m.svg --show impulses"] {
+        let message = "--show impulses: no column of this map is called so: it has q.shoulder, class, impulse";
+        leaves_all(&desk, &format!("map m.toml {args}"), message);
+    }
+}
+
+#[test]
+fn no_zero_has_a_sign() {
+    let desk = Desk::new("zeros");
+    let state = json!({"q": UP_ELBOW, "qd": [-0.3, 0.3]});
+    for args in [
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law all --restitution 0.5 --locked shoulder --states -",
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law all --restitution 0 --joint-damping 0 --contact-time 1 --states -",
+    ] {
+        for json in ["", " --json"] {
+            let ran = desk.feed(&format!("{args}{json}"), state.to_string());
+            done(&ran);
+            assert!(
+                !ran.out.contains("-0.0,") && !ran.out.contains("-0.0]") && !ran.out.contains("-0 "),
+                "{}",
+                ran.out
+            );
+        }
+    }
+    let problem = json!({"delassus": [[1, 0], [0, 1]], "u": [-0.0, -1]});
+    let hit = desk.answers("law --law all --restitution 0 --friction 0.5 --problems - --json", &problem.to_string());
+    assert!(!hit[0].to_string().contains("-0.0"), "{}", hit[0]);
+}
