@@ -7,8 +7,9 @@ use crate::chain::Body;
 use num_traits::{One, Zero};
 use std::ops::AddAssign;
 
-/// The scratch memory of one body.
+/// The scratch memory of one body. Aligned, so that no vector of eight lies across two lines of the cache.
 #[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
 pub(super) struct Link<A: Algebra, X: Moves<A>> {
     rotation: A::Rotation,
     offset: A::Vector,
