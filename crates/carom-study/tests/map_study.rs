@@ -5,6 +5,7 @@ use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};
 use carom_study::study::{CLASSES, Evaluator, MapFile, Written};
 use carom_study::{Study, StudyError};
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -401,6 +402,67 @@ fn an_interrupted_map_resumes_to_the_same_bytes() {
     assert_eq!(left.len(), 5, "{left:?}");
 }
 
+/// A map of several row groups of Parquet, of which a resumed run copies the whole ones as bytes.
+#[test]
+fn groups_that_are_copied_have_the_bytes_of_computed_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
+    let made = study_in(folder.path(), "groups", "planar2", poses, impact, "\"impulse\", \"limit_joint\"");
+    let study = Study::from_file(made).unwrap();
+    for ending in ["parquet", "csv"] {
+        let whole = write(&study, &folder.path().join(format!("map.{ending}")), 0..study.rows(), 2);
+        let path = folder.path().join(format!("again.{ending}"));
+        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        for after in [70_000, 140_000] {
+            let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+            let count = |rows| {
+                stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > after, Ordering::Relaxed);
+            };
+            assert!(matches!(study.write(&file, &count, &stop).unwrap(), Written::Interrupted { .. }));
+            file.resume = true;
+        }
+        if ending == "parquet" {
+            let left = SerializedFileReader::new(std::fs::File::open(file.partial()).unwrap()).unwrap();
+            let groups: Vec<i64> = left.metadata().row_groups().iter().map(|group| group.num_rows()).collect();
+            assert!(groups[0] == 65536 && groups.len() > 1, "{groups:?}");
+        }
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+        assert!(std::fs::read(&path).unwrap() == whole, "{ending}");
+    }
+}
+
+/// A table that has been cut, or is another one, is not gone on with.
+#[test]
+fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for ending in ["parquet", "csv"] {
+        let mut file =
+            MapFile { path: folder.path().join(format!("map.{ending}")), rows: 0..study.rows(), resume: false };
+        let stop = AtomicBool::new(false);
+        let done = AtomicU64::new(0);
+        let count = |rows| stop.store(done.fetch_add(rows, Ordering::Relaxed) > 2000, Ordering::Relaxed);
+        assert!(matches!(study.write(&file, &count, &stop).unwrap(), Written::Interrupted { .. }));
+        file.resume = true;
+        let left = std::fs::read(file.partial()).unwrap();
+        let mut spoilt = left.clone();
+        spoilt.truncate(left.len() - 100);
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
+        let message = refused(&file);
+        assert!(message.contains("bytes, and its note says") && message.contains("without --resume"), "{message}");
+        // as long, but not a table of these columns
+        spoilt.resize(left.len(), b'x');
+        spoilt[..20].fill(b'x');
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        assert!(refused(&file).contains("without --resume to begin again"));
+        assert!(!file.path.exists() && file.partial().exists());
+        std::fs::write(file.partial(), &left).unwrap();
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+    }
+}
+
 #[test]
 fn what_another_study_left_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
@@ -439,4 +501,23 @@ fn shards_one_after_another_are_the_whole() {
         assert!(joined == whole, "{parts} parts");
     }
     assert!(study.shard(0, 3).is_none() && study.shard(4, 3).is_none());
+    let path = folder.path().join("map.parquet");
+    write(&study, &path, 0..study.rows(), 2);
+    let whole = parquet_rows(&path);
+    assert_eq!(whole.len() as u64, study.rows());
+    for parts in [3, 7] {
+        let mut joined = Vec::new();
+        for part in 1..=parts {
+            let path = folder.path().join(format!("part{part}.parquet"));
+            write(&study, &path, study.shard(part, parts).unwrap(), 2);
+            joined.extend(parquet_rows(&path));
+        }
+        assert!(joined == whole, "{parts} parts");
+    }
+}
+
+/// Every row with names and values, spelt out: NaN is no number's equal.
+fn parquet_rows(path: &Path) -> Vec<String> {
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    reader.into_iter().map(|row| format!("{:?}", row.unwrap())).collect()
 }
