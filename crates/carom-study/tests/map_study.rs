@@ -172,6 +172,85 @@ fn a_row_in_space_is_the_single_impact_at_its_pose() {
     }
 }
 
+/// The distance to the nearest change of mode by definition: just before it a single impact keeps its mode, just beyond it
+/// has lost it. Bisection ends in rounding of the map's H, and a single impact works on an H of its own: a millionth is above
+/// what both leave where the distance is not itself rounding.
+fn the_mode_changes_at(row: &Row, column: &str, mut mode: impl FnMut(f64) -> &'static str) -> bool {
+    let distance = row.get(column);
+    if distance.abs() < 1e-6 || distance.is_nan() {
+        return false;
+    }
+    let own = mode(0.0);
+    assert_eq!(mode(distance * (1.0 - 1e-6)), own, "{column} {distance}");
+    assert_ne!(mode(distance * (1.0 + 1e-6)), own, "{column} {distance}");
+    // and nothing changes on the other side as near as that
+    assert_eq!(mode(-distance * (1.0 - 1e-3)), own, "{column} {distance}, the other way");
+    true
+}
+
+#[test]
+fn distances_to_a_mode_boundary_are_those_at_which_single_impacts_change_their_mode() {
+    let laws = ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "smith"];
+    let impact = format!(
+        "normal = [-0.6, 0.8, 0]\nalong = [0.8, 0.6, 0]\napproach_deg = {{ from = 20, to = 160, count = 8 }}\nspeed = 0.2\nlaw = {laws:?}\nrestitution = [0.1, 0.7]\nfriction = [0.05, 0.3, 0.9]"
+    );
+    let poses = "[joints]\nshoulder = { from = -175, to = 175, count = 36, unit = \"deg\" }\nelbow = { from = -2.9, to = 2.9, count = 30 }";
+    let quantities = "\"mode\", \"qd_minus\", \"mode_margin\", \"mode_edge\", \"mode_beyond\", \"boundary_friction\", \"boundary_restitution\", \"boundary_approach_deg\"";
+    let study = study("planar2", poses, &impact, quantities);
+    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
+    let (normal, names) = ([-0.6, 0.8, 0.0], joints(&chain));
+    let word = |row: &Row, column: &str| {
+        let code = row.get(column);
+        study.columns().iter().find(|c| c.name == column).unwrap().spell(code).to_owned()
+    };
+    let mut evaluator = study.evaluator();
+    let (mut random, mut seen) = (7_u64, [0; 4]);
+    for _ in 0..150 {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let row = Row::of(&study, &mut evaluator, (random >> 20) % study.rows());
+        let law = laws[row.get("law") as usize];
+        let q = [row.get("q.shoulder"), row.get("q.elbow")];
+        let qd = row.group("qd_minus", &names);
+        let with = Coefficients {
+            restitution: row.get("restitution"),
+            friction: row.get("friction"),
+            ..Coefficients::default()
+        };
+        let tip = chain.frame("tip").unwrap();
+        let mut contact = chain.impact(&q, &qd).at(tip).normal(normal).contact().unwrap();
+        // as `carom impact --derivatives` says it
+        let alone = law_by_name::<3>(law, with).unwrap();
+        let nearest = contact.problem().boundaries(alone.as_ref()).unwrap()[0];
+        assert!((row.get("mode_margin") - nearest.margin).abs() < 1e-9, "{law} at {q:?}");
+        assert_eq!(
+            (word(&row, "mode_edge").as_str(), word(&row, "mode_beyond").as_str()),
+            (nearest.edge.name(), nearest.beyond.name())
+        );
+        seen[0] += 1;
+        assert_eq!(word(&row, "mode"), contact.resolve(alone.as_ref()).unwrap().mode.name());
+
+        let single = |qd: &[f64], with| single(&chain, &q, qd, normal, law, with).mode.name();
+        let by_friction = |d: f64| single(&qd, Coefficients { friction: (with.friction + d).max(0.0), ..with });
+        seen[1] += usize::from(the_mode_changes_at(&row, "boundary_friction", by_friction));
+        let by_restitution =
+            |d: f64| single(&qd, Coefficients { restitution: (with.restitution + d).clamp(0.0, 1.0), ..with });
+        seen[2] += usize::from(the_mode_changes_at(&row, "boundary_restitution", by_restitution));
+        let by_approach = |d: f64| {
+            let angle = (row.get("approach_deg") + d).to_radians();
+            let (t, n) = (nalgebra::vector![0.8, 0.6], nalgebra::vector![-0.6, 0.8]);
+            let u = (t * angle.cos() - n * angle.sin()) * 0.2;
+            let mut workspace = chain.workspace();
+            let kin = workspace.update(&chain, &q).unwrap();
+            let jacobian = kin.point_jacobian(chain.point(tip, nalgebra::Vector3::zeros()));
+            let jacobian =
+                nalgebra::Matrix2::new(jacobian[(0, 0)], jacobian[(0, 1)], jacobian[(1, 0)], jacobian[(1, 1)]);
+            single(jacobian.try_inverse().map(|inverse| inverse * u).unwrap().as_slice(), with)
+        };
+        seen[3] += usize::from(the_mode_changes_at(&row, "boundary_approach_deg", by_approach));
+    }
+    assert!(seen[0] == 150 && seen[1] > 70 && seen[2] > 10 && seen[3] > 140, "{seen:?}");
+}
+
 /// The paper's eq. (15): without friction the tangential velocity jumps by −(1+e) h times the approach speed.
 #[test]
 fn without_friction_the_jump_is_the_coupling_times_the_approach() {
