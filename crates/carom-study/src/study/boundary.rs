@@ -68,7 +68,7 @@ pub(super) fn nearest_change(along: Along, at: f64, own: Mode, mode: impl Fn(f64
                 continue;
             }
             if differs(far) {
-                let change = bisect(near, far, &differs) - at;
+                let change = bisect(at, near, far, &differs) - at;
                 if found.is_none_or(|other| change.abs() < other.abs()) {
                     found = Some(change);
                 }
@@ -82,11 +82,13 @@ pub(super) fn nearest_change(along: Along, at: f64, own: Mode, mode: impl Fn(f64
     f64::NAN
 }
 
-/// Where `differs` turns true between `near`, where it is false, and `far`: the last value where it is false.
-fn bisect(mut near: f64, mut far: f64, differs: &impl Fn(f64) -> bool) -> f64 {
+/// Where `differs` turns true between `near`, where it is false, and `far`: the last value where it is false, to rounding
+/// beside `at` or its distance from it.
+fn bisect(at: f64, mut near: f64, mut far: f64, differs: &impl Fn(f64) -> bool) -> f64 {
+    let enough = f64::EPSILON * at.abs().max((far - at).abs());
     loop {
         let middle = near + (far - near) / 2.0;
-        if middle == near || middle == far {
+        if (far - near).abs() <= enough || middle == near || middle == far {
             return near;
         }
         if differs(middle) {
@@ -136,6 +138,18 @@ mod tests {
         {
             assert!(nearest_change(along, at, Mode::Slip, |_| Some(Mode::Slip)).is_nan(), "{along:?} at {at}");
         }
+    }
+
+    /// Bisection towards zero ends with the digits of what it started from, not with the smallest number.
+    #[test]
+    fn a_change_at_zero_is_found_as_soon_as_any_other() {
+        let asked = std::cell::Cell::new(0);
+        let mode = |x: f64| {
+            asked.set(asked.get() + 1);
+            (x > 0.0).then_some(Mode::Slip)
+        };
+        let found = nearest_change(Along::Approach, 45.0, Mode::Slip, mode);
+        assert!((found + 45.0).abs() < 1e-13 && asked.get() < 150, "{found} after {}", asked.get());
     }
 
     /// A law that has no answer beyond is a change too; and a change at the very end is seen.
