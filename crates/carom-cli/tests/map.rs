@@ -70,7 +70,7 @@ restitution = 0.35
 friction = 0.2
 
 [map]
-quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode"]
+quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode_margin", "mode_edge", "mode_beyond", "mode"]
 "#;
 
 /// The last digits differ: `carom impact` works in space, the map in the plane.
@@ -95,7 +95,7 @@ fn a_row_is_what_carom_impact_answers() {
         rows.iter().map(|row| json!({"q": pair(row, "q"), "qd": pair(row, "qd_minus")}).to_string() + "\n").collect();
     std::fs::write(desk.0.join("states.jsonl"), states).unwrap();
     let single = desk.run(
-        "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2 --states states.jsonl --json",
+        "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2 --derivatives --states states.jsonl --json",
     );
     let answers: Vec<Value> =
         String::from_utf8(single.stdout).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect();
@@ -109,7 +109,11 @@ fn a_row_is_what_carom_impact_answers() {
         for (k, qd) in pair(row, "qd_plus").into_iter().enumerate() {
             close("qd⁺", qd, theirs("qd_plus", k), theirs("qd_plus", k).abs() + 1.0);
         }
-        assert_eq!(*row.last().unwrap(), answer["mode"].as_str().unwrap());
+        let margin = &answer["mode_margin"];
+        close("margin", number(row, "mode_margin"), margin["margin"].as_f64().unwrap(), 1.0);
+        let words =
+            [margin["edge"].as_str().unwrap(), margin["beyond"].as_str().unwrap(), answer["mode"].as_str().unwrap()];
+        assert_eq!(row[row.len() - 3..], words);
     }
 }
 
@@ -205,4 +209,58 @@ fn an_interruption_leaves_what_is_done() {
         assert!(bytes == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
         assert!(!desk.0.join(partial).exists());
     }
+}
+
+/// The recipes for many machines, as the book has them, for four parts of CSV. Slurm is played by what it sets in an array's
+/// tasks; where there is no GNU parallel, a shell takes its place.
+#[cfg(unix)]
+#[test]
+fn the_books_recipes_make_parts_that_are_the_whole() {
+    let desk = Desk::new("recipes");
+    desk.study(|text| text.replace("count = 7", "count = 40"));
+    std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();
+    assert!(desk.run("map study.toml --out whole.csv").status.success());
+    let whole = std::fs::read_to_string(desk.0.join("whole.csv")).unwrap();
+    let book = std::fs::read_to_string(format!("{ROOT}/book/src/impact-maps.md")).unwrap();
+    let recipe = |holds: &str| {
+        let block = book.split("```").find(|block| block.starts_with("sh,ignore\n") && block.contains(holds));
+        let text = block.unwrap_or_else(|| panic!("the book has no {holds}")).split_once('\n').unwrap().1;
+        assert!(text.contains("64"), "{text}");
+        text.replace("64", "4").replace(".parquet", ".csv")
+    };
+    let carom = PathBuf::from(env!("CARGO_BIN_EXE_carom"));
+    let path = std::env::join_paths(
+        std::iter::once(carom.parent().unwrap().to_owned())
+            .chain(std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default())),
+    )
+    .unwrap();
+    let shell = |text: &str, set: &[(&str, &str)]| {
+        let mut command = Command::new("sh");
+        command.args(["-e", "-c", text]).current_dir(&desk.0).env("PATH", &path).envs(set.to_vec());
+        let ran = command.output().unwrap();
+        assert!(ran.status.success(), "{text}\n{}", String::from_utf8_lossy(&ran.stderr));
+    };
+    let joined = || {
+        let mut joined = String::new();
+        for part in 1..=4 {
+            let text = std::fs::read_to_string(desk.0.join(format!("parts/{part}.csv"))).unwrap();
+            joined += if part == 1 { &text } else { text.split_once('\n').unwrap().1 };
+        }
+        std::fs::remove_dir_all(desk.0.join("parts")).unwrap();
+        joined
+    };
+
+    let parallel = recipe("parallel --joblog");
+    let there = Command::new("parallel").arg("--version").output();
+    let is_gnu = there.is_ok_and(|said| String::from_utf8_lossy(&said.stdout).starts_with("GNU parallel"));
+    let (begin, command) = parallel.split_once("parallel --joblog parts/log --resume-failed").unwrap();
+    shell(&if is_gnu { parallel.clone() } else { format!("{begin}xargs -I{{}} sh -c{command}") }, &[]);
+    assert!(joined() == whole, "GNU parallel");
+
+    let array = recipe("#SBATCH --array");
+    std::fs::create_dir(desk.0.join("parts")).unwrap();
+    for task in ["1", "2", "3", "4"] {
+        shell(&array, &[("SLURM_ARRAY_TASK_ID", task), ("SLURM_CPUS_PER_TASK", "2")]);
+    }
+    assert!(joined() == whole, "Slurm");
 }

@@ -10,6 +10,7 @@ use carom_chain::{Chain, Spatial, Workspace};
 use carom_study::study::{Evaluator, Values};
 use carom_study::{Study, StudyError};
 use rerun::blueprint as view;
+use rerun::blueprint::components::PanelState;
 
 /// Most rows of a recording: each is a point.
 const MOST: usize = 1 << 20;
@@ -92,7 +93,11 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
     .with_column_shares([3.0, 3.0, 1.0]);
     let blueprint = view::Blueprint::new(layout)
         .with_auto_views(false)
-        .with_time_panel(view::TimePanel::new().with_timeline("row").with_playback_speed(1.0));
+        .with_selection_panel(view::SelectionPanel::from_state(PanelState::Hidden))
+        .with_blueprint_panel(view::BlueprintPanel::from_state(PanelState::Hidden))
+        .with_time_panel(
+            view::TimePanel::new().with_state(PanelState::Collapsed).with_timeline("row").with_playback_speed(1.0),
+        );
     let at_once = view::BlueprintActivation { make_active: true, make_default: true };
     blueprint.send(rec, at_once).map_err(trouble)?;
     sink.finish()
@@ -127,7 +132,7 @@ fn legend(values: &Values) -> String {
     let mut text = format!("## {}\n\n", values.label);
     if values.words.is_empty() {
         let (low, high) = values.colour_range();
-        text += &format!("dark or blue: {low}\n\nlight or red: {high}\n\n");
+        text += &format!("dark or blue: {low:.4e}\n\nlight or red: {high:.4e}\n\n");
     } else {
         let total = values.values.len() as f64;
         for (k, word) in values.words.iter().enumerate() {

@@ -5,6 +5,7 @@ use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};
 use carom_study::study::{CLASSES, Evaluator, MapFile, Written};
 use carom_study::{Study, StudyError};
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -171,6 +172,85 @@ fn a_row_in_space_is_the_single_impact_at_its_pose() {
     }
 }
 
+/// The distance to the nearest change of mode by definition: just before it a single impact keeps its mode, just beyond it
+/// has lost it. Bisection ends in rounding of the map's H, and a single impact works on an H of its own: a millionth is above
+/// what both leave where the distance is not itself rounding.
+fn the_mode_changes_at(row: &Row, column: &str, mut mode: impl FnMut(f64) -> &'static str) -> bool {
+    let distance = row.get(column);
+    if distance.abs() < 1e-6 || distance.is_nan() {
+        return false;
+    }
+    let own = mode(0.0);
+    assert_eq!(mode(distance * (1.0 - 1e-6)), own, "{column} {distance}");
+    assert_ne!(mode(distance * (1.0 + 1e-6)), own, "{column} {distance}");
+    // and nothing changes on the other side as near as that
+    assert_eq!(mode(-distance * (1.0 - 1e-3)), own, "{column} {distance}, the other way");
+    true
+}
+
+#[test]
+fn distances_to_a_mode_boundary_are_those_at_which_single_impacts_change_their_mode() {
+    let laws = ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "smith"];
+    let impact = format!(
+        "normal = [-0.6, 0.8, 0]\nalong = [0.8, 0.6, 0]\napproach_deg = {{ from = 20, to = 160, count = 8 }}\nspeed = 0.2\nlaw = {laws:?}\nrestitution = [0.1, 0.7]\nfriction = [0.05, 0.3, 0.9]"
+    );
+    let poses = "[joints]\nshoulder = { from = -175, to = 175, count = 36, unit = \"deg\" }\nelbow = { from = -2.9, to = 2.9, count = 30 }";
+    let quantities = "\"mode\", \"qd_minus\", \"mode_margin\", \"mode_edge\", \"mode_beyond\", \"boundary_friction\", \"boundary_restitution\", \"boundary_approach_deg\"";
+    let study = study("planar2", poses, &impact, quantities);
+    let chain = Chain::from_urdf_file(robot("planar2")).unwrap();
+    let (normal, names) = ([-0.6, 0.8, 0.0], joints(&chain));
+    let word = |row: &Row, column: &str| {
+        let code = row.get(column);
+        study.columns().iter().find(|c| c.name == column).unwrap().spell(code).to_owned()
+    };
+    let mut evaluator = study.evaluator();
+    let (mut random, mut seen) = (7_u64, [0; 4]);
+    for _ in 0..150 {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let row = Row::of(&study, &mut evaluator, (random >> 20) % study.rows());
+        let law = laws[row.get("law") as usize];
+        let q = [row.get("q.shoulder"), row.get("q.elbow")];
+        let qd = row.group("qd_minus", &names);
+        let with = Coefficients {
+            restitution: row.get("restitution"),
+            friction: row.get("friction"),
+            ..Coefficients::default()
+        };
+        let tip = chain.frame("tip").unwrap();
+        let mut contact = chain.impact(&q, &qd).at(tip).normal(normal).contact().unwrap();
+        // as `carom impact --derivatives` says it
+        let alone = law_by_name::<3>(law, with).unwrap();
+        let nearest = contact.problem().boundaries(alone.as_ref()).unwrap()[0];
+        assert!((row.get("mode_margin") - nearest.margin).abs() < 1e-9, "{law} at {q:?}");
+        assert_eq!(
+            (word(&row, "mode_edge").as_str(), word(&row, "mode_beyond").as_str()),
+            (nearest.edge.name(), nearest.beyond.name())
+        );
+        seen[0] += 1;
+        assert_eq!(word(&row, "mode"), contact.resolve(alone.as_ref()).unwrap().mode.name());
+
+        let single = |qd: &[f64], with| single(&chain, &q, qd, normal, law, with).mode.name();
+        let by_friction = |d: f64| single(&qd, Coefficients { friction: (with.friction + d).max(0.0), ..with });
+        seen[1] += usize::from(the_mode_changes_at(&row, "boundary_friction", by_friction));
+        let by_restitution =
+            |d: f64| single(&qd, Coefficients { restitution: (with.restitution + d).clamp(0.0, 1.0), ..with });
+        seen[2] += usize::from(the_mode_changes_at(&row, "boundary_restitution", by_restitution));
+        let by_approach = |d: f64| {
+            let angle = (row.get("approach_deg") + d).to_radians();
+            let (t, n) = (nalgebra::vector![0.8, 0.6], nalgebra::vector![-0.6, 0.8]);
+            let u = (t * angle.cos() - n * angle.sin()) * 0.2;
+            let mut workspace = chain.workspace();
+            let kin = workspace.update(&chain, &q).unwrap();
+            let jacobian = kin.point_jacobian(chain.point(tip, nalgebra::Vector3::zeros()));
+            let jacobian =
+                nalgebra::Matrix2::new(jacobian[(0, 0)], jacobian[(0, 1)], jacobian[(1, 0)], jacobian[(1, 1)]);
+            single(jacobian.try_inverse().map(|inverse| inverse * u).unwrap().as_slice(), with)
+        };
+        seen[3] += usize::from(the_mode_changes_at(&row, "boundary_approach_deg", by_approach));
+    }
+    assert!(seen[0] == 150 && seen[1] > 70 && seen[2] > 10 && seen[3] > 140, "{seen:?}");
+}
+
 /// The paper's eq. (15): without friction the tangential velocity jumps by −(1+e) h times the approach speed.
 #[test]
 fn without_friction_the_jump_is_the_coupling_times_the_approach() {
@@ -298,31 +378,43 @@ fn a_tip_grid_of_a_redundant_arm_puts_the_tip_where_it_says() {
     }
 }
 
-/// A row is a function of its number: in whatever order, with whatever came before.
+/// A row is a function of its number: in whatever order, with whatever came before. Of two studies: one whose poses are
+/// sought, and one of poses all but stretched out, in which some normals need more care than others.
 #[test]
 fn a_row_does_not_depend_on_the_rows_before_it() {
     let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = [30, 60]\nspeed = 0.2\nlaw = [\"energetic\", \"newton\"]\nrestitution = 0.35\nfriction = 0.1";
-    let study = study(
+    let sought = study(
         "planar3",
         "[tip]\nx = { from = 0.2, to = 1.4, count = 9 }\ny = { from = -0.6, to = 0.6, count = 5 }",
         impact,
         EVERYTHING,
     );
-    let width = study.columns().len();
-    let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    let mut forward = study.evaluator();
-    let all: Vec<Vec<u64>> = (0..study.rows())
-        .map(|index| {
-            let mut row = vec![0.0; width];
-            forward.row(index, &mut row);
-            bits(&row)
-        })
-        .collect();
-    let mut backward = study.evaluator();
-    for index in (0..study.rows()).rev() {
+    let normals = "normal = [[-0.6, 0.8, 0], [-1, 0, 0], [0, 1, 0], [-0.8, 0.6, 0]]";
+    let stretched = study(
+        "planar2",
+        "[joints]\nshoulder = [0, 1e-9, 1e-6]\nelbow = [1e-7, 1e-5, 1e-4, 1e-3]",
+        &impact.replace("normal = [-1, 0, 0]", normals).replace("along = [0, -1, 0]", ""),
+        EVERYTHING,
+    );
+    for study in [sought, stretched] {
+        let width = study.columns().len();
+        let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         let mut row = vec![0.0; width];
-        backward.row(index, &mut row);
-        assert_eq!(bits(&row), all[index as usize], "row {index}");
+        let mut forward = study.evaluator();
+        let mut fresh = |index| {
+            study.evaluator().row(index, &mut row);
+            bits(&row)
+        };
+        let alone: Vec<Vec<u64>> = (0..study.rows()).map(&mut fresh).collect();
+        let mut backward = study.evaluator();
+        for k in 0..study.rows() {
+            let mut row = vec![0.0; width];
+            forward.row(k, &mut row);
+            assert_eq!(bits(&row), alone[k as usize], "row {k} after those before");
+            let index = study.rows() - 1 - k;
+            backward.row(index, &mut row);
+            assert_eq!(bits(&row), alone[index as usize], "row {index} after those behind");
+        }
     }
 }
 
@@ -401,6 +493,67 @@ fn an_interrupted_map_resumes_to_the_same_bytes() {
     assert_eq!(left.len(), 5, "{left:?}");
 }
 
+/// A map of several row groups of Parquet, of which a resumed run copies the whole ones as bytes.
+#[test]
+fn groups_that_are_copied_have_the_bytes_of_computed_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
+    let made = study_in(folder.path(), "groups", "planar2", poses, impact, "\"impulse\", \"limit_joint\"");
+    let study = Study::from_file(made).unwrap();
+    for ending in ["parquet", "csv"] {
+        let whole = write(&study, &folder.path().join(format!("map.{ending}")), 0..study.rows(), 2);
+        let path = folder.path().join(format!("again.{ending}"));
+        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        for after in [70_000, 140_000] {
+            let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+            let count = |rows| {
+                stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > after, Ordering::Relaxed);
+            };
+            assert!(matches!(study.write(&file, &count, &stop).unwrap(), Written::Interrupted { .. }));
+            file.resume = true;
+        }
+        if ending == "parquet" {
+            let left = SerializedFileReader::new(std::fs::File::open(file.partial()).unwrap()).unwrap();
+            let groups: Vec<i64> = left.metadata().row_groups().iter().map(|group| group.num_rows()).collect();
+            assert!(groups[0] == 65536 && groups.len() > 1, "{groups:?}");
+        }
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+        assert!(std::fs::read(&path).unwrap() == whole, "{ending}");
+    }
+}
+
+/// A table that has been cut, or is another one, is not gone on with.
+#[test]
+fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for ending in ["parquet", "csv"] {
+        let mut file =
+            MapFile { path: folder.path().join(format!("map.{ending}")), rows: 0..study.rows(), resume: false };
+        let stop = AtomicBool::new(false);
+        let done = AtomicU64::new(0);
+        let count = |rows| stop.store(done.fetch_add(rows, Ordering::Relaxed) > 2000, Ordering::Relaxed);
+        assert!(matches!(study.write(&file, &count, &stop).unwrap(), Written::Interrupted { .. }));
+        file.resume = true;
+        let left = std::fs::read(file.partial()).unwrap();
+        let mut spoilt = left.clone();
+        spoilt.truncate(left.len() - 100);
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
+        let message = refused(&file);
+        assert!(message.contains("bytes, and its note says") && message.contains("without --resume"), "{message}");
+        // as long, but not a table of these columns
+        spoilt.resize(left.len(), b'x');
+        spoilt[..20].fill(b'x');
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        assert!(refused(&file).contains("without --resume to begin again"));
+        assert!(!file.path.exists() && file.partial().exists());
+        std::fs::write(file.partial(), &left).unwrap();
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+    }
+}
+
 #[test]
 fn what_another_study_left_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
@@ -439,4 +592,23 @@ fn shards_one_after_another_are_the_whole() {
         assert!(joined == whole, "{parts} parts");
     }
     assert!(study.shard(0, 3).is_none() && study.shard(4, 3).is_none());
+    let path = folder.path().join("map.parquet");
+    write(&study, &path, 0..study.rows(), 2);
+    let whole = parquet_rows(&path);
+    assert_eq!(whole.len() as u64, study.rows());
+    for parts in [3, 7] {
+        let mut joined = Vec::new();
+        for part in 1..=parts {
+            let path = folder.path().join(format!("part{part}.parquet"));
+            write(&study, &path, study.shard(part, parts).unwrap(), 2);
+            joined.extend(parquet_rows(&path));
+        }
+        assert!(joined == whole, "{parts} parts");
+    }
+}
+
+/// Every row with names and values, spelt out: NaN is no number's equal.
+fn parquet_rows(path: &Path) -> Vec<String> {
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    reader.into_iter().map(|row| format!("{:?}", row.unwrap())).collect()
 }

@@ -122,6 +122,18 @@ pub(super) fn places(axes: &[Axis], mut index: u64, places: &mut [u64]) {
     }
 }
 
+/// Moves the places on to the next row; the first axis that moved.
+pub(super) fn advance(axes: &[Axis], places: &mut [u64]) -> usize {
+    for (k, (axis, place)) in axes.iter().zip(places).enumerate().rev() {
+        *place += 1;
+        if *place < axis.count() {
+            return k;
+        }
+        *place = 0;
+    }
+    0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -148,6 +160,11 @@ mod tests {
             places(&axes, index, &mut at);
             assert_eq!((at[0] * 2 + at[1]) * 4 + at[2], index);
             assert!(last.is_none_or(|last| last < at));
+            if let Some(mut before) = last {
+                let moved = advance(&axes, &mut before);
+                assert_eq!(before, at);
+                assert!(last.is_some_and(|last| last[..moved] == at[..moved] && last[moved] + 1 == at[moved]));
+            }
             last = Some(at);
         }
     }

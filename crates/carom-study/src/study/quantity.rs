@@ -1,6 +1,8 @@
 //! What a map may hold, and what its columns are called.
 
+use super::boundary::EDGES;
 use crate::Column;
+use carom_impact::Edge;
 
 /// What became of a row: whether there is an answer, and what the tip does along the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,6 +62,12 @@ pub(super) enum Quantity {
     LimitShare,
     LimitJoint,
     ImpactEllipse,
+    ModeMargin,
+    ModeEdge,
+    ModeBeyond,
+    BoundaryFriction,
+    BoundaryRestitution,
+    BoundaryApproach,
     Position,
     QdMinus,
     QdPlus,
@@ -68,7 +76,7 @@ pub(super) enum Quantity {
 use Quantity as Q;
 
 /// Every quantity by the name it has in a study, with its unit.
-const KNOWN: [(&str, &str, Quantity); 21] = [
+const KNOWN: [(&str, &str, Quantity); 27] = [
     ("mode", "", Q::Mode),
     ("flags", "", Q::Flags),
     ("tangential_jump", "m/s", Q::TangentialJump),
@@ -87,6 +95,12 @@ const KNOWN: [(&str, &str, Quantity); 21] = [
     ("limit_share", "", Q::LimitShare),
     ("limit_joint", "", Q::LimitJoint),
     ("impact_ellipse", "N s", Q::ImpactEllipse),
+    ("mode_margin", "", Q::ModeMargin),
+    ("mode_edge", "", Q::ModeEdge),
+    ("mode_beyond", "", Q::ModeBeyond),
+    ("boundary_friction", "", Q::BoundaryFriction),
+    ("boundary_restitution", "", Q::BoundaryRestitution),
+    ("boundary_approach_deg", "°", Q::BoundaryApproach),
     ("position", "m", Q::Position),
     ("qd_minus", "", Q::QdMinus),
     ("qd_plus", "", Q::QdPlus),
@@ -137,7 +151,8 @@ impl Quantity {
         let name = KNOWN.iter().find(|(.., quantity)| *quantity == self).map_or("", |(name, ..)| name);
         let each = |parts: &[&str]| parts.iter().map(|part| Column::number(format!("{name}.{part}"))).collect();
         match self {
-            Q::Mode => vec![Column::word(name, MODES)],
+            Q::Mode | Q::ModeBeyond => vec![Column::word(name, MODES)],
+            Q::ModeEdge => vec![Column::word(name, EDGES.map(Edge::name))],
             Q::Flags => vec![Column::word(name, flag_sets())],
             Q::LimitJoint => vec![Column::word(name, limited)],
             Q::ImpactEllipse if dimension == 2 => each(&["long", "short", "angle_deg"]),

@@ -30,6 +30,8 @@ const LONGEST_STEP: f64 = 0.7;
 pub(super) struct Reach<const D: usize> {
     /// The world coordinates asked for, as rows over the chain's own coordinates, and each one's origin.
     rows: Vec<(SVector<f64, D>, f64)>,
+    /// From the world coordinates, less their origins, to the chain's own, where all are asked for: the rows' inverse.
+    back: Option<SMatrix<f64, D, D>>,
     closed: Option<TwoLinks>,
     seeds: Vec<Vec<f64>>,
     more: Vec<Vec<f64>>,
@@ -96,9 +98,12 @@ impl<const D: usize> Reach<D> {
             };
             vec![bent(0.6), bent(-0.6)]
         };
+        let square = DMatrix::from_fn(rows.len(), D, |i, j| rows[i].0[j]);
+        let back = if whole { square.try_inverse().map(|back| SMatrix::from_fn(|i, j| back[(i, j)])) } else { None };
         let more = (1..=MORE_STARTS).map(|k| start(k, &about)).collect();
         Ok(Self {
             rows,
+            back,
             closed,
             seeds: seeds.unwrap_or_else(default_seeds),
             more,
@@ -162,15 +167,8 @@ impl<const D: usize> Reach<D> {
 
     /// The target in the chain's own coordinates, if all of them are asked for.
     fn own(&self, target: &[f64]) -> Option<SVector<f64, D>> {
-        if self.rows.len() != D {
-            return None;
-        }
-        // the rows are those of an orthonormal frame's shadow; for a plane along world axes, a permutation
-        let rows = SMatrix::<f64, D, D>::from_fn(|i, j| self.rows[i].0[j]);
-        let right = SVector::<f64, D>::from_fn(|i, _| target[i] - self.rows[i].1);
-        let (r, b) = (DMatrix::from_fn(D, D, |i, j| rows[(i, j)]), DMatrix::from_fn(D, 1, |i, _| right[i]));
-        let own = r.lu().solve(&b)?;
-        Some(SVector::from_fn(|i, _| own[i]))
+        let back = self.back?;
+        Some(back * SVector::<f64, D>::from_fn(|i, _| target[i] - self.rows[i].1))
     }
 
     /// Newton's steps from `q`. Whether they led to the target.

@@ -3,16 +3,17 @@
 use super::advise::Wish;
 use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
 use super::axis::{Axis, total};
-use super::file::{Advise, Elbow, File, Impact, Tip, Values, Words};
+use super::file::{Advise, Elbow, File, Tip, Values, Words};
 use super::quantity::{self, CLASSES, Quantity};
 use super::reach::{About, Reach};
+use super::surface::{Normal, normals, surface_in_plane, surface_in_space};
 use super::{Study, StudyError};
 use crate::Column;
-use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point};
-use carom_impact::LAW_NAMES;
-use nalgebra::{SMatrix, SVector, Vector2, Vector3};
+use carom_impact::{AnyLaw, Coefficients, LAW_NAMES};
+use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
 
 impl Study {
@@ -190,6 +191,7 @@ impl Reading<'_> {
             limits,
             tangential_restitution,
             axes,
+            laws: impact.law.0.iter().filter_map(|law| AnyLaw::named(law, Coefficients::default())).collect(),
             quantities,
         });
         Ok((engine, columns, warnings))
@@ -390,7 +392,7 @@ fn velocity_limits(chain: &Chain) -> (Vec<String>, Vec<Limit>) {
     chain.joints().iter().filter_map(limit).unzip()
 }
 
-fn axis(table: &str, name: &str, unit: &'static str, values: &Values) -> Result<Axis, String> {
+pub(super) fn axis(table: &str, name: &str, unit: &'static str, values: &Values) -> Result<Axis, String> {
     Axis::new(name.into(), unit, values).map_err(|why| format!("[{table}] {name}: {why}"))
 }
 
@@ -424,108 +426,4 @@ pub(super) fn nearest(name: &str, known: &[&str]) -> String {
         Some((likeness, near)) if likeness > 0.7 => format!("did you mean \"{near}\"? There are {list}"),
         _ => format!("there are {list}"),
     }
-}
-
-/// A normal as the file gives it.
-enum Normal {
-    Vector(Vector3<f64>),
-    /// Direction in the plane's own axes, degrees.
-    Degrees(f64),
-}
-
-/// The axis of the normals, and the contact axes of each.
-fn normals<const D: usize>(
-    impact: &Impact,
-    straight: bool,
-    surface: impl Fn(Normal, Option<Vector3<f64>>, bool) -> Result<SMatrix<f64, D, D>, String>,
-) -> Result<(Axis, Vec<SMatrix<f64, D, D>>), String> {
-    let along = impact.along.map(Vector3::from);
-    if let Some(along) = along.filter(|along| along.iter().any(|x| !x.is_finite()) || along.norm() == 0.0) {
-        return Err(format!("[impact] along = {:?}: a direction needs a finite length above 0", along.as_slice()));
-    }
-    match (&impact.normal, &impact.normal_deg) {
-        (Some(normals), None) => {
-            let made = normals.0.iter().map(|given| {
-                let normal = Vector3::from(*given);
-                if !(normal.norm() > 0.0 && normal.norm().is_finite()) {
-                    return Err(format!("[impact] normal = {given:?}: a normal needs a finite length above 0"));
-                }
-                surface(Normal::Vector(normal), along, straight)
-            });
-            let made: Vec<_> = made.collect::<Result<_, _>>()?;
-            let names = normals.0.iter().map(|[x, y, z]| format!("{x} {y} {z}")).collect();
-            Ok((Axis::words("normal", names), made))
-        }
-        (None, Some(values)) => {
-            let axis = axis("impact", "normal_deg", "°", values)?;
-            if axis.count() > 1 << 20 {
-                return Err(format!("[impact] normal_deg: {} values, a million is the most", axis.count()));
-            }
-            let each = (0..axis.count()).map(|k| surface(Normal::Degrees(axis.value(k)), along, straight));
-            let made = each.collect::<Result<_, _>>()?;
-            Ok((axis, made))
-        }
-        (None, None) => {
-            Err("[impact] has no normal: give normal = [x, y, z], from the environment to the robot".into())
-        }
-        (Some(_), Some(_)) => Err("[impact] has both normal and normal_deg: give one of them".into()),
-    }
-}
-
-fn no_shadow(along: &Vector3<f64>) -> String {
-    let [x, y, z] = (*along).into();
-    format!("[impact] along = [{x}, {y}, {z}] has no part along the surface: give a direction on it")
-}
-
-/// Contact axes in the plane: tangent, normal.
-fn surface_in_plane(
-    basis: &SMatrix<f64, 3, 2>,
-    normal: Normal,
-    along: Option<Vector3<f64>>,
-    _straight: bool,
-) -> Result<SMatrix<f64, 2, 2>, String> {
-    let n = match normal {
-        Normal::Vector(v) => basis.tr_mul(&v).normalize(),
-        Normal::Degrees(angle) => {
-            let (sin, cos) = angle.to_radians().sin_cos();
-            Vector2::new(cos, sin)
-        }
-    };
-    let left = Vector2::new(-n.y, n.x);
-    let t = match along {
-        None => left,
-        Some(along) => {
-            let part = basis.tr_mul(&along).dot(&left);
-            if part.abs() <= 1e-9 * along.norm() {
-                return Err(no_shadow(&along));
-            }
-            left * part.signum()
-        }
-    };
-    Ok(SMatrix::from_columns(&[t, n]))
-}
-
-/// Contact axes in space: along the approach, sideways, normal.
-fn surface_in_space(normal: Normal, along: Option<Vector3<f64>>, straight: bool) -> Result<SMatrix<f64, 3, 3>, String> {
-    let Normal::Vector(n) = normal else {
-        return Err("[impact] normal_deg is for arms that keep to a plane: give normal = [x, y, z]".into());
-    };
-    let n = n.normalize();
-    let t = match along {
-        Some(along) => {
-            let part = along - n * n.dot(&along);
-            if part.norm() <= 1e-9 * along.norm() {
-                return Err(no_shadow(&along));
-            }
-            part.normalize()
-        }
-        None if straight => z_onto(n).column(0).into_owned(),
-        None => {
-            return Err(
-                "[impact] has no along: give the direction of the approach along the surface (approach_deg is not 90)"
-                    .into(),
-            );
-        }
-    };
-    Ok(SMatrix::from_columns(&[t, n.cross(&t), n]))
 }

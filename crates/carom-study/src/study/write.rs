@@ -1,15 +1,16 @@
 //! A map on its way into a file: computed by all threads, written in the order of its rows, in constant memory.
 //!
-//! The threads of rayon's current pool compute a block while the block before it is written. How long a block is follows
-//! the time that it takes, so that an interruption is heeded soon; the file's bytes don't depend on it, since rows are a
-//! function of their number and row groups are counted by the table.
+//! The threads of rayon's current pool compute the rows of a group while they encode the group before it, column by
+//! column; one more thread hands the bytes to the file. Rows are computed in blocks whose length follows the time that they
+//! take, so that an interruption is heeded soon; the file's bytes don't depend on it, since rows are a function of their
+//! number and groups are counted by the table.
 //!
 //! An interrupted run leaves `X.partial.parquet`, a whole table of the rows that are done, and a note beside it,
-//! `X.partial.parquet.json`, which says of what. To resume, the rows are copied over and the rest is computed: the result
-//! has the bytes of a run that was never interrupted.
+//! `X.partial.parquet.json`, which says of what. To resume, whole groups are copied as bytes (of CSV everything), the rows of
+//! the last group are read back, and the rest is computed: the result has the bytes of a run that was never interrupted.
 
 use super::{Study, StudyError};
-use crate::table::read_table;
+use crate::table::{CHUNK, Piece, Rows};
 use crate::{Table, TableError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,10 +21,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-/// Rows that a thread computes before it looks up.
-const CHUNK: usize = 64;
-/// Most numbers of a block: three blocks of 4 MB are under way at most.
-const BLOCK_NUMBERS: usize = 1 << 19;
 /// A block takes about this time.
 const BLOCK_TIME: Duration = Duration::from_millis(100);
 
@@ -62,6 +59,8 @@ struct Note {
     end: u64,
     /// Rows that are done.
     rows: u64,
+    /// Length of the table that holds them.
+    bytes: u64,
 }
 
 impl MapFile {
@@ -120,50 +119,31 @@ impl Study {
         progress: &(dyn Fn(u64) + Sync),
         stop: &AtomicBool,
     ) -> Result<(), StudyError> {
-        let width = self.columns.len();
-        let most = (BLOCK_NUMBERS / width).max(CHUNK) as u64;
-        let mut length = CHUNK as u64;
+        let encoder = table.encoder().clone();
+        let mut filling = table.take_held();
+        let mut full = encoder.rows();
+        let mut length = CHUNK;
         std::thread::scope(|scope| {
-            let (full, blocks) = mpsc::sync_channel::<Vec<f64>>(1);
-            let (empty, used) = mpsc::channel::<Vec<f64>>();
+            let (pieces, groups) = mpsc::sync_channel::<io::Result<Vec<Piece>>>(0);
             let writer = scope.spawn(move || -> Result<(), TableError> {
-                for block in blocks {
-                    block.chunks_exact(width).try_for_each(|row| table.row(row))?;
-                    let _ = empty.send(block);
-                }
-                Ok(())
+                groups.into_iter().try_for_each(|group| table.append(group))
             });
-            while *next < end && !stop.load(Ordering::Relaxed) {
-                let rows = length.min(end - *next);
-                let mut block = used.try_recv().unwrap_or_default();
-                block.resize(rows as usize * width, 0.0);
-                let begun = Instant::now();
-                let first = *next;
-                block.par_chunks_mut(CHUNK * width).enumerate().for_each_init(
-                    || self.evaluator(),
-                    |evaluator, (chunk, rows)| {
-                        if stop.load(Ordering::Relaxed) {
-                            return; // this block is thrown away
-                        }
-                        let from = first + (chunk * CHUNK) as u64;
-                        for (index, row) in (from..).zip(rows.chunks_exact_mut(width)) {
-                            evaluator.row(index, row);
-                        }
-                        progress((rows.len() / width) as u64);
-                    },
+            loop {
+                let (_, group) = rayon::join(
+                    || self.fill(&mut filling, next, end, &mut length, progress, stop),
+                    || encoder.encode(&full),
                 );
                 // The writer has gone if a write failed; its error is told below.
-                if stop.load(Ordering::Relaxed) || full.send(block).is_err() {
+                if full.length() > 0 && pieces.send(group).is_err() {
                     break;
                 }
-                *next += rows;
-                if begun.elapsed() < BLOCK_TIME {
-                    length = (2 * length).min(most);
-                } else if begun.elapsed() > 4 * BLOCK_TIME {
-                    length = (length / 2).max(CHUNK as u64);
+                full.clear();
+                if filling.length() == 0 {
+                    break;
                 }
+                std::mem::swap(&mut filling, &mut full);
             }
-            drop(full);
+            drop(pieces);
             match writer.join() {
                 Ok(written) => Ok(written?),
                 Err(panic) => std::panic::resume_unwind(panic),
@@ -171,7 +151,50 @@ impl Study {
         })
     }
 
-    fn note(&self, file: &MapFile, rows: u64) -> Note {
+    /// Computes rows from `next` on until the group is full, or the end is there, or a stop. Blocks of about `length` rows
+    /// are there as a whole or not at all.
+    fn fill(
+        &self,
+        rows: &mut Rows,
+        next: &mut u64,
+        end: u64,
+        length: &mut usize,
+        progress: &(dyn Fn(u64) + Sync),
+        stop: &AtomicBool,
+    ) {
+        let width = self.columns.len();
+        while rows.room() > 0 && *next < end && !stop.load(Ordering::Relaxed) {
+            let room = rows.room().min(*length);
+            let count = usize::try_from(end - *next).map_or(room, |left| room.min(left));
+            let begun = Instant::now();
+            let (before, first) = (rows.length(), *next);
+            rows.grow(count).par_chunks_mut(CHUNK * width).enumerate().for_each_init(
+                || (self.evaluator(), vec![0.0; width]),
+                |(evaluator, row), (k, chunk)| {
+                    if stop.load(Ordering::Relaxed) {
+                        return; // this block is thrown away
+                    }
+                    let here = CHUNK.min(count - k * CHUNK);
+                    for r in 0..here {
+                        evaluator.row(first + (k * CHUNK + r) as u64, row);
+                        row.iter().enumerate().for_each(|(c, x)| chunk[c * CHUNK + r] = *x);
+                    }
+                    progress(here as u64);
+                },
+            );
+            if stop.load(Ordering::Relaxed) {
+                return rows.truncate(before);
+            }
+            *next += count as u64;
+            if begun.elapsed() < BLOCK_TIME {
+                *length = (2 * *length).min(1 << 20);
+            } else if begun.elapsed() > 4 * BLOCK_TIME {
+                *length = (*length / 2).max(CHUNK);
+            }
+        }
+    }
+
+    fn note(&self, file: &MapFile, rows: u64, bytes: u64) -> Note {
         Note {
             carom: env!("CARGO_PKG_VERSION").into(),
             study: self.text.clone(),
@@ -179,6 +202,7 @@ impl Study {
             first: file.rows.start,
             end: file.rows.end,
             rows,
+            bytes,
         }
     }
 
@@ -187,7 +211,8 @@ impl Study {
         let (partial, beside) = (file.partial(), file.note());
         table.finish_at(&partial)?;
         let trouble = |reason| StudyError::Beside { file: beside.clone(), reason };
-        let text = serde_json::to_string_pretty(&self.note(file, rows)).map_err(|e| trouble(e.into()))?;
+        let bytes = std::fs::metadata(&partial).map_err(trouble)?.len();
+        let text = serde_json::to_string_pretty(&self.note(file, rows, bytes)).map_err(|e| trouble(e.into()))?;
         write_beside(&beside, text.as_bytes()).map_err(trouble)?;
         Ok(Written::Interrupted { rows, partial })
     }
@@ -202,7 +227,7 @@ impl Study {
         let again = "run without --resume to begin again";
         let text = std::fs::read_to_string(&beside).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
         let left: Note = serde_json::from_str(&text).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
-        let ours = self.note(file, left.rows);
+        let ours = self.note(file, left.rows, left.bytes);
         if left != ours {
             let what = if left.study != ours.study {
                 "the study file"
@@ -215,22 +240,17 @@ impl Study {
             };
             return Err(refuse(&beside, format!("{what} is not what it was; {again}")));
         }
-        let mut rows = 0;
-        let mut failed = None;
-        let read = read_table(&partial, &self.columns, &mut |row| {
-            rows += 1;
-            table.row(row).map_err(|e| {
-                failed = Some(e);
-                io::Error::other("the map can't be written")
-            })
-        });
-        match (failed, read) {
-            (Some(error), _) => Err(error.into()),
-            (None, Err(error)) => Err(refuse(&partial, format!("{error}; {again}"))),
-            (None, Ok(())) if rows != left.rows => {
+        let length = std::fs::metadata(&partial).map_err(|e| refuse(&partial, e.to_string()))?.len();
+        if length != left.bytes {
+            let reason = format!("it has {length} bytes, and its note says {}; {again}", left.bytes);
+            return Err(refuse(&partial, reason));
+        }
+        match table.take_over(&partial) {
+            Err(error) => Err(refuse(&partial, format!("{error}; {again}"))),
+            Ok(Some(rows)) if rows != left.rows => {
                 Err(refuse(&partial, format!("it holds {rows} rows, and its note says {}; {again}", left.rows)))
             }
-            (None, Ok(())) => Ok(rows),
+            Ok(_) => Ok(left.rows),
         }
     }
 }

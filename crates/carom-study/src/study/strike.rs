@@ -1,0 +1,290 @@
+//! From a pose and the way its surface is met to the impact and what a row tells of it. Symbols as in `arm.rs`.
+
+use super::arm::{DOUBTFUL, Hand, Limit};
+use super::boundary::{Along, edge_code, nearest_change};
+use super::quantity::{Class, Quantity as Q, flag_code};
+use carom_chain::ChainError;
+use carom_chain::algebra::Algebra;
+use carom_impact::{AnyLaw, Boundary, Coefficients, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
+use nalgebra::{Matrix3, SMatrix, SVector};
+
+/// A tip velocity is attained within this share of its speed.
+const ATTAINED: f64 = 1e-9;
+/// Tangential velocities are alike within this share: a jump that symmetry forbids is rounding.
+const ALIKE: f64 = 1e-9;
+
+/// How the surface is met.
+struct Condition<'a, const D: usize> {
+    axes: &'a SMatrix<f64, D, D>,
+    /// Angle of approach, degrees, and speed, m/s: together u.
+    approach: f64,
+    speed: f64,
+    u: SVector<f64, D>,
+    law: AnyLaw,
+}
+
+/// What a row tells once there is an impact.
+struct Told<'a, const D: usize> {
+    condition: &'a Condition<'a, D>,
+    problem: ImpactProblem<f64, D>,
+    hit: ImpactOutcome<f64, D>,
+}
+
+/// Sine and cosine of an angle of approach, degrees; straight on and along the surface exactly.
+pub(super) fn sin_cos(approach: f64) -> (f64, f64) {
+    match approach {
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        angle => angle.to_radians().sin_cos(),
+    }
+}
+
+/// The velocity of the tip, contact axes.
+pub(super) fn velocity<const D: usize>(speed: f64, (sin, cos): (f64, f64)) -> SVector<f64, D> {
+    let mut u = SVector::zeros();
+    u[0] = speed * cos;
+    u[D - 1] = -speed * sin;
+    u
+}
+
+impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_, A, D> {
+    /// The impact at the present pose; fills the quantities.
+    pub(super) fn strike(&mut self, out: &mut [f64]) -> Result<Class, ChainError> {
+        let arm = self.arm;
+        let first = arm.pose_axes();
+        let value = |k: usize| arm.axes[first + k].value(self.places[first + k]);
+        let (approach, speed) = (value(1), value(2));
+        let tangential = if arm.tangential_restitution { value(4) } else { 0.0 };
+        let coefficients =
+            Coefficients { restitution: value(3), tangential_restitution: tangential, friction: value(5) };
+        let condition = Condition {
+            axes: &arm.surfaces[self.places[first] as usize],
+            approach,
+            speed,
+            u: velocity(speed, self.sin_cos(approach)),
+            law: arm.laws[self.places[first + 6] as usize].with(coefficients),
+        };
+        let mut h = in_contact_axes(&self.pose.delassus, condition.axes);
+        if h[(D - 1, D - 1)] <= h.trace() * DOUBTFUL || !h.trace().is_finite() {
+            let inertia = self.careful()?;
+            let normal = condition.axes.column(D - 1).into_owned();
+            if inertia.effective_mass(normal.as_slice()).is_none() {
+                return Ok(Class::Singular);
+            }
+            h = in_contact_axes(&SMatrix::from_fn(|i, j| inertia.delassus[(i, j)]), condition.axes);
+        }
+        if !self.attain(&h, &condition)? {
+            return Ok(Class::Singular);
+        }
+        let Ok(problem) = ImpactProblem::new(h, condition.u) else { return Ok(Class::Refused) };
+        let Ok(hit) = condition.law.resolve(&problem) else { return Ok(Class::Refused) };
+        if hit.flags.contains(Flags::NO_APPROACH) {
+            return Ok(Class::NoImpact);
+        }
+        let impulse = condition.axes * hit.impulse;
+        for (v, jump) in self.jump.iter_mut().enumerate() {
+            *jump = (0..D).map(|k| self.pose.response[(v, k)] * impulse[k]).sum();
+        }
+        if self.jump.iter().any(|x| !x.is_finite()) {
+            return Ok(Class::Refused);
+        }
+        let told = Told { condition: &condition, problem, hit };
+        self.fill(&told, out)?;
+        Ok(class(&told.hit, speed))
+    }
+
+    /// Rows one after another often share the angle.
+    fn sin_cos(&mut self, approach: f64) -> (f64, f64) {
+        if self.approach.0 != approach {
+            self.approach = (approach, sin_cos(approach));
+        }
+        self.approach.1
+    }
+
+    /// Joint velocities that move the tip as asked, with the least kinetic energy; whether there are any.
+    fn attain(&mut self, h: &SMatrix<f64, D, D>, condition: &Condition<D>) -> Result<bool, ChainError> {
+        let u = condition.axes * condition.u;
+        let regular = h.cholesky().filter(|factor| {
+            let pivots = factor.l_dirty().diagonal().map(|x| x * x);
+            pivots.min() > DOUBTFUL * h.diagonal().max()
+        });
+        let force = match regular {
+            Some(factor) => condition.axes * factor.solve(&condition.u),
+            None => {
+                let inertia = self.careful()?;
+                let mut force = SVector::zeros();
+                for (direction, sigma) in &inertia.principal[..inertia.rank] {
+                    let direction = SVector::<f64, D>::from_fn(|i, _| direction[i]);
+                    force += direction * (direction.dot(&u) / (sigma * sigma));
+                }
+                force
+            }
+        };
+        for (v, qd) in self.qd_minus.iter_mut().enumerate() {
+            *qd = (0..D).map(|k| self.pose.response[(v, k)] * force[k]).sum();
+        }
+        let reached = SVector::<f64, D>::from_fn(|k, _| {
+            self.qd_minus.iter().enumerate().map(|(v, qd)| self.pose.jacobian[(k, v)] * qd).sum()
+        });
+        // false for what is not finite, too
+        Ok((reached - u).norm() <= ATTAINED * condition.u.norm())
+    }
+
+    fn fill(&mut self, told: &Told<D>, out: &mut [f64]) -> Result<(), ChainError> {
+        let Told { condition, problem, hit } = told;
+        let n = D - 1;
+        let (normal, coupling) = (problem.delassus()[(n, n)], problem.delassus()[(0, n)]);
+        let mut nearest = None;
+        let mut at = 0;
+        for quantity in &self.arm.quantities {
+            let (value, width) = match quantity {
+                Q::Mode => (f64::from(hit.mode as u8), 1),
+                Q::Flags => (flag_code(hit.flags), 1),
+                Q::TangentialJump => (hit.u_plus[0] - hit.u_minus[0], 1),
+                Q::TangentialRatio => (hit.u_plus[0] / hit.u_minus[0], 1),
+                Q::TangentialAfter => (hit.u_plus[0], 1),
+                Q::NormalAfter => (hit.u_plus[n], 1),
+                Q::Impulse => (hit.impulse.norm(), 1),
+                Q::NormalImpulse => (hit.impulse[n], 1),
+                Q::TangentialImpulse => (hit.impulse[0], 1),
+                Q::EffectiveMass => (1.0 / normal, 1),
+                Q::LockedMass => (self.locked_mass(condition)?, 1),
+                Q::Coupling => (-coupling / normal, 1),
+                Q::EnergyLoss => (-hit.energy_change, 1),
+                // of the joint velocities of least kinetic energy, all of it is the contact's
+                Q::EnergyRatio => (1.0 + hit.energy_change / hit.energy_before, 1),
+                Q::JointJump => (self.jump.iter().fold(0.0, |worst, x| x.abs().max(worst)), 1),
+                Q::LimitShare => (self.worst().1, 1),
+                Q::LimitJoint => (self.worst().0 as f64, 1),
+                Q::ImpactEllipse => {
+                    out[at..at + 3].copy_from_slice(&self.ellipse());
+                    (out[at], 3)
+                }
+                Q::Position => {
+                    let tip = self.arm.origin + self.arm.basis * self.pose.tip;
+                    out[at..at + 3].copy_from_slice(tip.as_slice());
+                    (out[at], 3)
+                }
+                Q::ModeMargin => (told.nearest(&mut nearest).map_or(f64::NAN, |b| b.margin), 1),
+                Q::ModeEdge => (told.nearest(&mut nearest).map_or(f64::NAN, |b| edge_code(b.edge)), 1),
+                Q::ModeBeyond => (told.nearest(&mut nearest).map_or(f64::NAN, |b| f64::from(b.beyond as u8)), 1),
+                Q::BoundaryFriction => (told.change(Along::Friction), 1),
+                Q::BoundaryRestitution => (told.change(Along::Restitution), 1),
+                Q::BoundaryApproach => (told.change(Along::Approach), 1),
+                Q::QdMinus => {
+                    out[at..at + self.qd_minus.len()].copy_from_slice(&self.qd_minus);
+                    (out[at], self.qd_minus.len())
+                }
+                Q::QdPlus => {
+                    for (k, (qd, jump)) in self.qd_minus.iter().zip(&self.jump).enumerate() {
+                        out[at + k] = qd + jump;
+                    }
+                    (out[at], self.jump.len())
+                }
+            };
+            out[at] = value;
+            at += width;
+        }
+        Ok(())
+    }
+
+    /// The joint whose velocity jumps by the greatest share of its limit, and that share.
+    fn worst(&self) -> (usize, f64) {
+        let share = |limit: &Limit| (self.jump[limit.v] * limit.ratio).abs() / limit.velocity;
+        let shares = self.arm.limits.iter().map(share).enumerate();
+        shares.fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
+    }
+
+    /// 1/(nᵀH_locked n): the mass that the locked arm shows. NaN where the locked arm has none.
+    fn locked_mass(&mut self, condition: &Condition<D>) -> Result<f64, ChainError> {
+        let mut kin = self.workspace.update(&self.arm.chain, &self.pose.q)?;
+        match kin.locked_delassus(self.arm.point) {
+            Ok(h) => {
+                let n = condition.axes.column(D - 1);
+                let h = SMatrix::<f64, D, D>::from_fn(|i, j| h[(i, j)]);
+                Ok(1.0 / n.dot(&(h * n)))
+            }
+            Err(ChainError::NoLockedInertia) => Ok(f64::NAN),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Semi-axes of the impulses that make |Δqd| = 1: pᵀ(J M⁻² Jᵀ)p = 1. In the plane the two and the direction of the
+    /// longer (degrees from the plane's first axis, −90 to 90); in space the three.
+    fn ellipse(&self) -> [f64; 3] {
+        let g = |i: usize, j: usize| self.pose.response.column(i).dot(&self.pose.response.column(j));
+        let axis = |eigenvalue: f64| 1.0 / eigenvalue.max(0.0).sqrt();
+        if D == 2 {
+            let (a, b, c) = (g(0, 0), g(0, 1), g(1, 1));
+            let (mean, radius) = ((a + c) / 2.0, ((a - c) / 2.0).hypot(b));
+            let large = mean + radius;
+            // det/large: the small one without the difference of near equals
+            let small = ((a * c - b * b) / large).max(0.0);
+            // the large eigenvalue's direction, a right angle from the long axis
+            let turn = (0.5 * (2.0 * b).atan2(a - c)).to_degrees() + 90.0;
+            [axis(small), axis(large), if turn > 90.0 { turn - 180.0 } else { turn }]
+        } else {
+            let matrix = Matrix3::from_fn(g);
+            let mut found = matrix.symmetric_eigenvalues();
+            found.as_mut_slice().sort_by(f64::total_cmp);
+            [axis(found[0]), axis(found[1]), axis(found[2])]
+        }
+    }
+}
+
+impl<const D: usize> Told<'_, D> {
+    /// The nearest boundary of the mode, looked for once.
+    fn nearest(&self, found: &mut Option<Option<Boundary>>) -> Option<Boundary> {
+        let look = || self.problem.boundaries(&self.condition.law).ok()?.into_iter().next();
+        *found.get_or_insert_with(look)
+    }
+
+    /// How far the nearest change of the mode is along something that varies, all else held; NaN if there is none.
+    fn change(&self, along: Along) -> f64 {
+        let Condition { law, approach, speed, .. } = *self.condition;
+        let with = law.coefficients();
+        let mode = |x: f64| -> Option<Mode> {
+            let (law, problem) = match along {
+                Along::Friction => (law.with(Coefficients { friction: x, ..with }), self.problem),
+                Along::Restitution => (law.with(Coefficients { restitution: x, ..with }), self.problem),
+                Along::Approach => {
+                    (law, ImpactProblem::new(*self.problem.delassus(), velocity(speed, sin_cos(x))).ok()?)
+                }
+            };
+            law.resolve(&problem).ok().map(|hit| hit.mode)
+        };
+        let at = match along {
+            Along::Friction => with.friction,
+            Along::Restitution => with.restitution,
+            Along::Approach => approach,
+        };
+        nearest_change(along, at, self.hit.mode, mode)
+    }
+}
+
+/// RᵀHR.
+fn in_contact_axes<const D: usize>(h: &SMatrix<f64, D, D>, axes: &SMatrix<f64, D, D>) -> SMatrix<f64, D, D> {
+    axes.tr_mul(&(h * axes))
+}
+
+/// What the tip does along the surface.
+fn class<const D: usize>(hit: &ImpactOutcome<f64, D>, speed: f64) -> Class {
+    let n = D - 1;
+    let (mut before, mut after) = (hit.u_minus, hit.u_plus);
+    before[n] = 0.0;
+    after[n] = 0.0;
+    let (b, a) = (before.norm(), after.norm());
+    if hit.mode == Mode::Stick || a <= ALIKE * 1e-3 * speed {
+        Class::Stick
+    } else if b <= ALIKE * 1e-3 * speed {
+        Class::Starts
+    } else if before.dot(&after) < 0.0 {
+        Class::Reverses
+    } else if (after - before).norm() <= ALIKE * b {
+        Class::Keeps
+    } else if a > b {
+        Class::Grows
+    } else {
+        Class::Shrinks
+    }
+}

@@ -1,0 +1,249 @@
+//! Rows on their way into a file: held column by column, and encoded in pieces that don't need each other, so that
+//! threads may share them. The bytes depend on the rows alone: how many make a group is counted, and a piece is a column of
+//! a group (Parquet) or a run of its rows (CSV).
+
+use super::{Column, plain};
+use bytes::Bytes;
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
+use parquet::data_type::ByteArray;
+use parquet::errors::ParquetError;
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
+use parquet::file::statistics::Statistics;
+use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
+use parquet::schema::types::{ColumnPath, SchemaDescPtr, SchemaDescriptor, Type};
+use rayon::prelude::*;
+use std::fmt::Write as _;
+use std::io;
+use std::sync::Arc;
+
+/// Rows that lie together: the numbers of a column are contiguous within them.
+pub(crate) const CHUNK: usize = 64;
+/// Most rows of one Parquet row group, and most numbers: what a table holds back.
+const GROUP_ROWS: usize = 1 << 16;
+const GROUP_NUMBERS: usize = 1 << 22;
+/// The same of CSV, which has no groups to a reader.
+const TEXT_ROWS: usize = 1 << 14;
+/// Rows of one piece of CSV.
+const PIECE_ROWS: usize = 16 * CHUNK;
+/// Words handed to the encoder at a time.
+const WORDS: usize = 1024;
+
+/// The rows of a group, or those that there are of it: chunks of [`CHUNK`] rows, in each column after column.
+#[derive(Debug)]
+pub(crate) struct Rows {
+    width: usize,
+    most: usize,
+    length: usize,
+    numbers: Vec<f64>,
+}
+
+impl Rows {
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// How many more there is room for.
+    pub fn room(&self) -> usize {
+        self.most - self.length
+    }
+
+    pub fn clear(&mut self) {
+        self.truncate(0);
+    }
+
+    /// Keeps the first `length` rows.
+    pub fn truncate(&mut self, length: usize) {
+        self.length = length;
+        self.numbers.truncate(length.div_ceil(CHUNK) * CHUNK * self.width);
+    }
+
+    pub fn push(&mut self, row: &[f64]) {
+        let at = self.length % CHUNK;
+        if at == 0 {
+            self.numbers.resize(self.numbers.len() + CHUNK * self.width, 0.0);
+        }
+        let chunk = self.numbers.len() - CHUNK * self.width;
+        for (column, x) in row.iter().enumerate() {
+            self.numbers[chunk + column * CHUNK + at] = *x;
+        }
+        self.length += 1;
+    }
+
+    /// Adds `count` rows after whole chunks of others, to be filled: row r of a chunk has column c at `c * CHUNK + r`.
+    pub fn grow(&mut self, count: usize) -> &mut [f64] {
+        debug_assert!(self.length.is_multiple_of(CHUNK) && count <= self.room());
+        let before = self.numbers.len();
+        self.numbers.resize(before + count.div_ceil(CHUNK) * CHUNK * self.width, 0.0);
+        self.length += count;
+        &mut self.numbers[before..]
+    }
+
+    /// The numbers of a column of the rows `from..until`, of which `from` begins a chunk.
+    fn column(&self, column: usize, from: usize, until: usize) -> impl Iterator<Item = &[f64]> {
+        (from..until).step_by(CHUNK).map(move |row| {
+            let begin = row * self.width + column * CHUNK;
+            &self.numbers[begin..begin + CHUNK.min(until - row)]
+        })
+    }
+}
+
+/// How rows become bytes. Shared by threads.
+#[derive(Clone)]
+pub(crate) struct Encoder {
+    pub(super) columns: Arc<[Column]>,
+    pub(super) format: Format,
+}
+
+#[derive(Clone)]
+pub(super) enum Format {
+    Csv,
+    Parquet { schema: SchemaDescPtr, properties: WriterPropertiesPtr },
+}
+
+/// A part of a group, encoded.
+pub(crate) enum Piece {
+    Text(Vec<u8>),
+    /// A column's bytes, and what the file says of them.
+    Column(Bytes, Box<ColumnCloseResult>),
+}
+
+impl Encoder {
+    pub fn csv(columns: &[Column]) -> Self {
+        Self { columns: columns.into(), format: Format::Csv }
+    }
+
+    pub fn parquet(columns: &[Column]) -> io::Result<Self> {
+        let typed = |column: &Column| {
+            let (physical, logical) = match column.words.as_slice() {
+                [] => (Physical::DOUBLE, None),
+                _ => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            };
+            let built = Type::primitive_type_builder(&column.name, physical).with_logical_type(logical);
+            built.with_repetition(Repetition::REQUIRED).build().map(Arc::new)
+        };
+        let fields = columns.iter().map(typed).collect::<Result<_, _>>().map_err(plain)?;
+        let schema = Type::group_type_builder("table").with_fields(fields).build().map_err(plain)?;
+        // Numbers from a computation hardly repeat: a dictionary of them only costs; words do. Least and greatest are told
+        // of each group's numbers; an index of pages within it would grow the file's end, which is held in memory.
+        let mut properties = WriterProperties::builder()
+            .set_compression(Compression::SNAPPY)
+            .set_dictionary_enabled(false)
+            .set_statistics_enabled(EnabledStatistics::Chunk)
+            .set_offset_index_disabled(true);
+        for column in columns.iter().filter(|column| !column.words.is_empty()) {
+            let path = ColumnPath::new(vec![column.name.clone()]);
+            properties = properties
+                .set_column_dictionary_enabled(path.clone(), true)
+                .set_column_statistics_enabled(path, EnabledStatistics::None);
+        }
+        let schema = Arc::new(SchemaDescriptor::new(Arc::new(schema)));
+        let format = Format::Parquet { schema, properties: Arc::new(properties.build()) };
+        Ok(Self { columns: columns.into(), format })
+    }
+
+    /// How many rows make a group.
+    pub fn group(&self) -> usize {
+        let most = match self.format {
+            Format::Csv => TEXT_ROWS,
+            Format::Parquet { .. } => GROUP_ROWS,
+        };
+        (GROUP_NUMBERS / self.columns.len()).clamp(1, most)
+    }
+
+    /// Room for the rows of a group.
+    pub fn rows(&self) -> Rows {
+        Rows { width: self.columns.len(), most: self.group(), length: 0, numbers: Vec::new() }
+    }
+
+    /// What comes before the first row of CSV.
+    pub fn header(&self) -> io::Result<Vec<u8>> {
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        writer.write_record(self.columns.iter().map(|column| &column.name))?;
+        writer.into_inner().map_err(|e| io::Error::other(e.to_string()))
+    }
+
+    /// How many pieces these rows have.
+    pub fn pieces(&self, rows: &Rows) -> usize {
+        match self.format {
+            Format::Csv => rows.length.div_ceil(PIECE_ROWS),
+            Format::Parquet { .. } if rows.length == 0 => 0,
+            Format::Parquet { .. } => self.columns.len(),
+        }
+    }
+
+    /// All pieces, by the threads of rayon's current pool.
+    pub fn encode(&self, rows: &Rows) -> io::Result<Vec<Piece>> {
+        (0..self.pieces(rows)).into_par_iter().map(|k| self.piece(rows, k)).collect()
+    }
+
+    /// Piece number `k`.
+    pub fn piece(&self, rows: &Rows, k: usize) -> io::Result<Piece> {
+        match &self.format {
+            Format::Csv => self.text(rows, k * PIECE_ROWS),
+            Format::Parquet { schema, properties } => {
+                column(&self.columns[k], k, rows, schema, properties).map_err(plain)
+            }
+        }
+    }
+
+    fn text(&self, rows: &Rows, from: usize) -> io::Result<Piece> {
+        let until = rows.length.min(from + PIECE_ROWS);
+        let mut writer = csv::Writer::from_writer(Vec::new());
+        let mut number = String::new();
+        for row in from..until {
+            for (c, column) in self.columns.iter().enumerate() {
+                let chunk = row - row % CHUNK;
+                let value = rows.numbers[chunk * rows.width + c * CHUNK + row % CHUNK];
+                if column.words.is_empty() {
+                    number.clear();
+                    let _ = write!(number, "{value}"); // into a String: can't fail
+                    writer.write_field(&number)?;
+                } else {
+                    writer.write_field(column.spell(value))?;
+                }
+            }
+            writer.write_record(None::<&[u8]>)?;
+        }
+        writer.into_inner().map(Piece::Text).map_err(|e| io::Error::other(e.to_string()))
+    }
+}
+
+/// One column of a group as Parquet.
+fn column(
+    column: &Column,
+    k: usize,
+    rows: &Rows,
+    schema: &SchemaDescPtr,
+    properties: &WriterPropertiesPtr,
+) -> Result<Piece, ParquetError> {
+    let mut sink = TrackedWrite::new(Vec::new());
+    let pages = Box::new(SerializedPageWriter::new(&mut sink));
+    let mut writer = get_column_writer(schema.column(k), Arc::clone(properties), pages);
+    let numbers: Vec<f64> = rows.column(k, 0, rows.length).flatten().copied().collect();
+    match &mut writer {
+        ColumnWriter::DoubleColumnWriter(out) => {
+            out.write_batch(&numbers, None, None)?;
+        }
+        ColumnWriter::ByteArrayColumnWriter(out) => {
+            // clones of these share their bytes
+            let known: Vec<ByteArray> = column.words.iter().map(|word| ByteArray::from(word.as_str())).collect();
+            let none = ByteArray::from("");
+            let mut words = Vec::with_capacity(WORDS);
+            for some in numbers.chunks(WORDS) {
+                words.clear();
+                words.extend(some.iter().map(|x| column.place(*x).map_or(&none, |at| &known[at]).clone()));
+                out.write_batch(&words, None, None)?;
+            }
+        }
+        _ => return Err(ParquetError::General("a column is of numbers or of words".into())),
+    }
+    let mut close = writer.close()?;
+    // Least and greatest under their present names alone: a reader forgets that they were told under the old ones too, and a
+    // copy of this column would say less than it.
+    if let Some(Statistics::Double(told)) = close.metadata.statistics() {
+        let told = Statistics::Double(told.clone().with_backwards_compatible_min_max(false));
+        close.metadata = close.metadata.into_builder().set_statistics(told).build()?;
+    }
+    Ok(Piece::Column(sink.into_inner()?.into(), Box::new(close)))
+}
