@@ -196,6 +196,15 @@ fn what_can_t_be_fitted_is_refused() {
         desk.lines("bad.jsonl", &[jump([1.0, -1.0]), line]);
         desk.refused("fit --velocities bad.jsonl", &format!("bad.jsonl:2: {message}"));
     }
+    desk.refused(
+        "fit --velocities jumps.jsonl --robot planar2.urdf",
+        "--robot planar2.urdf: no line of jumps.jsonl has a q for it: leave it out, or give q, qd_minus, qd_plus instead of \
+         delassus",
+    );
+    desk.refused(
+        "fit --velocities jumps.jsonl --confidence 1",
+        "jumps.jsonl: confidence is 1: give at least 0.5 and less than 1, as only the whole range is sure to hold the truth",
+    );
     let text = r#"{"delassus":[[1,0],[0,1]],"u_minus":[0,-1],"u_plus":[0,NaN]}"#;
     std::fs::write(desk.0.join("nan.jsonl"), text).unwrap();
     let (code, out, err) = desk.run("fit --velocities nan.jsonl");

@@ -96,6 +96,7 @@ mod error;
 mod flags;
 mod flow;
 mod laws;
+mod least_norm;
 mod outcome;
 mod plane;
 mod problem;
@@ -116,6 +117,7 @@ pub use laws::{
     AnyLaw, Brach, ChatterjeeRuina, Coefficients, Energetic, Frictionless, LAW_NAMES, Law, Newton, Poisson, Smith,
     Whittaker, law_by_name,
 };
+pub use least_norm::least_norm;
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{

@@ -22,6 +22,7 @@ use crate::simulate::Simulation;
 use crate::space::{Space, View};
 use crate::trajectory::ContactMode;
 use carom_chain::{Chain, Coordinates, Workspace};
+use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// A chain in motion.
@@ -447,9 +448,7 @@ fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     if k.nrows() == 1 {
         return b / k[(0, 0)];
     }
-    let svd = k.clone().svd(true, true);
-    let least = svd.singular_values.max() * 1e-12;
-    svd.solve(b, least).unwrap_or_else(|_| DVector::from_element(b.len(), f64::NAN))
+    least_norm(k, b, 1e-12)
 }
 
 /// Unit direction of the tangential part of u; `None` if that is still.

@@ -69,11 +69,19 @@ impl FitCommand {
     pub fn jumps(&self, path: &Path) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let robot = self.robot()?;
         let mut impacts = Vec::new();
+        let mut of_robot = false;
         for_each_line(path, &mut io::sink(), |line: JumpLine, _, _| {
+            of_robot |= line.q.is_some();
             impacts.push(self.jump(line, robot.as_ref())?);
             Ok(())
         })?;
         not_empty(path, impacts.len())?;
+        if let (Some(args), false) = (self.robot_args(), of_robot) {
+            let (file, robot) = (name(path), args.urdf.display());
+            return Err(CliError::Option(format!(
+                "--robot {robot}: no line of {file} has a q for it: leave it out, or give q, qd_minus, qd_plus instead of delassus"
+            )));
+        }
         Ok((impacts, robot.map(|robot| robot.chain)))
     }
 

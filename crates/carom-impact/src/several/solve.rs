@@ -9,6 +9,7 @@ use nalgebra::{DVector, Vector3};
 
 use super::natural_map::NaturalMap;
 use super::{Accuracy, Constraint, SeveralProblem};
+use crate::least_norm::least_norm;
 
 /// Sweeps before Newton's method first tries; after each failure twice as many.
 const FIRST_SWEEPS: usize = 8;
@@ -16,7 +17,7 @@ const FIRST_SWEEPS: usize = 8;
 /// Newton steps in one try.
 const NEWTON_STEPS: usize = 24;
 
-/// Singular values below this share of the largest count as none.
+/// Pivots below this share of the largest count as none.
 const RANK: f64 = 1e-12;
 
 /// Impulses and how good they are.
@@ -86,9 +87,7 @@ impl Search<'_> {
             if !self.goes_on() || f.norm() == 0.0 || !self.step() {
                 return;
             }
-            // Bounded, lest numbers near overflow keep it from an end.
-            let Some(svd) = near.derivative(p).try_svd(true, true, f64::EPSILON, 50 * p.len()) else { return };
-            let Ok(step) = svd.solve(&f, svd.singular_values.amax() * RANK) else { return };
+            let step = least_norm(&near.derivative(p), &f, RANK);
             let shares = (0..12).map(|halvings| 0.5_f64.powi(halvings));
             let next = shares.map(|share| (share, &*p - &step * share)).find_map(|(share, next)| {
                 let f_next = near.value(&next);

@@ -13,13 +13,17 @@
 
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::brent::BrentOpt;
+use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
+
+/// Pivots below this share of the largest are none: directions that no joint moves.
+const RANK: f64 = 1e-12;
 
 /// The least residual of any impulse in the cone of `friction`; infinite friction: of any that does not pull.
 pub(crate) fn least_residual(reach: &DMatrix<f64>, jump: &DVector<f64>, friction: f64) -> f64 {
     let n = reach.ncols() - 1;
-    let free = least_squares(reach, jump);
+    let free = least_norm(reach, jump, RANK);
     let pushes = free[n] >= 0.0;
     let within = pushes && (friction.is_infinite() || free.rows(0, n).norm() <= friction * free[n]);
     if within {
@@ -28,7 +32,7 @@ pub(crate) fn least_residual(reach: &DMatrix<f64>, jump: &DVector<f64>, friction
     if friction.is_infinite() {
         // On the half-space's rim nothing presses.
         let flat = reach.columns(0, n).into_owned();
-        return (jump - &flat * least_squares(&flat, jump)).norm();
+        return (jump - &flat * least_norm(&flat, jump, RANK)).norm();
     }
     let on_ray = |tangent: &[f64]| {
         let direction = reach * DVector::from_iterator(n + 1, tangent.iter().map(|t| t * friction).chain([1.0]));
@@ -60,14 +64,6 @@ impl CostFunction for Ray<'_> {
     fn cost(&self, angle: &f64) -> Result<f64, Error> {
         Ok((self.0)(*angle))
     }
-}
-
-/// The shortest of the least-squares solutions.
-fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
-    let svd = a.clone().svd(true, true);
-    let floor = svd.singular_values.max() * 1e-12;
-    // Both factors were asked for, which is the only way to fail.
-    svd.solve(b, floor).unwrap_or_else(|_| DVector::zeros(a.ncols()))
 }
 
 #[cfg(test)]

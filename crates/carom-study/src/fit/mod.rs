@@ -12,9 +12,10 @@
 //! which no point contact can go, whatever its law. The third adds up everything that happens in a toss.
 //!
 //! **Method.** The least of a robust loss ([`Loss`]) over a box, by a grid and Nelder & Mead's search (`search.rs`);
-//! intervals from the Jacobian with a covariance that assumes nothing of the noise (`confidence.rs`), or, where a
-//! coefficient is on its bound and for roll-outs, from a seeded bootstrap over the measurements. Noise in the velocities
-//! *before* an impact is not modelled: it is taken for noise of the jump. The same numbers in give the same numbers out.
+//! intervals from the loss itself, which may rise by what a covariance allows that assumes nothing of the noise
+//! (`confidence.rs`); for roll-outs, from a seeded bootstrap over the tosses. Noise in the velocities *before* an impact is
+//! not modelled: it is taken for noise of the jump. That is no matter while it is some hundredths of them, and then biases
+//! restitution low and, where many impacts are near sticking, friction high. The same numbers in give the same numbers out.
 
 mod bound;
 mod confidence;
@@ -133,21 +134,22 @@ pub struct Coefficient {
 /// Where an interval comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interval {
-    /// The Jacobian at the least, and what each measurement pulls there.
-    Jacobian,
+    /// The values at which the loss, with the other coefficients fitted anew, has risen by no more than the scatter of
+    /// what each measurement pulls by allows.
+    Profile,
     /// Fits to measurements drawn anew.
     Bootstrap,
-    /// The residuals don't depend on it here: the values that fit as well.
-    Flat,
+    /// One measurement or none tells of it, which leaves no scatter: the values that fit as well, if noise is alike in all.
+    Alike,
 }
 
 impl Interval {
     /// `jacobian`, `bootstrap` or `flat`.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Jacobian => "jacobian",
+            Self::Profile => "profile",
             Self::Bootstrap => "bootstrap",
-            Self::Flat => "flat",
+            Self::Alike => "alike",
         }
     }
 }
@@ -207,8 +209,6 @@ impl Score {
 }
 
 const NAMES: [&str; 3] = ["restitution", "friction", "inertia scale"];
-/// Fits to impacts drawn anew, where a coefficient is on its bound.
-const BOOTSTRAPS: usize = 200;
 
 impl FitOptions<'_> {
     fn check(&self) -> Result<(), FitError> {
@@ -227,7 +227,11 @@ impl FitOptions<'_> {
             return refuse("training share", self.train, "it lies above 0, and 1 is all");
         }
         if !(self.confidence >= 0.5 && self.confidence < 1.0) {
-            return refuse("confidence", self.confidence, "it lies between 0.5 and 1, and below 1");
+            return refuse(
+                "confidence",
+                self.confidence,
+                "give at least 0.5 and less than 1, as only the whole range is sure to hold the truth",
+            );
         }
         Ok(())
     }

@@ -21,6 +21,14 @@ impl Region {
         x.iter().zip(&self.bounds).map(|(x, &(low, high))| x.clamp(low, high)).collect()
     }
 
+    /// The same without coefficient `k`.
+    pub fn without(&self, k: usize) -> Self {
+        let mut rest = self.clone();
+        rest.bounds.remove(k);
+        rest.grid.remove(k);
+        rest
+    }
+
     /// All points of the grid, the first coefficient slowest.
     pub fn points(&self) -> Vec<Vec<f64>> {
         let mut points = vec![Vec::new()];

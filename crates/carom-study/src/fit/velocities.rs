@@ -1,11 +1,11 @@
 //! Fits to velocity jumps.
 
-use super::confidence::{half_widths, percentiles, quantile, resample};
+use super::confidence::{Reach, quantile, reaches};
 use super::error::FitError;
 use super::jumps::{LawPair, MeasuredImpact};
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
-use super::{BOOTSTRAPS, Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
+use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
 use carom_chain::Chain;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -226,98 +226,102 @@ impl Work<'_> {
             let (low, high) = region.bounds[k];
             [low, high].into_iter().find(|end| (x[k] - end).abs() <= ON_BOUND * side(k))
         };
-        let on_bound = known.iter().any(|&k| bound(k).is_some());
-        let mut all: Vec<Coefficient> = x
-            .iter()
-            .enumerate()
-            .map(|(k, &value)| {
-                let (low, high) = region.bounds[k];
-                Coefficient { name: NAMES[k], value, low, high, interval: Interval::Flat }
-            })
-            .collect();
         let columns: Vec<DMatrix<f64>> = jacobians.iter().map(|j| j.select_columns(&known)).collect();
-        let widths = half_widths(residuals, &columns, cost, options.confidence).filter(|_| !on_bound);
-        match widths {
-            Some(widths) => {
-                for (&k, width) in known.iter().zip(widths) {
-                    let (low, high) = region.bounds[k];
-                    all[k].low = (x[k] - width).max(low);
-                    all[k].high = (x[k] + width).min(high);
-                    all[k].interval = Interval::Jacobian;
-                }
-            }
-            None if !known.is_empty() => {
-                let drawn = self.bootstrap(region, x, cost, options);
-                for &k in &known {
-                    // On a bound all the doubt is on the other side.
-                    let (low, high) = percentiles(drawn.iter().map(|x| x[k]).collect(), options.confidence);
-                    (all[k].low, all[k].high) = (low.min(x[k]), high.max(x[k]));
-                    all[k].interval = Interval::Bootstrap;
-                }
-            }
-            None => {}
-        }
-        let flat: Vec<usize> = (0..x.len()).filter(|k| !known.contains(k)).collect();
-        for k in flat {
-            let quantile = quantile(n - x.len(), options.confidence).unwrap_or(2.0);
-            // What exact measurements leave is rounding.
-            let rounding = n as f64 * cost.of(1e-9 * self.size);
-            let limit = value * (1.0 + quantile * quantile / (n - x.len()) as f64) + rounding;
-            let as_well = |at: f64| {
-                let mut moved = x.to_vec();
-                moved[k] = at;
-                cost.sum(&self.norms(&moved)) <= limit
-            };
+        let told = reaches(residuals, &columns, cost, options.confidence).unwrap_or_else(|| vec![None; known.len()]);
+        // What exact measurements leave is rounding.
+        let rounding = n as f64 * cost.of(1e-9 * self.size);
+        let degrees = (n - x.len()) as f64;
+        let alike = value * (quantile(degrees, options.confidence).unwrap_or(2.0).powi(2) / degrees);
+        let mut all = Vec::new();
+        for (k, &fitted) in x.iter().enumerate() {
+            let reach = known.iter().position(|&other| other == k).and_then(|place| told[place]);
+            let interval = if reach.is_some() { Interval::Profile } else { Interval::Alike };
+            let Reach { width, rise } = reach.unwrap_or(Reach { width: 0.05 * side(k), rise: alike });
+            // Measurements that are met exactly allow no step at all.
+            let reach = Reach { width: width.max(ON_BOUND * side(k)), rise: rise + rounding };
             let (low, high) = region.bounds[k];
-            all[k].low = edge(x[k], low, &as_well);
-            all[k].high = edge(x[k], high, &as_well);
-            let more = if k == 1 { ": where they all stick, more friction changes nothing" } else { "" };
-            notes.push(format!(
-                "{} is not determined: the impacts don't depend on it here{more}; all from {} to {} fits as well",
-                NAMES[k], all[k].low, all[k].high
-            ));
+            let [low, high] = [low, high].map(|end| self.edge(region, (x, k), end, reach, (cost, value)));
+            all.push(Coefficient { name: NAMES[k], value: fitted, low, high, interval });
         }
-        for &k in &known {
+        for (k, one) in all.iter().enumerate() {
+            let name = NAMES[k];
+            if !known.contains(&k) {
+                let more = if k == 1 { ": where they all stick, more friction changes nothing" } else { "" };
+                notes.push(format!(
+                    "{name} is not determined: the impacts don't depend on it here{more}; all from {} to {} fits as well",
+                    one.low, one.high
+                ));
+                continue;
+            }
             if let Some(end) = bound(k) {
                 let more = if k == 1 && end > 0.0 { ", the end of the search: raise the largest friction" } else { "" };
+                notes.push(format!("{name} is on its bound {end}{more}"));
+            }
+            if one.interval == Interval::Alike {
                 notes.push(format!(
-                    "{} is on its bound {end}{more}; intervals are from {BOOTSTRAPS} fits to impacts drawn anew",
-                    NAMES[k]
+                    "only one impact tells of {name}: its interval takes the noise for alike in all impacts"
                 ));
             }
-            if all[k].high - all[k].low > 0.9 * side(k) {
-                notes.push(format!(
-                    "{}'s interval covers nearly all that was searched: it is hardly determined",
-                    NAMES[k]
-                ));
+            if one.high - one.low > 0.9 * side(k) {
+                notes.push(format!("{name}'s interval covers nearly all that was searched: it is hardly determined"));
             }
         }
         Ok(all)
     }
 
-    /// Fits to the training impacts drawn anew.
-    fn bootstrap(&self, region: &Region, x: &[f64], cost: Cost, options: &FitOptions) -> Vec<Vec<f64>> {
-        let one = |k: usize| {
-            let mut rng = fastrand::Rng::with_seed(
-                options.seed.wrapping_add(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(k as u64 + 1)),
-            );
-            let counts = resample(self.train.len(), &mut rng);
-            let value = |x: &[f64]| self.norms(x).iter().zip(&counts).map(|(&r, count)| cost.of(r) * count).sum();
-            region.descend(x, 0.05, 1e-10, 150, &value).0
+    /// How far towards `end` coefficient `k` may go from the least, `value`, at `x` until the loss, with the others fitted
+    /// anew, has risen as far as `reach` says.
+    fn edge(
+        &self,
+        region: &Region,
+        (x, k): (&[f64], usize),
+        end: f64,
+        Reach { width, rise }: Reach,
+        (cost, value): (Cost, f64),
+    ) -> f64 {
+        let others = region.without(k);
+        let mut rest = [&x[..k], &x[k + 1..]].concat();
+        let spread = (1e-4 * rise / value.max(rise)).max(FINE);
+        // Positive where it has risen too far; in straight proportion to the distance on a parabola.
+        let mut over = |at: f64| {
+            let with = |rest: &[f64]| [&rest[..k], &[at], &rest[k..]].concat();
+            let (best, least) = others.descend(&rest, 0.01, spread, 40, &|rest| cost.sum(&self.norms(&with(rest))));
+            rest = best;
+            (least - value).max(0.0).sqrt() - rise.sqrt()
         };
-        (0..BOOTSTRAPS).into_par_iter().map(one).collect()
+        let (mut inside, mut f_inside) = (x[k], -rise.sqrt());
+        let mut step = width;
+        let (mut outside, mut f_outside) = loop {
+            let at = if (end - inside).abs() <= step { end } else { inside + step.copysign(end - inside) };
+            let f = over(at);
+            if f > 0.0 {
+                break (at, f);
+            }
+            if at == end {
+                return end;
+            }
+            (inside, f_inside) = (at, f);
+            step *= 1.5;
+        };
+        // False position, an end that stays counting half (Illinois).
+        let mut stayed = None;
+        for _ in 0..60 {
+            let middle = inside + (outside - inside) * (f_inside / (f_inside - f_outside));
+            let f = over(middle);
+            let beyond = f > 0.0;
+            if beyond {
+                (outside, f_outside) = (middle, f)
+            } else {
+                (inside, f_inside) = (middle, f)
+            }
+            if f.abs() <= 1e-4 * rise.sqrt() || (outside - inside).abs() <= 1e-6 * width {
+                return middle;
+            }
+            if stayed == Some(beyond) {
+                if beyond { f_inside *= 0.5 } else { f_outside *= 0.5 }
+            }
+            stayed = Some(beyond);
+        }
+        outside
     }
-}
-
-/// How far towards `end` a value may go from `from` and still fit.
-fn edge(from: f64, end: f64, fits: &dyn Fn(f64) -> bool) -> f64 {
-    if fits(end) {
-        return end;
-    }
-    let (mut inside, mut outside) = (from, end);
-    for _ in 0..40 {
-        let middle = 0.5 * (inside + outside);
-        if fits(middle) { inside = middle } else { outside = middle }
-    }
-    inside
 }
