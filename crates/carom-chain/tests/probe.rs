@@ -6,7 +6,7 @@ use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, Point, uniform_chain};
 use common::{Sample, Zoo, close, robot, sample};
-use nalgebra::{DMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3};
 
 /// Position, J, M and H to 1e-13 of their largest entry; the solve with M, and H, lose its condition number on top.
 fn agrees<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, q: &[f64]) {
@@ -80,6 +80,28 @@ fn the_fused_kernel_equals_the_general_path_on_rows_of_hinges() {
             let name = format!("link{hinges}");
             let offset = s.vector();
             let point = s.chain.point(s.chain.frame(&name).unwrap(), offset);
+            let (normal, q) = (direction(&mut s), s.q());
+            agrees(&s.chain, point, normal, &q);
+        }
+    }
+}
+
+#[test]
+fn nearly_parallel_axes_lose_no_digits() {
+    // Where two axes are parallel their frames' turns about them can't be told apart, and next to it hardly.
+    for seed in 0..30 {
+        for tilt in [0.0, 1e-15, 1e-12, 1e-8, 1e-4, std::f64::consts::PI] {
+            let mut rng = fastrand::Rng::with_seed(seed);
+            let mut robot = robot(4, Zoo::Uncoupled, &mut rng);
+            for (k, joint) in robot.joints.iter_mut().enumerate() {
+                (joint.kind, joint.parent, joint.axis) = (JointType::Revolute, k, Vector3::z_axis());
+                let about = |axis, angle| UnitQuaternion::from_axis_angle(&axis, angle);
+                let (first, last) = (about(Vector3::z_axis(), rng.f64()), about(Vector3::z_axis(), rng.f64()));
+                joint.origin.rotation = first * about(Vector3::x_axis(), tilt) * last;
+            }
+            let mut s = Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng };
+            let offset = s.vector();
+            let point = s.chain.point(s.chain.frame("link4").unwrap(), offset);
             let (normal, q) = (direction(&mut s), s.q());
             agrees(&s.chain, point, normal, &q);
         }
