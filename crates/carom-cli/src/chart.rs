@@ -4,7 +4,7 @@ use crate::error::CliError;
 use crate::files;
 use crate::output::{to_json, write_whole};
 use crate::scene::load;
-use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, svg};
+use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, knob_value, svg};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
@@ -176,7 +176,7 @@ fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
         "method", "knob", "time, ms", "after impact", "at the end"
     )?;
     for run in &chart.runs {
-        let knob = format!("{} {:.0e}", run.knob, run.value);
+        let knob = format!("{} {}", run.knob, knob_value(run.value));
         let (after, end) = (number(run.after_impact), number(run.at_end));
         writeln!(out, "{:36} {knob:>20} {:>10.4} {after:>12} {end:>10}  {}", run.method, run.wall_time * 1e3, run.law)?;
     }

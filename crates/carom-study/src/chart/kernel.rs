@@ -68,7 +68,7 @@ impl Chart {
                 let after_impact = self.reference.after_impact(qd);
                 self.runs.push(Run {
                     method: format!("{name}, {space}"),
-                    law: "of every law, without friction".to_owned(),
+                    law: "any, without friction".to_owned(),
                     knob: "bits".to_owned(),
                     value: *bits,
                     wall_time: *wall_time,

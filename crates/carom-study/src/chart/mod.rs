@@ -34,6 +34,15 @@ pub struct Run {
     pub at_end: Option<f64>,
 }
 
+/// A knob's value for people: small whole numbers as they are, others by two digits and a power of ten.
+pub fn knob_value(value: f64) -> String {
+    if value.fract() == 0.0 && value.abs() < 1000.0 {
+        return value.to_string();
+    }
+    let rounded = format!("{value:.1e}");
+    rounded.replace(".0e", "e")
+}
+
 /// A method that could not run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Absent {

@@ -1,6 +1,6 @@
 //! The chart as a picture: two panels, time to the right, error upwards, both logarithmic.
 
-use super::{Chart, Run};
+use super::{Chart, Run, knob_value};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -72,8 +72,8 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
         let values: Vec<f64> = knobs.clone().map(|run| run.value).collect();
         let knob = knobs.map(|run| run.knob.as_str()).next().unwrap_or_default();
         let range = match values.as_slice() {
-            [one] => format!("{knob} {one:e}"),
-            [first, .., last] => format!("{knob} {first:e} … {last:e}"),
+            [one] => format!("{knob} {}", knob_value(*one)),
+            [first, .., last] => format!("{knob} {} … {}", knob_value(*first), knob_value(*last)),
             [] => String::new(),
         };
         // What peers follow is said below: their names are long enough.
