@@ -16,11 +16,10 @@
 //! | M⁻¹Jᵀn | nv | joint velocities that it gives | `response` |
 //! | nᵀHn | 1 | velocity along n that it gives the point, 1/kg | `mobility` |
 //!
-//! **Shapes.** The kernel (`kernel.rs`) is written once. What a chain is made of is looked at once, when the probe is made:
-//! hinges one after another take no branches on joints and parents, and what is the same at all configurations is done in
-//! advance (`row.rs`); two and three of them have fixed sizes, so that everything lives in registers; all else is a tree.
-//! Instructions of the paper's chain of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to
-//! [`crate::Kinematics`].
+//! **Shapes.** The kernel (`kernel.rs`) is written once, and two and three hinges are written out beside it. What a chain is
+//! made of is looked at once, when the probe is made: hinges one after another take no branches on joints and parents, and
+//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree. Instructions of the paper's chain
+//! of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to [`crate::Kinematics`].
 //!
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
