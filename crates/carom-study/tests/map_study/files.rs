@@ -1,0 +1,197 @@
+//! The files that hold a map's rows: the same however many threads, interruptions and parts.
+
+use crate::study_in;
+use carom_study::study::{MapFile, Written};
+use carom_study::{Study, StudyError};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// The map of many small blocks that the tests of files use.
+fn small(folder: &Path) -> Study {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = [30, 60]\nspeed = 0.2\nlaw = [\"energetic\", \"newton\"]\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[tip]\nx = { from = -0.9, to = 0.9, count = 61 }\ny = { from = -0.9, to = 0.9, count = 41 }";
+    let quantities = "\"tangential_jump\", \"impulse\", \"limit_joint\", \"flags\"";
+    Study::from_file(study_in(folder, "small", "planar2", poses, impact, quantities)).unwrap()
+}
+
+fn write(study: &Study, path: &Path, rows: std::ops::Range<u64>, threads: usize) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let file = MapFile { path: path.to_owned(), rows, resume: false };
+    let done = AtomicU64::new(0);
+    let count = |rows| {
+        done.fetch_add(rows, Ordering::Relaxed);
+    };
+    let written = pool.install(|| study.write(&file, &count, &AtomicBool::new(false))).unwrap();
+    assert_eq!(written, Written::Whole);
+    assert_eq!(done.into_inner(), file.rows.end - file.rows.start);
+    std::fs::read(path).unwrap()
+}
+
+/// Begins or goes on, until more than `after` rows are there; the number of rows, and the table that is left.
+fn interrupted(study: &Study, file: &MapFile, after: u64) -> (u64, PathBuf) {
+    let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
+    let count = |rows| {
+        stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > after, Ordering::Relaxed);
+    };
+    let Written::Interrupted { rows, partial } = study.write(file, &count, &stop).unwrap() else {
+        panic!("it should have been interrupted");
+    };
+    (rows, partial)
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_the_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for name in ["map.csv", "map.parquet"] {
+        let path = folder.path().join(name);
+        let one = write(&study, &path, 0..study.rows(), 1);
+        assert!(one.len() > 100_000);
+        for threads in [2, 5] {
+            assert!(one == write(&study, &path, 0..study.rows(), threads), "{name} by {threads} threads");
+        }
+    }
+}
+
+/// Interrupted anywhere, twice, and resumed, a map has the bytes of one that never was; what is left in between is a
+/// whole table of the first rows.
+#[test]
+fn an_interrupted_map_resumes_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for (name, ending) in [("map.csv", "csv"), ("map.parquet", "parquet")] {
+        let whole = write(&study, &folder.path().join(name), 0..study.rows(), 2);
+        let path = folder.path().join(format!("again.{ending}"));
+        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        let mut last = 0;
+        for after in [1000, 9000] {
+            let (rows, partial) = interrupted(&study, &file, after);
+            assert!(rows > last && rows < study.rows(), "{rows} rows after {last}");
+            assert!(!path.exists() && partial.exists());
+            if ending == "csv" {
+                let text = std::fs::read_to_string(&partial).unwrap();
+                assert_eq!(text.lines().count() as u64, rows + 1);
+                assert!(String::from_utf8_lossy(&whole).starts_with(&text));
+            }
+            last = rows;
+            file.resume = true;
+        }
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+        assert!(std::fs::read(&path).unwrap() == whole, "{name}");
+        assert!(!file.partial().exists(), "what was left is in the map now");
+    }
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left.len(), 5, "{left:?}");
+}
+
+/// A map of several row groups of Parquet, of which a resumed run copies the whole ones as bytes.
+#[test]
+fn groups_that_are_copied_have_the_bytes_of_computed_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
+    let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
+    let made = study_in(folder.path(), "groups", "planar2", poses, impact, "\"impulse\", \"limit_joint\"");
+    let study = Study::from_file(made).unwrap();
+    for ending in ["parquet", "csv"] {
+        let whole = write(&study, &folder.path().join(format!("map.{ending}")), 0..study.rows(), 2);
+        let path = folder.path().join(format!("again.{ending}"));
+        let mut file = MapFile { path: path.clone(), rows: 0..study.rows(), resume: false };
+        for after in [70_000, 140_000] {
+            interrupted(&study, &file, after);
+            file.resume = true;
+        }
+        if ending == "parquet" {
+            let left = SerializedFileReader::new(std::fs::File::open(file.partial()).unwrap()).unwrap();
+            let groups: Vec<i64> = left.metadata().row_groups().iter().map(|group| group.num_rows()).collect();
+            assert!(groups[0] == 65536 && groups.len() > 1, "{groups:?}");
+        }
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+        assert!(std::fs::read(&path).unwrap() == whole, "{ending}");
+    }
+}
+
+/// A table that has been cut, or is another one, is not gone on with.
+#[test]
+fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    for ending in ["parquet", "csv"] {
+        let mut file =
+            MapFile { path: folder.path().join(format!("map.{ending}")), rows: 0..study.rows(), resume: false };
+        interrupted(&study, &file, 2000);
+        file.resume = true;
+        let left = std::fs::read(file.partial()).unwrap();
+        let mut spoilt = left.clone();
+        spoilt.truncate(left.len() - 100);
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
+        let message = refused(&file);
+        assert!(message.contains("bytes, and its note says") && message.contains("without --resume"), "{message}");
+        // as long, but not a table of these columns
+        spoilt.resize(left.len(), b'x');
+        spoilt[..20].fill(b'x');
+        std::fs::write(file.partial(), &spoilt).unwrap();
+        assert!(refused(&file).contains("without --resume to begin again"));
+        assert!(!file.path.exists() && file.partial().exists());
+        std::fs::write(file.partial(), &left).unwrap();
+        assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
+    }
+}
+
+#[test]
+fn what_another_study_left_is_not_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    let mut file = MapFile { path: folder.path().join("map.csv"), rows: 0..study.rows(), resume: false };
+    interrupted(&study, &file, 0);
+    file.resume = true;
+    let refused = |study: &Study, file: &MapFile| match study.write(file, &|_| (), &AtomicBool::new(false)) {
+        Err(StudyError::Resume { reason, .. }) => reason,
+        other => panic!("{other:?}"),
+    };
+    let shard = MapFile { rows: 0..10, ..file.clone() };
+    assert!(refused(&study, &shard).contains("the shard"));
+    let text = std::fs::read_to_string(folder.path().join("small.toml")).unwrap();
+    std::fs::write(folder.path().join("small.toml"), text.replace("0.35", "0.36")).unwrap();
+    let other = Study::from_file(folder.path().join("small.toml")).unwrap();
+    assert!(refused(&other, &file).contains("the study file"));
+}
+
+/// Part after part is the whole, whatever their number.
+#[test]
+fn shards_one_after_another_are_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = small(folder.path());
+    let whole = write(&study, &folder.path().join("map.csv"), 0..study.rows(), 2);
+    for parts in [1, 3, 7] {
+        let mut joined = Vec::new();
+        for part in 1..=parts {
+            let path = folder.path().join(format!("part{part}.csv"));
+            let text = write(&study, &path, study.shard(part, parts).unwrap(), 2);
+            let header = text.iter().position(|b| *b == b'\n').unwrap() + 1;
+            joined.extend_from_slice(if part == 1 { &text } else { &text[header..] });
+        }
+        assert!(joined == whole, "{parts} parts");
+    }
+    assert!(study.shard(0, 3).is_none() && study.shard(4, 3).is_none());
+    let path = folder.path().join("map.parquet");
+    write(&study, &path, 0..study.rows(), 2);
+    let whole = parquet_rows(&path);
+    assert_eq!(whole.len() as u64, study.rows());
+    for parts in [3, 7] {
+        let mut joined = Vec::new();
+        for part in 1..=parts {
+            let path = folder.path().join(format!("part{part}.parquet"));
+            write(&study, &path, study.shard(part, parts).unwrap(), 2);
+            joined.extend(parquet_rows(&path));
+        }
+        assert!(joined == whole, "{parts} parts");
+    }
+}
+
+/// Every row with names and values, spelt out: NaN is no number's equal.
+fn parquet_rows(path: &Path) -> Vec<String> {
+    let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
+    reader.into_iter().map(|row| format!("{:?}", row.unwrap())).collect()
+}
