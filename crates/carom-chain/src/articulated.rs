@@ -16,10 +16,11 @@
 //! the dense way ([`Kinematics::contact_inertia`] picks by itself).
 //! Source: Featherstone (2008), table 7.1 (ABA).
 
-use crate::algebra::{Algebra, Articulated, Force, Motion};
+use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};
 use crate::chain::Point;
 use crate::error::ChainError;
-use crate::workspace::Kinematics;
+use crate::steps::Held;
+use crate::workspace::{Flow, Kinematics, Link};
 use nalgebra::SimdComplexField;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut};
 use num_traits::{One, Zero};
@@ -48,19 +49,33 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
         if self.chain.is_coupled() {
             return Err(ChainError::Coupled { chain: self.chain.name().into() });
         }
-        let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
-        for (i, body) in bodies.iter().enumerate() {
-            ws.articulated[i] = A::Articulated::from_rigid(&body.inertia.rotated(ws.rotation[i]));
-        }
-        for (i, body) in bodies.iter().enumerate().rev() {
-            let u = ws.articulated[i].along(ws.axis[i]);
-            let own = added.map_or_else(A::Scalar::zero, |added| added[body.v_index]);
-            let inverse_d = A::Scalar::one() / (ws.axis[i].dot(u) + own);
-            ws.transmitted[i] = u;
-            ws.inverse_d[i] = inverse_d;
-            if let Some(p) = body.parent {
-                let felt = ws.articulated[i].without(u, inverse_d).shifted(ws.offset[i]);
-                ws.articulated[p] += felt;
+        let (chain, ws) = (self.chain, &mut *self.ws);
+        // What body i's first child hands on, which is the next body, is still at hand.
+        let mut felt = A::Articulated::from_rigid(&Inertia::zero());
+        for (i, (step, body)) in chain.steps.iter().zip(&chain.bodies).enumerate().rev() {
+            let Link { rotation, offset, ref axis, .. } = ws.links[i];
+            let rigid = body.inertia.rotated(rotation);
+            ws.inertia[i] = rigid;
+            let (below, own) = ws.free.split_at_mut(i);
+            let own = &mut own[0];
+            let mut articulated = A::Articulated::from_rigid(&rigid);
+            if step.end > i + 1 {
+                articulated += felt;
+            }
+            if step.branches {
+                articulated += own.articulated;
+            }
+            let u = articulated.along(*axis);
+            let added = added.map_or_else(A::Scalar::zero, |added| added[step.v_index]);
+            let inverse_d = A::Scalar::one() / (axis.dot(u) + added);
+            (own.articulated, own.transmitted, own.inverse_d) = (articulated, u, inverse_d);
+            if step.held_by != Held::World {
+                felt = articulated.without(u, inverse_d).shifted(offset);
+                match step.held_by {
+                    Held::World | Held::InHand => {}
+                    Held::Last(p) => below[p].articulated = felt,
+                    Held::Between(p) => below[p].articulated += felt,
+                }
             }
         }
         Ok(Articulation { kin: self })
@@ -88,14 +103,24 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         for (what, length) in [("qd", qd.len()), ("tau", tau.len()), ("qdd", qdd.len())] {
             self.kin.chain.check_nv(what, length)?;
         }
-        self.kin.spread_velocity(qd);
+        // The accelerations that velocities and gravity alone give, no body turning faster, and the forces they need.
         let (chain, ws) = (self.kin.chain, &mut *self.kin.ws);
-        for (i, body) in chain.bodies.iter().enumerate() {
-            let v = ws.velocity[i];
-            ws.acceleration[i] = ws.force_free_rate(chain, i, qd);
-            ws.force[i] = v.carry_force(body.inertia.rotated(ws.rotation[i]).apply(v));
+        let base = Flow::base(-gravity);
+        let mut flow = base;
+        for (i, step) in chain.steps.iter().enumerate() {
+            let outer = ws.flow_below(i, step.parent, &flow, &base);
+            let (turn, drift) = ws.drift(chain, i, outer.spin, qd);
+            let spin = outer.spin + ws.links[i].axis.at_rate(qd[step.v_index]).angular;
+            let acceleration = outer.acceleration + drift;
+            let Inertia { mass, first_moment: h, rotational } = ws.inertia[i];
+            flow = Flow { spin, spin_rate: turn, acceleration };
+            ws.flow[i] = flow;
+            ws.force[i] = Force {
+                moment: A::cross_angular(spin, A::apply_inertia(rotational, spin)) + A::moment(h, acceleration),
+                force: acceleration * mass + A::swing(spin, A::swing(spin, h)),
+            };
         }
-        self.sweep(tau, gravity, qdd);
+        self.sweep::<true>(tau, qdd);
         Ok(())
     }
 
@@ -106,35 +131,54 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
     pub fn solve_into(&mut self, joint_force: &[A::Scalar], out: &mut [A::Scalar]) -> Result<(), ChainError> {
         self.kin.chain.check_nv("tau", joint_force.len())?;
         self.kin.chain.check_nv("qdd", out.len())?;
-        let ws = &mut *self.kin.ws;
-        ws.acceleration.fill(Motion::zero());
-        ws.force.fill(Force::zero());
-        self.sweep(joint_force, A::zero(), out);
+        self.kin.ws.force.fill(Force::zero());
+        self.sweep::<false>(joint_force, out);
         Ok(())
     }
 
-    /// In: the force-free rates c in `acceleration`, the bias forces p in `force`. Inward: uᵢ = τᵢ − sᵢ·pᵢ. Outward:
-    /// q̈ᵢ = (uᵢ − Uᵢ·a)/Dᵢ.
-    fn sweep(&mut self, tau: &[A::Scalar], gravity: A::Vector, qdd: &mut [A::Scalar]) {
-        let (bodies, ws) = (&self.kin.chain.bodies, &mut *self.kin.ws);
-        for (i, body) in bodies.iter().enumerate().rev() {
-            let u = tau[body.v_index] - ws.axis[i].dot(ws.force[i]);
-            ws.drive[i] = u;
-            if let Some(p) = body.parent {
-                let c = ws.acceleration[i];
-                let left = u - ws.transmitted[i].power(c);
-                let felt = ws.force[i] + ws.articulated[i].apply(c) + ws.transmitted[i] * (left * ws.inverse_d[i]);
-                let felt = felt.shifted(ws.offset[i]);
-                ws.force[p] += felt;
+    /// In: the bias forces p in `force`, and if the chain `TURNS` the rates of ω that velocities give, c, in `flow`.
+    /// Inward: uᵢ = τᵢ − sᵢ·pᵢ. Outward: q̈ᵢ = (uᵢ − Uᵢ·a)/Dᵢ. In the plane c is zero.
+    fn sweep<const TURNS: bool>(&mut self, tau: &[A::Scalar], qdd: &mut [A::Scalar]) {
+        let (steps, ws) = (&self.kin.chain.steps, &mut *self.kin.ws);
+        let turns = TURNS && A::ANGULAR > 1;
+        let mut felt = Force::zero();
+        for (i, step) in steps.iter().enumerate().rev() {
+            let Link { offset, ref axis, .. } = ws.links[i];
+            let own = &mut ws.free[i];
+            let mut force = ws.force[i];
+            if step.end > i + 1 {
+                force += felt;
+            }
+            let u = tau[step.v_index] - axis.dot(force);
+            own.drive = u;
+            if step.held_by != Held::World {
+                let mut left = u;
+                if turns {
+                    let c = ws.flow[i].spin_rate;
+                    left -= A::dot_angular(c, own.transmitted.moment);
+                    force += own.articulated.along(Axis::Turn(c));
+                }
+                felt = (force + own.transmitted * (left * own.inverse_d)).shifted(offset);
+                step.held_by.add(&mut ws.force, felt);
             }
         }
-        let base = Motion { angular: A::zero_angular(), linear: -gravity };
-        for (i, body) in bodies.iter().enumerate() {
-            let carried = body.parent.map_or(base, |p| ws.acceleration[p]).shifted(ws.offset[i]);
-            let a = carried + ws.acceleration[i];
-            let rate = (ws.drive[i] - ws.transmitted[i].power(a)) * ws.inverse_d[i];
-            ws.acceleration[i] = a + ws.axis[i].at_rate(rate);
-            qdd[body.v_index] = rate;
+        let mut a = Motion::zero();
+        for (i, step) in steps.iter().enumerate() {
+            let Link { offset, ref axis, .. } = ws.links[i];
+            let carried = match step.parent {
+                Some(p) if p + 1 == i => a.shifted(offset),
+                Some(p) => ws.free[p].acceleration.shifted(offset),
+                None => Motion::zero(),
+            };
+            let own = &mut ws.free[i];
+            a = carried;
+            if turns {
+                a.angular += ws.flow[i].spin_rate;
+            }
+            let rate = (own.drive - own.transmitted.power(a)) * own.inverse_d;
+            a = a + axis.at_rate(rate);
+            own.acceleration = a;
+            qdd[step.v_index] = rate;
         }
     }
 
@@ -150,7 +194,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         out.fill(A::Scalar::zero());
         self.send_unit_forces(point, |i, epsilon| {
             for a in 0..A::LINEAR {
-                let scaled = epsilon[a] * self.kin.ws.inverse_d[i];
+                let scaled = epsilon[a] * self.kin.ws.free[i].inverse_d;
                 for b in 0..A::LINEAR {
                     out[(a, b)] += scaled * epsilon[b];
                 }
@@ -162,7 +206,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
     pub fn delassus_factor(&self, point: Point<A>) -> DMatrix<A::Scalar> {
         let mut e = DMatrix::zeros(A::LINEAR, self.kin.chain.nv);
         self.send_unit_forces(point, |i, epsilon| {
-            let root = self.kin.ws.inverse_d[i].simd_sqrt();
+            let root = self.kin.ws.free[i].inverse_d.simd_sqrt();
             for k in 0..A::LINEAR {
                 e[(k, self.kin.chain.bodies[i].v_index)] = epsilon[k] * root;
             }
@@ -182,10 +226,11 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         let mut f = [unit(0), unit(1), unit(A::LINEAR - 1)]; // in the plane the third repeats the second, unread
         let mut next = Some(body);
         while let Some(i) = next {
-            let epsilon = f.map(|f| ws.axis[i].dot(f));
+            let epsilon = f.map(|f| ws.links[i].axis.dot(f));
             keep(i, epsilon);
             for k in 0..A::LINEAR {
-                f[k] = (f[k] - ws.transmitted[i] * (epsilon[k] * ws.inverse_d[i])).shifted(ws.offset[i]);
+                f[k] =
+                    (f[k] - ws.free[i].transmitted * (epsilon[k] * ws.free[i].inverse_d)).shifted(ws.links[i].offset);
             }
             next = self.kin.chain.bodies[i].parent;
         }

@@ -118,7 +118,7 @@ impl Chain {
             Some(Frame { name: link.name.clone(), body, pose })
         });
         let (nq, nv) = lengths(&coordinates);
-        Self { frames: frames.collect(), bodies, nq, nv, about: Arc::new(about(&robot, links, coordinates)) }
+        Self::of(Arc::new(about(&robot, links, coordinates)), bodies, frames.collect(), nq, nv)
     }
 }
 

@@ -8,11 +8,12 @@
 //! | n | number of bodies, `bodies.len()` | – |
 //!
 //! Fixed joints are merged away; a floating joint is six bodies of which the last carries the inertia, a planar joint
-//! three, each the parent of the next and next to it in the list. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
+//! three, each the parent of the next and next to it in the list; trees are numbered depth first. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
 //! recursion sees joints of one degree of freedom only. Without mimic joints n = nv.
 
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::error::ChainError;
+use crate::steps::Step;
 use crate::urdf::{Collision, JointType, Limits, suggestion};
 use num_traits::Zero;
 use std::ops::Range;
@@ -136,6 +137,9 @@ pub(crate) struct About {
 pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
+    pub(crate) steps: Vec<Step<A>>,
+    /// Whether body i has the coordinate i of qd, and no other has.
+    pub(crate) in_order: bool,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
@@ -235,11 +239,7 @@ impl<A: Algebra> Chain<A> {
             joint_index: b.joint_index,
             joint: b.joint,
             placement: pose(&b.placement),
-            inertia: Inertia {
-                mass: nalgebra::convert(b.inertia.mass),
-                first_moment: A::cast_vector(b.inertia.first_moment),
-                rotational: A::cast_inertia(b.inertia.rotational),
-            },
+            inertia: b.inertia.cast(),
             q_index: b.q_index,
             v_index: b.v_index,
             ratio: nalgebra::convert(b.ratio),
@@ -249,6 +249,8 @@ impl<A: Algebra> Chain<A> {
         Chain {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
+            steps: self.steps.iter().map(Step::cast).collect(),
+            in_order: self.in_order,
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
@@ -285,7 +287,23 @@ impl<A: Algebra> Chain<A> {
             let of_mass = Inertia::<A>::from_com(inertia.mass, com, A::Rotational::zero()).rotational;
             inertia.rotational = of_mass + (inertia.rotational - of_mass) * scale;
         }
+        scaled.steps = Step::of(&scaled.bodies);
         Ok(scaled)
+    }
+
+    /// The chain of these bodies.
+    pub(crate) fn of(about: Arc<About>, bodies: Vec<Body<A>>, frames: Vec<Frame<A>>, nq: usize, nv: usize) -> Self
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        let in_order = bodies.len() == nv && bodies.iter().enumerate().all(|(i, body)| body.v_index == i);
+        Self { about, steps: Step::of(&bodies), in_order, bodies, frames, nq, nv }
+    }
+
+    /// The bodies that carry body `i`, down to the world.
+    #[inline(always)]
+    pub(crate) fn below(&self, i: usize) -> impl Iterator<Item = usize> {
+        std::iter::successors(self.bodies[i].parent, |&j| self.bodies[j].parent)
     }
 
     #[inline(always)]

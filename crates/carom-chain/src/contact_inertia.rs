@@ -19,7 +19,7 @@ use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::articulated::Articulation;
 use crate::chain::{Coordinates, JointInfo, Point};
 use crate::error::ChainError;
-use crate::workspace::Kinematics;
+use crate::workspace::{Kinematics, Link};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField, SimdRealField};
 use num_traits::{One, Zero};
 
@@ -107,11 +107,11 @@ where
         let mut r = self.arm(body, point);
         let mut root = body;
         while let Some(p) = self.chain.bodies[root].parent {
-            r += self.ws.offset[root];
+            r += self.ws.links[root].offset;
             root = p;
         }
         self.composites();
-        let whole = self.ws.composite[root];
+        let whole = self.ws.inertia[root];
         let one = A::Scalar::one();
         let com = whole.first_moment * (one / whole.mass);
         let at_com = whole.shifted(-com);
@@ -200,14 +200,14 @@ where
     fn articulate_checked(&mut self, added: Option<&[A::Scalar]>) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.composites();
         let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
-        let size = |(axis, composite): (&Axis<A>, &Inertia<A>)| match *axis {
+        let size = |(link, composite): (&Link<A>, &Inertia<A>)| match link.axis {
             Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
             Axis::Slide(z) => A::dot(z, z) * composite.mass,
         };
-        let sizes: Vec<A::Scalar> = self.ws.axis.iter().zip(&self.ws.composite).map(size).collect();
+        let sizes: Vec<A::Scalar> = self.ws.links.iter().zip(&self.ws.inertia).map(size).collect();
         self.articulate_with(added)?;
         for (i, size) in sizes.into_iter().enumerate() {
-            let d = A::Scalar::one() / self.ws.inverse_d[i];
+            let d = A::Scalar::one() / self.ws.free[i].inverse_d;
             let moves_inertia = d > size * rounding; // false for NaN too
             if !moves_inertia {
                 let joint = self.chain.joints()[self.chain.bodies[i].joint_index].name.clone();

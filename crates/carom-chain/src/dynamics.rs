@@ -13,9 +13,10 @@
 //!
 //! Source: Featherstone (2008), tables 5.1 (RNEA) and 6.2 (CRBA), in world axes (see [`crate::algebra`]).
 
-use crate::algebra::{Algebra, Force, Motion};
+use crate::algebra::{Algebra, Force, Inertia};
 use crate::error::ChainError;
-use crate::workspace::{Kinematics, clear};
+use crate::steps::Held;
+use crate::workspace::{Flow, Kinematics, Link, clear};
 use nalgebra::{DMatrix, DVector, Dim, Matrix, RawStorageMut};
 use num_traits::Zero;
 
@@ -28,21 +29,55 @@ impl<A: Algebra> Kinematics<'_, A> {
         &mut self,
         out: &mut Matrix<A::Scalar, R, C, S>,
     ) {
-        self.composites();
-        let (bodies, ws) = (&self.chain.bodies, &*self.ws);
-        out.fill(A::Scalar::zero());
-        for (i, body) in bodies.iter().enumerate() {
-            // The force that gives body i and all it carries unit acceleration along sᵢ, felt by every joint below.
-            let mut f = ws.composite[i].along(ws.axis[i]);
-            out[(body.v_index, body.v_index)] += ws.axis[i].dot(f);
-            let mut j = i;
-            while let Some(p) = bodies[j].parent {
-                f = f.shifted(ws.offset[j]);
-                j = p;
-                let m = ws.axis[j].dot(f);
-                out[(body.v_index, bodies[j].v_index)] += m;
-                out[(bodies[j].v_index, body.v_index)] += m;
+        let (chain, ws) = (self.chain, &mut *self.ws);
+        let nv = chain.nv;
+        if !chain.in_order || out.shape() != (nv, nv) {
+            out.fill(A::Scalar::zero());
+        }
+        let mut out = out.view_mut((0, 0), (nv, nv));
+        // What body i carries, about its origin: its first child's, which is the next body's, is still at hand.
+        let mut carried = Inertia::zero();
+        for (i, step) in chain.steps.iter().enumerate().rev() {
+            let Link { rotation, offset, ref axis, .. } = ws.links[i];
+            let mut composite = step.turned_inertia(rotation);
+            if step.end > i + 1 {
+                composite += carried;
             }
+            if step.branches {
+                composite += ws.inertia[i];
+            }
+            // The force that gives body i and all it carries unit acceleration along sᵢ, felt by every joint below.
+            let mut f = composite.along(*axis);
+            let own = axis.dot(f);
+            let (links, mut shift) = (&ws.links[..=i], offset);
+            let mut feel = |j: usize| {
+                f = f.shifted(shift);
+                shift = links[j].offset;
+                links[j].axis.dot(f)
+            };
+            if chain.in_order {
+                // The triangle above the diagonal: the other is its mirror image.
+                out[(i, i)] = own;
+                if step.on_all {
+                    (0..i).rev().for_each(|j| out[(j, i)] = feel(j));
+                } else {
+                    (0..i).for_each(|j| out[(j, i)] = A::Scalar::zero());
+                    chain.below(i).for_each(|j| out[(j, i)] = feel(j));
+                }
+            } else {
+                let v = step.v_index;
+                out[(v, v)] += own;
+                chain.below(i).for_each(|j| {
+                    let (w, m) = (chain.steps[j].v_index, feel(j));
+                    out[(v, w)] += m;
+                    out[(w, v)] += m;
+                });
+            }
+            carried = if step.massless { composite.shifted_massless(offset) } else { composite.shifted(offset) };
+            step.held_by.keep(&mut ws.inertia, carried);
+        }
+        if chain.in_order {
+            out.fill_lower_triangle_with_upper_triangle();
         }
     }
 
@@ -50,12 +85,12 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub(crate) fn composites(&mut self) {
         let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
         for (i, body) in bodies.iter().enumerate() {
-            ws.composite[i] = body.inertia.rotated(ws.rotation[i]);
+            ws.inertia[i] = body.inertia.rotated(ws.links[i].rotation);
         }
         for (i, body) in bodies.iter().enumerate().rev() {
             if let Some(p) = body.parent {
-                let carried = ws.composite[i].shifted(ws.offset[i]);
-                ws.composite[p] += carried;
+                let carried = ws.inertia[i].shifted(ws.links[i].offset);
+                ws.inertia[p] += carried;
             }
         }
     }
@@ -81,7 +116,6 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.chain.check_nv("qd", qd.len())?;
         self.chain.check_nv("qdd", qdd.len())?;
         self.chain.check_nv("tau", tau.len())?;
-        self.spread_velocity(qd);
         self.spread_force(qd, Some(qdd), gravity);
         self.gather_force(tau);
         Ok(())
@@ -109,7 +143,6 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn bias(&mut self, qd: &[A::Scalar], gravity: A::Vector) -> Result<DVector<A::Scalar>, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
         let mut tau = DVector::zeros(self.chain.nv);
-        self.spread_velocity(qd);
         self.spread_force(qd, None, gravity);
         self.gather_force(tau.as_mut_slice());
         Ok(tau)
@@ -119,9 +152,9 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn gravity_force(&mut self, gravity: A::Vector) -> DVector<A::Scalar> {
         let mut tau = DVector::zeros(self.chain.nv);
         let ws = &mut *self.ws;
-        for (i, body) in self.chain.bodies.iter().enumerate() {
-            let h = A::rotate(ws.rotation[i], body.inertia.first_moment);
-            ws.force[i] = Force { moment: -A::moment(h, gravity), force: -(gravity * body.inertia.mass) };
+        for (i, step) in self.chain.steps.iter().enumerate() {
+            let h = A::rotate(ws.links[i].rotation, step.inertia.first_moment);
+            ws.force[i] = Force { moment: -A::moment(h, gravity), force: -(gravity * step.inertia.mass) };
         }
         self.gather_force(tau.as_mut_slice());
         tau
@@ -129,30 +162,40 @@ impl<A: Algebra> Kinematics<'_, A> {
 
     /// Outward pass of RNEA: accelerations from a base that accelerates against gravity, and the forces they need.
     fn spread_force(&mut self, qd: &[A::Scalar], qdd: Option<&[A::Scalar]>, gravity: A::Vector) {
-        let ws = &mut *self.ws;
-        let base = Motion { angular: A::zero_angular(), linear: -gravity };
-        for (i, body) in self.chain.bodies.iter().enumerate() {
-            let carried = body.parent.map_or(base, |p| ws.acceleration[p]).shifted(ws.offset[i]);
-            let mut a = carried + ws.force_free_rate(self.chain, i, qd);
-            if let Some(qdd) = qdd {
-                a = a + ws.axis[i].at_rate(qdd[body.v_index]);
+        let (chain, ws) = (self.chain, &mut *self.ws);
+        let base = Flow::base(-gravity);
+        let mut flow = base;
+        for (i, step) in chain.steps.iter().enumerate() {
+            let outer = ws.flow_below(i, step.parent, &flow, &base);
+            flow = ws.flow_on(chain, i, &outer, qd, qdd.map_or(A::Scalar::zero(), |qdd| qdd[step.v_index]));
+            let Flow { spin, spin_rate, acceleration } = flow;
+            let Inertia { mass, first_moment: h, rotational } = step.turned_inertia(ws.links[i].rotation);
+            let mut force = A::swing(spin_rate, h) + A::swing(spin, A::swing(spin, h));
+            if !A::turns(step.joint) {
+                force += acceleration * mass;
             }
-            ws.acceleration[i] = a;
-            let inertia = body.inertia.rotated(ws.rotation[i]);
-            let v = ws.velocity[i];
-            ws.force[i] = inertia.apply(a) + v.carry_force(inertia.apply(v));
+            let momentum = A::apply_inertia(rotational, spin);
+            let moment = A::apply_inertia(rotational, spin_rate) + A::cross_angular(spin, momentum);
+            ws.flow[i] = flow;
+            ws.force[i] = Force { moment: moment + A::moment(h, acceleration), force };
         }
     }
 
     /// Inward pass: each joint feels its own share of the forces beyond it.
     fn gather_force(&mut self, tau: &mut [A::Scalar]) {
         clear(tau);
-        let ws = &mut *self.ws;
-        for (i, body) in self.chain.bodies.iter().enumerate().rev() {
-            tau[body.v_index] += ws.axis[i].dot(ws.force[i]);
-            if let Some(p) = body.parent {
-                let felt = ws.force[i].shifted(ws.offset[i]);
-                ws.force[p] += felt;
+        let (steps, ws) = (&self.chain.steps, &mut *self.ws);
+        let mut carried = Force::zero();
+        for (i, step) in steps.iter().enumerate().rev() {
+            let Link { offset, ref axis, .. } = ws.links[i];
+            let mut force = ws.force[i];
+            if step.end > i + 1 {
+                force += carried;
+            }
+            tau[step.v_index] += axis.dot(force);
+            if step.held_by != Held::World {
+                carried = force.shifted(offset);
+                step.held_by.add(&mut ws.force, carried);
             }
         }
     }
@@ -167,7 +210,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         let mut twice = A::Scalar::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
             let v = self.ws.velocity[i];
-            twice += body.inertia.rotated(self.ws.rotation[i]).apply(v).power(v);
+            twice += body.inertia.rotated(self.ws.links[i].rotation).apply(v).power(v);
         }
         Ok(twice * nalgebra::convert(0.5))
     }
@@ -176,7 +219,8 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn potential_energy(&self, gravity: A::Vector) -> A::Scalar {
         let mut v = A::Scalar::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
-            let h = self.ws.position[i] * body.inertia.mass + A::rotate(self.ws.rotation[i], body.inertia.first_moment);
+            let h = self.ws.links[i].position * body.inertia.mass
+                + A::rotate(self.ws.links[i].rotation, body.inertia.first_moment);
             v -= A::dot(gravity, h);
         }
         v
@@ -191,8 +235,8 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.spread_velocity(qd);
         let mut sum = Force::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
-            let own = body.inertia.rotated(self.ws.rotation[i]).apply(self.ws.velocity[i]);
-            sum += own.shifted(self.ws.position[i]);
+            let own = body.inertia.rotated(self.ws.links[i].rotation).apply(self.ws.velocity[i]);
+            sum += own.shifted(self.ws.links[i].position);
         }
         Ok(sum)
     }

@@ -17,6 +17,7 @@
 pub mod algebra;
 mod articulated;
 mod assemble;
+mod base_parameters;
 mod chain;
 mod contact_inertia;
 mod dynamics;
@@ -27,6 +28,7 @@ mod probe;
 mod reduce;
 pub mod sine;
 mod state;
+mod steps;
 pub mod urdf;
 mod workspace;
 

@@ -140,7 +140,7 @@ impl Chain {
             let parent = frame.body.map_or(Pose::identity(), |b| planar_zero[b]);
             Frame { name: frame.name.clone(), body: frame.body, pose: parent.inverse().then(&own) }
         });
-        let chain = Chain { about: self.about.clone(), bodies, frames: frames.collect(), nq: self.nq, nv: self.nv };
+        let chain = Chain::of(self.about.clone(), bodies, frames.collect(), self.nq, self.nv);
         let frame_rotations = self.frames.iter().map(|f| in_world(f).rotation).collect();
         let frame_heights = self.frames.iter().map(|f| plane.normal.dot(&in_world(f).translation)).collect();
         Ok(PlanarChain { chain, plane, frame_rotations, frame_heights, tilt })

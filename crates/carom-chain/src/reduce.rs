@@ -114,7 +114,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
     fn rebuilt(&self, bodies: Vec<Body<A>>, frames: Vec<Frame<A>>, to: Numbering) -> Reduced<A> {
         let joints = self.about.joints.iter().map(|joint| to.joint(joint, &self.about.joints)).collect();
         let about = About { joints, ..(*self.about).clone() };
-        let chain = Chain { about: Arc::new(about), bodies, frames, nq: to.old_q.len(), nv: to.old_v.len() };
+        let chain = Chain::of(Arc::new(about), bodies, frames, to.old_q.len(), to.old_v.len());
         Reduced { chain, q: to.old_q, v: to.old_v }
     }
 

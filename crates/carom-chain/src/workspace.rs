@@ -37,18 +37,40 @@ use num_traits::Zero;
 /// Scratch memory for one chain: kinematics, and what the mass matrix and the recursions share.
 #[derive(Debug, Clone)]
 pub struct Workspace<A: Algebra> {
-    pub(crate) rotation: Vec<A::Rotation>,
-    pub(crate) offset: Vec<A::Vector>,
-    pub(crate) position: Vec<A::Vector>,
-    pub(crate) axis: Vec<Axis<A>>,
-    pub(crate) composite: Vec<Inertia<A>>,
+    pub(crate) links: Vec<Link<A>>,
     pub(crate) velocity: Vec<Motion<A>>,
-    pub(crate) acceleration: Vec<Motion<A>>,
+    pub(crate) flow: Vec<Flow<A>>,
     pub(crate) force: Vec<Force<A>>,
-    pub(crate) articulated: Vec<A::Articulated>,
-    pub(crate) transmitted: Vec<Force<A>>,
-    pub(crate) inverse_d: Vec<A::Scalar>,
-    pub(crate) drive: Vec<A::Scalar>,
+    /// Inertias in world axes: of single bodies or of all that they carry.
+    pub(crate) inertia: Vec<Inertia<A>>,
+    pub(crate) free: Vec<Free<A>>,
+}
+
+/// Where a body is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Link<A: Algebra> {
+    pub rotation: A::Rotation,
+    pub offset: A::Vector,
+    pub position: A::Vector,
+    pub axis: Axis<A>,
+}
+
+/// How a body moves: ω, its rate, and the acceleration of the body's origin.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Flow<A: Algebra> {
+    pub spin: A::Angular,
+    pub spin_rate: A::Angular,
+    pub acceleration: A::Vector,
+}
+
+/// A body whose joint, and those beyond it, are free: see [`crate::articulated`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Free<A: Algebra> {
+    pub articulated: A::Articulated,
+    pub transmitted: Force<A>,
+    pub inverse_d: A::Scalar,
+    pub drive: A::Scalar,
+    pub acceleration: Motion<A>,
 }
 
 /// The chain at one configuration. Positions, Jacobians, and the way to everything else.
@@ -58,23 +80,41 @@ pub struct Kinematics<'a, A: Algebra> {
     pub(crate) ws: &'a mut Workspace<A>,
 }
 
+impl<A: Algebra> Link<A> {
+    /// The world.
+    pub fn world() -> Self {
+        let axis = Axis::Turn(A::zero_angular());
+        Self { rotation: A::no_rotation(), offset: A::zero(), position: A::zero(), axis }
+    }
+}
+
+impl<A: Algebra> Flow<A> {
+    /// At rest, in a frame that accelerates.
+    #[inline(always)]
+    pub fn base(acceleration: A::Vector) -> Self {
+        Self { spin: A::zero_angular(), spin_rate: A::zero_angular(), acceleration }
+    }
+}
+
 impl<A: Algebra> Chain<A> {
     /// Scratch memory that fits this chain. Allocates; everything done in it afterwards does not.
     pub fn workspace(&self) -> Workspace<A> {
         let n = self.bodies.len();
+        let zero = A::Scalar::zero();
+        let free = Free {
+            articulated: A::Articulated::from_rigid(&Inertia::zero()),
+            transmitted: Force::zero(),
+            inverse_d: zero,
+            drive: zero,
+            acceleration: Motion::zero(),
+        };
         Workspace {
-            rotation: vec![A::no_rotation(); n],
-            offset: vec![A::zero(); n],
-            position: vec![A::zero(); n],
-            axis: vec![Axis::Turn(A::zero_angular()); n],
-            composite: vec![Inertia::zero(); n],
+            links: vec![Link::world(); n],
             velocity: vec![Motion::zero(); n],
-            acceleration: vec![Motion::zero(); n],
+            flow: vec![Flow::base(A::zero()); n],
             force: vec![Force::zero(); n],
-            articulated: vec![A::Articulated::from_rigid(&Inertia::zero()); n],
-            transmitted: vec![Force::zero(); n],
-            inverse_d: vec![A::Scalar::zero(); n],
-            drive: vec![A::Scalar::zero(); n],
+            inertia: vec![Inertia::zero(); n],
+            free: vec![free; n],
         }
     }
 }
@@ -89,18 +129,16 @@ impl<A: Algebra> Workspace<A> {
     /// If the workspace was made for a longer chain or a shorter one.
     pub fn update<'a>(&'a mut self, chain: &'a Chain<A>, q: &[A::Scalar]) -> Result<Kinematics<'a, A>, ChainError> {
         chain.check_nq(q.len())?;
-        assert_eq!(self.axis.len(), chain.bodies.len(), "this workspace belongs to another chain");
-        for (i, body) in chain.bodies.iter().enumerate() {
-            let (rotation, position) = match body.parent {
-                Some(p) => (self.rotation[p], self.position[p]),
-                None => (A::no_rotation(), A::zero()),
-            };
-            let placed = A::compose(rotation, body.placement.rotation);
-            let (turned, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);
-            self.rotation[i] = turned;
-            self.offset[i] = A::rotate(rotation, body.placement.translation) + moved;
-            self.position[i] = position + self.offset[i];
-            self.axis[i] = A::axis(body.joint, turned).scaled(body.ratio);
+        assert_eq!(self.links.len(), chain.steps.len(), "this workspace belongs to another chain");
+        let world = Link::world();
+        for (i, step) in chain.steps.iter().enumerate() {
+            let (before, own) = self.links.split_at_mut(i);
+            let outer = step.parent.map_or(&world, |p| &before[p]);
+            let placed = step.placing.placed(outer.rotation);
+            let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
+            let offset = A::rotate(outer.rotation, step.translation) + moved;
+            let axis = A::axis(step.joint, rotation).scaled(step.ratio);
+            own[0] = Link { rotation, offset, position: outer.position + offset, axis };
         }
         Ok(Kinematics { chain, ws: self })
     }
@@ -124,12 +162,15 @@ impl<A: Algebra> Kinematics<'_, A> {
     }
 
     fn body_pose(&self, body: Option<usize>) -> Pose<A> {
-        body.map_or(Pose::identity(), |i| Pose { rotation: self.ws.rotation[i], translation: self.ws.position[i] })
+        body.map_or(Pose::identity(), |i| Pose {
+            rotation: self.ws.links[i].rotation,
+            translation: self.ws.links[i].position,
+        })
     }
 
     /// From the origin of the point's body to the point, world axes.
     pub(crate) fn arm(&self, body: usize, point: Point<A>) -> A::Vector {
-        A::rotate(self.ws.rotation[body], point.position)
+        A::rotate(self.ws.links[body].rotation, point.position)
     }
 
     /// Visits the joints that move a point, from the point down to the world: body, and the vector from the joint's
@@ -140,7 +181,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         let mut next = Some(body);
         while let Some(i) = next {
             visit(i, r);
-            r += self.ws.offset[i];
+            r += self.ws.links[i].offset;
             next = self.chain.bodies[i].parent;
         }
     }
@@ -156,7 +197,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     ) {
         out.fill(A::Scalar::zero());
         self.for_each_mover(point, |i, r| {
-            let column = self.ws.axis[i].point_velocity(r);
+            let column = self.ws.links[i].axis.point_velocity(r);
             for k in 0..A::LINEAR {
                 out[(k, self.chain.bodies[i].v_index)] += A::linear_part(column, k);
             }
@@ -176,7 +217,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         let origin = Point { body: frame.body, position: frame.pose.translation };
         let mut j = DMatrix::zeros(A::ANGULAR + A::LINEAR, self.chain.nv);
         self.for_each_mover(origin, |i, r| {
-            let column = self.ws.axis[i].at_rate(nalgebra::convert(1.0)).shifted(r);
+            let column = self.ws.links[i].axis.at_rate(nalgebra::convert(1.0)).shifted(r);
             let v = self.chain.bodies[i].v_index;
             for k in 0..A::ANGULAR {
                 j[(k, v)] += A::angular_part(column.angular, k);
@@ -196,7 +237,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.chain.check_nv("qd", qd.len())?;
         let mut velocity = A::zero();
         self.for_each_mover(point, |i, r| {
-            velocity += self.ws.axis[i].point_velocity(r) * qd[self.chain.bodies[i].v_index];
+            velocity += self.ws.links[i].axis.point_velocity(r) * qd[self.chain.bodies[i].v_index];
         });
         Ok(velocity)
     }
@@ -210,7 +251,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         let frame = &self.chain.frames[frame.0];
         let mut velocity = A::zero_angular();
         self.for_each_mover(Point { body: frame.body, position: frame.pose.translation }, |i, _| {
-            velocity += self.ws.axis[i].at_rate(qd[self.chain.bodies[i].v_index]).angular;
+            velocity += self.ws.links[i].axis.at_rate(qd[self.chain.bodies[i].v_index]).angular;
         });
         Ok(velocity)
     }
@@ -222,7 +263,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn add_point_force(&self, point: Point<A>, force: A::Vector, out: &mut [A::Scalar]) -> Result<(), ChainError> {
         self.chain.check_nv("joint force", out.len())?;
         self.for_each_mover(point, |i, r| {
-            out[self.chain.bodies[i].v_index] += A::dot(self.ws.axis[i].point_velocity(r), force);
+            out[self.chain.bodies[i].v_index] += A::dot(self.ws.links[i].axis.point_velocity(r), force);
         });
         Ok(())
     }
@@ -233,46 +274,105 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// [`ChainError::WrongLength`].
     pub fn point_drift(&mut self, point: Point<A>, qd: &[A::Scalar]) -> Result<A::Vector, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
-        self.spread_velocity(qd);
-        let ws = &mut *self.ws;
-        for (i, body) in self.chain.bodies.iter().enumerate() {
-            let carried = body.parent.map_or(Motion::zero(), |p| ws.acceleration[p].shifted(ws.offset[i]));
-            ws.acceleration[i] = carried + ws.force_free_rate(self.chain, i, qd);
-        }
         let Some(body) = point.body else {
             return Ok(A::zero());
         };
-        let r = self.arm(body, point);
-        let (v, a) = (self.ws.velocity[body].shifted(r), self.ws.acceleration[body].shifted(r));
-        // A spatial acceleration counts what flows past a fixed point; a point that moves along adds ω × v.
-        Ok(a.linear + A::swing(v.angular, v.linear))
+        let base = Flow::base(A::zero());
+        for (i, step) in self.chain.steps.iter().enumerate() {
+            let outer = step.parent.map_or(base, |p| self.ws.flow[p]);
+            self.ws.flow[i] = self.ws.flow_on(self.chain, i, &outer, qd, A::Scalar::zero());
+        }
+        let (r, Flow { spin, spin_rate, acceleration }) = (self.arm(body, point), self.ws.flow[body]);
+        Ok(acceleration + A::swing(spin_rate, r) + A::swing(spin, A::swing(spin, r)))
     }
 
     /// Outward pass of the velocities: vᵢ = v_λ + sᵢ q̇ᵢ.
     pub(crate) fn spread_velocity(&mut self, qd: &[A::Scalar]) {
         let ws = &mut *self.ws;
-        for (i, body) in self.chain.bodies.iter().enumerate() {
-            let carried = body.parent.map_or(Motion::zero(), |p| ws.velocity[p].shifted(ws.offset[i]));
-            ws.velocity[i] = carried + ws.axis[i].at_rate(qd[body.v_index]);
+        for (i, step) in self.chain.steps.iter().enumerate() {
+            let Link { offset, axis, .. } = ws.links[i];
+            let carried = step.parent.map_or(Motion::zero(), |p| ws.velocity[p].shifted(offset));
+            ws.velocity[i] = carried + axis.at_rate(qd[step.v_index]);
         }
     }
 }
 
 impl<A: Algebra> Workspace<A> {
-    /// cᵢ = v × sᵢ q̇ᵢ, where v is the velocity of the body that carries the axis. The six axes of a floating joint are
-    /// all carried by the body below the joint's first axis: Σ v_λ × sₖ q̇ₖ = v_λ × v_J = (v_λ + v_J) × v_J.
-    pub(crate) fn force_free_rate(&self, chain: &Chain<A>, i: usize, qd: &[A::Scalar]) -> Motion<A> {
-        let mut first = i;
-        while A::rides_along(chain.bodies[first].joint) {
-            first -= 1;
+    /// How the parent of body i moves, `before` being how the body before it does: mostly that is the parent, and needs no
+    /// way through memory.
+    #[inline(always)]
+    pub(crate) fn flow_below(&self, i: usize, parent: Option<usize>, before: &Flow<A>, base: &Flow<A>) -> Flow<A> {
+        match parent {
+            Some(p) if p + 1 == i => *before,
+            Some(p) => self.flow[p],
+            None => *base,
         }
-        match chain.bodies[first].parent {
-            None => Motion::zero(),
-            Some(p) => {
-                let carrier = self.velocity[p].shifted(self.offset[first]);
-                carrier.carry(self.axis[i].at_rate(qd[chain.bodies[i].v_index]))
+    }
+
+    /// How body i moves, for its parent's motion, unless its joint accelerates by `qdd` too.
+    #[inline(always)]
+    pub(crate) fn flow_on(
+        &self,
+        chain: &Chain<A>,
+        i: usize,
+        outer: &Flow<A>,
+        qd: &[A::Scalar],
+        qdd: A::Scalar,
+    ) -> Flow<A> {
+        let step = &chain.steps[i];
+        let Link { offset, axis, .. } = self.links[i];
+        let (turn, drift) = self.drift(chain, i, outer.spin, qd);
+        let carried = outer.acceleration + A::swing(outer.spin_rate, offset) + drift;
+        match axis {
+            Axis::Turn(z) => Flow {
+                spin: outer.spin + z * qd[step.v_index],
+                spin_rate: outer.spin_rate + turn + z * qdd,
+                acceleration: carried,
+            },
+            Axis::Slide(z) => Flow { spin: outer.spin, spin_rate: outer.spin_rate, acceleration: carried + z * qdd },
+        }
+    }
+
+    /// What velocities alone add to the parent's ω̇ and to its acceleration, ω̇ × r apart, for the parent's ω: of a hinge
+    /// ω × z q̇ and ω × (ω × r), of a slider 2 ω × z q̇ and ω × (ω × r).
+    #[inline(always)]
+    pub(crate) fn drift(
+        &self,
+        chain: &Chain<A>,
+        i: usize,
+        spin: A::Angular,
+        qd: &[A::Scalar],
+    ) -> (A::Angular, A::Vector) {
+        let step = &chain.steps[i];
+        let Link { offset, axis, .. } = self.links[i];
+        let centripetal = A::swing(spin, A::swing(spin, offset));
+        match axis {
+            Axis::Turn(_) if A::rides_along(step.joint) => self.drift_of_floating(chain, i, qd),
+            Axis::Turn(z) => (A::cross_angular(spin, z * qd[step.v_index]), centripetal),
+            Axis::Slide(z) => {
+                let carried = A::swing(spin, z * qd[step.v_index]);
+                (A::zero_angular(), centripetal + carried + carried)
             }
         }
+    }
+
+    /// The same of the turns of a floating joint, which are all carried by the body below the joint, ω being its angular
+    /// velocity, and carry the joint's velocity u on: ω × z q̇ and z q̇ × u.
+    #[cold]
+    fn drift_of_floating(&self, chain: &Chain<A>, i: usize, qd: &[A::Scalar]) -> (A::Angular, A::Vector) {
+        let mut first = i;
+        while A::rides_along(chain.steps[first].joint) {
+            first -= 1;
+        }
+        let mut joint = Motion::zero();
+        for k in first..i {
+            if let slide @ Axis::Slide(_) = self.links[k].axis {
+                joint = joint + slide.at_rate(qd[chain.steps[k].v_index]);
+            }
+        }
+        let own = self.links[i].axis.at_rate(qd[chain.steps[i].v_index]).angular;
+        // The first of its axes slides: its ω is that of the body below.
+        (A::cross_angular(self.flow[first].spin, own), A::swing(own, joint.linear))
     }
 }
 

@@ -109,3 +109,46 @@ fn duals_carry_the_value_unchanged() {
         assert_eq!(with_duals, at(&s.chain, &q, &qd, &tau));
     }
 }
+
+#[test]
+fn long_chains_keep_their_digits() {
+    // The same chain in f32 and f64: what f32 loses, in its ε. M against the diagonal, τ against the largest of the joints
+    // beyond, q̈ against its largest. Inertias summed about each body's own origin lost 15, 78 and 18 ε at 100 links before
+    // any of them was moved to the body below; twice that is the bound.
+    for n in [10, 30, 100] {
+        let chain = carom_chain::uniform_chain(n, 1.0, 1.0).unwrap();
+        let in_f32 = chain.cast::<f32>();
+        let (mut ws, mut ws32) = (chain.workspace(), in_f32.workspace());
+        let mut rng = fastrand::Rng::with_seed(5);
+        let epsilon = f64::from(f32::EPSILON);
+        for _ in 0..20 {
+            let random = |rng: &mut fastrand::Rng| -> Vec<f32> { (0..n).map(|_| rng.f32() * 4.0 - 2.0).collect() };
+            let (q32, qd32) = (random(&mut rng), random(&mut rng));
+            let wide = |x: &[f32]| -> Vec<f64> { x.iter().map(|&x| f64::from(x)).collect() };
+            let (q, qd) = (wide(&q32), wide(&qd32));
+            let (gravity, gravity32) = (Vector3::new(0.0, -9.75, 0.0), Vector3::new(0.0, -9.75_f32, 0.0));
+            let mut kin = ws.update(&chain, &q).unwrap();
+            let mut kin32 = ws32.update(&in_f32, &q32).unwrap();
+
+            let (m, m32) = (kin.mass_matrix(), kin32.mass_matrix());
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let lost = (m[(i, j)] - f64::from(m32[(i, j)])).abs() / (m[(i, i)] * m[(j, j)]).sqrt();
+                assert!(lost <= 30.0 * epsilon, "M({i}, {j}) of {n}: {} ε", lost / epsilon);
+            }
+            let tau = kin.inverse_dynamics(&qd, &qd, gravity).unwrap();
+            let tau32 = kin32.inverse_dynamics(&qd32, &qd32, gravity32).unwrap();
+            for i in 0..n {
+                let lost = (tau[i] - f64::from(tau32[i])).abs() / tau.rows(i, n - i).amax();
+                assert!(lost <= 160.0 * epsilon, "τ({i}) of {n}: {} ε", lost / epsilon);
+            }
+            let (mut qdd, mut qdd32) = (vec![0.0; n], vec![0.0; n]);
+            kin.articulate().unwrap().forward_dynamics_into(&qd, &qd, gravity, &mut qdd).unwrap();
+            kin32.articulate().unwrap().forward_dynamics_into(&qd32, &qd32, gravity32, &mut qdd32).unwrap();
+            let largest = qdd.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+            for i in 0..n {
+                let lost = (qdd[i] - f64::from(qdd32[i])).abs() / largest;
+                assert!(lost <= 36.0 * epsilon, "q̈({i}) of {n}: {} ε", lost / epsilon);
+            }
+        }
+    }
+}

@@ -412,11 +412,30 @@ impl<A: Algebra> Inertia<A> {
         Self { mass: A::Scalar::zero(), first_moment: A::zero(), rotational: A::Rotational::zero() }
     }
 
+    /// Nothing left of its [`Algebra::unturned`], in rotated axes.
+    #[inline(always)]
+    pub(crate) fn rotated_turning(&self, rotation: A::Rotation) -> Self {
+        let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
+        Self { mass: A::Scalar::zero(), first_moment, rotational }
+    }
+
     /// From mass, centre of mass and the rotational inertia about it.
     #[inline(always)]
     pub fn from_com(mass: A::Scalar, com: A::Vector, inertia_at_com: A::Rotational) -> Self {
         let at_com = Self { mass, first_moment: A::zero(), rotational: inertia_at_com };
         at_com.shifted(com)
+    }
+
+    /// The same over another scalar.
+    pub(crate) fn cast<U: Real>(&self) -> Inertia<A::Cast<U>>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        Inertia {
+            mass: nalgebra::convert(self.mass),
+            first_moment: A::cast_vector(self.first_moment),
+            rotational: A::cast_inertia(self.rotational),
+        }
     }
 
     /// I v
@@ -448,6 +467,13 @@ impl<A: Algebra> Inertia<A> {
             first_moment: h + r * self.mass,
             rotational: self.rotational + A::parallel_axis(h + h + r * self.mass, r),
         }
+    }
+
+    /// The same where there is no mass.
+    #[inline(always)]
+    pub(crate) fn shifted_massless(&self, r: A::Vector) -> Self {
+        let h = self.first_moment;
+        Self { rotational: self.rotational + A::parallel_axis(h + h, r), ..*self }
     }
 
     /// The same body in rotated axes.
