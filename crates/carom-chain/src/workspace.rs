@@ -31,8 +31,8 @@
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion, Pose, Real};
 use crate::chain::{Chain, FrameId, Point};
 use crate::error::ChainError;
-use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut};
-use num_traits::Zero;
+use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
+use num_traits::{One, Zero};
 
 /// Scratch memory for one chain: kinematics, and what the mass matrix and the recursions share.
 #[derive(Debug, Clone)]
@@ -135,10 +135,19 @@ impl<A: Algebra> Workspace<A> {
             let (before, own) = self.links.split_at_mut(i);
             let outer = step.parent.map_or(&world, |p| &before[p]);
             let placed = step.placing.placed(outer.rotation);
-            let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
-            let offset = A::rotate(outer.rotation, step.translation) + moved;
-            let axis = A::axis(step.joint, rotation).scaled(step.ratio);
-            own[0] = Link { rotation, offset, position: outer.position + offset, axis };
+            let offset = A::rotate(outer.rotation, step.translation);
+            let at = &q[step.q_index..];
+            own[0] = if A::turns(step.joint) {
+                let (sin, cos) = (step.ratio * at[0] + step.shift).simd_sin_cos();
+                let rotation = A::turn(placed, sin, cos);
+                let axis = Axis::Turn(A::hinge(rotation, A::Scalar::one()) * step.ratio);
+                Link { rotation, offset, position: outer.position + offset, axis }
+            } else {
+                let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, at);
+                let offset = offset + moved;
+                let axis = A::axis(step.joint, rotation).scaled(step.ratio);
+                Link { rotation, offset, position: outer.position + offset, axis }
+            };
         }
         Ok(Kinematics { chain, ws: self })
     }
