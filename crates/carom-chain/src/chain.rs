@@ -138,8 +138,6 @@ pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
     pub(crate) steps: Vec<Step<A>>,
-    /// Whether body i has the coordinate i of qd, and no other has.
-    pub(crate) in_order: bool,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
@@ -250,7 +248,6 @@ impl<A: Algebra> Chain<A> {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
             steps: self.steps.iter().map(Step::cast).collect(),
-            in_order: self.in_order,
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
@@ -296,8 +293,7 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
-        let in_order = bodies.len() == nv && bodies.iter().enumerate().all(|(i, body)| body.v_index == i);
-        Self { about, steps: Step::of(&bodies), in_order, bodies, frames, nq, nv }
+        Self { about, steps: Step::of(&bodies), bodies, frames, nq, nv }
     }
 
     /// The bodies that carry body `i`, down to the world.

@@ -31,10 +31,16 @@ impl<A: Algebra> Kinematics<'_, A> {
     ) {
         let (chain, ws) = (self.chain, &mut *self.ws);
         let nv = chain.nv;
-        if !chain.in_order || out.shape() != (nv, nv) {
+        if out.shape() != (nv, nv) {
             out.fill(A::Scalar::zero());
         }
         let mut out = out.view_mut((0, 0), (nv, nv));
+        if chain.steps.last().is_some_and(|last| !last.on_all || chain.is_coupled()) {
+            for v in 0..nv {
+                let mut column = out.view_mut((0, v), (nv, 1));
+                (0..nv).for_each(|w| column[(w, 0)] = A::Scalar::zero());
+            }
+        }
         // What body i carries, about its origin: its first child's, which is the next body's, is still at hand.
         let mut carried = Inertia::zero();
         for (i, step) in chain.steps.iter().enumerate().rev() {
@@ -55,29 +61,25 @@ impl<A: Algebra> Kinematics<'_, A> {
                 shift = links[j].offset;
                 links[j].axis.dot(f)
             };
-            if chain.in_order {
-                // The triangle above the diagonal: the other is its mirror image.
-                out[(i, i)] = own;
-                if step.on_all {
-                    (0..i).rev().for_each(|j| out[(j, i)] = feel(j));
-                } else {
-                    (0..i).for_each(|j| out[(j, i)] = A::Scalar::zero());
-                    chain.below(i).for_each(|j| out[(j, i)] = feel(j));
-                }
-            } else {
-                let v = step.v_index;
+            let v = step.v_index;
+            if chain.is_coupled() {
+                // Bodies that share a coordinate share its entries.
                 out[(v, v)] += own;
                 chain.below(i).for_each(|j| {
-                    let (w, m) = (chain.steps[j].v_index, feel(j));
+                    let (w, m) = (chain.bodies[j].v_index, feel(j));
                     out[(v, w)] += m;
                     out[(w, v)] += m;
                 });
+            } else {
+                out[(v, v)] = own;
+                let put = |j: usize| {
+                    let (w, m) = (chain.bodies[j].v_index, feel(j));
+                    (out[(v, w)], out[(w, v)]) = (m, m);
+                };
+                if step.on_all { (0..i).rev().for_each(put) } else { chain.below(i).for_each(put) }
             }
             carried = if step.massless { composite.shifted_massless(offset) } else { composite.shifted(offset) };
             step.held_by.keep(&mut ws.inertia, carried);
-        }
-        if chain.in_order {
-            out.fill_lower_triangle_with_upper_triangle();
         }
     }
 
