@@ -19,7 +19,7 @@ use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::articulated::Articulation;
 use crate::chain::{Coordinates, JointInfo, Point};
 use crate::error::ChainError;
-use crate::workspace::{Kinematics, Link};
+use crate::workspace::{Free, Kinematics, Link};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField, SimdRealField};
 use num_traits::{One, Zero};
 
@@ -185,14 +185,30 @@ where
         tau: &[A::Scalar],
         gravity: A::Vector,
     ) -> Result<DVector<A::Scalar>, ChainError> {
-        self.chain.check_nv("tau", tau.len())?;
-        if self.chain.is_coupled() {
-            let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
-            return self.solve(left.as_slice());
-        }
         let mut qdd = DVector::zeros(self.chain.nv);
-        self.articulate_checked(None)?.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
+        self.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
         Ok(qdd)
+    }
+
+    /// As [`Self::forward_dynamics`], into `qdd` (length nv). Allocates nothing but for chains with mimic joints.
+    ///
+    /// # Errors
+    /// As [`Self::forward_dynamics`].
+    pub fn forward_dynamics_into(
+        &mut self,
+        qd: &[A::Scalar],
+        tau: &[A::Scalar],
+        gravity: A::Vector,
+        qdd: &mut [A::Scalar],
+    ) -> Result<(), ChainError> {
+        if self.chain.is_coupled() {
+            self.chain.check_nv("tau", tau.len())?;
+            self.chain.check_nv("qdd", qdd.len())?;
+            let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
+            qdd.copy_from_slice(self.solve(left.as_slice())?.as_slice());
+            return Ok(());
+        }
+        self.articulate_checked(None)?.forward_dynamics_into(qd, tau, gravity, qdd)
     }
 
     /// [`Kinematics::articulate`], refused where a joint moves no inertia: where Dᵢ is lost in the rounding of the
@@ -204,10 +220,14 @@ where
             Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
             Axis::Slide(z) => A::dot(z, z) * composite.mass,
         };
-        let sizes: Vec<A::Scalar> = self.ws.links.iter().zip(&self.ws.inertia).map(size).collect();
+        // The inward pass writes over the composite inertias; what the joints are driven with comes only after it.
+        for ((free, link), composite) in self.ws.free.iter_mut().zip(&self.ws.links).zip(&self.ws.inertia) {
+            free.drive = size((link, composite));
+        }
         self.articulate_with(added)?;
-        for (i, size) in sizes.into_iter().enumerate() {
-            let d = A::Scalar::one() / self.ws.free[i].inverse_d;
+        for i in 0..self.chain.bodies.len() {
+            let Free { inverse_d, drive: size, .. } = self.ws.free[i];
+            let d = A::Scalar::one() / inverse_d;
             let moves_inertia = d > size * rounding; // false for NaN too
             if !moves_inertia {
                 let joint = self.chain.joints()[self.chain.bodies[i].joint_index].name.clone();
@@ -279,6 +299,20 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     }
 
     fn contact_inertia_adding(&mut self, point: Point<A>, added: Option<&[f64]>) -> Result<ContactInertia, ChainError> {
+        let (factor, response) = self.delassus_factor_and_response(point, added)?;
+        Ok(ContactInertia::new(&factor, response))
+    }
+
+    /// E and M⁻¹Jᵀ, of a chain whose joints may resist as in [`Self::contact_inertia_with`]: all of
+    /// [`ContactInertia`] but its principal directions, whose decomposition takes longer than the rest.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular.
+    pub fn delassus_factor_and_response(
+        &mut self,
+        point: Point<A>,
+        added: Option<&[f64]>,
+    ) -> Result<(DMatrix<f64>, DMatrix<f64>), ChainError> {
         let rows = self.point_jacobian(point).transpose();
         let mut response = rows.clone();
         if self.chain.is_coupled() {
@@ -296,13 +330,13 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
             for (&k, row) in free.iter().zip(cholesky.solve(&pushed).row_iter()) {
                 response.set_row(k, &row);
             }
-            return Ok(ContactInertia::new(&x.transpose(), response));
+            return Ok((x.transpose(), response));
         }
         let mut articulation = self.articulate_checked(added)?;
         let factor = articulation.delassus_factor(point);
         for (row, mut column) in rows.column_iter().zip(response.column_iter_mut()) {
             articulation.solve_into(row.as_slice(), column.as_mut_slice())?;
         }
-        Ok(ContactInertia::new(&factor, response))
+        Ok((factor, response))
     }
 }

@@ -23,6 +23,7 @@ mod contact_inertia;
 mod dynamics;
 mod error;
 mod generate;
+mod planar_row;
 mod planarize;
 mod probe;
 mod reduce;
@@ -38,6 +39,7 @@ pub use chain::{Body, Chain, Coordinates, Frame, FrameId, JointInfo, LinkInfo, P
 pub use contact_inertia::ContactInertia;
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
+pub use planar_row::PlanarRow;
 pub use planarize::{PlanarChain, Plane};
 pub use probe::{Angle, Finish, Found, Probe, Reading, Turned};
 pub use reduce::Reduced;

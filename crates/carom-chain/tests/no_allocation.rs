@@ -26,18 +26,23 @@ fn in_place_calls_allocate_nothing() {
     let (mut h, mut flat_h) = (Matrix3::zeros(), Matrix2::zeros());
     let gravity = Vector3::new(0.0, -9.81, 0.0);
 
+    let short = uniform_chain(3, 2.0, 3.0).unwrap().to_planar().unwrap();
+    let row = carom_chain::PlanarRow::of(&short.chain).unwrap();
+
     let (probe, flat_probe) = (chain.probe(point).unwrap(), flat.chain.probe(flat_point).unwrap());
     let (mut reading, mut flat_reading) = (probe.reading(), flat_probe.reading());
 
     let count = allocations(|| {
         probe.read_into(&q, gravity, &mut reading).unwrap();
         flat_probe.read_into(&q, Vector2::new(0.0, 1.0), &mut flat_reading).unwrap();
+        assert!(row.accelerate(&q[..3], &qd[..3], &tau[..3], Vector2::new(0.0, -9.81), &mut out[..3]));
         let mut kin = ws.update(&chain, &q).unwrap();
         kin.point_jacobian_into(point, &mut j);
         kin.mass_matrix_into(&mut m);
         kin.inverse_dynamics_into(&qd, &qd, gravity, &mut out).unwrap();
         kin.point_drift(point, &qd).unwrap();
         kin.kinetic_energy(&qd).unwrap();
+        kin.forward_dynamics_into(&qd, &tau, gravity, &mut out).unwrap();
         let mut articulation = kin.articulate().unwrap();
         articulation.forward_dynamics_into(&qd, &tau, gravity, &mut out).unwrap();
         articulation.solve_into(&tau, &mut out).unwrap();

@@ -5,7 +5,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
-use carom_sim::{FrictionlessJump, Outcomes, States, frictionless_jump_into};
+use carom_sim::{FrictionlessJump, Outcomes, Sampling, Scene, Simulation, States, frictionless_jump_into};
 use nalgebra::{DMatrix, Vector2, Vector3};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -25,6 +25,9 @@ fn main() {
         Some(name) => (name, true),
         None => (robot.as_str(), false),
     };
+    if kernel == "simulation" {
+        return simulation(name, !in_space, time);
+    }
     let chain = match name.strip_prefix("chain") {
         Some(links) => uniform_chain(links.parse().expect("number of links"), 1.0, 1.0).unwrap(),
         None => Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap(),
@@ -59,6 +62,16 @@ fn report(time: bool, mut work: impl FnMut()) {
         let best = std::iter::repeat_with(once).take(2000).min().unwrap_or(Duration::ZERO);
         println!("{:.1} ns", best.as_nanos() as f64 / f64::from(REPEATS));
     }
+}
+
+/// The whole run of a scene, without what it hands out.
+fn simulation(name: &str, planar: bool, time: bool) {
+    let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let Scene { simulation, q, qd, duration, .. } = scene;
+    let sim = Simulation { planar, ..simulation };
+    report(time, || {
+        sim.stream(black_box(&q), &qd, duration, Sampling::default(), &mut |_| {}).unwrap();
+    });
 }
 
 fn run<A: Algebra<Scalar = f64>>(chain: &Chain<A>, tip: Point<A>, normal: A::Vector, kernel: &str, time: bool) {

@@ -10,7 +10,7 @@
 use crate::error::SimError;
 use crate::motion::{pseudo_inverse, responses};
 use crate::space::{Space, View};
-use carom_chain::{Chain, ChainError};
+use carom_chain::{Chain, ChainError, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 
 /// What drives the joints.
@@ -185,33 +185,55 @@ impl Drive {
         }
     }
 
-    /// Joint forces of the motors.
-    pub(crate) fn forces<A: Space>(
+    /// Adds the joint forces of the motors to `tau`; returns their power.
+    pub(crate) fn push<A: Space>(
         &self,
         asked: Asked,
-        view: &mut View<A>,
-        q: &[f64],
-        qd: &[f64],
-    ) -> Result<Vec<f64>, SimError> {
-        Ok(match self {
-            Self::Off => vec![0.0; qd.len()],
-            Self::Constant(forces) => forces.clone(),
-            Self::Table { times, forces } => between(times, forces, asked.time),
-            Self::Pd { kp, kd, target } => (0..qd.len()).map(|i| kp * (target[i] - q[i]) - kd * qd[i]).collect(),
-            Self::GravityCompensation => view.gravity_force(asked.gravity).as_slice().to_vec(),
-            Self::Transition(transition) => transition.forces(asked, view, qd)?,
-            Self::ImpactInvariant(invariant) => invariant.forces(asked, view, q, qd)?,
-        })
+        (model, workspace): (&A::Model, &mut Workspace<A>),
+        (q, qd): (&[f64], &[f64]),
+        tau: &mut [f64],
+    ) -> Result<f64, SimError> {
+        let mut power = 0.0;
+        let mut add = |i: usize, force: f64| {
+            tau[i] += force;
+            power += force * qd[i];
+        };
+        match self {
+            Self::Off => {}
+            Self::Constant(forces) => forces.iter().enumerate().for_each(|(i, force)| add(i, *force)),
+            Self::Table { times, forces } => {
+                let (before, after, share) = between(times, asked.time);
+                let (before, after) = (&forces[before], &forces[after]);
+                (0..qd.len()).for_each(|i| add(i, before[i] + (after[i] - before[i]) * share));
+            }
+            Self::Pd { kp, kd, target } => {
+                (0..qd.len()).for_each(|i| add(i, kp * (target[i] - q[i]) - kd * qd[i]));
+            }
+            Self::GravityCompensation => {
+                let forces = View::<A>::new(model, workspace, q)?.gravity_force(asked.gravity);
+                forces.iter().enumerate().for_each(|(i, force)| add(i, *force));
+            }
+            Self::Transition(transition) => {
+                let forces = transition.forces(asked, &mut View::<A>::new(model, workspace, q)?, qd)?;
+                forces.into_iter().enumerate().for_each(|(i, force)| add(i, force));
+            }
+            Self::ImpactInvariant(invariant) => {
+                let forces = invariant.forces(asked, &mut View::<A>::new(model, workspace, q)?, q, qd)?;
+                forces.into_iter().enumerate().for_each(|(i, force)| add(i, force));
+            }
+        }
+        Ok(power)
     }
 }
 
-fn between(times: &[f64], rows: &[Vec<f64>], time: f64) -> Vec<f64> {
+/// The rows of a table before and after a time, and how far it is on the way; the first or last row alone outside.
+fn between(times: &[f64], time: f64) -> (usize, usize, f64) {
     let after = times.partition_point(|&t| t <= time);
     if after == 0 || after == times.len() {
-        return rows[after.min(times.len() - 1)].clone();
+        let row = after.min(times.len() - 1);
+        return (row, row, 0.0);
     }
-    let share = (time - times[after - 1]) / (times[after] - times[after - 1]);
-    rows[after - 1].iter().zip(&rows[after]).map(|(a, b)| a + (b - a) * share).collect()
+    (after - 1, after, (time - times[after - 1]) / (times[after] - times[after - 1]))
 }
 
 impl Transition {

@@ -13,6 +13,7 @@
 //! as the integration, not as its interpolation.
 
 use crate::error::SimError;
+use crate::root::descent;
 use crate::simulate::Integrator;
 use crate::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
 use ivp::dense::StepInterpolant;
@@ -34,14 +35,18 @@ const PATIENCE: usize = 500;
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// Hears that a leg begins: how many witnesses there are, and which, stays the same until it ends.
+    fn begin(&mut self);
     /// The witnesses at (t, y), each with its rate in time if it may dip within a step.
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
+    /// One of them.
+    fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
     /// Puts a state that drifted off its constraint back on it; says whether it changed anything.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
 
 /// The value of a witness function.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Witness {
     pub value: f64,
     pub rate: Option<f64>,
@@ -112,6 +117,7 @@ pub(crate) fn leg(
     statistics: &mut Statistics,
     sampler: &mut Sampler,
 ) -> Result<LegEnd, SimError> {
+    flow.begin();
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
     // Witnesses without a rate are no gaps: one that is not positive waits until it is.
@@ -127,6 +133,7 @@ pub(crate) fn leg(
         before: now,
         levels,
         y_before: y.to_vec(),
+        after: Vec::new(),
         buffer: vec![0.0; y.len()],
         found: None,
         sampler: Some(sampler),
@@ -143,7 +150,6 @@ pub(crate) fn leg(
 /// rounding.
 fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
     let Found { witness, level, start, end, y, mut time } = found;
-    let mut values = Vec::new();
     let mut exact = y.clone();
     for _ in 0..8 {
         let mut observer = Observer {
@@ -151,6 +157,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
             before: Vec::new(),
             levels: Vec::new(),
             y_before: y.clone(),
+            after: Vec::new(),
             buffer: Vec::new(),
             found: None,
             sampler: None,
@@ -161,8 +168,9 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         }
         statistics.refinements += 1;
         exact = observer.y_before;
-        system.0.borrow_mut().flow.witnesses(time, &exact, &mut values)?;
-        let Witness { value, rate: Some(rate) } = values[witness] else { break };
+        let Witness { value, rate: Some(rate) } = system.0.borrow_mut().flow.witness(witness, time, &exact)? else {
+            break;
+        };
         let correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
         // A gap is a difference of positions: nearer to its level than their rounding it can't come.
@@ -195,8 +203,12 @@ fn integrate(
         (vec![accuracy.tolerance; y.len()].into(), vec![accuracy.tolerance * 1e-3; y.len()].into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
+            // What goes to a known time is part of a step that was accurate: one step. And nobody looks into it.
+            let whole = observer.sampler.is_none().then_some(end - start);
             let method = DOP853::builder()
                 .max_step(longest)
+                .maybe_first_step(whole)
+                .dense_output(observer.sampler.is_some())
                 .stiff_test(if accuracy.gives_up { 1000 } else { usize::MAX })
                 .max_steps(max_steps)
                 .build();
@@ -263,6 +275,8 @@ struct Observer<'a, 'b, 'c> {
     /// The level at which each witness fires; `None` while it is not armed.
     levels: Vec<Option<f64>>,
     y_before: Vec<f64>,
+    /// Scratch memory.
+    after: Vec<Witness>,
     buffer: Vec<f64>,
     found: Option<Found>,
     /// `None`: only the last state is wanted.
@@ -279,9 +293,9 @@ impl SolOut for Observer<'_, '_, '_> {
             self.y_before.copy_from_slice(y);
             return ControlFlag::Continue;
         };
-        let mut after = Vec::new();
+        let mut after = std::mem::take(&mut self.after);
         self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        let first = (0..after.len())
+        let first = (0..after.len().min(self.before.len()))
             .filter_map(|k| Some((self.root(k, start, end, after[k], dense)?, k)))
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let until = first.map_or(end, |((time, _), _)| time);
@@ -305,7 +319,7 @@ impl SolOut for Observer<'_, '_, '_> {
                 *level = Some(0.0);
             }
         }
-        self.before = after;
+        self.after = std::mem::replace(&mut self.before, after);
         self.y_before.copy_from_slice(y);
         if settled { ControlFlag::ModifiedSolution } else { ControlFlag::Continue }
     }
@@ -317,45 +331,37 @@ impl Observer<'_, '_, '_> {
         let level = self.levels[k]?;
         let before = self.before[k];
         let rates = before.rate.zip(after.rate);
-        if level < 0.0 && after.value <= 0.0 && rates.is_some_and(|(a, b)| a > 0.0 && b < 0.0) {
+        if let Some((a, b)) = rates.filter(|(a, b)| level < 0.0 && after.value <= 0.0 && *a > 0.0 && *b < 0.0) {
             // It opened and closed again, all within this step.
-            let highest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate <= 0.0));
-            if self.at(highest, dense)[k].value > HYSTERESIS {
-                return Some((self.bisect(highest, end, dense, |w| w[k].value <= 0.0), 0.0));
+            let highest = descent((start, a), (end, b), |time| self.at(k, time, dense).rate.unwrap_or(0.0));
+            let value = self.at(k, highest, dense).value;
+            if value > HYSTERESIS {
+                let value_at = |time: f64| self.at(k, time, dense).value;
+                let closed = descent((highest, value), (end, after.value), value_at);
+                return Some((closed, 0.0));
             }
         }
-        let reached = if after.value <= level {
-            end
-        } else if rates.is_some_and(|(a, b)| a < 0.0 && b > 0.0) {
-            let lowest = self.bisect(start, end, dense, |w| w[k].rate.is_some_and(|rate| rate >= 0.0));
-            if self.at(lowest, dense)[k].value > level {
+        let (reached, value) = if after.value <= level {
+            (end, after.value)
+        } else {
+            let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b > 0.0)?;
+            let lowest = descent((start, -a), (end, -b), |time| -self.at(k, time, dense).rate.unwrap_or(0.0));
+            let value = self.at(k, lowest, dense).value;
+            if value > level {
                 return None;
             }
-            lowest
-        } else {
-            return None;
+            (lowest, value)
         };
-        Some((self.bisect(start, reached, dense, |w| w[k].value <= level), level))
-    }
-
-    /// The time from which on `holds` holds: it does at `end`, and not at `start`.
-    fn bisect(&mut self, start: f64, end: f64, dense: &StepInterpolant, holds: impl Fn(&[Witness]) -> bool) -> f64 {
-        let (mut low, mut high) = (start, end);
-        // 60 halvings exhaust the digits of any step.
-        for _ in 0..60 {
-            let middle = low + (high - low) / 2.0;
-            if middle <= low || middle >= high {
-                break;
-            }
-            if holds(&self.at(middle, dense)) { high = middle } else { low = middle }
+        if before.value <= level {
+            return Some((start, level)); // no descent: it is there
         }
-        high
+        let above = |time: f64| self.at(k, time, dense).value - level;
+        Some((descent((start, before.value - level), (reached, value - level), above), level))
     }
 
-    fn at(&mut self, time: f64, dense: &StepInterpolant) -> Vec<Witness> {
+    /// One witness on the dense output.
+    fn at(&mut self, k: usize, time: f64, dense: &StepInterpolant) -> Witness {
         dense.interpolate(time, &mut self.buffer);
-        let mut values = Vec::new();
-        self.system.ask(|flow| flow.witnesses(time, &self.buffer, &mut values));
-        values
+        self.system.ask(|flow| flow.witness(k, time, &self.buffer))
     }
 }

@@ -19,6 +19,7 @@ mod frictionless;
 mod leg;
 mod motion;
 mod plan;
+mod root;
 mod run;
 mod saltation;
 mod scene;

@@ -20,8 +20,10 @@ use crate::drive::{Asked, Drive};
 use crate::error::SimError;
 use crate::simulate::Simulation;
 use crate::space::{Space, View};
+use crate::touch::BallOnPlane;
 use crate::trajectory::ContactMode;
-use carom_chain::{Chain, Coordinates, Workspace};
+use crate::watch::Watch;
+use carom_chain::{Chain, Coordinates, PlanarRow, Workspace};
 use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
@@ -36,7 +38,19 @@ pub(crate) struct Motion<'a, A: Space> {
     /// Joints with dry friction.
     pub dry: Vec<DryJoint>,
     /// Impacts so far, by touch.
-    pub impacts: Vec<usize>,
+    impacts: Vec<usize>,
+    /// Whether there was one.
+    was_hit: bool,
+    /// What ends the mode; of the leg that goes on.
+    pub watched: Vec<Watch>,
+    /// What of each touch can be known before it moves.
+    pub balls: Vec<Option<BallOnPlane<A>>>,
+    /// The closed form of q̈, if the chain has one.
+    row: Option<PlanarRow>,
+    /// Viscous damping of every velocity.
+    damping: Vec<f64>,
+    /// Joint forces: scratch memory.
+    tau: Vec<f64>,
     /// How deep the compliant contact that presses was when it was last turned back, m; −∞ if it never was.
     pub deepest: f64,
     /// How far the chain reaches, m.
@@ -104,6 +118,9 @@ impl Simulation {
     /// Makes the quaternions in q unit again: stages and steps of the integration leave the sphere by their error. Says
     /// whether any was off.
     pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
+        if self.chain.nq() == self.chain.nv() {
+            return false; // there are none
+        }
         let mut changed = false;
         for joint in self.chain.joints() {
             if let Coordinates::Own { q: own, v } = &joint.coordinates
@@ -138,6 +155,12 @@ impl<'a, A: Space> Motion<'a, A> {
             slip: Vector3::zeros(),
             dry,
             impacts: vec![0; sim.touches.len()],
+            was_hit: false,
+            watched: Vec::new(),
+            balls: sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect(),
+            row: A::row(model),
+            damping: sim.damping(),
+            tau: vec![0.0; sim.chain.nv()],
             deepest: 0.0,
             reach: reach(&sim.chain),
         }
@@ -169,37 +192,90 @@ impl<'a, A: Space> Motion<'a, A> {
 
     /// Forces of drive, damping and braking joints, and the powers of the drive and of the others.
     pub fn applied(&mut self, time: f64, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, [f64; 2]), SimError> {
-        let sim = self.sim;
-        let hit = self.impacts.iter().any(|&count| count > 0);
-        let drive = self.drive();
-        let asked = Asked { chain: &sim.chain, time, gravity: sim.gravity, hit };
-        let mut tau = drive.forces(asked, &mut View::<A>::new(self.model, &mut self.workspace, q)?, q, qd)?;
-        let driven: f64 = tau.iter().zip(qd).map(|(f, v)| f * v).sum();
-        let mut resisted = 0.0;
-        for (i, damping) in sim.damping().into_iter().enumerate() {
-            tau[i] -= damping * qd[i];
-            resisted -= damping * qd[i] * qd[i];
+        let mut tau = vec![0.0; qd.len()];
+        let resisted = self.resist(qd, &mut tau);
+        let (drive, asked) = (self.drive(), self.asked(time));
+        let driven = drive.push(asked, (self.model, &mut self.workspace), (q, qd), &mut tau)?;
+        Ok((tau, [driven, resisted]))
+    }
+
+    /// Puts the forces of damping and of braking joints into `tau`; returns their power.
+    fn resist(&self, qd: &[f64], tau: &mut [f64]) -> f64 {
+        let mut power = 0.0;
+        for ((tau, damping), v) in tau.iter_mut().zip(&self.damping).zip(qd) {
+            *tau = -damping * v;
+            power -= damping * v * v;
         }
         for joint in &self.dry {
             if let Dry::Brakes(direction) = joint.state {
                 tau[joint.v] -= joint.friction * direction;
-                resisted -= joint.friction * direction * qd[joint.v];
+                power -= joint.friction * direction * qd[joint.v];
             }
         }
-        Ok((tau, [driven, resisted]))
+        power
+    }
+
+    /// What a drive is told when it is asked.
+    fn asked(&self, time: f64) -> Asked<'a> {
+        Asked { chain: &self.sim.chain, time, gravity: self.sim.gravity, hit: self.was_hit }
+    }
+
+    /// Counts an impact of a touch.
+    pub fn count_impact(&mut self, touch: usize) {
+        self.impacts[touch] += 1;
+        self.was_hit = true;
+    }
+
+    /// Impacts of a touch so far.
+    pub fn impacts(&self, touch: usize) -> usize {
+        self.impacts[touch]
     }
 
     /// What drives the joints now.
     fn drive(&self) -> &'a Drive {
-        let hit = self.impacts.iter().any(|&count| count > 0);
-        let after = if hit { self.sim.after_impact.as_ref() } else { None };
+        let after = if self.was_hit { self.sim.after_impact.as_ref() } else { None };
         after.unwrap_or(&self.sim.drive)
+    }
+
+    /// Whether nothing is held, and nothing pushes but drives and what resists.
+    pub fn moves_freely(&self) -> bool {
+        self.mode == ContactMode::Free && !self.dry.iter().any(|joint| joint.state == Dry::Holds)
+    }
+
+    /// q̈ of a motion that [moves freely](Self::moves_freely), and the powers of the drive and of what resists. What
+    /// [`Motion::held`] finds then, at a fraction of its cost.
+    pub fn accelerate(&mut self, time: f64, y: &[f64], qdd: &mut [f64]) -> Result<[f64; 2], SimError> {
+        let (q, qd) = self.split(y);
+        let mut tau = std::mem::take(&mut self.tau);
+        let resisted = self.resist(qd, &mut tau);
+        let (sim, drive, asked) = (self.sim, self.drive(), self.asked(time));
+        let driven = drive.push(asked, (self.model, &mut self.workspace), (q, qd), &mut tau)?;
+        let gravity = A::project(self.model, sim.gravity);
+        let swings = self.row.as_ref().is_some_and(|row| A::accelerate_row(row, (q, qd, &tau), gravity, qdd));
+        if !swings {
+            self.view(q)?.acceleration_into(qd, &tau, sim.gravity, qdd)?;
+        }
+        self.tau = tau;
+        Ok([driven, resisted])
     }
 
     /// Stiffness of the drive, and damping of every joint with that of the drive.
     pub fn regulation(&self) -> (f64, Vec<f64>) {
         let (stiffness, damping) = self.drive().gains();
-        (stiffness, self.sim.damping().into_iter().map(|own| own + damping).collect())
+        (stiffness, self.damping.iter().map(|own| own + damping).collect())
+    }
+
+    /// Gap and gap rate of a touch at one state.
+    pub fn gap(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, f64), SimError> {
+        let view = View::<A>::new(self.model, &mut self.workspace, q)?;
+        self.sim.touches[touch].look(self.balls[touch].as_ref(), &view, (q, qd), time)
+    }
+
+    /// Gaps and gap rates of all touches at one state.
+    pub fn gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<(f64, f64)>, SimError> {
+        let view = View::<A>::new(self.model, &mut self.workspace, q)?;
+        let looks = self.sim.touches.iter().zip(&self.balls);
+        looks.map(|(touch, ball)| touch.look(ball.as_ref(), &view, (q, qd), time)).collect()
     }
 
     /// Gap, its rate and the touching point's velocity over the surface at one state.
@@ -274,11 +350,15 @@ impl<'a, A: Space> Motion<'a, A> {
         let (q, qd) = self.split(y);
         let constrains = lasting.filter(|(_, hold)| !matches!(hold, Hold::Presses(_)));
         let drift = constrains.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
-        let (mut tau, mut power) = self.applied(time, q, qd)?;
         let (sim, slip, dry, deepest) = (self.sim, self.slip, self.dry.clone(), self.deepest);
         let deflection = y.get(q.len() + qd.len() + 2..).filter(|tail| !tail.is_empty());
         let deflection = deflection.map_or_else(Vector3::zeros, Vector3::from_column_slice);
+        let mut tau = vec![0.0; qd.len()];
+        let resisted = self.resist(qd, &mut tau);
+        let (drive, asked) = (self.drive(), self.asked(time));
+        let driven = drive.push(asked, (self.model, &mut self.workspace), (q, qd), &mut tau)?;
         let mut view = self.view(q)?;
+        let mut power = [driven, resisted];
         let (mut pressed, mut bends) = (None, Vector3::zeros());
         if let Some((touch, Hold::Presses(damping))) = lasting {
             let touch = &sim.touches[touch];
@@ -296,7 +376,8 @@ impl<'a, A: Space> Motion<'a, A> {
                 pressed = Some((force, place.normal));
             }
         }
-        let free = view.acceleration(qd, &tau, sim.gravity)?;
+        let mut free = DVector::zeros(qd.len());
+        view.acceleration_into(qd, &tau, sim.gravity, free.as_mut_slice())?;
 
         let (mut rows, mut forces, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
         let (mut contact, mut normal, mut along) = (0, Vector3::zeros(), Vector3::zeros());

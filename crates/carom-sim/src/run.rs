@@ -143,16 +143,20 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// Gap and gap rate of a touch now.
     pub fn gap(&mut self, touch: usize) -> Result<(f64, f64), SimError> {
         let (q, qd) = self.q_qd();
-        let (gap, rate, _) = self.motion.closing(touch, &q, &qd, self.time)?;
-        Ok((gap, rate))
+        self.motion.gap(touch, &q, &qd, self.time)
+    }
+
+    /// Gaps and gap rates of all touches now.
+    pub fn gaps(&mut self) -> Result<Vec<(f64, f64)>, SimError> {
+        let (q, qd) = self.q_qd();
+        self.motion.gaps(&q, &qd, self.time)
     }
 
     /// What touches at the start.
     fn begin(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
-        for touch in 0..sim.touches.len() {
-            let (gap, rate) = self.gap(touch)?;
+        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
             let gives_way = sim.touches[touch].contact.compliance.is_some() && sim.touches[touch].link().is_some();
             if gap < -TOUCHING {
                 if gives_way {
@@ -200,7 +204,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     fn event(&mut self, witness: usize) -> Result<(), SimError> {
         let time = self.time;
-        match (self.motion.watches()[witness], self.motion.mode.touch()) {
+        match (self.motion.watched[witness], self.motion.mode.touch()) {
             (Watch::Gap(touch), _) => self.touch(touch),
             (Watch::NormalForce | Watch::Depth, Some(touch)) => {
                 self.motion.mode = ContactMode::Free;
@@ -270,12 +274,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// A touch has closed. Alone, or with others?
     fn touch(&mut self, touch: usize) -> Result<(), SimError> {
         let mut together = vec![touch];
-        for other in 0..self.motion.sim.touches.len() {
-            if other != touch && Some(other) != self.motion.mode.touch() {
-                let (gap, rate) = self.gap(other)?;
-                if gap <= TOUCHING && rate <= 0.0 {
-                    together.push(other);
-                }
+        for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            let free = other != touch && Some(other) != self.motion.mode.touch();
+            if free && gap <= TOUCHING && rate <= 0.0 {
+                together.push(other);
             }
         }
         together.extend(self.motion.mode.touch());
@@ -301,7 +303,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             let mass = self.motion.effective_mass(touch, &q, time)?;
             let depth = law.greatest_penetration(speed, mass);
             if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
-                self.motion.impacts[touch] += 1;
+                self.motion.count_impact(touch);
                 return self.press(touch, law.damping(speed, mass));
             }
             self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
@@ -345,7 +347,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         };
         self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
-        self.motion.impacts[touch] += 1;
+        self.motion.count_impact(touch);
         self.note(kind, &before, blows);
         self.lost += energy - self.motion.energy(&self.y)?;
         let (_, rebound) = self.gap(touch)?;
@@ -365,7 +367,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         self.motion.stop_normal(touch, self.time, &mut self.y)?;
         self.motion.stop_slip(touch, self.time, &mut self.y)?;
-        self.motion.impacts[touch] += 1;
+        self.motion.count_impact(touch);
         self.note(EventKind::Latch { touch }, &before, Vec::new());
         Ok(())
     }
@@ -407,7 +409,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let (start, y) = (self.time, self.y.clone());
                 self.time += left;
                 self.sampler.stretch(start, self.time, 2, |_| y.clone());
-                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts[touch] }, &before, Vec::new());
+                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &before, Vec::new());
                 self.last(touch, &before)
             }
         }

@@ -211,7 +211,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
         let qd_plus = responses.iter().zip(outcome.impulse.iter()).fold(v, |v, (response, p)| v + response * *p);
         self.y[nq..nq + qd.len()].copy_from_slice(qd_plus.as_slice());
-        together.iter().for_each(|&touch| self.motion.impacts[touch] += 1);
+        together.iter().for_each(|&touch| self.motion.count_impact(touch));
         let kind = EventKind::Several { touches: together.to_vec(), residual: outcome.residual };
         self.note(kind, &before, rows.blows(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
@@ -260,12 +260,9 @@ impl<A: Space> Run<'_, '_, A> {
         while self.time < self.end {
             let (open, still) = self.contact_step()?;
             open_steps = if open { open_steps + 1 } else { 0 };
-            if open_steps >= OPEN_STEPS && !self.motion.sim.stepping {
-                let opened = (0..self.motion.sim.touches.len()).map(|touch| Ok(self.gap(touch)?.0 > 0.0));
-                let opened: Vec<bool> = opened.collect::<Result<_, SimError>>()?;
-                if opened.into_iter().all(|open| open) {
-                    return self.enter(ContactMode::Free);
-                }
+            let flies = open_steps >= OPEN_STEPS && !self.motion.sim.stepping;
+            if flies && self.gaps()?.into_iter().all(|(gap, _)| gap > 0.0) {
+                return self.enter(ContactMode::Free);
             }
             still_steps = if still { still_steps + 1 } else { 0 };
             if still_steps == STILL_STEPS && self.is_steady() {

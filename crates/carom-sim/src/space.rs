@@ -5,7 +5,7 @@
 
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
-use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, Point, Spatial, Workspace};
+use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Spatial, Workspace};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 
 /// An algebra whose vectors have a place in space.
@@ -15,6 +15,18 @@ pub(crate) trait Space: Algebra<Scalar = f64> {
 
     fn chain(model: &Self::Model) -> &Chain<Self>;
     fn pose(model: &Self::Model, frame: FrameId, pose: &Pose<Self>) -> Pose<Spatial<f64>>;
+    /// The material point at `offset` from a frame's origin, in the frame's axes, and what its position in space has
+    /// beside that of the point, which no motion changes.
+    fn material_point(model: &Self::Model, frame: FrameId, offset: Vector3<f64>) -> (Point<Self>, Vector3<f64>);
+    /// The closed form of q̈ of a chain that has one.
+    fn row(model: &Self::Model) -> Option<PlanarRow>;
+    /// q̈ by it; `false` where it has no answer.
+    fn accelerate_row(
+        row: &PlanarRow,
+        motion: (&[f64], &[f64], &[f64]),
+        gravity: Self::Vector,
+        qdd: &mut [f64],
+    ) -> bool;
     fn lift(model: &Self::Model, v: Self::Vector) -> Vector3<f64>;
     fn project(model: &Self::Model, v: Vector3<f64>) -> Self::Vector;
     fn lift_angular(model: &Self::Model, w: Self::Angular) -> Vector3<f64>;
@@ -28,6 +40,15 @@ impl Space for Spatial<f64> {
     }
     fn pose(_: &Chain, _: FrameId, pose: &Pose<Self>) -> Pose<Self> {
         *pose
+    }
+    fn material_point(chain: &Chain, frame: FrameId, offset: Vector3<f64>) -> (Point<Self>, Vector3<f64>) {
+        (chain.point(frame, offset), Vector3::zeros())
+    }
+    fn row(_: &Chain) -> Option<PlanarRow> {
+        None
+    }
+    fn accelerate_row(_: &PlanarRow, _: (&[f64], &[f64], &[f64]), _: Vector3<f64>, _: &mut [f64]) -> bool {
+        false
     }
     fn lift(_: &Chain, v: Vector3<f64>) -> Vector3<f64> {
         v
@@ -49,6 +70,22 @@ impl Space for Planar<f64> {
     fn pose(model: &PlanarChain, frame: FrameId, pose: &Pose<Self>) -> Pose<Spatial<f64>> {
         model.lift_pose(frame, pose)
     }
+    fn material_point(model: &PlanarChain, frame: FrameId, offset: Vector3<f64>) -> (Point<Self>, Vector3<f64>) {
+        let normal = model.plane.normal;
+        let height = normal.dot(&model.lift_pose(frame, &Pose::identity()).point(offset));
+        (model.point(frame, offset), normal * height)
+    }
+    fn row(model: &PlanarChain) -> Option<PlanarRow> {
+        PlanarRow::of(&model.chain)
+    }
+    fn accelerate_row(
+        row: &PlanarRow,
+        (q, qd, tau): (&[f64], &[f64], &[f64]),
+        gravity: Vector2<f64>,
+        qdd: &mut [f64],
+    ) -> bool {
+        row.accelerate(q, qd, tau, gravity, qdd)
+    }
     fn lift(model: &PlanarChain, v: Vector2<f64>) -> Vector3<f64> {
         model.plane.lift(v)
     }
@@ -59,6 +96,9 @@ impl Space for Planar<f64> {
         model.plane.normal * w
     }
 }
+
+/// A chain is stiff as a strut where a direction's share of E is below this.
+const STRUT: f64 = 64.0 * f64::EPSILON;
 
 /// What a point feels: H = J M⁻¹ Jᵀ (3×3) and M⁻¹Jᵀ (nv×3), world axes.
 pub(crate) type Felt = (Matrix3<f64>, DMatrix<f64>);
@@ -117,20 +157,29 @@ impl<'a, A: Space> View<'a, A> {
 
     /// What a point feels; `None` if no joint moves it along `n`.
     pub fn inertia(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
-        let inertia = self.kin.contact_inertia(point)?;
+        let (factor, response) = self.kin.delassus_factor_and_response(point, None)?;
         let axis = |k: usize| A::lift(self.model, A::vector(|i| if i == k { 1.0 } else { 0.0 }));
         let lift = DMatrix::from_fn(3, A::LINEAR, |i, k| axis(k)[i]);
         let own = lift.tr_mul(&n);
-        if own.norm() < 1e-12 || inertia.effective_mass((&own / own.norm()).as_slice()).is_none() {
+        // ‖Eᵀn‖² = nᵀHn: what is lost in the rounding of E is no motion.
+        let moves = own.norm() >= 1e-12 && factor.tr_mul(&own).norm() > STRUT * factor.norm() * own.norm();
+        if !moves {
             return Ok(None);
         }
-        let delassus = (&lift * &inertia.delassus * lift.transpose()).fixed_view::<3, 3>(0, 0).into_owned();
-        Ok(Some((delassus, &inertia.response * lift.transpose())))
+        let factor = lift.clone() * factor;
+        let delassus = (&factor * factor.transpose()).fixed_view::<3, 3>(0, 0).into_owned();
+        Ok(Some((delassus, response * lift.transpose())))
     }
 
     /// q̈ under joint forces and gravity alone.
-    pub fn acceleration(&mut self, qd: &[f64], tau: &[f64], gravity: Vector3<f64>) -> Result<DVector<f64>, SimError> {
-        Ok(self.kin.forward_dynamics(qd, tau, A::project(self.model, gravity))?)
+    pub fn acceleration_into(
+        &mut self,
+        qd: &[f64],
+        tau: &[f64],
+        gravity: Vector3<f64>,
+        qdd: &mut [f64],
+    ) -> Result<(), SimError> {
+        Ok(self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?)
     }
 
     /// The joint forces that hold the chain against gravity.

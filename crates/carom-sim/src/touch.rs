@@ -192,6 +192,20 @@ impl<A: Space> Place<A> {
     }
 }
 
+/// A ball before a plane, with all done in advance that no motion changes: g = n·x + h − r − n·s. The touching point is always
+/// the one below the centre x, and ω × (its arm) has no part along n: so ġ = n·(ẋ − ṡ).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BallOnPlane<A: Space> {
+    /// The centre.
+    centre: Point<A>,
+    /// n as the chain's algebra sees it.
+    normal: A::Vector,
+    /// h: what else the centre's height over the plane has.
+    height: f64,
+    /// r: apart from h, lest its rounding be that of h.
+    radius: f64,
+}
+
 /// An inverse mass below this share of the others is rounding.
 const STUCK: f64 = 1e-13;
 
@@ -400,6 +414,37 @@ impl Touch {
             }
             TouchKind::Limit { q: at, bound, upper, .. } => {
                 At { gap: if *upper { bound - q[*at] } else { q[*at] - bound }, surface: None }
+            }
+        }
+    }
+
+    /// What can be done in advance for [`Touch::look`]; `None` for all but balls on planes.
+    pub(crate) fn ball_on_plane<A: Space>(&self, model: &A::Model) -> Option<BallOnPlane<A>> {
+        let TouchKind::Ball { shape, centre, radius, point, normal } = &self.kind else { return None };
+        let (centre, beside) = A::material_point(model, shape.frame(), *centre);
+        let height = normal.dot(&(beside - point));
+        Some(BallOnPlane { centre, normal: A::project(model, *normal), height, radius: *radius })
+    }
+
+    /// g and ġ.
+    pub(crate) fn look<A: Space>(
+        &self,
+        ball: Option<&BallOnPlane<A>>,
+        view: &View<A>,
+        (q, qd): (&[f64], &[f64]),
+        time: f64,
+    ) -> Result<(f64, f64), SimError> {
+        match (ball, &self.kind) {
+            (Some(ball), TouchKind::Ball { normal, .. }) => {
+                let [shift, velocity, _] = self.shift(time);
+                let height = A::dot(ball.normal, view.kin.position(ball.centre)) + ball.height;
+                let gap = height - ball.radius - normal.dot(&shift);
+                let rate = A::dot(ball.normal, view.kin.point_velocity(ball.centre, qd)?) - normal.dot(&velocity);
+                Ok((gap, rate))
+            }
+            _ => {
+                let at = self.at(view, q, time);
+                Ok((at.gap, self.rate(&at, view, qd, time)?))
             }
         }
     }

@@ -2,8 +2,10 @@
 
 use crate::error::SimError;
 use crate::leg::{Flow, Witness};
-use crate::motion::{Dry, Motion};
-use crate::space::Space;
+use crate::motion::{Dry, DryJoint, Held, Motion};
+use crate::simulate::Simulation;
+use crate::space::{Space, View};
+use crate::touch::BallOnPlane;
 use crate::trajectory::ContactMode;
 use nalgebra::Vector3;
 
@@ -29,7 +31,7 @@ pub(crate) enum Watch {
 
 impl<A: Space> Motion<'_, A> {
     /// What ends the mode that it is in.
-    pub fn watches(&self) -> Vec<Watch> {
+    fn watches(&self) -> Vec<Watch> {
         let sim = self.sim;
         let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch());
         let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
@@ -55,77 +57,59 @@ impl<A: Space> Motion<'_, A> {
     }
 }
 
+impl Watch {
+    /// Whether it watches forces, not places and velocities.
+    fn needs_forces(self) -> bool {
+        matches!(self, Self::NormalForce | Self::Cone | Self::JointBreaksLoose(_))
+    }
+}
+
 impl<A: Space> Flow for Motion<'_, A> {
+    fn begin(&mut self) {
+        self.watched = self.watches();
+    }
+
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
-        let held = self.in_mode(time, y)?;
         let (nq, nv) = (q.len(), qd.len());
-        self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
-        out[nq..nq + nv].copy_from_slice(held.qdd.as_slice());
-        out[nq + nv..nq + nv + 2].copy_from_slice(&held.power);
-        if let Some(bends) = out.get_mut(nq + nv + 2..).filter(|tail| !tail.is_empty()) {
-            bends.copy_from_slice(held.bends.as_slice());
+        if nq == nv {
+            out[..nq].copy_from_slice(qd); // no joint floats
+        } else {
+            self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
+        }
+        let (qdd, rest) = out[nq..].split_at_mut(nv);
+        let (power, bends) = rest.split_at_mut(2);
+        if self.moves_freely() {
+            power.copy_from_slice(&self.accelerate(time, y, qdd)?);
+            bends.fill(0.0);
+        } else {
+            let held = self.in_mode(time, y)?;
+            qdd.copy_from_slice(held.qdd.as_slice());
+            power.copy_from_slice(&held.power);
+            bends.copy_from_slice(&held.bends.as_slice()[..bends.len()]);
         }
         Ok(())
     }
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
         out.clear();
+        let held = if self.watched.iter().any(|w| w.needs_forces()) { Some(self.in_mode(time, y)?) } else { None };
         let (q, qd) = self.split(y);
-        let watches = self.watches();
-        // Forces only where one of them is watched.
-        let forces = watches.iter().any(|w| {
-            !matches!(w, Watch::Gap(_) | Watch::Depth | Watch::Turns | Watch::SlipStops | Watch::JointStops(_))
-        });
-        let held = if forces { Some(self.in_mode(time, y)?) } else { None };
-        let sim = self.sim;
-        let (mode, slip, dry, deepest) = (self.mode, self.slip, self.dry.clone(), self.deepest);
-        let view = self.view(q)?;
-        for watch in watches {
-            let witness = match (watch, &held) {
-                (Watch::Gap(touch), _) => {
-                    let touch = &sim.touches[touch];
-                    let at = touch.at(&view, q, time);
-                    Witness { value: at.gap, rate: Some(touch.rate(&at, &view, qd, time)?) }
-                }
-                (Watch::Depth, _) => {
-                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
-                    let at = touch.at(&view, q, time);
-                    Witness { value: -at.gap, rate: Some(-touch.rate(&at, &view, qd, time)?) }
-                }
-                (Watch::Turns, _) => {
-                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
-                    let at = touch.at(&view, q, time);
-                    // Above the deepest point so far it may go to and fro as it likes; and one that has just turned there
-                    // doesn't do so again by the rounding of its rate.
-                    let deeper = -at.gap > deepest;
-                    let value = if deeper { -touch.rate(&at, &view, qd, time)? } else { 0.0 };
-                    Witness { value, rate: None }
-                }
-                (Watch::SlipStops, _) => {
-                    let touch = &sim.touches[mode.touch().unwrap_or(0)];
-                    let place = touch.at(&view, q, time).surface;
-                    let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
-                    Witness { value: u.dot(&slip), rate: None }
-                }
-                (Watch::JointStops(k), _) => {
-                    let Dry::Brakes(direction) = dry[k].state else { unreachable!("it was listed as moving") };
-                    Witness { value: qd[dry[k].v] * direction, rate: None }
-                }
-                (Watch::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
-                (Watch::Cone, Some(held)) => {
-                    let tangential = held.force - held.normal * held.normal_force;
-                    let mu = sim.touches[mode.touch().unwrap_or(0)].contact.friction;
-                    Witness { value: mu * held.normal_force - tangential.norm(), rate: None }
-                }
-                (Watch::JointBreaksLoose(k), Some(held)) => {
-                    Witness { value: dry[k].friction - held.joints[k].abs(), rate: None }
-                }
-                (_, None) => unreachable!("forces are there when they are watched"),
-            };
-            out.push(witness);
+        let now = Now { mode: self.mode, slip: self.slip, dry: &self.dry, deepest: self.deepest, held: held.as_ref() };
+        let view = View::new(self.model, &mut self.workspace, q)?;
+        for watch in &self.watched {
+            out.push(watch.at((self.sim, &self.balls), &now, &view, (q, qd), time)?);
         }
         Ok(())
+    }
+
+    fn witness(&mut self, k: usize, time: f64, y: &[f64]) -> Result<Witness, SimError> {
+        let watch = self.watched[k];
+        let held = if watch.needs_forces() { Some(self.in_mode(time, y)?) } else { None };
+        let (q, qd) = self.split(y);
+        let now = Now { mode: self.mode, slip: self.slip, dry: &self.dry, deepest: self.deepest, held: held.as_ref() };
+        let view = View::new(self.model, &mut self.workspace, q)?;
+        watch.at((self.sim, &self.balls), &now, &view, (q, qd), time)
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
@@ -143,5 +127,67 @@ impl<A: Space> Flow for Motion<'_, A> {
                 Ok(moved || changed)
             }
         }
+    }
+}
+
+/// What a witness depends on beside the state: see [`Motion`].
+struct Now<'a> {
+    mode: ContactMode,
+    slip: Vector3<f64>,
+    dry: &'a [DryJoint],
+    deepest: f64,
+    /// There where a witness needs forces.
+    held: Option<&'a Held>,
+}
+
+impl Watch {
+    /// The witness at a state.
+    fn at<A: Space>(
+        self,
+        (sim, balls): (&Simulation, &[Option<BallOnPlane<A>>]),
+        now: &Now,
+        view: &View<A>,
+        (q, qd): (&[f64], &[f64]),
+        time: f64,
+    ) -> Result<Witness, SimError> {
+        let look = |touch: usize| sim.touches[touch].look(balls[touch].as_ref(), view, (q, qd), time);
+        let own = now.mode.touch().unwrap_or(0);
+        Ok(match (self, now.held) {
+            (Self::Gap(touch), _) => {
+                let (gap, rate) = look(touch)?;
+                Witness { value: gap, rate: Some(rate) }
+            }
+            (Self::Depth, _) => {
+                let (gap, rate) = look(own)?;
+                Witness { value: -gap, rate: Some(-rate) }
+            }
+            (Self::Turns, _) => {
+                let (gap, rate) = look(own)?;
+                // Above the deepest point so far it may go to and fro as it likes; and one that has just turned there
+                // doesn't do so again by the rounding of its rate.
+                Witness { value: if -gap > now.deepest { -rate } else { 0.0 }, rate: None }
+            }
+            (Self::SlipStops, _) => {
+                let touch = &sim.touches[own];
+                let place = touch.at(view, q, time).surface;
+                let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
+                Witness { value: u.dot(&now.slip), rate: None }
+            }
+            (Self::JointStops(k), _) => {
+                let DryJoint { v, state, .. } = now.dry[k];
+                let Dry::Brakes(direction) = state else { unreachable!("it was listed as moving") };
+                Witness { value: qd[v] * direction, rate: None }
+            }
+            (Self::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
+            (Self::Cone, Some(held)) => {
+                let tangential = held.force - held.normal * held.normal_force;
+                let mu = sim.touches[own].contact.friction;
+                Witness { value: mu * held.normal_force - tangential.norm(), rate: None }
+            }
+            (Self::JointBreaksLoose(k), Some(held)) => {
+                Witness { value: now.dry[k].friction - held.joints[k].abs(), rate: None }
+            }
+            (_, None) => unreachable!("forces are there when they are watched"),
+        })
     }
 }

@@ -1,0 +1,179 @@
+//! The accelerations of a few hinges in the plane, in closed form.
+//!
+//! In the angles φᵢ that the bodies make with the world instead of those between them, a row of hinges has an equation of
+//! motion whose every coefficient is a product of two vectors, each fixed in a body:
+//!
+//! ```text
+//! Σⱼ Mᵢⱼ ω̇ⱼ = Qᵢ + Σ_{j>i} Sᵢⱼ ωⱼ² − Σ_{j<i} Sⱼᵢ ωⱼ² + Hᵢ × g,    Mᵢⱼ = Dᵢ·Hⱼ,  Sᵢⱼ = Dᵢ × Hⱼ  (i < j),  Mᵢᵢ = Jᵢ
+//! ```
+//!
+//! (Lagrange's for the point masses at x = Σ_{k<j} D_k + ρ of body j; for two links Craig, *Introduction to Robotics*
+//! (1989), section 6.7, has it in relative angles.) M is factored from the last body to the first, so that its pivots are
+//! the articulated inertias of the recursion ([`crate::Articulation`]): the same energy, least over what the joints beyond
+//! do. Without gravity nothing depends on the first angle, and it is not turned by.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | ωᵢ | 1 | angular velocity of body i, rad/s | `turning` |
+//! | Dᵢ | 2 | from joint i to joint i+1, world axes, m | `link` |
+//! | Hᵢ | 2 | first moment about joint i of all that body i carries, that at joint i+1, world axes, kg m | `moment` |
+//! | Jᵢ | 1 | inertia about joint i of the same, kg m² | `inertia` |
+//! | Q | n | joint forces as they push on bodies: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, s the sense of a joint | `push` |
+//!
+//! What it earns is in `docs/speed.md`; `tests/planar_row.rs` holds it to the recursion.
+
+use crate::algebra::{Algebra, Planar, PlanarJoint};
+use crate::chain::Chain;
+use crate::sine::sin_cos;
+use nalgebra::Vector2;
+
+/// Longer rows are for the recursion, whose work grows with the length and not with its square.
+const MOST: usize = 4;
+
+/// A row of one to four hinges in the plane, each on the one before, with all done in advance that is the same at every
+/// configuration. Immutable, and shared by reference.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanarRow {
+    bodies: Vec<Swing>,
+}
+
+/// One body of the row, and the hinge above it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Swing {
+    /// Angle to the body before = `sense` · q + `shift`.
+    sense: f64,
+    shift: f64,
+    /// In the body's axes.
+    link: Vector2<f64>,
+    moment: Vector2<f64>,
+    inertia: f64,
+}
+
+impl PlanarRow {
+    /// `None` for a chain that is no such row.
+    pub fn of(chain: &Chain<Planar<f64>>) -> Option<Self> {
+        let bodies = chain.bodies();
+        let follows = bodies.iter().enumerate().all(|(i, b)| {
+            let own = (b.v_index, b.q_index, b.parent) == (i, i, i.checked_sub(1));
+            own && b.joint == PlanarJoint::Revolute && b.ratio.abs() == 1.0
+        });
+        if !follows || bodies.is_empty() || bodies.len() > MOST {
+            return None;
+        }
+        let mut beyond = 0.0; // mass
+        let mut row = Vec::with_capacity(bodies.len());
+        for (i, body) in bodies.iter().enumerate().rev() {
+            let link = bodies.get(i + 1).map_or_else(Vector2::zeros, |next| next.placement.translation);
+            let placed = body.placement.rotation;
+            row.push(Swing {
+                sense: body.ratio,
+                shift: body.shift + placed.sin.atan2(placed.cos),
+                link,
+                moment: body.inertia.first_moment + link * beyond,
+                inertia: body.inertia.rotational + beyond * link.norm_squared(),
+            });
+            beyond += body.inertia.mass;
+        }
+        row.reverse();
+        Some(Self { bodies: row })
+    }
+
+    /// q̈ = M⁻¹(τ − C q̇ − g) into `qdd`: [`Kinematics::forward_dynamics`](crate::Kinematics::forward_dynamics) of the
+    /// chain that this was made of. `gravity` in the plane's axes, m/s². `false` where a joint moves no inertia, or lengths
+    /// do not fit: the chain's own forward dynamics says which. Allocates nothing.
+    pub fn accelerate(&self, q: &[f64], qd: &[f64], tau: &[f64], gravity: Vector2<f64>, qdd: &mut [f64]) -> bool {
+        match self.bodies.len() {
+            1 => self.swing::<1>(q, qd, tau, gravity, qdd),
+            2 => self.swing::<2>(q, qd, tau, gravity, qdd),
+            3 => self.swing::<3>(q, qd, tau, gravity, qdd),
+            MOST => self.swing::<MOST>(q, qd, tau, gravity, qdd),
+            _ => None,
+        }
+        .is_some()
+    }
+
+    /// One source for every length, and loops that the compiler unrolls.
+    #[inline(always)]
+    fn swing<const N: usize>(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        tau: &[f64],
+        gravity: Vector2<f64>,
+        qdd: &mut [f64],
+    ) -> Option<()> {
+        let bodies: &[Swing; N] = self.bodies.as_slice().try_into().ok()?;
+        let (q, qd): (&[f64; N], &[f64; N]) = (q.try_into().ok()?, qd.try_into().ok()?);
+        let (tau, qdd): (&[f64; N], &mut [f64; N]) = (tau.try_into().ok()?, qdd.try_into().ok()?);
+
+        // Outward: where everything points, and how fast it turns.
+        let falls = gravity != Vector2::zeros();
+        let (mut link, mut moment) = ([Vector2::zeros(); N], [Vector2::zeros(); N]);
+        let (mut turning, mut push) = ([0.0; N], [0.0; N]);
+        let mut rotation = Planar::<f64>::no_rotation();
+        for i in 0..N {
+            let body = &bodies[i];
+            if i > 0 || falls {
+                let (sin, cos) = sin_cos(body.sense * q[i] + body.shift);
+                rotation = Planar::turn(rotation, sin, cos);
+            }
+            (link[i], moment[i]) = (Planar::rotate(rotation, body.link), Planar::rotate(rotation, body.moment));
+            turning[i] = body.sense * qd[i] + if i > 0 { turning[i - 1] } else { 0.0 };
+            push[i] = body.sense * tau[i] + cross(moment[i], gravity);
+            if i > 0 {
+                push[i - 1] -= body.sense * tau[i];
+            }
+        }
+        // `stiff`: what each joint would turn if those beyond did not give.
+        let (mut m, mut stiff, mut beyond) = ([[0.0; N]; N], [0.0; N], 0.0);
+        for i in (0..N).rev() {
+            m[i][i] = bodies[i].inertia;
+            beyond += m[i][i];
+            for j in i + 1..N {
+                m[i][j] = Planar::dot(link[i], moment[j]);
+                beyond += m[i][j] + m[i][j];
+                let across = cross(link[i], moment[j]);
+                push[i] += across * turning[j] * turning[j];
+                push[j] -= across * turning[i] * turning[i];
+            }
+            stiff[i] = beyond;
+        }
+
+        // Inward: M = U D Uᵀ in place, U above the diagonal; and what is left of the pushes.
+        for k in (0..N).rev() {
+            let pivot = m[k][k];
+            // One that is the rounding of what it remains of is none; false for NaN too.
+            let moves_inertia = pivot > 64.0 * f64::EPSILON * stiff[k];
+            if !moves_inertia {
+                return None;
+            }
+            let inverse = 1.0 / pivot;
+            let column: [f64; N] = std::array::from_fn(|i| m[i][k]);
+            for i in 0..k {
+                let share = column[i] * inverse;
+                for j in i..k {
+                    m[i][j] -= share * column[j];
+                }
+                m[i][k] = share;
+                push[i] -= share * push[k];
+            }
+            push[k] *= inverse;
+        }
+        // Outward: ω̇, and the differences that the joints make.
+        let mut before = 0.0;
+        for k in 0..N {
+            for i in 0..k {
+                push[k] -= m[i][k] * push[i];
+            }
+            qdd[k] = bodies[k].sense * (push[k] - before);
+            before = push[k];
+        }
+        Some(())
+    }
+}
+
+/// a × b.
+#[inline(always)]
+fn cross(a: Vector2<f64>, b: Vector2<f64>) -> f64 {
+    Planar::moment(a, b)
+}
