@@ -71,6 +71,11 @@ fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f
 /// Joint angles of two links from the origin with the tip at `target`, by the law of cosines; `None` out of reach.
 /// `elbow` ±1 chooses the side (+1: elbow above the line from base to tip).
 pub(crate) fn two_link_pose(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
+    two_link_turns(lengths, target, elbow).map(|[first, bend]| [wrap(first), bend])
+}
+
+/// The same, with the first angle in (−2π, 2π): for those who turn it to where they want it.
+pub(crate) fn two_link_turns(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
     let ([a, b], [x, y]) = (lengths, target);
     let cos_bend = (x * x + y * y - a * a - b * b) / (2.0 * a * b);
     if cos_bend.abs() > 1.0 {
@@ -78,7 +83,7 @@ pub(crate) fn two_link_pose(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> 
     }
     let bend = -elbow * cos_bend.acos();
     let first = y.atan2(x) - (b * bend.sin()).atan2(a + b * bend.cos());
-    Some([wrap(first), bend])
+    Some([first, bend])
 }
 
 fn wrap(angle: f64) -> f64 {

@@ -16,6 +16,7 @@
 use super::axis::{Axis, advance, places};
 use super::quantity::{Class, Quantity};
 use super::reach::Reach;
+use super::strike::Condition;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, ContactInertia, Point, Workspace};
 use carom_impact::AnyLaw;
@@ -99,6 +100,9 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
             workspace: self.chain.workspace(),
             at: None,
             places: vec![0; self.axes.len()],
+            varying: (0..self.axes.len()).filter(|k| self.axes[*k].varies()).collect(),
+            values: self.axes.iter().map(|axis| axis.value(0)).collect(),
+            condition: None,
             approach: (f64::NAN, (0.0, 0.0)),
             pose: Pose {
                 class: None,
@@ -150,6 +154,12 @@ pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     /// The row whose places and pose these are.
     at: Option<u64>,
     pub places: Vec<u64>,
+    /// The axes that vary, in their order.
+    varying: Vec<usize>,
+    /// Each axis' value at its place.
+    pub values: Vec<f64>,
+    /// How the surface is met at these places, once it was needed.
+    pub condition: Option<Condition<'a, D>>,
     /// The last angle of approach, with its sine and cosine.
     pub approach: (f64, (f64, f64)),
     pub pose: Pose<D>,
@@ -172,7 +182,8 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
     }
 
     fn row_at(&mut self, index: u64, q: &[f64], out: &mut [f64]) {
-        places(&self.arm.axes, index, &mut self.places);
+        self.at = None;
+        self.take_places(index);
         self.at = None;
         self.pose.q.copy_from_slice(q);
         self.weigh_pose();
@@ -230,36 +241,39 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Arm<A, 
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_, A, D> {
-    /// Moves to the pose of a row, unless it is there already.
-    fn take_pose(&mut self, index: u64) {
-        let arm = self.arm;
-        let changed = match self.at.replace(index) {
-            Some(at) if at == index => return,
-            Some(at) if at + 1 == index => advance(&arm.axes, &mut self.places),
+    /// Moves to the places of a row; the first axis that moved, the number of axes if none did.
+    fn take_places(&mut self, index: u64) -> usize {
+        let axes = &self.arm.axes;
+        let moved = match self.at.replace(index) {
+            Some(at) if at == index => return axes.len(),
+            Some(at) if at + 1 == index => advance(axes, &self.varying, &mut self.places),
             _ => {
-                places(&arm.axes, index, &mut self.places);
+                places(axes, index, &mut self.places);
                 0
             }
         };
-        if changed >= arm.pose_axes() {
+        for &k in self.varying.iter().filter(|k| **k >= moved) {
+            self.values[k] = axes[k].value(self.places[k]);
+            if k >= self.arm.pose_axes() {
+                self.condition = None;
+            }
+        }
+        moved
+    }
+
+    /// Moves to the pose of a row, unless it is there already.
+    fn take_pose(&mut self, index: u64) {
+        let arm = self.arm;
+        if self.take_places(index) >= arm.pose_axes() {
             return;
         }
-        let own = &arm.axes[..arm.pose_axes()];
-        let value = |k: usize| own[k].value(self.places[k]);
+        let own = &self.values[..arm.pose_axes()];
         match &arm.poses {
-            Poses::Joints => {
-                for (k, q) in self.pose.q.iter_mut().enumerate() {
-                    *q = value(k);
-                }
-            }
+            Poses::Joints => self.pose.q.copy_from_slice(own),
             Poses::Tip { reach, branches } => {
                 let coordinates = own.len() - 1;
-                let mut target = [0.0; 3];
-                for (k, x) in target[..coordinates].iter_mut().enumerate() {
-                    *x = value(k);
-                }
                 let branch = branches[self.places[coordinates] as usize];
-                let (target, q) = (&target[..coordinates], &mut self.pose.q);
+                let (target, q) = (&own[..coordinates], &mut self.pose.q);
                 match reach.solve(&arm.chain, arm.point, &mut self.workspace, target, branch, q) {
                     Ok(true) => {}
                     Ok(false) => {
@@ -329,12 +343,12 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
             at += 1;
         };
         let normal_axis = arm.pose_axes();
-        for (k, axis) in arm.axes.iter().enumerate().filter(|(_, axis)| axis.varies()) {
-            if k == normal_axis && !axis.names().is_empty() {
+        for &k in &self.varying {
+            if k == normal_axis && !arm.axes[k].names().is_empty() {
                 let normal = arm.basis * arm.surfaces[self.places[k] as usize].column(D - 1);
                 normal.iter().for_each(|x| put(*x, out));
             } else {
-                put(axis.value(self.places[k]), out);
+                put(self.values[k], out);
             }
         }
         if matches!(arm.poses, Poses::Tip { .. }) {

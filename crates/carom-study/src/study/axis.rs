@@ -122,14 +122,14 @@ pub(super) fn places(axes: &[Axis], mut index: u64, places: &mut [u64]) {
     }
 }
 
-/// Moves the places on to the next row; the first axis that moved.
-pub(super) fn advance(axes: &[Axis], places: &mut [u64]) -> usize {
-    for (k, (axis, place)) in axes.iter().zip(places).enumerate().rev() {
-        *place += 1;
-        if *place < axis.count() {
+/// Moves the places on to the next row; the first axis that moved. `varying` are the axes that do, in their order.
+pub(super) fn advance(axes: &[Axis], varying: &[usize], places: &mut [u64]) -> usize {
+    for &k in varying.iter().rev() {
+        places[k] += 1;
+        if places[k] < axes[k].count() {
             return k;
         }
-        *place = 0;
+        places[k] = 0;
     }
     0
 }
@@ -152,16 +152,17 @@ mod tests {
     /// Every combination of places comes once, in the order of the rows.
     #[test]
     fn row_numbers_and_places_are_one_to_one() {
-        let axes = [range(0.0, 1.0, 3), range(0.0, 1.0, 2), range(0.0, 1.0, 4)];
+        let one = Axis::new("one".into(), "", &Values::One(0.5)).unwrap();
+        let axes = [range(0.0, 1.0, 3), range(0.0, 1.0, 2), one, range(0.0, 1.0, 4)];
         assert_eq!(total(&axes), Some(24));
-        let mut last: Option<[u64; 3]> = None;
+        let mut last: Option<[u64; 4]> = None;
         for index in 0..24 {
-            let mut at = [0; 3];
+            let mut at = [0; 4];
             places(&axes, index, &mut at);
-            assert_eq!((at[0] * 2 + at[1]) * 4 + at[2], index);
+            assert_eq!((at[0] * 2 + at[1]) * 4 + at[3], index);
             assert!(last.is_none_or(|last| last < at));
             if let Some(mut before) = last {
-                let moved = advance(&axes, &mut before);
+                let moved = advance(&axes, &[0, 1, 3], &mut before);
                 assert_eq!(before, at);
                 assert!(last.is_some_and(|last| last[..moved] == at[..moved] && last[moved] + 1 == at[moved]));
             }

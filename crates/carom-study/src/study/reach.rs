@@ -135,14 +135,15 @@ impl<const D: usize> Reach<D> {
         branch: usize,
         q: &mut [f64],
     ) -> Result<bool, ChainError> {
+        let own = self.own(target);
         if let Some((base, length)) = self.within
-            && let Some(own) = self.own(target)
+            && let Some(own) = own
             && (own - base).norm() > length * (1.0 + 1e-12)
         {
             return Ok(false);
         }
         if let Some(links) = &self.closed {
-            let Some(own) = self.own(target) else { return Ok(false) };
+            let Some(own) = own else { return Ok(false) };
             let Some(pose) = links.pose([own[0], own[1]], if branch == 0 { 1.0 } else { -1.0 }) else {
                 return Ok(false);
             };
@@ -297,10 +298,10 @@ impl TwoLinks {
         Ok(Some(Self { base, lengths, zero, sense: senses }))
     }
 
-    /// By the law of cosines; `elbow` +1: above the line from base to tip.
+    /// By the law of cosines, up to whole turns; `elbow` +1: above the line from base to tip.
     fn pose(&self, target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
         let from_base = [target[0] - self.base[0], target[1] - self.base[1]];
-        let [first, bend] = crate::self_motion::two_link_pose(self.lengths, from_base, elbow)?;
+        let [first, bend] = crate::self_motion::two_link_turns(self.lengths, from_base, elbow)?;
         Some([self.sense[0] * (first - self.zero[0]), self.sense[1] * (bend - self.zero[1])])
     }
 }

@@ -14,7 +14,8 @@ const ATTAINED: f64 = 1e-9;
 const ALIKE: f64 = 1e-9;
 
 /// How the surface is met.
-struct Condition<'a, const D: usize> {
+#[derive(Clone, Copy)]
+pub(super) struct Condition<'a, const D: usize> {
     axes: &'a SMatrix<f64, D, D>,
     /// Angle of approach, degrees, and speed, m/s: together u.
     approach: f64,
@@ -47,23 +48,10 @@ pub(super) fn velocity<const D: usize>(speed: f64, (sin, cos): (f64, f64)) -> SV
     u
 }
 
-impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_, A, D> {
+impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'a, A, D> {
     /// The impact at the present pose; fills the quantities.
     pub(super) fn strike(&mut self, out: &mut [f64]) -> Result<Class, ChainError> {
-        let arm = self.arm;
-        let first = arm.pose_axes();
-        let value = |k: usize| arm.axes[first + k].value(self.places[first + k]);
-        let (approach, speed) = (value(1), value(2));
-        let tangential = if arm.tangential_restitution { value(4) } else { 0.0 };
-        let coefficients =
-            Coefficients { restitution: value(3), tangential_restitution: tangential, friction: value(5) };
-        let condition = Condition {
-            axes: &arm.surfaces[self.places[first] as usize],
-            approach,
-            speed,
-            u: velocity(speed, self.sin_cos(approach)),
-            law: arm.laws[self.places[first + 6] as usize].with(coefficients),
-        };
+        let condition = self.condition();
         let mut h = in_contact_axes(&self.pose.delassus, condition.axes);
         if h[(D - 1, D - 1)] <= h.trace() * DOUBTFUL || !h.trace().is_finite() {
             let inertia = self.careful()?;
@@ -90,7 +78,26 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         }
         let told = Told { condition: &condition, problem, hit };
         self.fill(&told, out)?;
-        Ok(class(&told.hit, speed))
+        Ok(class(&told.hit, condition.speed))
+    }
+
+    /// How the surface is met at the present places.
+    fn condition(&mut self) -> Condition<'a, D> {
+        if let Some(condition) = self.condition {
+            return condition;
+        }
+        let (arm, first) = (self.arm, self.arm.pose_axes());
+        let [approach, speed, restitution, tangential, friction] = std::array::from_fn(|k| self.values[first + 1 + k]);
+        let tangential_restitution = if arm.tangential_restitution { tangential } else { 0.0 };
+        let coefficients = Coefficients { restitution, tangential_restitution, friction };
+        let sin_cos = self.sin_cos(approach);
+        *self.condition.insert(Condition {
+            axes: &arm.surfaces[self.places[first] as usize],
+            approach,
+            speed,
+            u: velocity(speed, sin_cos),
+            law: arm.laws[self.places[first + 6] as usize].with(coefficients),
+        })
     }
 
     /// Rows one after another often share the angle.

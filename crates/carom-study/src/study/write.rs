@@ -1,7 +1,7 @@
 //! A map on its way into a file: computed by all threads, written in the order of its rows, in constant memory.
 //!
-//! The threads of rayon's current pool compute the rows of a group while they encode the group before it, column by
-//! column; one more thread hands the bytes to the file. Rows are computed in blocks whose length follows the time that they
+//! The threads of rayon's current pool do all of it: while rows of a group are computed, the group before is encoded, column
+//! by column, and the one before that is written. Rows are computed in blocks whose length follows the time that they
 //! take, so that an interruption is heeded soon; the file's bytes don't depend on it, since rows are a function of their
 //! number and groups are counted by the table.
 //!
@@ -10,19 +10,20 @@
 //! the last group are read back, and the rest is computed: the result has the bytes of a run that was never interrupted.
 
 use super::{Study, StudyError};
-use crate::table::{CHUNK, Piece, Rows};
-use crate::{Table, TableError};
+use crate::Table;
+use crate::table::{CHUNK, Rows};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 /// A block takes about this time.
 const BLOCK_TIME: Duration = Duration::from_millis(100);
+/// Most chunks that one thread computes before others may help it.
+const MOST_CHUNKS: usize = 4;
 
 /// Where a map goes.
 #[derive(Debug, Clone)]
@@ -120,35 +121,24 @@ impl Study {
         stop: &AtomicBool,
     ) -> Result<(), StudyError> {
         let encoder = table.encoder().clone();
-        let mut filling = table.take_held();
-        let mut full = encoder.rows();
+        let (mut filling, mut full) = (table.take_held(), encoder.rows());
+        let mut pieces = Ok(Vec::new());
         let mut length = CHUNK;
-        std::thread::scope(|scope| {
-            let (pieces, groups) = mpsc::sync_channel::<io::Result<Vec<Piece>>>(0);
-            let writer = scope.spawn(move || -> Result<(), TableError> {
-                groups.into_iter().try_for_each(|group| table.append(group))
-            });
-            loop {
-                let (_, group) = rayon::join(
-                    || self.fill(&mut filling, next, end, &mut length, progress, stop),
-                    || encoder.encode(&full),
-                );
-                // The writer has gone if a write failed; its error is told below.
-                if full.length() > 0 && pieces.send(group).is_err() {
-                    break;
-                }
-                full.clear();
-                if filling.length() == 0 {
-                    break;
-                }
-                std::mem::swap(&mut filling, &mut full);
+        loop {
+            let ready = std::mem::replace(&mut pieces, Ok(Vec::new()));
+            // Rows last: they come in small parts, so that whoever is free first takes of them, and all end together.
+            let ((written, encoded), ()) = rayon::join(
+                || rayon::join(|| table.append(ready), || encoder.encode(&full)),
+                || self.fill(&mut filling, next, end, &mut length, progress, stop),
+            );
+            written?;
+            if full.length() == 0 && filling.length() == 0 {
+                return Ok(());
             }
-            drop(pieces);
-            match writer.join() {
-                Ok(written) => Ok(written?),
-                Err(panic) => std::panic::resume_unwind(panic),
-            }
-        })
+            pieces = encoded;
+            full.clear();
+            std::mem::swap(&mut filling, &mut full);
+        }
     }
 
     /// Computes rows from `next` on until the group is full, or the end is there, or a stop. Blocks of about `length` rows
@@ -168,7 +158,7 @@ impl Study {
             let count = usize::try_from(end - *next).map_or(room, |left| room.min(left));
             let begun = Instant::now();
             let (before, first) = (rows.length(), *next);
-            rows.grow(count).par_chunks_mut(CHUNK * width).enumerate().for_each_init(
+            rows.grow(count).par_chunks_mut(CHUNK * width).enumerate().with_max_len(MOST_CHUNKS).for_each_init(
                 || (self.evaluator(), vec![0.0; width]),
                 |(evaluator, row), (k, chunk)| {
                     if stop.load(Ordering::Relaxed) {

@@ -26,8 +26,10 @@ const GROUP_NUMBERS: usize = 1 << 22;
 const TEXT_ROWS: usize = 1 << 14;
 /// Rows of one piece of CSV.
 const PIECE_ROWS: usize = 16 * CHUNK;
-/// Words handed to the encoder at a time.
-const WORDS: usize = 1024;
+/// Most rows of one page of a column: 64 kB of numbers, which is what Snappy looks at, and stays in a core's own cache.
+const PAGE_ROWS: usize = 1 << 13;
+/// Rows handed to the encoder of a column at a time.
+const BATCH_ROWS: usize = 16 * CHUNK;
 
 /// The rows of a group, or those that there are of it: chunks of [`CHUNK`] rows, in each column after column.
 #[derive(Debug)]
@@ -35,6 +37,7 @@ pub(crate) struct Rows {
     width: usize,
     most: usize,
     length: usize,
+    /// Beyond the chunks of `length`, what was there before.
     numbers: Vec<f64>,
 }
 
@@ -55,28 +58,34 @@ impl Rows {
     /// Keeps the first `length` rows.
     pub fn truncate(&mut self, length: usize) {
         self.length = length;
-        self.numbers.truncate(length.div_ceil(CHUNK) * CHUNK * self.width);
     }
 
     pub fn push(&mut self, row: &[f64]) {
         let at = self.length % CHUNK;
-        if at == 0 {
-            self.numbers.resize(self.numbers.len() + CHUNK * self.width, 0.0);
-        }
-        let chunk = self.numbers.len() - CHUNK * self.width;
-        for (column, x) in row.iter().enumerate() {
-            self.numbers[chunk + column * CHUNK + at] = *x;
-        }
+        let begin = (self.length - at) * self.width;
         self.length += 1;
+        self.reserve();
+        for (column, x) in row.iter().enumerate() {
+            self.numbers[begin + column * CHUNK + at] = *x;
+        }
+    }
+
+    /// Memory for the chunks of `length` rows; where they end.
+    fn reserve(&mut self) -> usize {
+        let end = self.length.div_ceil(CHUNK) * CHUNK * self.width;
+        if self.numbers.len() < end {
+            self.numbers.resize(end, 0.0);
+        }
+        end
     }
 
     /// Adds `count` rows after whole chunks of others, to be filled: row r of a chunk has column c at `c * CHUNK + r`.
     pub fn grow(&mut self, count: usize) -> &mut [f64] {
         debug_assert!(self.length.is_multiple_of(CHUNK) && count <= self.room());
-        let before = self.numbers.len();
-        self.numbers.resize(before + count.div_ceil(CHUNK) * CHUNK * self.width, 0.0);
+        let begin = self.length * self.width;
         self.length += count;
-        &mut self.numbers[before..]
+        let end = self.reserve();
+        &mut self.numbers[begin..end]
     }
 
     /// The numbers of a column of the rows `from..until`, of which `from` begins a chunk.
@@ -129,6 +138,7 @@ impl Encoder {
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_dictionary_enabled(false)
+            .set_data_page_row_count_limit(PAGE_ROWS)
             .set_statistics_enabled(EnabledStatistics::Chunk)
             .set_offset_index_disabled(true);
         for column in columns.iter().filter(|column| !column.words.is_empty()) {
@@ -217,26 +227,35 @@ fn column(
     schema: &SchemaDescPtr,
     properties: &WriterPropertiesPtr,
 ) -> Result<Piece, ParquetError> {
-    let mut sink = TrackedWrite::new(Vec::new());
+    let mut sink = TrackedWrite::new(Vec::with_capacity(rows.length * size_of::<f64>()));
     let pages = Box::new(SerializedPageWriter::new(&mut sink));
     let mut writer = get_column_writer(schema.column(k), Arc::clone(properties), pages);
-    let numbers: Vec<f64> = rows.column(k, 0, rows.length).flatten().copied().collect();
-    match &mut writer {
-        ColumnWriter::DoubleColumnWriter(out) => {
-            out.write_batch(&numbers, None, None)?;
-        }
-        ColumnWriter::ByteArrayColumnWriter(out) => {
-            // clones of these share their bytes
-            let known: Vec<ByteArray> = column.words.iter().map(|word| ByteArray::from(word.as_str())).collect();
-            let none = ByteArray::from("");
-            let mut words = Vec::with_capacity(WORDS);
-            for some in numbers.chunks(WORDS) {
-                words.clear();
-                words.extend(some.iter().map(|x| column.place(*x).map_or(&none, |at| &known[at]).clone()));
-                out.write_batch(&words, None, None)?;
+    // Clones of a word share its bytes, and count one another: dearer than to look whether the batch before had the same
+    // word in this place, as it mostly had in a map.
+    let known: Vec<ByteArray> = column.words.iter().map(|word| ByteArray::from(word.as_str())).collect();
+    let none = ByteArray::from("");
+    let most = if column.words.is_empty() { 0 } else { BATCH_ROWS };
+    let (mut places, mut words) = (vec![None; most], vec![none.clone(); most]);
+    let mut numbers = Vec::with_capacity(BATCH_ROWS);
+    for from in (0..rows.length).step_by(BATCH_ROWS) {
+        numbers.clear();
+        rows.column(k, from, rows.length.min(from + BATCH_ROWS)).for_each(|some| numbers.extend_from_slice(some));
+        match &mut writer {
+            ColumnWriter::DoubleColumnWriter(out) => {
+                out.write_batch(&numbers, None, None)?;
             }
+            ColumnWriter::ByteArrayColumnWriter(out) => {
+                for ((x, place), word) in numbers.iter().zip(&mut places).zip(&mut words) {
+                    let here = column.place(*x);
+                    if *place != here {
+                        *place = here;
+                        *word = here.map_or(&none, |at| &known[at]).clone();
+                    }
+                }
+                out.write_batch(&words[..numbers.len()], None, None)?;
+            }
+            _ => return Err(ParquetError::General("a column is of numbers or of words".into())),
         }
-        _ => return Err(ParquetError::General("a column is of numbers or of words".into())),
     }
     let mut close = writer.close()?;
     // Least and greatest under their present names alone: a reader forgets that they were told under the old ones too, and a

@@ -27,6 +27,9 @@ use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// Bytes handed to the file at a time.
+const WRITE_BYTES: usize = 1 << 18;
+
 /// Why a table can't be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -296,14 +299,14 @@ impl Drop for Place {
 /// The file that pieces go into.
 enum Out {
     Csv(BufWriter<File>),
-    Parquet(Box<SerializedFileWriter<File>>),
+    Parquet(Box<SerializedFileWriter<BufWriter<File>>>),
 }
 
 impl Out {
     fn begin(file: File, encoder: &Encoder) -> io::Result<Self> {
+        let mut file = BufWriter::with_capacity(WRITE_BYTES, file);
         match &encoder.format {
             Format::Csv => {
-                let mut file = BufWriter::new(file);
                 file.write_all(&encoder.header()?)?;
                 Ok(Self::Csv(file))
             }
@@ -314,12 +317,16 @@ impl Out {
         }
     }
 
+    /// Writes a group through to the file: a full disk is told now.
     fn append(&mut self, pieces: Vec<Piece>) -> io::Result<()> {
         match self {
-            Self::Csv(file) => pieces.into_iter().try_for_each(|piece| match piece {
-                Piece::Text(text) => file.write_all(&text),
-                Piece::Column(..) => Err(io::Error::other("a column for a text")),
-            }),
+            Self::Csv(file) => {
+                pieces.into_iter().try_for_each(|piece| match piece {
+                    Piece::Text(text) => file.write_all(&text),
+                    Piece::Column(..) => Err(io::Error::other("a column for a text")),
+                })?;
+                file.flush()
+            }
             Self::Parquet(_) if pieces.is_empty() => Ok(()),
             Self::Parquet(file) => {
                 let mut group = file.next_row_group().map_err(plain)?;
@@ -329,7 +336,8 @@ impl Out {
                     };
                     group.append_column(&bytes, *close).map_err(plain)?;
                 }
-                group.close().map(|_metadata| ()).map_err(plain)
+                group.close().map_err(plain)?;
+                file.flush()
             }
         }
     }
@@ -350,7 +358,7 @@ fn other_columns() -> io::Error {
 /// `rest`. How many rows there were.
 fn take_groups(
     from: File,
-    into: &mut SerializedFileWriter<File>,
+    into: &mut SerializedFileWriter<BufWriter<File>>,
     encoder: &Encoder,
     rest: &mut Rows,
 ) -> io::Result<u64> {
