@@ -16,6 +16,7 @@ mod drive;
 mod error;
 mod free_motion;
 mod frictionless;
+mod held;
 mod leg;
 mod motion;
 mod plan;

@@ -2,7 +2,8 @@
 //! mode that is.
 
 use crate::error::SimError;
-use crate::motion::{Dry, Held, Hold, Motion, STILL, direction_of_slip, pseudo_inverse, responses};
+use crate::held::{Held, Hold, STILL, direction_of_slip};
+use crate::motion::{Dry, Motion, pseudo_inverse, responses};
 use crate::space::Space;
 use crate::trajectory::ContactMode;
 use nalgebra::{Matrix3, Vector3};

@@ -1,8 +1,9 @@
 //! A motion as the integrator of a leg sees it: the rate of its state, and the witnesses whose zeros end its mode of contact.
 
 use crate::error::SimError;
+use crate::held::Held;
 use crate::leg::{Flow, Witness};
-use crate::motion::{Dry, DryJoint, Held, Motion};
+use crate::motion::{Dry, DryJoint, Motion};
 use crate::simulate::Simulation;
 use crate::space::{Space, View};
 use crate::touch::BallOnPlane;
