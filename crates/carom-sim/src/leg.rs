@@ -295,8 +295,9 @@ impl SolOut for Observer<'_, '_, '_> {
         };
         let mut after = std::mem::take(&mut self.after);
         self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        let first = (0..after.len().min(self.before.len()))
-            .filter_map(|k| Some((self.root(k, start, end, after[k], dense)?, k)))
+        // None has come or gone within a leg; where they can't be computed there are none, and the error is kept.
+        let first = (after.iter().enumerate())
+            .filter_map(|(k, after)| Some((self.root(k, start, end, *after, dense)?, k)))
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {

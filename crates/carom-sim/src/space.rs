@@ -97,7 +97,8 @@ impl Space for Planar<f64> {
     }
 }
 
-/// A chain is stiff as a strut where a direction's share of E is below this.
+/// A chain is stiff as a strut where a direction's share of E is below this: the rounding of E, as for
+/// [`carom_chain::ContactInertia::effective_mass`].
 const STRUT: f64 = 64.0 * f64::EPSILON;
 
 /// What a point feels: H = J M⁻¹ Jᵀ (3×3) and M⁻¹Jᵀ (nv×3), world axes.
@@ -166,7 +167,7 @@ impl<'a, A: Space> View<'a, A> {
         if !moves {
             return Ok(None);
         }
-        let factor = lift.clone() * factor;
+        let factor = &lift * factor;
         let delassus = (&factor * factor.transpose()).fixed_view::<3, 3>(0, 0).into_owned();
         Ok(Some((delassus, response * lift.transpose())))
     }

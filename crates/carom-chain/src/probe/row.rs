@@ -5,14 +5,11 @@
 //! section 3.5, gives each link such axes; its origins, which go to infinity where axes are nearly parallel, stay here
 //! where the file puts them.)
 //!
-//! Inertia: what a hinge's turning does not change of the inertia that it carries might as well be part of the body
-//! below: the mass, on the axis, and an inertia that is the same about all axes across it. Moved there once, from the last
-//! body to the first, no mass is left, nor are the third component of any first moment and the second diagonal number of
-//! any rotational inertia; M stays what it was. (Gautier & Khalil, *Direct calculation of minimum set of inertial
-//! parameters of serial robots*, IEEE Trans. Robotics and Automation 6 (1990): the base parameters.)
+//! Inertia: the [`base_parameters`] in these axes, which have no mass.
 
 use super::Angle;
-use crate::algebra::{Algebra, Inertia, Pose, Real};
+use crate::algebra::{Algebra, Pose, Real};
+use crate::base_parameters::base_parameters;
 use crate::chain::{Body, Chain};
 use nalgebra::convert;
 use num_traits::Zero;
@@ -103,30 +100,25 @@ impl<A: Algebra> HingeRow<A> {
         let angles: Vec<[f64; 3]> = chain.bodies.iter().map(|b| A::euler_angles(b.placement.rotation)).collect();
         // Each body's axes are turned by the a of the next.
         let beyond = |i: usize| angles.get(i + 1).map_or(0.0, |[a, ..]| *a);
-        let mut inertia: Vec<Inertia<A>> =
-            chain.bodies.iter().enumerate().map(|(i, b)| b.inertia.rotated(about_z(-beyond(i)))).collect();
-        let mut bodies = Vec::with_capacity(angles.len());
-        for (i, (body, [_, b, c])) in chain.bodies.iter().zip(&angles).enumerate() {
+        let mut turned = Vec::with_capacity(angles.len());
+        for (i, (body, [a, b, _])) in chain.bodies.iter().zip(&angles).enumerate() {
             let offset = body.placement.translation;
+            let placement = Pose {
+                rotation: A::tilt(A::no_rotation(), b.sin(), b.cos()),
+                translation: if i == 0 { offset } else { A::rotate(about_z(-a), offset) },
+            };
+            turned.push(Body { inertia: body.inertia.rotated(about_z(-beyond(i))), placement, ..*body });
+        }
+        let mut bodies = Vec::with_capacity(angles.len());
+        for (i, (body, inertia)) in turned.iter().zip(base_parameters(&turned)).enumerate() {
+            let [_, b, c] = angles[i];
             bodies.push(Hinged {
                 tilt: b.sin_cos(),
-                offset: if i == 0 { offset } else { A::rotate(about_z(-angles[i][0]), offset) },
+                offset: body.placement.translation,
                 sense: body.ratio,
                 shift: body.shift + c + beyond(i),
-                turning: Turning::zero(),
+                turning: Turning { first_moment: inertia.first_moment, rotational: inertia.rotational },
             });
-        }
-        for (i, body) in bodies.iter_mut().enumerate().rev() {
-            let unturned = A::unturned(inertia[i]);
-            body.turning = Turning {
-                first_moment: inertia[i].first_moment - unturned.first_moment,
-                rotational: inertia[i].rotational - unturned.rotational,
-            };
-            // Below the first there is only the world.
-            if let Some(below) = i.checked_sub(1) {
-                let rotation = A::tilt(A::no_rotation(), body.tilt.0, body.tilt.1);
-                inertia[below] += unturned.placed(&Pose { rotation, translation: body.offset });
-            }
         }
         let base = angles.first().map_or(A::no_rotation(), |[a, b, _]| A::tilt(about_z(*a), b.sin(), b.cos()));
         Some(Self { base, bodies })

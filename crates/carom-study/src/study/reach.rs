@@ -232,7 +232,7 @@ impl<const D: usize> Reach<D> {
         Ok(r.norm() <= NEARLY * self.size)
     }
 
-    /// Turns each hinge by whole turns to where its limits are, or to (−π, π].
+    /// Turns each hinge by whole turns to within a half turn of the middle of its limits, or of 0.
     fn unwind(&self, q: &mut [f64]) {
         for ((x, &(lower, upper)), hinge) in q.iter_mut().zip(&self.limits).zip(&self.hinges) {
             if *hinge {
