@@ -231,7 +231,7 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
         let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies], vec![[0.0; BLOCK]; bodies]);
         for block in (0..count).step_by(BLOCK) {
             let size = BLOCK.min(count - block);
-            for &(body, Angle { coordinate, sense, shift }) in &angles {
+            for &(body, Angle { coordinate, sense, shift }) in angles {
                 for (angle, q) in block_angles.iter_mut().zip(&states.q[coordinate][block..block + size]) {
                     *angle = sense * q + shift;
                 }

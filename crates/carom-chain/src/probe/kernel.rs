@@ -1,11 +1,10 @@
 //! The kernel: one source for every shape of chain (see [`super`] for the symbols).
 
-use super::row::{HingeRow, Turning};
-use super::{Angle, Found, Turned};
-use crate::algebra::{Algebra, Axis, Force, Inertia};
-use crate::chain::Body;
+use super::row::HingeRow;
+use super::{Found, Turned};
+use crate::algebra::{Algebra, Force};
 use num_traits::{One, Zero};
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 /// The scratch memory of one body. Aligned, so that no vector of eight lies across two lines of the cache.
 #[derive(Debug, Clone, Copy)]
@@ -44,28 +43,38 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     let (jacobian, mass_matrix) = (&mut memory.jacobian[..n], &mut memory.mass_matrix[..n * n]);
     let (joint_impulse, response) = (&mut memory.joint_impulse[..n], &mut memory.response[..n]);
 
-    // Outward: where everything is.
+    // Outward: where everything is. What body i − 1 hands to body i, and body i + 1 on the way inward, stays at hand: read
+    // from memory, where numbers were just stored one by one, pairs of them would wait for the cache.
+    let mut before = A::no_rotation();
     for i in 0..n {
-        let outer = shape.parent(i).map(|p| links[p].rotation);
-        links[i] = shape.place(i, outer, q, turned);
+        let outer = shape.parent(i).map(|p| if p + 1 == i { before } else { links[p].rotation });
+        let link = shape.place(i, outer, q, turned);
+        before = link.rotation;
+        links[i] = link;
     }
 
     // Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
+    let mut carried = S::Axis::nothing();
     for i in (0..n).rev() {
-        let composite = links[i].composite;
+        let mut composite = links[i].composite;
+        if i + 1 < n && shape.parent(i + 1) == Some(i) {
+            composite += carried;
+        }
         if let Some(p) = shape.parent(i) {
-            let carried = S::Axis::shifted(&composite, links[i].offset);
-            links[p].composite += carried;
+            carried = shape.shifted(i, &composite, links[i].offset);
+            if p + 1 < i {
+                links[p].composite += carried;
+            }
         }
         let mut f = links[i].axis.momentum(&composite);
         let v = shape.coordinate(i);
         let own = links[i].axis.share(f);
         (l[i * n + i], mass_matrix[v * n + v]) = (own, own);
-        let mut j = i;
-        while let Some(p) = shape.parent(j) {
-            f = f.shifted(links[j].offset);
-            j = p;
+        let mut shift = links[i].offset;
+        for j in shape.below(i) {
+            f = f.shifted(shift);
             let m = links[j].axis.share(f);
+            shift = links[j].offset;
             let w = shape.coordinate(j);
             l[i * n + j] = m;
             (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
@@ -90,41 +99,34 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     // together, because each division keeps the next row waiting.
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
     let mut on_the_way = Some(point);
-    for k in (0..n).rev() {
+    for k in shape.moved(n).rev() {
         let inverse_d = A::Scalar::one() / l[k * n + k];
-        let mut next = shape.parent(k);
-        while let Some(i) = next {
+        for i in shape.below(k) {
             let a = l[k * n + i] * inverse_d;
-            let mut beyond = Some(i);
-            while let Some(j) = beyond {
+            l[i * n + i] -= a * l[k * n + i];
+            for j in shape.below(i) {
                 let product = a * l[k * n + j];
                 l[i * n + j] -= product;
-                beyond = shape.parent(j);
             }
             l[k * n + i] = a;
-            next = shape.parent(i);
         }
         if on_the_way == Some(k) {
             let y = links[k].felt;
             response[shape.coordinate(k)] = sum.add(y, inverse_d, normal);
             on_the_way = shape.parent(k);
-            let mut beyond = on_the_way;
-            while let Some(i) = beyond {
+            for i in shape.below(k) {
                 let product = y * l[k * n + i];
                 links[i].felt -= product;
-                beyond = shape.parent(i);
             }
         }
     }
 
     // Outward: M⁻¹Jᵀn = L⁻¹ (D⁻¹ Y n).
-    for i in 0..n {
+    for i in shape.moved(n) {
         let v = shape.coordinate(i);
         let mut x = response[v];
-        let mut next = shape.parent(i);
-        while let Some(j) = next {
+        for j in shape.below(i) {
             x -= l[i * n + j] * response[shape.coordinate(j)];
-            next = shape.parent(j);
         }
         response[v] = x;
     }
@@ -140,7 +142,7 @@ pub(super) fn read_two<A: Algebra>(
     arm: A::Vector,
     turned: &impl Turned<A>,
     n: A::Vector,
-) -> Few<A, 2> {
+) -> Answer<A, 2> {
     let b0 = row.place(0, None, &[], turned);
     let b1 = row.place(1, Some(b0.rotation), &[], turned);
 
@@ -163,7 +165,7 @@ pub(super) fn read_two<A: Algebra>(
 
     let (mut sum, x1) = Sum::<A>::of(j1, d1, n);
     let x0 = sum.add(j0 - j1 * l10, d0, n);
-    Few {
+    Answer {
         position,
         jacobian: [j0, j1],
         mass_matrix: [[m00, m10], [m10, m11]],
@@ -181,7 +183,7 @@ pub(super) fn read_three<A: Algebra>(
     arm: A::Vector,
     turned: &impl Turned<A>,
     n: A::Vector,
-) -> Few<A, 3> {
+) -> Answer<A, 3> {
     let b0 = row.place(0, None, &[], turned);
     let b1 = row.place(1, Some(b0.rotation), &[], turned);
     let b2 = row.place(2, Some(b1.rotation), &[], turned);
@@ -221,7 +223,7 @@ pub(super) fn read_three<A: Algebra>(
     let x1 = sum.add(y1, d1, n);
     let x0 = sum.add((j0 - j2 * l20) - y1 * l10, d0, n);
     let x1 = x1 - l10 * x0;
-    Few {
+    Answer {
         position,
         jacobian: [j0, j1, j2],
         mass_matrix: [[m00, m10, m20], [m10, m11, m21], [m20, m21, m22]],
@@ -233,7 +235,7 @@ pub(super) fn read_three<A: Algebra>(
 }
 
 /// What is found of N hinges.
-pub(super) struct Few<A: Algebra, const N: usize> {
+pub(super) struct Answer<A: Algebra, const N: usize> {
     position: A::Vector,
     jacobian: [A::Vector; N],
     mass_matrix: [[A::Scalar; N]; N],
@@ -243,7 +245,7 @@ pub(super) struct Few<A: Algebra, const N: usize> {
     mobility: A::Scalar,
 }
 
-impl<A: Algebra, const N: usize> Few<A, N> {
+impl<A: Algebra, const N: usize> Answer<A, N> {
     #[inline(always)]
     pub fn found(&self) -> Found<'_, A> {
         Found {
@@ -290,10 +292,17 @@ impl<A: Algebra> Sum<A> {
 /// What the kernel need not look up, body by body.
 pub(super) trait Shape<A: Algebra>: Copy {
     type Axis: Moves<A>;
-    fn parent(self, i: usize) -> Option<usize>;
+    /// The bodies that carry body `i`, from its parent down to the world.
+    fn below(self, i: usize) -> impl Iterator<Item = usize>;
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        self.below(i).next()
+    }
     fn coordinate(self, i: usize) -> usize;
     /// The body that carries the point, of n.
     fn point(self, n: usize) -> usize;
+    /// The bodies that an impulse at the point moves: all that hang from the world where the point does.
+    fn moved(self, n: usize) -> Range<usize>;
     /// Body `i`, whose parent has the rotation `outer`.
     fn place(
         self,
@@ -302,14 +311,20 @@ pub(super) trait Shape<A: Algebra>: Copy {
         q: &[A::Scalar],
         turned: &impl Turned<A>,
     ) -> Link<A, Self::Axis>;
+    /// What body `i` carries, about the point at −r.
+    fn shifted(self, i: usize, inertia: &Carried<A, Self>, r: A::Vector) -> Carried<A, Self>;
 }
+
+/// The inertia that the joints of a shape carry.
+pub(super) type Carried<A, S> = <<S as Shape<A>>::Axis as Moves<A>>::Inertia;
 
 /// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
 pub(super) trait Moves<A: Algebra>: Copy {
     type Inertia: Copy + AddAssign;
-    fn still() -> (Self, Self::Inertia);
-    /// The same inertia about the point at −r.
-    fn shifted(inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
+    /// An axis of length zero.
+    fn still() -> Self;
+    /// No inertia.
+    fn nothing() -> Self::Inertia;
     /// I s
     fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
     /// s · f
@@ -320,148 +335,12 @@ pub(super) trait Moves<A: Algebra>: Copy {
 
 impl<A: Algebra, X: Moves<A>> Link<A, X> {
     #[inline(always)]
-    fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
+    pub fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
         Self { rotation, offset, axis, composite, felt: A::zero() }
     }
 
     /// Memory, to be written.
-    #[inline(always)]
     pub fn new() -> Self {
-        let (axis, inertia) = X::still();
-        Self::at(A::no_rotation(), A::zero(), axis, inertia)
-    }
-}
-
-/// Hinges one after another, in the order of their coordinates, the point on the last.
-impl<A: Algebra> Shape<A> for &HingeRow<A> {
-    type Axis = Hinge<A>;
-    #[inline(always)]
-    fn parent(self, i: usize) -> Option<usize> {
-        i.checked_sub(1)
-    }
-    #[inline(always)]
-    fn coordinate(self, i: usize) -> usize {
-        i
-    }
-    #[inline(always)]
-    fn point(self, n: usize) -> usize {
-        n - 1
-    }
-    #[inline(always)]
-    fn place(
-        self,
-        i: usize,
-        outer: Option<A::Rotation>,
-        _: &[A::Scalar],
-        turned: &impl Turned<A>,
-    ) -> Link<A, Hinge<A>> {
-        let body = &self.bodies[i];
-        let (placed, offset) = match outer {
-            None => (self.base, body.offset),
-            Some(outer) => (A::tilt(outer, body.tilt.0, body.tilt.1), A::rotate(outer, body.offset)),
-        };
-        let (sin, cos) = turned.sin_cos(i, body.angle(i));
-        let rotation = A::turn(placed, sin, cos);
-        Link::at(rotation, offset, Hinge(A::hinge(rotation, body.sense)), body.turning.rotated(rotation))
-    }
-}
-
-/// The axis of a hinge of a row.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hinge<A: Algebra>(A::Angular);
-
-impl<A: Algebra> Moves<A> for Hinge<A> {
-    type Inertia = Turning<A>;
-    #[inline(always)]
-    fn still() -> (Self, Turning<A>) {
-        (Self(A::zero_angular()), Turning::zero())
-    }
-    #[inline(always)]
-    fn shifted(inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
-        inertia.shifted(r)
-    }
-    #[inline(always)]
-    fn momentum(self, inertia: &Turning<A>) -> Force<A> {
-        Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
-    }
-    #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
-        A::dot_angular(self.0, force.moment)
-    }
-    #[inline(always)]
-    fn at(self, r: A::Vector) -> A::Vector {
-        A::swing(self.0, r)
-    }
-}
-
-impl<A: Algebra> Body<A> {
-    /// The angle of its hinge.
-    #[inline(always)]
-    pub(super) fn angle(&self) -> Angle<A::Scalar> {
-        Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
-    }
-}
-
-/// Joints of any type in a tree, the point on the body `point`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tree<'a, A: Algebra> {
-    pub bodies: &'a [Body<A>],
-    pub point: usize,
-}
-
-impl<A: Algebra> Shape<A> for Tree<'_, A> {
-    type Axis = Axis<A>;
-    #[inline(always)]
-    fn parent(self, i: usize) -> Option<usize> {
-        self.bodies[i].parent
-    }
-    #[inline(always)]
-    fn coordinate(self, i: usize) -> usize {
-        self.bodies[i].v_index
-    }
-    #[inline(always)]
-    fn point(self, _: usize) -> usize {
-        self.point
-    }
-    #[inline(always)]
-    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Axis<A>> {
-        let body = &self.bodies[i];
-        let (placed, offset) = match outer {
-            None => (body.placement.rotation, body.placement.translation),
-            Some(outer) => (A::compose(outer, body.placement.rotation), A::rotate(outer, body.placement.translation)),
-        };
-        let (rotation, offset) = if A::turns(body.joint) {
-            let (sin, cos) = turned.sin_cos(i, body.angle());
-            (A::turn(placed, sin, cos), offset)
-        } else {
-            let (rotation, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);
-            (rotation, offset + moved)
-        };
-        let axis = A::axis(body.joint, rotation).scaled(body.ratio);
-        Link::at(rotation, offset, axis, body.inertia.rotated(rotation))
-    }
-}
-
-impl<A: Algebra> Moves<A> for Axis<A> {
-    type Inertia = Inertia<A>;
-    #[inline(always)]
-    fn still() -> (Self, Inertia<A>) {
-        (Self::Turn(A::zero_angular()), Inertia::zero())
-    }
-    #[inline(always)]
-    fn shifted(inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
-        inertia.shifted(r)
-    }
-    #[inline(always)]
-    fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
-        inertia.along(self)
-    }
-    #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
-        self.dot(force)
-    }
-    #[inline(always)]
-    fn at(self, r: A::Vector) -> A::Vector {
-        self.point_velocity(r)
+        Self::at(A::no_rotation(), A::zero(), X::still(), X::nothing())
     }
 }

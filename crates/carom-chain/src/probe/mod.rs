@@ -18,38 +18,53 @@
 //!
 //! **Shapes.** The kernel (`kernel.rs`) is written once, and two and three hinges are written out beside it. What a chain is
 //! made of is looked at once, when the probe is made: hinges one after another take no branches on joints and parents, and
-//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree. Instructions of the paper's chain
-//! of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to [`crate::Kinematics`].
+//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree (`tree.rs`). Instructions of the
+//! paper's chain of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to [`crate::Kinematics`].
 //!
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
 mod kernel;
 mod row;
+mod tree;
 
 use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
-use crate::sine::sin_cos;
-use kernel::{Hinge, Link, Memory, Tree, read, read_three, read_two};
+use crate::sine::{sin_cos, sin_cos_into};
+use kernel::{Link, Memory, read, read_three, read_two};
+use nalgebra::convert;
 use num_traits::Zero;
-use row::HingeRow;
+use row::{Hinge, HingeRow};
+use tree::{Limbs, Tree};
 
 /// One point of a chain, ready to be asked at many configurations. Immutable, and shared by reference.
 #[derive(Debug, Clone)]
 pub struct Probe<A: Algebra> {
     chain: Chain<A>,
-    body: usize,
     arm: A::Vector,
     shape: Shape<A>,
+    angles: Vec<(usize, Angle<A::Scalar>)>,
 }
 
-/// What the chain is made of: a row of two hinges, of three, of any number, or a tree.
+/// What the chain is made of.
 #[derive(Debug, Clone)]
 enum Shape<A: Algebra> {
-    RowOfTwo(HingeRow<A>),
-    RowOfThree(HingeRow<A>),
+    /// So few hinges in a row that the kernel is written out for them.
+    Few(Few<A>),
+    /// Anything else, by loops.
+    Many(Many<A>),
+}
+
+#[derive(Debug, Clone)]
+enum Few<A: Algebra> {
+    Two(HingeRow<A>),
+    Three(HingeRow<A>),
+}
+
+#[derive(Debug, Clone)]
+enum Many<A: Algebra> {
     Row(HingeRow<A>),
-    Tree,
+    Tree(Limbs),
 }
 
 /// What a probe finds at one configuration, and the scratch memory to find it.
@@ -69,6 +84,10 @@ pub struct Reading<A: Algebra> {
     pub response: Vec<A::Scalar>,
     /// nᵀHn: the velocity along the normal that it gives the point, 1/kg.
     pub mobility: A::Scalar,
+    /// Of each body's hinge, if it is one.
+    angles: Vec<A::Scalar>,
+    sines: Vec<A::Scalar>,
+    cosines: Vec<A::Scalar>,
     factor: Vec<A::Scalar>,
     row: Vec<Link<A, Hinge<A>>>,
     tree: Vec<Link<A, Axis<A>>>,
@@ -124,13 +143,20 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         }
         let body = point.body.ok_or_else(|| ChainError::FixedPoint { chain: self.name().into() })?;
         let row = if body + 1 == self.bodies.len() { HingeRow::of(self) } else { None };
-        let shape = match (row, self.bodies.len()) {
-            (Some(row), 2) => Shape::RowOfTwo(row),
-            (Some(row), 3) => Shape::RowOfThree(row),
-            (Some(row), _) => Shape::Row(row),
-            (None, _) => Shape::Tree,
+        let angles = match &row {
+            Some(row) => row.bodies.iter().enumerate().map(|(i, b)| (i, b.angle(i))).collect(),
+            None => {
+                let hinges = self.steps.iter().enumerate().filter(|(_, step)| A::turns(step.joint));
+                hinges.map(|(i, step)| (i, step.angle())).collect()
+            }
         };
-        Ok(Probe { chain: self.clone(), body, arm: point.position, shape })
+        let shape = match (row, self.bodies.len()) {
+            (Some(row), 2) => Shape::Few(Few::Two(row)),
+            (Some(row), 3) => Shape::Few(Few::Three(row)),
+            (Some(row), _) => Shape::Many(Many::Row(row)),
+            (None, _) => Shape::Many(Many::Tree(Limbs::of(&self.steps, body))),
+        };
+        Ok(Probe { chain: self.clone(), arm: point.position, shape, angles })
     }
 }
 
@@ -138,12 +164,16 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     /// The same probe over another scalar: its digits at each lane are those of one at a time.
     pub fn cast<U: Real>(&self) -> Probe<A::Cast<U>> {
         let shape = match &self.shape {
-            Shape::RowOfTwo(row) => Shape::RowOfTwo(row.cast()),
-            Shape::RowOfThree(row) => Shape::RowOfThree(row.cast()),
-            Shape::Row(row) => Shape::Row(row.cast()),
-            Shape::Tree => Shape::Tree,
+            Shape::Few(Few::Two(row)) => Shape::Few(Few::Two(row.cast())),
+            Shape::Few(Few::Three(row)) => Shape::Few(Few::Three(row.cast())),
+            Shape::Many(Many::Row(row)) => Shape::Many(Many::Row(row.cast())),
+            Shape::Many(Many::Tree(limbs)) => Shape::Many(Many::Tree(limbs.clone())),
         };
-        Probe { chain: self.chain.cast(), body: self.body, arm: A::cast_vector(self.arm), shape }
+        let angle = |&(i, Angle { coordinate, sense, shift }): &(usize, Angle<f64>)| {
+            (i, Angle { coordinate, sense: convert(sense), shift: convert(shift) })
+        };
+        let angles = self.angles.iter().map(angle).collect();
+        Probe { chain: self.chain.cast(), arm: A::cast_vector(self.arm), shape, angles }
     }
 
     /// Everything at `q` (length nq; rad, m, quaternion), for the unit normal n in world axes. Allocates nothing.
@@ -174,7 +204,23 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
         reading: &mut Reading<A>,
         finish: impl Finish<A>,
     ) -> Result<(), ChainError> {
-        self.read_turned(q, &ByAngle(q), normal, reading, finish)
+        self.check(q, reading)?;
+        match &self.shape {
+            Shape::Few(few) => few.read(self.arm, &ByAngle(q), normal, reading, finish),
+            Shape::Many(many) => {
+                // Sines in advance, side by side: in between, each would keep the next body waiting.
+                for (i, Angle { coordinate, sense, shift }) in &self.angles {
+                    reading.angles[*i] = sense * q[*coordinate] + shift;
+                }
+                let (mut sines, mut cosines) =
+                    (std::mem::take(&mut reading.sines), std::mem::take(&mut reading.cosines));
+                sin_cos_into(&reading.angles, &mut sines, &mut cosines);
+                let turned = ByBody { sines: &sines, cosines: &cosines };
+                many.read(self, q, &turned, normal, reading, finish);
+                (reading.sines, reading.cosines) = (sines, cosines);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -191,22 +237,14 @@ impl<A: Algebra> Probe<A> {
     }
 
     /// The angles whose sines and cosines [`Turned`] is asked for, each after the number of its body.
-    pub fn angles(&self) -> Vec<(usize, Angle<A::Scalar>)> {
-        match &self.shape {
-            Shape::RowOfTwo(row) | Shape::RowOfThree(row) | Shape::Row(row) => {
-                row.bodies.iter().enumerate().map(|(i, b)| (i, b.angle(i))).collect()
-            }
-            Shape::Tree => {
-                let hinges = self.chain.bodies.iter().enumerate().filter(|(_, b)| A::turns(b.joint));
-                hinges.map(|(i, b)| (i, b.angle())).collect()
-            }
-        }
+    pub fn angles(&self) -> &[(usize, Angle<A::Scalar>)] {
+        &self.angles
     }
 
     /// Memory for what this probe finds. Allocates; reading into it does not.
     pub fn reading(&self) -> Reading<A> {
         let n = self.chain.nv;
-        let (row, tree) = if matches!(self.shape, Shape::Tree) { (0, n) } else { (n, 0) };
+        let (row, tree) = if matches!(self.shape, Shape::Many(Many::Tree(_))) { (0, n) } else { (n, 0) };
         let zero = A::Scalar::zero();
         Reading {
             position: A::zero(),
@@ -216,6 +254,9 @@ impl<A: Algebra> Probe<A> {
             joint_impulse: vec![zero; n],
             response: vec![zero; n],
             mobility: zero,
+            angles: vec![zero; n],
+            sines: vec![zero; n],
+            cosines: vec![zero; n],
             factor: vec![zero; n * n],
             row: vec![Link::new(); row],
             tree: vec![Link::new(); tree],
@@ -236,38 +277,72 @@ impl<A: Algebra> Probe<A> {
         turned: &impl Turned<A>,
         normal: A::Vector,
         reading: &mut Reading<A>,
-        mut finish: F,
+        finish: F,
     ) -> Result<(), ChainError> {
-        self.chain.check_nq(q.len())?;
-        assert_eq!(reading.joint_impulse.len(), self.chain.nv, "this reading belongs to another chain");
-        let (n, arm) = (self.chain.bodies.len(), self.arm);
+        self.check(q, reading)?;
         match &self.shape {
-            Shape::RowOfTwo(row) => reading.keep(read_two(row, arm, turned, normal).found(), finish),
-            Shape::RowOfThree(row) => reading.keep(read_three(row, arm, turned, normal).found(), finish),
-            Shape::Row(row) => {
-                let Reading { jacobian, mass_matrix, joint_impulse, response, factor, row: links, .. } = reading;
-                let memory = Memory { links, factor, jacobian, mass_matrix, joint_impulse, response };
-                let found = read(row, n, arm, q, turned, normal, memory);
-                finish.finish(found);
-                let Found { position, delassus, mobility, .. } = found;
-                (reading.position, reading.delassus, reading.mobility) = (position, delassus, mobility);
+            Shape::Few(few) => few.read(self.arm, turned, normal, reading, finish),
+            Shape::Many(many) => many.read(self, q, turned, normal, reading, finish),
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn check(&self, q: &[A::Scalar], reading: &Reading<A>) -> Result<(), ChainError> {
+        assert_eq!(reading.joint_impulse.len(), self.chain.nv, "this reading belongs to another chain");
+        self.chain.check_nq(q.len())
+    }
+}
+
+impl<A: Algebra> Few<A> {
+    #[inline(always)]
+    fn read<F: Finish<A>>(
+        &self,
+        arm: A::Vector,
+        turned: &impl Turned<A>,
+        normal: A::Vector,
+        reading: &mut Reading<A>,
+        finish: F,
+    ) {
+        match self {
+            Self::Two(row) => reading.keep(read_two(row, arm, turned, normal).found(), finish),
+            Self::Three(row) => reading.keep(read_three(row, arm, turned, normal).found(), finish),
+        }
+    }
+}
+
+impl<A: Algebra> Many<A> {
+    #[inline(always)]
+    fn read<F: Finish<A>>(
+        &self,
+        probe: &Probe<A>,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+        normal: A::Vector,
+        reading: &mut Reading<A>,
+        mut finish: F,
+    ) {
+        let (n, arm) = (probe.chain.bodies.len(), probe.arm);
+        let Reading { jacobian, mass_matrix, joint_impulse, response, factor, row: in_row, tree: in_tree, .. } =
+            reading;
+        let found = match self {
+            Self::Row(row) => {
+                let memory = Memory { links: in_row, factor, jacobian, mass_matrix, joint_impulse, response };
+                read(row, n, arm, q, turned, normal, memory)
             }
-            Shape::Tree => {
-                let Reading { jacobian, mass_matrix, joint_impulse, response, factor, tree: links, .. } = reading;
+            Self::Tree(limbs) => {
                 // Off the way from the point to the world, and between branches, nothing is written.
                 mass_matrix.fill(A::Scalar::zero());
                 jacobian.fill(A::zero());
                 joint_impulse.fill(A::Scalar::zero());
                 response.fill(A::Scalar::zero());
-                let memory = Memory { links, factor, jacobian, mass_matrix, joint_impulse, response };
-                let tree = Tree { bodies: &self.chain.bodies, point: self.body };
-                let found = read(tree, n, arm, q, turned, normal, memory);
-                finish.finish(found);
-                let Found { position, delassus, mobility, .. } = found;
-                (reading.position, reading.delassus, reading.mobility) = (position, delassus, mobility);
+                let memory = Memory { links: in_tree, factor, jacobian, mass_matrix, joint_impulse, response };
+                read(Tree { steps: &probe.chain.steps, limbs }, n, arm, q, turned, normal, memory)
             }
-        }
-        Ok(())
+        };
+        finish.finish(found);
+        let Found { position, delassus, mobility, .. } = found;
+        (reading.position, reading.delassus, reading.mobility) = (position, delassus, mobility);
     }
 }
 
@@ -309,5 +384,18 @@ impl<A: Algebra<Scalar = f64>> Turned<A> for ByAngle<'_> {
     #[inline(always)]
     fn sin_cos(&self, _: usize, angle: Angle<f64>) -> (f64, f64) {
         sin_cos(angle.sense * self.0[angle.coordinate] + angle.shift)
+    }
+}
+
+/// Of each body.
+struct ByBody<'a> {
+    sines: &'a [f64],
+    cosines: &'a [f64],
+}
+
+impl<A: Algebra<Scalar = f64>> Turned<A> for ByBody<'_> {
+    #[inline(always)]
+    fn sin_cos(&self, i: usize, _: Angle<f64>) -> (f64, f64) {
+        (self.sines[i], self.cosines[i])
     }
 }

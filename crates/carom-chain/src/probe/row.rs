@@ -7,13 +7,14 @@
 //!
 //! Inertia: the [`base_parameters`] in these axes, which have no mass.
 
-use super::Angle;
-use crate::algebra::{Algebra, Pose, Real};
+use super::kernel::{Link, Moves, Shape};
+use super::{Angle, Turned};
+use crate::algebra::{Algebra, Force, Pose, Real};
 use crate::base_parameters::base_parameters;
 use crate::chain::{Body, Chain};
 use nalgebra::convert;
 use num_traits::Zero;
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 /// A row of hinges, one after another in the order of their coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,11 +56,6 @@ impl<A: Algebra> Hinged<A> {
 }
 
 impl<A: Algebra> Turning<A> {
-    #[inline(always)]
-    pub fn zero() -> Self {
-        Self { first_moment: A::zero(), rotational: A::Rotational::zero() }
-    }
-
     /// The same about the point at −r.
     #[inline(always)]
     pub fn shifted(&self, r: A::Vector) -> Self {
@@ -140,5 +136,75 @@ impl<A: Algebra> HingeRow<A> {
             },
         };
         HingeRow { base: A::cast_rotation(self.base), bodies: self.bodies.iter().map(body).collect() }
+    }
+}
+
+/// The point is on the last.
+impl<A: Algebra> Shape<A> for &HingeRow<A> {
+    type Axis = Hinge<A>;
+    #[inline(always)]
+    fn below(self, i: usize) -> impl Iterator<Item = usize> {
+        (0..i).rev()
+    }
+    #[inline(always)]
+    fn coordinate(self, i: usize) -> usize {
+        i
+    }
+    #[inline(always)]
+    fn point(self, n: usize) -> usize {
+        n - 1
+    }
+    #[inline(always)]
+    fn moved(self, n: usize) -> Range<usize> {
+        0..n
+    }
+    #[inline(always)]
+    fn place(
+        self,
+        i: usize,
+        outer: Option<A::Rotation>,
+        _: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> Link<A, Hinge<A>> {
+        let body = &self.bodies[i];
+        let (placed, offset) = match outer {
+            None => (self.base, body.offset),
+            Some(outer) => (A::tilt(outer, body.tilt.0, body.tilt.1), A::rotate(outer, body.offset)),
+        };
+        let (sin, cos) = turned.sin_cos(i, body.angle(i));
+        let rotation = A::turn(placed, sin, cos);
+        Link::at(rotation, offset, Hinge(A::hinge(rotation, body.sense)), body.turning.rotated(rotation))
+    }
+    #[inline(always)]
+    fn shifted(self, _: usize, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
+        inertia.shifted(r)
+    }
+}
+
+/// The axis of a hinge of a row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hinge<A: Algebra>(A::Angular);
+
+impl<A: Algebra> Moves<A> for Hinge<A> {
+    type Inertia = Turning<A>;
+    #[inline(always)]
+    fn still() -> Self {
+        Self(A::zero_angular())
+    }
+    #[inline(always)]
+    fn nothing() -> Turning<A> {
+        Turning { first_moment: A::zero(), rotational: A::Rotational::zero() }
+    }
+    #[inline(always)]
+    fn momentum(self, inertia: &Turning<A>) -> Force<A> {
+        Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
+    }
+    #[inline(always)]
+    fn share(self, force: Force<A>) -> A::Scalar {
+        A::dot_angular(self.0, force.moment)
+    }
+    #[inline(always)]
+    fn at(self, r: A::Vector) -> A::Vector {
+        A::swing(self.0, r)
     }
 }
