@@ -58,5 +58,5 @@ fn in_place_calls_allocate_nothing() {
     });
     assert_eq!(count, 0);
     assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite() && flat_h.determinant() > 0.0);
-    assert!(reading.mobility > 0.0 && flat_reading.mobility > 0.0);
+    assert!(reading.found().mobility > 0.0 && flat_reading.found().mobility > 0.0);
 }

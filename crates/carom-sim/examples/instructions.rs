@@ -1,7 +1,7 @@
 //! One kernel, a hundred times: for counting its instructions, which repeat exactly where times do not.
 //!
 //! `.ci/instructions` runs this under callgrind for every kernel and compares with its table. Alone it gives the fastest
-//! time of many: `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
+//! time of many, 2000 or what three seconds allow: `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
@@ -11,6 +11,8 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 const REPEATS: u32 = 100;
+/// For timing one kernel.
+const LONGEST: Duration = Duration::from_secs(3);
 /// Configurations of a batch.
 const MANY: usize = 1024;
 
@@ -59,7 +61,9 @@ fn report(time: bool, mut work: impl FnMut()) {
             measured(&mut work);
             start.elapsed()
         };
-        let best = std::iter::repeat_with(once).take(2000).min().unwrap_or(Duration::ZERO);
+        let begin = Instant::now();
+        let samples = std::iter::repeat_with(once).take(2000).take_while(|_| begin.elapsed() < LONGEST);
+        let best = samples.min().unwrap_or(Duration::ZERO);
         println!("{:.1} ns", best.as_nanos() as f64 / f64::from(REPEATS));
     }
 }

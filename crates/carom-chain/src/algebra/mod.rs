@@ -108,6 +108,13 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     /// The vector with components `f(i)`.
     fn vector(f: impl Fn(usize) -> Self::Scalar) -> Self::Vector;
 
+    /// a + b. This and the next two are said here too because in lanes the compiler leaves nalgebra's as functions of their
+    /// own, without the vectors of the processor.
+    fn plus(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a − b
+    fn minus(a: Self::Vector, b: Self::Vector) -> Self::Vector;
+    /// a k
+    fn times(a: Self::Vector, k: Self::Scalar) -> Self::Vector;
     /// a · b
     fn dot(a: Self::Vector, b: Self::Vector) -> Self::Scalar;
     /// a · b of angular quantities.

@@ -70,6 +70,18 @@ impl<T: Real> Algebra for Planar<T> {
     }
 
     #[inline(always)]
+    fn plus(a: Vector2<T>, b: Vector2<T>) -> Vector2<T> {
+        Vector2::new(a.x + b.x, a.y + b.y)
+    }
+    #[inline(always)]
+    fn minus(a: Vector2<T>, b: Vector2<T>) -> Vector2<T> {
+        Vector2::new(a.x - b.x, a.y - b.y)
+    }
+    #[inline(always)]
+    fn times(a: Vector2<T>, k: T) -> Vector2<T> {
+        Vector2::new(a.x * k, a.y * k)
+    }
+    #[inline(always)]
     fn dot(a: Vector2<T>, b: Vector2<T>) -> T {
         a.x * b.x + a.y * b.y
     }

@@ -46,6 +46,18 @@ fn times<T: Real>(a: Vector3<T>, k: T) -> Vector3<T> {
     Vector3::new(a.x * k, a.y * k, a.z * k)
 }
 
+/// Part by part: the diagonal of a bᵀ.
+#[inline(always)]
+fn by_parts<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.x * b.x, a.y * b.y, a.z * b.z)
+}
+
+/// What a bᵀ + b aᵀ has beside its diagonal: (2,3), (3,1), (1,2).
+#[inline(always)]
+fn crosswise<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+    Vector3::new(a.y * b.z + b.y * a.z, a.z * b.x + b.z * a.x, a.x * b.y + b.x * a.y)
+}
+
 /// A v
 #[inline(always)]
 fn apply<T: Real>(m: &Matrix3<T>, v: Vector3<T>) -> Vector3<T> {
@@ -134,6 +146,18 @@ impl<T: Real> Algebra for Spatial<T> {
     }
 
     #[inline(always)]
+    fn plus(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+        plus(a, b)
+    }
+    #[inline(always)]
+    fn minus(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
+        Vector3::new(a.x - b.x, a.y - b.y, a.z - b.z)
+    }
+    #[inline(always)]
+    fn times(a: Vector3<T>, k: T) -> Vector3<T> {
+        times(a, k)
+    }
+    #[inline(always)]
     fn dot(a: Vector3<T>, b: Vector3<T>) -> T {
         a.x * b.x + a.y * b.y + a.z * b.z
     }
@@ -206,12 +230,9 @@ impl<T: Real> Algebra for Spatial<T> {
         // −r×h× = (r·h)E − h rᵀ, so the sum is r·(h + h′) E − h rᵀ − r h′ᵀ with h′ = h + m r: with 2k = h + h′ it is
         // symmetric, 2 r·k E − k rᵀ − r kᵀ, and w = 2k serves.
         let w = twice;
-        let (x, y, z) = (r.x * w.x, r.y * w.y, r.z * w.z);
+        let s = by_parts(r, w);
         let half: T = nalgebra::convert(-0.5);
-        Symmetric3 {
-            diagonal: Vector3::new(y + z, z + x, x + y),
-            beside: times(Vector3::new(r.y * w.z + r.z * w.y, r.z * w.x + r.x * w.z, r.x * w.y + r.y * w.x), half),
-        }
+        Symmetric3 { diagonal: Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y), beside: times(crosswise(r, w), half) }
     }
     #[inline(always)]
     fn turn(placed: Matrix3<T>, sin: T, cos: T) -> Matrix3<T> {
@@ -254,14 +275,11 @@ impl<T: Real> Algebra for Spatial<T> {
         let (d, b) = (i.diagonal, i.beside);
         let p = plus(plus(times(x, d.x * half), times(y, b.z)), times(z, b.y));
         let r = plus(times(z, d.z * half), times(y, b.x));
-        let on = |i: usize| {
-            let once = p[i] * x[i] + r[i] * z[i];
-            once + once
-        };
-        let beside = |i: usize, j: usize| (p[i] * x[j] + x[i] * p[j]) + (r[i] * z[j] + z[i] * r[j]);
+        // (No closures: in lanes the compiler leaves some as functions of their own, without the vectors of the processor.)
+        let (px, rz) = (by_parts(p, x), by_parts(r, z));
         let turned = Symmetric3 {
-            diagonal: Vector3::new(on(0), on(1), on(2)),
-            beside: Vector3::new(beside(1, 2), beside(2, 0), beside(0, 1)),
+            diagonal: times(plus(px, rz), nalgebra::convert(2.0)),
+            beside: plus(crosswise(p, x), crosswise(r, z)),
         };
         (plus(times(x, h.x), times(y, h.y)), turned)
     }

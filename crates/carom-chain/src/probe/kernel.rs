@@ -2,7 +2,7 @@
 
 use super::row::HingeRow;
 use super::{Found, Turned};
-use crate::algebra::{Algebra, Force};
+use crate::algebra::{Algebra, Force, Real};
 use num_traits::{One, Zero};
 use std::ops::{AddAssign, Range};
 
@@ -17,14 +17,56 @@ pub(super) struct Link<A: Algebra, X: Moves<A>> {
     felt: A::Vector,
 }
 
-/// Where the kernel writes: `links`, `jacobian`, `joint_impulse` and `response` have n entries, the others n².
+/// Where the kernel writes: `factor` has n rows of [`row_length`], M has n², and the others n entries.
 pub(super) struct Memory<'a, A: Algebra, X: Moves<A>> {
     pub links: &'a mut [Link<A, X>],
     pub factor: &'a mut [A::Scalar],
+    pub by_depth: &'a mut [A::Scalar],
     pub jacobian: &'a mut [A::Vector],
     pub mass_matrix: &'a mut [A::Scalar],
     pub joint_impulse: &'a mut [A::Scalar],
     pub response: &'a mut [A::Scalar],
+}
+
+/// Whether `T` is one number, not lanes. What was just stored number by number and is read in pairs waits for the cache, so
+/// single numbers stay at hand from one body to the next; lanes are stored and read whole, and at hand the compiler would
+/// take them apart and put them together.
+const fn single<T>() -> bool {
+    size_of::<T>() <= size_of::<f64>()
+}
+
+/// Single numbers of a row of the factor that are worked on at a time.
+const TOGETHER: usize = 4;
+
+/// Length of a row of the factor of n bodies.
+pub(super) const fn row_length<T>(n: usize) -> usize {
+    if single::<T>() { n.next_multiple_of(TOGETHER) } else { n }
+}
+
+/// Row `i` of the factor − `share` · row `k`, up to the diagonal of row `i`, its entry `last`, and on to where a number of
+/// [`TOGETHER`] is full: nobody reads what is beyond.
+#[inline(always)]
+fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T, last: usize) {
+    if !single::<T>() {
+        for b in (0..last + 1).rev() {
+            let product = share * rows[k * length + b];
+            rows[i * length + b] -= product;
+        }
+        return;
+    }
+    let mut b = 0;
+    while b <= last {
+        // All are read before one is written: then the compiler works on them side by side.
+        let (mut entries, mut others) = ([T::zero(); TOGETHER], [T::zero(); TOGETHER]);
+        others.copy_from_slice(&rows[k * length + b..][..TOGETHER]);
+        let here = &mut rows[i * length + b..][..TOGETHER];
+        entries.copy_from_slice(here);
+        for (entry, other) in entries.iter_mut().zip(others) {
+            *entry -= share * other;
+        }
+        here.copy_from_slice(&entries);
+        b += TOGETHER;
+    }
 }
 
 /// Everything about the point at `arm` on the shape's last body, or the one it names.
@@ -39,15 +81,20 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     memory: Memory<'a, A, S::Axis>,
 ) -> Found<'a, A> {
     let links = &mut memory.links[..n];
-    let l = &mut memory.factor[..n * n];
+    let length = row_length::<A::Scalar>(n);
+    let (rows, by_depth) = (&mut memory.factor[..n * length], &mut memory.by_depth[..n]);
     let (jacobian, mass_matrix) = (&mut memory.jacobian[..n], &mut memory.mass_matrix[..n * n]);
     let (joint_impulse, response) = (&mut memory.joint_impulse[..n], &mut memory.response[..n]);
 
-    // Outward: where everything is. What body i − 1 hands to body i, and body i + 1 on the way inward, stays at hand: read
-    // from memory, where numbers were just stored one by one, pairs of them would wait for the cache.
+    // Outward: where everything is.
+    let at_hand = single::<A::Scalar>();
     let mut before = A::no_rotation();
     for i in 0..n {
-        let outer = shape.parent(i).map(|p| if p + 1 == i { before } else { links[p].rotation });
+        let outer = match shape.parent(i) {
+            Some(p) if at_hand && p + 1 == i => Some(before),
+            Some(p) => Some(links[p].rotation),
+            None => None,
+        };
         let link = shape.place(i, outer, q, turned);
         before = link.rotation;
         links[i] = link;
@@ -57,27 +104,33 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     let mut carried = S::Axis::nothing();
     for i in (0..n).rev() {
         let mut composite = links[i].composite;
-        if i + 1 < n && shape.parent(i + 1) == Some(i) {
+        if at_hand && i + 1 < n && shape.parent(i + 1) == Some(i) {
             composite += carried;
         }
         if let Some(p) = shape.parent(i) {
             carried = shape.shifted(i, &composite, links[i].offset);
-            if p + 1 < i {
+            if !at_hand || p + 1 < i {
                 links[p].composite += carried;
             }
         }
         let mut f = links[i].axis.momentum(&composite);
         let v = shape.coordinate(i);
         let own = links[i].axis.share(f);
-        (l[i * n + i], mass_matrix[v * n + v]) = (own, own);
+        let depth = shape.depth(i);
+        let row = &mut rows[i * length..][..=depth];
+        (row[depth], mass_matrix[v * n + v]) = (own, own);
         let mut shift = links[i].offset;
-        for j in shape.below(i) {
-            f = f.shifted(shift);
-            let m = links[j].axis.share(f);
-            shift = links[j].offset;
-            let w = shape.coordinate(j);
-            l[i * n + j] = m;
-            (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
+        let mut b = depth;
+        for run in shape.runs(i) {
+            for j in run.rev() {
+                b -= 1;
+                f = f.shifted(shift);
+                let m = links[j].axis.share(f);
+                shift = links[j].offset;
+                let w = shape.coordinate(j);
+                row[b] = m;
+                (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
+            }
         }
     }
 
@@ -90,45 +143,55 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
         links[i].felt = felt;
         let v = shape.coordinate(i);
         (jacobian[v], joint_impulse[v]) = (felt, A::dot(felt, normal));
-        r += links[i].offset;
+        r = A::plus(r, links[i].offset);
         next = shape.parent(i);
     }
     let position = r;
 
-    // M = Lᵀ D L in place, and with each row of L, once it is there, Y = L⁻ᵀ Jᵀ from the point down and H = Yᵀ D⁻¹ Y:
-    // together, because each division keeps the next row waiting.
+    // M = Lᵀ D L, the rows of D L in place, each by the depths of what carries its body; and with each row, once it is there,
+    // Y = L⁻ᵀ Jᵀ from the point down and H = Yᵀ D⁻¹ Y: together, because each division keeps the next row waiting.
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
     let mut on_the_way = Some(point);
     for k in shape.moved(n).rev() {
-        let inverse_d = A::Scalar::one() / l[k * n + k];
-        for i in shape.below(k) {
-            let a = l[k * n + i] * inverse_d;
-            l[i * n + i] -= a * l[k * n + i];
-            for j in shape.below(i) {
-                let product = a * l[k * n + j];
-                l[i * n + j] -= product;
+        let depth = shape.depth(k);
+        let inverse_d = A::Scalar::one() / rows[k * length + depth];
+        let mut a = depth;
+        for run in shape.runs(k) {
+            for i in run.rev() {
+                a -= 1;
+                let share = rows[k * length + a] * inverse_d;
+                subtract(rows, length, i, k, share, a);
             }
-            l[k * n + i] = a;
         }
-        if on_the_way == Some(k) {
-            let y = links[k].felt;
-            response[shape.coordinate(k)] = sum.add(y, inverse_d, normal);
-            on_the_way = shape.parent(k);
-            for i in shape.below(k) {
-                let product = y * l[k * n + i];
-                links[i].felt -= product;
+        rows[k * length + depth] = inverse_d;
+        let v = shape.coordinate(k);
+        if on_the_way != Some(k) {
+            response[v] = A::Scalar::zero();
+            continue;
+        }
+        on_the_way = shape.parent(k);
+        let y = links[k].felt;
+        response[v] = sum.add(y, inverse_d, normal);
+        let scaled = A::times(y, inverse_d);
+        let mut a = depth;
+        for run in shape.runs(k) {
+            for i in run.rev() {
+                a -= 1;
+                links[i].felt = A::minus(links[i].felt, A::times(scaled, rows[k * length + a]));
             }
         }
     }
 
-    // Outward: M⁻¹Jᵀn = L⁻¹ (D⁻¹ Y n).
+    // Outward: M⁻¹Jᵀn = x = L⁻¹ (D⁻¹ Y n). Bodies come depth first: the last of each depth below is on the way.
     for i in shape.moved(n) {
         let v = shape.coordinate(i);
-        let mut x = response[v];
-        for j in shape.below(i) {
-            x -= l[i * n + j] * response[shape.coordinate(j)];
+        let depth = shape.depth(i);
+        let mut carried = A::Scalar::zero();
+        for (b, x) in by_depth[..depth].iter().enumerate() {
+            carried += rows[i * length + b] * *x;
         }
-        response[v] = x;
+        let x = response[v] - carried * rows[i * length + depth];
+        (by_depth[depth], response[v]) = (x, x);
     }
     let Sum { delassus, mobility } = sum;
     Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
@@ -155,16 +218,16 @@ pub(super) fn read_two<A: Algebra>(
 
     let r1 = A::rotate(b1.rotation, arm);
     let j1 = b1.axis.at(r1);
-    let r0 = r1 + b1.offset;
+    let r0 = A::plus(r1, b1.offset);
     let j0 = b0.axis.at(r0);
-    let position = r0 + b0.offset;
+    let position = A::plus(r0, b0.offset);
 
     let d1 = A::Scalar::one() / m11;
     let l10 = m10 * d1;
     let d0 = A::Scalar::one() / (m00 - l10 * m10);
 
     let (mut sum, x1) = Sum::<A>::of(j1, d1, n);
-    let x0 = sum.add(j0 - j1 * l10, d0, n);
+    let x0 = sum.add(A::minus(j0, A::times(j1, l10)), d0, n);
     Answer {
         position,
         jacobian: [j0, j1],
@@ -205,11 +268,11 @@ pub(super) fn read_three<A: Algebra>(
 
     let r2 = A::rotate(b2.rotation, arm);
     let j2 = b2.axis.at(r2);
-    let r1 = r2 + b2.offset;
+    let r1 = A::plus(r2, b2.offset);
     let j1 = b1.axis.at(r1);
-    let r0 = r1 + b1.offset;
+    let r0 = A::plus(r1, b1.offset);
     let j0 = b0.axis.at(r0);
-    let position = r0 + b0.offset;
+    let position = A::plus(r0, b0.offset);
 
     let d2 = A::Scalar::one() / m22;
     let (l21, l20) = (m21 * d2, m20 * d2);
@@ -219,9 +282,9 @@ pub(super) fn read_three<A: Algebra>(
     let d0 = A::Scalar::one() / (e00 - l10 * e10);
 
     let (mut sum, x2) = Sum::<A>::of(j2, d2, n);
-    let y1 = j1 - j2 * l21;
+    let y1 = A::minus(j1, A::times(j2, l21));
     let x1 = sum.add(y1, d1, n);
-    let x0 = sum.add((j0 - j2 * l20) - y1 * l10, d0, n);
+    let x0 = sum.add(A::minus(A::minus(j0, A::times(j2, l20)), A::times(y1, l10)), d0, n);
     let x1 = x1 - l10 * x0;
     Answer {
         position,
@@ -270,11 +333,14 @@ impl<A: Algebra> Sum<A> {
     /// What one joint with row `y` and 1/D gives, and its entry of D⁻¹ Y n.
     #[inline(always)]
     fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Scalar) {
-        let scaled = y * inverse_d;
-        let column = |c: usize| if c < A::LINEAR { y * A::linear_part(scaled, c) } else { A::zero() };
+        let scaled = A::times(y, inverse_d);
+        let mut delassus = [A::zero(); 3];
+        for (c, column) in delassus[..A::LINEAR].iter_mut().enumerate() {
+            *column = A::times(y, A::linear_part(scaled, c));
+        }
         let along = A::dot(y, normal);
         let moved = along * inverse_d;
-        (Self { delassus: [column(0), column(1), column(2)], mobility: along * moved }, moved)
+        (Self { delassus, mobility: along * moved }, moved)
     }
 
     /// Adds another joint.
@@ -282,7 +348,7 @@ impl<A: Algebra> Sum<A> {
     fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Scalar {
         let (other, moved) = Self::of(y, inverse_d, normal);
         for c in 0..A::LINEAR {
-            self.delassus[c] += other.delassus[c];
+            self.delassus[c] = A::plus(self.delassus[c], other.delassus[c]);
         }
         self.mobility += other.mobility;
         moved
@@ -292,12 +358,11 @@ impl<A: Algebra> Sum<A> {
 /// What the kernel need not look up, body by body.
 pub(super) trait Shape<A: Algebra>: Copy {
     type Axis: Moves<A>;
-    /// The bodies that carry body `i`, from its parent down to the world.
-    fn below(self, i: usize) -> impl Iterator<Item = usize>;
-    #[inline(always)]
-    fn parent(self, i: usize) -> Option<usize> {
-        self.below(i).next()
-    }
+    /// The bodies that carry body `i`, from its parent down to the world, in runs: the last of each run comes first.
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>>;
+    fn parent(self, i: usize) -> Option<usize>;
+    /// How many bodies carry body `i`.
+    fn depth(self, i: usize) -> usize;
     fn coordinate(self, i: usize) -> usize;
     /// The body that carries the point, of n.
     fn point(self, n: usize) -> usize;

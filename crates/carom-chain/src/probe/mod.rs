@@ -31,11 +31,12 @@ use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
 use crate::sine::{sin_cos, sin_cos_into};
-use kernel::{Link, Memory, read, read_three, read_two};
+use kernel::{Link, Memory, read, read_three, read_two, row_length};
 use nalgebra::convert;
 use num_traits::Zero;
 use row::{Hinge, HingeRow};
-use tree::{Limbs, Tree};
+use std::sync::Arc;
+use tree::Limbs;
 
 /// One point of a chain, ready to be asked at many configurations. Immutable, and shared by reference.
 #[derive(Debug, Clone)]
@@ -64,51 +65,47 @@ enum Few<A: Algebra> {
 #[derive(Debug, Clone)]
 enum Many<A: Algebra> {
     Row(HingeRow<A>),
-    Tree(Limbs),
+    Tree(Arc<Limbs>),
 }
 
-/// What a probe finds at one configuration, and the scratch memory to find it.
+/// Memory for what a probe finds, and for finding it.
 #[derive(Debug, Clone)]
 pub struct Reading<A: Algebra> {
-    /// World position of the point, m.
-    pub position: A::Vector,
-    /// Column for each coordinate: velocity of the point for unit rate, world axes.
-    pub jacobian: Vec<A::Vector>,
-    /// nv×nv, all of it.
-    pub mass_matrix: Vec<A::Scalar>,
-    /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
-    pub delassus: [A::Vector; 3],
-    /// Jᵀn: the joint impulse of a unit impulse along the normal.
-    pub joint_impulse: Vec<A::Scalar>,
-    /// M⁻¹Jᵀn: the joint velocities that a unit impulse along the normal gives.
-    pub response: Vec<A::Scalar>,
-    /// nᵀHn: the velocity along the normal that it gives the point, 1/kg.
-    pub mobility: A::Scalar,
+    position: A::Vector,
+    jacobian: Vec<A::Vector>,
+    mass_matrix: Vec<A::Scalar>,
+    delassus: [A::Vector; 3],
+    joint_impulse: Vec<A::Scalar>,
+    response: Vec<A::Scalar>,
+    mobility: A::Scalar,
     /// Of each body's hinge, if it is one.
     angles: Vec<A::Scalar>,
     sines: Vec<A::Scalar>,
     cosines: Vec<A::Scalar>,
     factor: Vec<A::Scalar>,
+    by_depth: Vec<A::Scalar>,
     row: Vec<Link<A, Hinge<A>>>,
     tree: Vec<Link<A, Axis<A>>>,
+    /// Whose zeros are in place: between its branches, and off the way to its point, a tree writes nothing.
+    zeros_of: Option<Arc<Limbs>>,
 }
 
-/// The same, where the kernel has it: for [`Finish`].
+/// What a probe finds at one configuration.
 #[derive(Debug, Clone, Copy)]
 pub struct Found<'a, A: Algebra> {
     /// World position of the point, m.
     pub position: A::Vector,
-    /// Column for each coordinate.
+    /// Column for each coordinate: velocity of the point for unit rate, world axes.
     pub jacobian: &'a [A::Vector],
-    /// nv×nv.
+    /// nv×nv, all of it.
     pub mass_matrix: &'a [A::Scalar],
-    /// Columns of H.
+    /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
     pub delassus: [A::Vector; 3],
-    /// Jᵀn
+    /// Jᵀn: the joint impulse of a unit impulse along the normal.
     pub joint_impulse: &'a [A::Scalar],
-    /// M⁻¹Jᵀn
+    /// M⁻¹Jᵀn: the joint velocities that a unit impulse along the normal gives.
     pub response: &'a [A::Scalar],
-    /// nᵀHn
+    /// nᵀHn: the velocity along the normal that it gives the point, 1/kg.
     pub mobility: A::Scalar,
 }
 
@@ -154,7 +151,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             (Some(row), 2) => Shape::Few(Few::Two(row)),
             (Some(row), 3) => Shape::Few(Few::Three(row)),
             (Some(row), _) => Shape::Many(Many::Row(row)),
-            (None, _) => Shape::Many(Many::Tree(Limbs::of(&self.steps, body))),
+            (None, _) => Shape::Many(Many::Tree(Arc::new(Limbs::of(&self.steps, body)))),
         };
         Ok(Probe { chain: self.clone(), arm: point.position, shape, angles })
     }
@@ -184,7 +181,7 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made for another chain.
+    /// If the reading was made by another probe and has no room for this one.
     pub fn read_into(&self, q: &[f64], normal: A::Vector, reading: &mut Reading<A>) -> Result<(), ChainError> {
         self.read_and(q, normal, reading, Keep)
     }
@@ -195,7 +192,7 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made for another chain.
+    /// If the reading was made by another probe and has no room for this one.
     #[inline(always)]
     pub fn read_and(
         &self,
@@ -257,9 +254,11 @@ impl<A: Algebra> Probe<A> {
             angles: vec![zero; n],
             sines: vec![zero; n],
             cosines: vec![zero; n],
-            factor: vec![zero; n * n],
+            factor: vec![zero; n * row_length::<A::Scalar>(n)],
+            by_depth: vec![zero; n],
             row: vec![Link::new(); row],
             tree: vec![Link::new(); tree],
+            zeros_of: None,
         }
     }
 
@@ -269,7 +268,7 @@ impl<A: Algebra> Probe<A> {
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made for another chain.
+    /// If the reading was made by another probe and has no room for this one.
     #[inline(always)]
     pub fn read_turned<F: Finish<A>>(
         &self,
@@ -323,21 +322,34 @@ impl<A: Algebra> Many<A> {
         mut finish: F,
     ) {
         let (n, arm) = (probe.chain.bodies.len(), probe.arm);
-        let Reading { jacobian, mass_matrix, joint_impulse, response, factor, row: in_row, tree: in_tree, .. } =
-            reading;
+        let Reading {
+            jacobian,
+            mass_matrix,
+            joint_impulse,
+            response,
+            factor,
+            by_depth,
+            row: in_row,
+            tree: in_tree,
+            zeros_of,
+            ..
+        } = reading;
         let found = match self {
             Self::Row(row) => {
-                let memory = Memory { links: in_row, factor, jacobian, mass_matrix, joint_impulse, response };
+                let memory = Memory { links: in_row, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
                 read(row, n, arm, q, turned, normal, memory)
             }
             Self::Tree(limbs) => {
-                // Off the way from the point to the world, and between branches, nothing is written.
-                mass_matrix.fill(A::Scalar::zero());
-                jacobian.fill(A::zero());
-                joint_impulse.fill(A::Scalar::zero());
-                response.fill(A::Scalar::zero());
-                let memory = Memory { links: in_tree, factor, jacobian, mass_matrix, joint_impulse, response };
-                read(Tree { steps: &probe.chain.steps, limbs }, n, arm, q, turned, normal, memory)
+                if !zeros_of.as_ref().is_some_and(|other| Arc::ptr_eq(other, limbs)) {
+                    mass_matrix.fill(A::Scalar::zero());
+                    jacobian.fill(A::zero());
+                    joint_impulse.fill(A::Scalar::zero());
+                    response.fill(A::Scalar::zero());
+                    *zeros_of = Some(limbs.clone());
+                }
+                let memory =
+                    Memory { links: in_tree, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
+                read(limbs.tree(&probe.chain.steps), n, arm, q, turned, normal, memory)
             }
         };
         finish.finish(found);
@@ -347,6 +359,13 @@ impl<A: Algebra> Many<A> {
 }
 
 impl<A: Algebra> Reading<A> {
+    /// What was found last; before the first time, zeros.
+    pub fn found(&self) -> Found<'_, A> {
+        let &Self { position, delassus, mobility, .. } = self;
+        let Self { jacobian, mass_matrix, joint_impulse, response, .. } = self;
+        Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
+    }
+
     /// Hands on what was found, and keeps it if that is wanted.
     #[inline(always)]
     fn keep<F: Finish<A>>(&mut self, found: Found<A>, mut finish: F) {

@@ -60,7 +60,7 @@ impl<A: Algebra> Turning<A> {
     #[inline(always)]
     pub fn shifted(&self, r: A::Vector) -> Self {
         let h = self.first_moment;
-        Self { first_moment: h, rotational: self.rotational + A::parallel_axis(h + h, r) }
+        Self { first_moment: h, rotational: self.rotational + A::parallel_axis(A::plus(h, h), r) }
     }
 
     /// The same in rotated axes.
@@ -74,7 +74,7 @@ impl<A: Algebra> Turning<A> {
 impl<A: Algebra> AddAssign for Turning<A> {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
-        self.first_moment += other.first_moment;
+        self.first_moment = A::plus(self.first_moment, other.first_moment);
         self.rotational += other.rotational;
     }
 }
@@ -143,8 +143,16 @@ impl<A: Algebra> HingeRow<A> {
 impl<A: Algebra> Shape<A> for &HingeRow<A> {
     type Axis = Hinge<A>;
     #[inline(always)]
-    fn below(self, i: usize) -> impl Iterator<Item = usize> {
-        (0..i).rev()
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
+        std::iter::once(0..i)
+    }
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        i.checked_sub(1)
+    }
+    #[inline(always)]
+    fn depth(self, i: usize) -> usize {
+        i
     }
     #[inline(always)]
     fn coordinate(self, i: usize) -> usize {

@@ -19,67 +19,67 @@ pub(super) struct Limbs {
 }
 
 /// The way down from one body.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 struct Way {
     /// Its coordinate.
     coordinate: usize,
-    /// The first body of its run.
-    first: usize,
-    /// The parent of that.
-    below: Option<usize>,
+    /// How many bodies carry it.
+    depth: usize,
+    /// The run that ends with its parent; empty at the world.
+    run: Range<usize>,
 }
 
 impl Limbs {
     /// Of a tree with the point on the body `point`.
     pub fn of<A: Algebra>(steps: &[Step<A>], point: usize) -> Self {
         let mut ways: Vec<Way> = Vec::with_capacity(steps.len());
-        for (i, step) in steps.iter().enumerate() {
-            ways.push(match step.parent {
-                Some(p) if p + 1 == i => Way { coordinate: step.v_index, ..ways[p] },
-                below => Way { coordinate: step.v_index, first: i, below },
-            });
+        for step in steps {
+            let (depth, run) = match step.parent {
+                None => (0, 0..0),
+                Some(p) => {
+                    // A run goes on where each is the parent of the next.
+                    let Way { depth, run, .. } = &ways[p];
+                    (depth + 1, if run.end == p { run.start..p + 1 } else { p..p + 1 })
+                }
+            };
+            ways.push(Way { coordinate: step.v_index, depth, run });
         }
         let root = std::iter::successors(Some(point), |&i| steps[i].parent).last().unwrap_or(point);
         Self { ways, point, moved: root..steps[root].end }
     }
 
-    /// The bodies that carry body `i`, from its parent down.
+    /// For the kernel.
     #[inline(always)]
-    fn below(&self, i: usize) -> Below<'_> {
-        let Way { first, below, .. } = self.ways[i];
-        Below { ways: &self.ways, first, next: i, below }
+    pub fn tree<'a, A: Algebra>(&'a self, steps: &'a [Step<A>]) -> Tree<'a, A> {
+        let Range { start, end } = self.moved;
+        Tree { steps: &steps[..self.ways.len()], ways: &self.ways, point: self.point, moved: (start, end) }
     }
 }
 
-/// See [`Limbs::below`].
-struct Below<'a> {
+/// See [`Shape::runs`].
+struct Runs<'a> {
     ways: &'a [Way],
-    /// Of the run where it is.
-    first: usize,
-    below: Option<usize>,
-    /// The body above the next, if that is in this run.
+    /// The body whose way goes on.
     next: usize,
 }
 
-impl Iterator for Below<'_> {
-    type Item = usize;
+impl Iterator for Runs<'_> {
+    type Item = Range<usize>;
     #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        if self.next > self.first {
-            self.next -= 1;
-        } else {
-            self.next = self.below?;
-            Way { first: self.first, below: self.below, .. } = self.ways[self.next];
-        }
-        Some(self.next)
+    fn next(&mut self) -> Option<Range<usize>> {
+        let run = self.ways[self.next].run.clone();
+        self.next = run.start;
+        (!run.is_empty()).then_some(run)
     }
 }
 
 /// A tree as the kernel walks it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tree<'a, A: Algebra> {
-    pub steps: &'a [Step<A>],
-    pub limbs: &'a Limbs,
+    steps: &'a [Step<A>],
+    ways: &'a [Way],
+    point: usize,
+    moved: (usize, usize),
 }
 
 impl<A: Algebra> Step<A> {
@@ -92,20 +92,28 @@ impl<A: Algebra> Step<A> {
 impl<A: Algebra> Shape<A> for Tree<'_, A> {
     type Axis = Axis<A>;
     #[inline(always)]
-    fn below(self, i: usize) -> impl Iterator<Item = usize> {
-        self.limbs.below(i)
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
+        Runs { ways: self.ways, next: i }
+    }
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        self.ways[i].run.end.checked_sub(1)
+    }
+    #[inline(always)]
+    fn depth(self, i: usize) -> usize {
+        self.ways[i].depth
     }
     #[inline(always)]
     fn coordinate(self, i: usize) -> usize {
-        self.limbs.ways[i].coordinate
+        self.ways[i].coordinate
     }
     #[inline(always)]
     fn point(self, _: usize) -> usize {
-        self.limbs.point
+        self.point
     }
     #[inline(always)]
     fn moved(self, _: usize) -> Range<usize> {
-        self.limbs.moved.clone()
+        self.moved.0..self.moved.1
     }
     #[inline(always)]
     fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Axis<A>> {
