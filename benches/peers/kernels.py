@@ -142,6 +142,12 @@ def compiled(folder):
     return [program for label, program in programs if label not in broken], missing
 
 
+def gauge(folder):
+    """How many additions the core makes at once (c/core.c), whenever it is called."""
+    subprocess.run(["gcc", "-O2", f"{HERE}/c/core.c", "-o", f"{folder}/core"], check=True)
+    return lambda: float(subprocess.run([f"{folder}/core"], check=True, capture_output=True, text=True).stdout)
+
+
 def agree(programs, robots):
     """Stops where a program's answers are not carom's. Returns how far they are off, by peer; single precision is named, not
     stopped."""
@@ -211,11 +217,14 @@ def first_line(*command):
     return done.stdout.splitlines()[0] if done.returncode == 0 and done.stdout else "unknown"
 
 
-def foot(rounds, seconds, load, worst, missing, versions):
+def foot(rounds, seconds, load, core, worst, missing, versions):
     cpu = next((it.split(":")[1].strip() for it in open("/proc/cpuinfo") if it.startswith("model name")), platform.processor())
     yield (f"\nMedians of {rounds} rounds of {seconds} s each, and in brackets the median over the rounds of the ratio to carom of the same "
            "build (above 1: carom is faster).\n")
     yield f"- Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before and after {load[0]:.1f}, {load[1]:.1f}."
+    yield (f"- Additions that the core made in the time of one: {max(core):.1f} at most, {statistics.median(core):.1f} in the median, asked before "
+           "each program. Where the median is half of the most, another machine has had half of the core; that slows a program the more, the "
+           "less it waits for its own results.")
     yield f"- carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
     yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
     answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
@@ -240,7 +249,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
     worst, wrong = agree(programs, robots)
     missing += [f"{COLUMNS[peer]}'s {kernel} of {robot}, off by {off:.0e}" for peer, kernel, robot, off in dict.fromkeys(wrong)]
     wrong = {it[:3] for it in wrong}
-    samples, load = {}, [os.getloadavg()[0]]
+    samples, load, core, filled = {}, [os.getloadavg()[0]], [], gauge(folder)
     for turn in range(rounds):
         print(f"round {turn + 1} of {rounds}", file=sys.stderr, flush=True)
         for robot in robots:
@@ -248,6 +257,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
             for program in programs[turn % len(programs) :] + programs[: turn % len(programs)]:
                 if program.robots and robot not in program.robots:
                     continue
+                core.append(filled())
                 for peer, kernel, nanoseconds, _ in program.lines(robot, seconds):
                     if (peer, kernel, robot) not in wrong:
                         samples.setdefault((program.build, kernel, robot, peer), []).append(nanoseconds)
@@ -258,7 +268,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
         for (build, kernel, robot, peer), them in samples.items():
             file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this tree"), "build": build,
                                    "median_ns": statistics.median(them), "least_ns": min(them), "repeats": len(them)}) + "\n")
-    text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, worst, missing, versions)]) + "\n"
+    text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, core, worst, missing, versions)]) + "\n"
     with open(f"{folder}/../kernels.md", "w") as file:
         file.write(text)
     print(text, end="")
