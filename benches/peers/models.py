@@ -1,4 +1,4 @@
-"""Writes the URDFs that robots/ has by the hundred or not at all: a uniform chain, and a humanoid's tree.
+"""Writes URDFs that nobody would write by hand: a uniform chain, and a humanoid's tree (robots/humanoid29.urdf).
 
     models.py chain LINKS [--length M] [--mass KG]   pinned at the origin, along x at q = 0, turning about z
     models.py humanoid                               29 joints: waist 3, legs 6 each, arms 7 each; fixed pelvis

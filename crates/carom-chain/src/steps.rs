@@ -194,8 +194,9 @@ impl<A: Algebra> Placing<A> {
     pub fn placed(&self, outer: A::Rotation) -> A::Rotation {
         match self {
             Self::Hinge { turn, tilt } => {
-                let turned = turn.map_or(outer, |[sin, cos]| A::turn(outer, sin, cos));
-                tilt.map_or(turned, |[sin, cos]| A::tilt(turned, sin, cos))
+                // (No closures: in lanes the compiler leaves them as functions of their own.)
+                let turned = if let Some([sin, cos]) = *turn { A::turn(outer, sin, cos) } else { outer };
+                if let Some([sin, cos]) = *tilt { A::tilt(turned, sin, cos) } else { turned }
             }
             Self::Other(rotation) => A::compose(outer, *rotation),
         }

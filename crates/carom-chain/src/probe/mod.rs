@@ -31,6 +31,7 @@ use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
 use crate::sine::{sin_cos, sin_cos_into};
+use crate::steps::Step;
 use kernel::{Link, Memory, read, read_three, read_two, row_length};
 use nalgebra::convert;
 use num_traits::Zero;
@@ -65,6 +66,8 @@ enum Few<A: Algebra> {
 #[derive(Debug, Clone)]
 enum Many<A: Algebra> {
     Row(HingeRow<A>),
+    /// Hinges alone, or not: one axis for each.
+    Hinges(Arc<Limbs>),
     Tree(Arc<Limbs>),
 }
 
@@ -84,8 +87,8 @@ pub struct Reading<A: Algebra> {
     cosines: Vec<A::Scalar>,
     factor: Vec<A::Scalar>,
     by_depth: Vec<A::Scalar>,
-    row: Vec<Link<A, Hinge<A>>>,
-    tree: Vec<Link<A, Axis<A>>>,
+    hinges: Vec<Link<A, Hinge<A>>>,
+    joints: Vec<Link<A, Axis<A>>>,
     /// Whose zeros are in place: between its branches, and off the way to its point, a tree writes nothing.
     zeros_of: Option<Arc<Limbs>>,
 }
@@ -151,7 +154,12 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             (Some(row), 2) => Shape::Few(Few::Two(row)),
             (Some(row), 3) => Shape::Few(Few::Three(row)),
             (Some(row), _) => Shape::Many(Many::Row(row)),
-            (None, _) => Shape::Many(Many::Tree(Arc::new(Limbs::of(&self.steps, body)))),
+            (None, _) => {
+                let limbs = Arc::new(Limbs::of(&self.steps, body));
+                // In the plane a ratio of −1 is a hinge that turns backwards.
+                let hinge = |step: &Step<A>| A::turns(step.joint) && (step.ratio == 1.0 || A::ANGULAR == 1);
+                Shape::Many(if self.steps.iter().all(hinge) { Many::Hinges(limbs) } else { Many::Tree(limbs) })
+            }
         };
         Ok(Probe { chain: self.clone(), arm: point.position, shape, angles })
     }
@@ -164,6 +172,7 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
             Shape::Few(Few::Two(row)) => Shape::Few(Few::Two(row.cast())),
             Shape::Few(Few::Three(row)) => Shape::Few(Few::Three(row.cast())),
             Shape::Many(Many::Row(row)) => Shape::Many(Many::Row(row.cast())),
+            Shape::Many(Many::Hinges(limbs)) => Shape::Many(Many::Hinges(limbs.clone())),
             Shape::Many(Many::Tree(limbs)) => Shape::Many(Many::Tree(limbs.clone())),
         };
         let angle = |&(i, Angle { coordinate, sense, shift }): &(usize, Angle<f64>)| {
@@ -241,7 +250,7 @@ impl<A: Algebra> Probe<A> {
     /// Memory for what this probe finds. Allocates; reading into it does not.
     pub fn reading(&self) -> Reading<A> {
         let n = self.chain.nv;
-        let (row, tree) = if matches!(self.shape, Shape::Many(Many::Tree(_))) { (0, n) } else { (n, 0) };
+        let (hinges, joints) = if matches!(self.shape, Shape::Many(Many::Tree(_))) { (0, n) } else { (n, 0) };
         let zero = A::Scalar::zero();
         Reading {
             position: A::zero(),
@@ -256,8 +265,8 @@ impl<A: Algebra> Probe<A> {
             cosines: vec![zero; n],
             factor: vec![zero; n * row_length::<A::Scalar>(n)],
             by_depth: vec![zero; n],
-            row: vec![Link::new(); row],
-            tree: vec![Link::new(); tree],
+            hinges: vec![Link::new(); hinges],
+            joints: vec![Link::new(); joints],
             zeros_of: None,
         }
     }
@@ -322,34 +331,23 @@ impl<A: Algebra> Many<A> {
         mut finish: F,
     ) {
         let (n, arm) = (probe.chain.bodies.len(), probe.arm);
-        let Reading {
-            jacobian,
-            mass_matrix,
-            joint_impulse,
-            response,
-            factor,
-            by_depth,
-            row: in_row,
-            tree: in_tree,
-            zeros_of,
-            ..
-        } = reading;
+        let steps = &probe.chain.steps;
+        if let Self::Hinges(limbs) | Self::Tree(limbs) = self {
+            reading.zeros_of(limbs);
+        }
+        let Reading { jacobian, mass_matrix, joint_impulse, response, factor, by_depth, hinges, joints, .. } = reading;
         let found = match self {
             Self::Row(row) => {
-                let memory = Memory { links: in_row, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
+                let memory = Memory { links: hinges, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
                 read(row, n, arm, q, turned, normal, memory)
             }
+            Self::Hinges(limbs) => {
+                let memory = Memory { links: hinges, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
+                read(limbs.tree::<_, Hinge<A>>(steps), n, arm, q, turned, normal, memory)
+            }
             Self::Tree(limbs) => {
-                if !zeros_of.as_ref().is_some_and(|other| Arc::ptr_eq(other, limbs)) {
-                    mass_matrix.fill(A::Scalar::zero());
-                    jacobian.fill(A::zero());
-                    joint_impulse.fill(A::Scalar::zero());
-                    response.fill(A::Scalar::zero());
-                    *zeros_of = Some(limbs.clone());
-                }
-                let memory =
-                    Memory { links: in_tree, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
-                read(limbs.tree(&probe.chain.steps), n, arm, q, turned, normal, memory)
+                let memory = Memory { links: joints, factor, by_depth, jacobian, mass_matrix, joint_impulse, response };
+                read(limbs.tree::<_, Axis<A>>(steps), n, arm, q, turned, normal, memory)
             }
         };
         finish.finish(found);
@@ -364,6 +362,18 @@ impl<A: Algebra> Reading<A> {
         let &Self { position, delassus, mobility, .. } = self;
         let Self { jacobian, mass_matrix, joint_impulse, response, .. } = self;
         Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
+    }
+
+    /// Puts zeros where this tree writes nothing, if they are not there already.
+    #[inline(always)]
+    fn zeros_of(&mut self, limbs: &Arc<Limbs>) {
+        if !self.zeros_of.as_ref().is_some_and(|other| Arc::ptr_eq(other, limbs)) {
+            self.mass_matrix.fill(A::Scalar::zero());
+            self.jacobian.fill(A::zero());
+            self.joint_impulse.fill(A::Scalar::zero());
+            self.response.fill(A::Scalar::zero());
+            self.zeros_of = Some(limbs.clone());
+        }
     }
 
     /// Hands on what was found, and keeps it if that is wanted.

@@ -189,9 +189,9 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
     }
 }
 
-/// The axis of a hinge of a row.
+/// The axis of a hinge that carries nothing but hinges.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hinge<A: Algebra>(A::Angular);
+pub(super) struct Hinge<A: Algebra>(pub A::Angular);
 
 impl<A: Algebra> Moves<A> for Hinge<A> {
     type Inertia = Turning<A>;

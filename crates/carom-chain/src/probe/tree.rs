@@ -1,13 +1,15 @@
-//! Joints of any type in a tree, the point on any body.
+//! Joints in a tree, of any type or hinges alone, the point on any body.
 //!
 //! Bodies are numbered depth first, so that a limb is a run of numbers, each the parent of the next: on the way down a run no
 //! parent is looked up. An impulse moves what hangs from the world where its point does: a fixed pelvis keeps the legs out
 //! of a blow on the hand, and their part of M, a block of its own, is not factored.
 
 use super::kernel::{Link, Moves, Shape};
+use super::row::{Hinge, Turning};
 use super::{Angle, Turned};
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::steps::Step;
+use std::marker::PhantomData;
 use std::ops::Range;
 
 /// The way down from each body, and where the point is.
@@ -50,9 +52,10 @@ impl Limbs {
 
     /// For the kernel.
     #[inline(always)]
-    pub fn tree<'a, A: Algebra>(&'a self, steps: &'a [Step<A>]) -> Tree<'a, A> {
+    pub fn tree<'a, A: Algebra, X>(&'a self, steps: &'a [Step<A>]) -> Tree<'a, A, X> {
         let Range { start, end } = self.moved;
-        Tree { steps: &steps[..self.ways.len()], ways: &self.ways, point: self.point, moved: (start, end) }
+        let steps = &steps[..self.ways.len()];
+        Tree { steps, ways: &self.ways, point: self.point, moved: (start, end), axis: PhantomData }
     }
 }
 
@@ -75,11 +78,12 @@ impl Iterator for Runs<'_> {
 
 /// A tree as the kernel walks it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tree<'a, A: Algebra> {
+pub(super) struct Tree<'a, A: Algebra, X> {
     steps: &'a [Step<A>],
     ways: &'a [Way],
     point: usize,
     moved: (usize, usize),
+    axis: PhantomData<X>,
 }
 
 impl<A: Algebra> Step<A> {
@@ -89,8 +93,8 @@ impl<A: Algebra> Step<A> {
     }
 }
 
-impl<A: Algebra> Shape<A> for Tree<'_, A> {
-    type Axis = Axis<A>;
+impl<A: Algebra, X: Joint<A>> Shape<A> for Tree<'_, A, X> {
+    type Axis = X;
     #[inline(always)]
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
         Runs { ways: self.ways, next: i }
@@ -116,9 +120,25 @@ impl<A: Algebra> Shape<A> for Tree<'_, A> {
         self.moved.0..self.moved.1
     }
     #[inline(always)]
-    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Axis<A>> {
-        let step = &self.steps[i];
-        let outer = outer.unwrap_or_else(A::no_rotation);
+    fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, X> {
+        X::place(&self.steps[i], i, outer.unwrap_or_else(A::no_rotation), q, turned)
+    }
+    #[inline(always)]
+    fn shifted(self, i: usize, inertia: &X::Inertia, r: A::Vector) -> X::Inertia {
+        X::shifted(&self.steps[i], inertia, r)
+    }
+}
+
+/// What depends on the types of the joints: the functions of [`Shape`].
+pub(super) trait Joint<A: Algebra>: Moves<A> {
+    fn place(step: &Step<A>, i: usize, outer: A::Rotation, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self>;
+    fn shifted(step: &Step<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
+}
+
+/// Any.
+impl<A: Algebra> Joint<A> for Axis<A> {
+    #[inline(always)]
+    fn place(step: &Step<A>, i: usize, outer: A::Rotation, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self> {
         let (placed, offset) = (step.placing.placed(outer), A::rotate(outer, step.translation));
         let (rotation, offset) = if A::turns(step.joint) {
             let (sin, cos) = turned.sin_cos(i, step.angle());
@@ -131,8 +151,24 @@ impl<A: Algebra> Shape<A> for Tree<'_, A> {
         Link::at(rotation, offset, axis, step.turned_inertia(rotation))
     }
     #[inline(always)]
-    fn shifted(self, i: usize, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
-        if self.steps[i].massless { inertia.shifted_massless(r) } else { inertia.shifted(r) }
+    fn shifted(step: &Step<A>, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
+        if step.massless { inertia.shifted_massless(r) } else { inertia.shifted(r) }
+    }
+}
+
+/// Hinges alone: no mass is left (see [`crate::base_parameters`]), and nobody asks what an axis is.
+impl<A: Algebra> Joint<A> for Hinge<A> {
+    #[inline(always)]
+    fn place(step: &Step<A>, i: usize, outer: A::Rotation, _: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self> {
+        let (sin, cos) = turned.sin_cos(i, step.angle());
+        let rotation = A::turn(step.placing.placed(outer), sin, cos);
+        let Inertia { first_moment, rotational, .. } = step.inertia;
+        let turning = Turning { first_moment, rotational }.rotated(rotation);
+        Link::at(rotation, A::rotate(outer, step.translation), Hinge(A::hinge(rotation, step.ratio)), turning)
+    }
+    #[inline(always)]
+    fn shifted(_: &Step<A>, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
+        inertia.shifted(r)
     }
 }
 
