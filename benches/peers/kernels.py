@@ -38,6 +38,9 @@ KERNELS = {
 # How far an answer may be off, in parts of the largest number of its state.
 TOLERANCE = {"closed-form": 1e-12, "featherstone": 1e-3}
 
+# A program had the core to itself if the core made this part of the additions that it can make, before and after.
+ALONE = 0.85
+
 
 def prepare(folder, carom, urdfs):
     import mujoco
@@ -183,9 +186,34 @@ def shown(nanoseconds):
     return f"{nanoseconds:.{digits}f} ns" if nanoseconds < 9999.5 else f"{nanoseconds / 1000:.1f} µs"
 
 
+class Samples:
+    """The times of one kernel: in `alone` those that had the core to themselves, where they are enough."""
+
+    ENOUGH = 3
+
+    def __init__(self):
+        self.every, self.alone = [], []
+
+    def add(self, nanoseconds, alone):
+        self.every.append(nanoseconds)
+        if alone:
+            self.alone.append(nanoseconds)
+
+    def few(self):
+        return len(self.alone) < self.ENOUGH
+
+    def median(self):
+        return statistics.median(self.every if self.few() else self.alone)
+
+    def ratio(self, ours):
+        """To ours, both from samples of the same kind."""
+        if self.few() or ours.few():
+            return statistics.median(self.every) / statistics.median(ours.every)
+        return self.median() / ours.median()
+
+
 def tables(samples, kernels, robots):
-    """Markdown. A round's samples were taken one after the other: what slows the machine slows both of a ratio."""
-    ratio = lambda them, ours: statistics.median(a / b for a, b in zip(them, ours))
+    """Markdown."""
     for build, how in BUILDS.items():
         peers = [it for it in COLUMNS if any(key[0] in (build, None) and key[3] == it for key in samples)]
         yield f"\nBuilt {how}:\n"
@@ -196,10 +224,10 @@ def tables(samples, kernels, robots):
                 ours = samples.get((build, kernel, robot, "carom"))
                 if not ours:
                     continue
-                cells = [shown(statistics.median(ours))]
+                cells = [shown(ours.median())]
                 for peer in peers[1:]:
                     them = samples.get((build, kernel, robot, peer)) or samples.get((None, kernel, robot, peer))
-                    cells.append(f"{shown(statistics.median(them))} ({ratio(them, ours):.2f})" if them else "–")
+                    cells.append(f"{shown(them.median())} ({them.ratio(ours):.2f})" if them else "–")
                 yield f"| {name} | {robot} | " + " | ".join(cells) + " |"
     yield "\n| checked strike in space, and with all its derivatives | " + " | ".join(BUILDS.values()) + " |\n| --- | --- | --- |"
     for robot in robots:
@@ -207,7 +235,7 @@ def tables(samples, kernels, robots):
         for build in BUILDS:
             strike, both = (samples.get((build, it, robot, "carom")) for it in ("strike", "derivative"))
             if both:
-                cells.append(f"{shown(statistics.median(strike))}, {shown(statistics.median(both))} ({ratio(both, strike):.2f})")
+                cells.append(f"{shown(strike.median())}, {shown(both.median())} ({both.ratio(strike):.2f})")
         if cells:
             yield f"| {robot} | " + " | ".join(cells) + " |"
 
@@ -217,14 +245,15 @@ def first_line(*command):
     return done.stdout.splitlines()[0] if done.returncode == 0 and done.stdout else "unknown"
 
 
-def foot(rounds, seconds, load, core, worst, missing, versions):
+def foot(rounds, seconds, load, core, samples, worst, missing, versions):
     cpu = next((it.split(":")[1].strip() for it in open("/proc/cpuinfo") if it.startswith("model name")), platform.processor())
-    yield (f"\nMedians of {rounds} rounds of {seconds} s each, and in brackets the median over the rounds of the ratio to carom of the same "
-           "build (above 1: carom is faster).\n")
+    yield f"\nMedians over {rounds} rounds of {seconds} s each, and in brackets their ratio to carom's of the same build (above 1: carom is faster).\n"
     yield f"- Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before and after {load[0]:.1f}, {load[1]:.1f}."
-    yield (f"- Additions that the core made in the time of one: {max(core):.1f} at most, {statistics.median(core):.1f} in the median, asked before "
-           "each program. Where the median is half of the most, another machine has had half of the core; that slows a program the more, the "
-           "less it waits for its own results.")
+    every, alone = sum(len(it.every) for it in samples.values()), sum(len(it.alone) for it in samples.values())
+    yield (f"- Additions that the core made in the time of one, asked before and after each program: {max(core):.1f} at most, "
+           f"{statistics.median(core):.1f} in the median. Where they were {ALONE} of the most or more, the program had the core to itself, and not "
+           f"only half of it beside another machine's thread: {alone} of {every} samples. Only these count; where they are fewer than "
+           f"{Samples.ENOUGH}, in {sum(it.few() for it in samples.values())} of {len(samples)} cells, all do.")
     yield f"- carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
     yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
     answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
@@ -249,7 +278,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
     worst, wrong = agree(programs, robots)
     missing += [f"{COLUMNS[peer]}'s {kernel} of {robot}, off by {off:.0e}" for peer, kernel, robot, off in dict.fromkeys(wrong)]
     wrong = {it[:3] for it in wrong}
-    samples, load, core, filled = {}, [os.getloadavg()[0]], [], gauge(folder)
+    taken, load, core, filled = [], [os.getloadavg()[0]], [], gauge(folder)
     for turn in range(rounds):
         print(f"round {turn + 1} of {rounds}", file=sys.stderr, flush=True)
         for robot in robots:
@@ -260,15 +289,20 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
                 core.append(filled())
                 for peer, kernel, nanoseconds, _ in program.lines(robot, seconds):
                     if (peer, kernel, robot) not in wrong:
-                        samples.setdefault((program.build, kernel, robot, peer), []).append(nanoseconds)
+                        taken.append(((program.build, kernel, robot, peer), nanoseconds, len(core)))
+    core.append(filled())
     load.append(os.getloadavg()[0])
+    samples = {}
+    for key, nanoseconds, after in taken:
+        alone = min(core[after - 1], core[after]) >= ALONE * max(core)
+        samples.setdefault(key, Samples()).add(nanoseconds, alone)
     versions = {"mujoco": f"{version('mujoco')} (the wheel's library)", "pinocchio": f"{version('pin')} (headers)",
                 "generated": f"{version('casadi')} (by gcc)", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
     with open(f"{folder}/../kernels.jsonl", "w") as file:
         for (build, kernel, robot, peer), them in samples.items():
             file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this tree"), "build": build,
-                                   "median_ns": statistics.median(them), "least_ns": min(them), "repeats": len(them)}) + "\n")
-    text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, core, worst, missing, versions)]) + "\n"
+                                   "median_ns": them.median(), "least_ns": min(them.every), "alone": len(them.alone), "repeats": len(them.every)}) + "\n")
+    text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, core, samples, worst, missing, versions)]) + "\n"
     with open(f"{folder}/../kernels.md", "w") as file:
         file.write(text)
     print(text, end="")
