@@ -89,6 +89,21 @@ fn what_one_point_of_a_tree_left_does_not_show_at_another() {
     }
 }
 
+#[test]
+fn the_fused_kernel_equals_the_general_path_on_trees_of_hinges() {
+    for seed in 0..200 {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let mut robot = robot(4 + seed as usize % 9, Zoo::Uncoupled, &mut rng);
+        robot.joints.iter_mut().for_each(|joint| joint.kind = JointType::Revolute);
+        let mut s = Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng };
+        for frame in s.chain.frames().to_vec().into_iter().filter(|f| f.body.is_some()) {
+            let (offset, normal, q) = (s.vector(), direction(&mut s), s.q());
+            let point = s.chain.point(s.chain.frame(&frame.name).unwrap(), offset);
+            agrees(&s.chain, point, normal, &q);
+        }
+    }
+}
+
 /// Random hinges one after another, in space.
 fn row(hinges: usize, seed: u64) -> Sample {
     let mut rng = fastrand::Rng::with_seed(seed);

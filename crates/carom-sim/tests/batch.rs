@@ -78,6 +78,7 @@ fn many_impacts_at_once_are_each_alone_to_the_last_digit() {
         ("planar3", "tip", false),
         ("arm7", "tip", false),
         ("arm7", "link5", false),
+        ("humanoid29", "tip", false),
         ("box", "box", true),
     ];
     for (name, link, floating) in cases {

@@ -9,7 +9,7 @@
 //! | --- | --- | --- | --- |
 //! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
 //! | M | nv×nv | mass matrix | `mass_matrix` |
-//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L | `factor` |
+//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L; in memory rows of D L, without the zeros | `factor` |
 //! | yₖ | 3, 2 | row k of Y: what the joint k feels of unit forces at the point, those beyond it free | `felt` |
 //! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
 //! | Jᵀn | nv | joint impulse of a unit impulse along n | `joint_impulse` |
@@ -18,8 +18,12 @@
 //!
 //! **Shapes.** The kernel (`kernel.rs`) is written once, and two and three hinges are written out beside it. What a chain is
 //! made of is looked at once, when the probe is made: hinges one after another take no branches on joints and parents, and
-//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree (`tree.rs`). Instructions of the
-//! paper's chain of quantities by each of them are in `docs/speed.md`. `tests/probe.rs` holds all to [`crate::Kinematics`].
+//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree (`tree.rs`), of hinges alone, where
+//! nobody asks what an axis is, or of any joints. What each of them earns is in `docs/speed.md`; `tests/probe.rs` holds all to
+//! [`crate::Kinematics`].
+//!
+//! **Lanes.** All that runs in lanes is inlined, or it would be compiled without the vectors of the processor: hence no
+//! closures in the kernel and in the algebra that it calls, and no operators of nalgebra's on vectors.
 //!
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
