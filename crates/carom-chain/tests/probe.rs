@@ -64,19 +64,28 @@ fn the_fused_kernel_equals_the_general_path_on_any_tree() {
 }
 
 #[test]
-fn what_one_point_of_a_tree_left_does_not_show_at_another() {
-    for seed in 0..50 {
-        let mut rng = fastrand::Rng::with_seed(seed);
-        let mut robot = robot(6, Zoo::Uncoupled, &mut rng);
-        // Not a row of hinges, whose readings have no room for a tree.
-        robot.joints[0].kind = JointType::Prismatic;
-        let mut s = Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng };
+fn what_one_point_of_a_chain_left_does_not_show_at_another() {
+    for seed in 0..60 {
+        let mut s = match seed % 3 {
+            // Hinges in a row: a row for the point on the last, and a tree for all others.
+            0 => row(2 + seed as usize % 5, seed),
+            // Others: the first is none, so that all points have trees of the same kind.
+            _ => {
+                let mut rng = fastrand::Rng::with_seed(seed);
+                let mut robot = robot(6, Zoo::Uncoupled, &mut rng);
+                robot.joints[0].kind = JointType::Prismatic;
+                Sample { chain: Chain::from_robot(robot, &LoadOptions::default()), rng }
+            }
+        };
         let (offset, normal, q) = (s.vector(), direction(&mut s), s.q());
-        let frames: Vec<_> = (1..=6).map(|i| s.chain.frame(&format!("link{i}")).unwrap()).collect();
-        let probes = frames.into_iter().filter_map(|frame| s.chain.probe(s.chain.point(frame, offset)).ok());
-        let probes: Vec<_> = probes.collect();
+        let moving: Vec<_> = s.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
+        let at = |name: &String| s.chain.probe(s.chain.point(s.chain.frame(name).unwrap(), offset)).unwrap();
+        let probes: Vec<_> = moving.iter().map(at).collect();
         let mut reading = probes[0].reading();
-        for probe in probes.iter().chain(probes.iter().rev()) {
+        // There and back, and each next to the last.
+        let last = probes.last().unwrap();
+        let tour = probes.iter().chain(probes.iter().rev()).chain(probes.iter().flat_map(|p| [p, last, p]));
+        for probe in tour {
             let mut fresh = probe.reading();
             probe.read_into(&q, normal, &mut fresh).unwrap();
             probe.read_into(&q, normal, &mut reading).unwrap();

@@ -23,7 +23,7 @@
 //! [`crate::Kinematics`].
 //!
 //! **Lanes.** All that runs in lanes is inlined, or it would be compiled without the vectors of the processor: hence no
-//! closures in the kernel and in the algebra that it calls, and no operators of nalgebra's on vectors.
+//! closures in the kernel and in the algebra that it calls, and none of nalgebra's operators in the kernel.
 //!
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
@@ -336,8 +336,9 @@ impl<A: Algebra> Many<A> {
     ) {
         let (n, arm) = (probe.chain.bodies.len(), probe.arm);
         let steps = &probe.chain.steps;
-        if let Self::Hinges(limbs) | Self::Tree(limbs) = self {
-            reading.zeros_of(limbs);
+        match self {
+            Self::Row(_) => reading.zeros_of = None,
+            Self::Hinges(limbs) | Self::Tree(limbs) => reading.put_zeros(limbs),
         }
         let Reading { jacobian, mass_matrix, joint_impulse, response, factor, by_depth, hinges, joints, .. } = reading;
         let found = match self {
@@ -370,7 +371,7 @@ impl<A: Algebra> Reading<A> {
 
     /// Puts zeros where this tree writes nothing, if they are not there already.
     #[inline(always)]
-    fn zeros_of(&mut self, limbs: &Arc<Limbs>) {
+    fn put_zeros(&mut self, limbs: &Arc<Limbs>) {
         if !self.zeros_of.as_ref().is_some_and(|other| Arc::ptr_eq(other, limbs)) {
             self.mass_matrix.fill(A::Scalar::zero());
             self.jacobian.fill(A::zero());
@@ -384,6 +385,7 @@ impl<A: Algebra> Reading<A> {
     #[inline(always)]
     fn keep<F: Finish<A>>(&mut self, found: Found<A>, mut finish: F) {
         if F::KEEPS {
+            self.zeros_of = None;
             self.jacobian.copy_from_slice(found.jacobian);
             self.mass_matrix.copy_from_slice(found.mass_matrix);
             self.joint_impulse.copy_from_slice(found.joint_impulse);
