@@ -56,14 +56,19 @@ fn report(time: bool, mut work: impl FnMut()) {
     work(); // what is done once, like asking for the processor's instructions, is not counted
     measured(&mut work);
     if time {
-        let once = || {
+        let mut once = || {
             let start = Instant::now();
             measured(&mut work);
             start.elapsed()
         };
         let begin = Instant::now();
-        let samples = std::iter::repeat_with(once).take(2000).take_while(|_| begin.elapsed() < LONGEST);
-        let best = samples.min().unwrap_or(Duration::ZERO);
+        let mut best = once();
+        for _ in 1..2000 {
+            if begin.elapsed() > LONGEST {
+                break;
+            }
+            best = best.min(once());
+        }
         println!("{:.1} ns", best.as_nanos() as f64 / f64::from(REPEATS));
     }
 }

@@ -31,19 +31,8 @@ fn column<T: Real>(m: &Matrix3<T>, j: usize) -> Vector3<T> {
 }
 
 #[inline(always)]
-fn row<T: Real>(m: &Matrix3<T>, i: usize) -> Vector3<T> {
+pub(super) fn row<T: Real>(m: &Matrix3<T>, i: usize) -> Vector3<T> {
     Vector3::new(m[(i, 0)], m[(i, 1)], m[(i, 2)])
-}
-
-/// a + b. Written out like the products below: that is a third of the instructions of the general matrix loops.
-#[inline(always)]
-fn plus<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
-    Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
-}
-
-#[inline(always)]
-fn times<T: Real>(a: Vector3<T>, k: T) -> Vector3<T> {
-    Vector3::new(a.x * k, a.y * k, a.z * k)
 }
 
 /// Part by part: the diagonal of a bᵀ.
@@ -83,6 +72,7 @@ fn skew<T: Real>(a: Vector3<T>) -> Matrix3<T> {
 }
 
 /// The rotation of a quaternion (x, y, z, w) of any non-zero length.
+#[inline(always)]
 fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     let one = T::one();
     let two = one + one;
@@ -147,7 +137,7 @@ impl<T: Real> Algebra for Spatial<T> {
 
     #[inline(always)]
     fn plus(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
-        plus(a, b)
+        Vector3::new(a.x + b.x, a.y + b.y, a.z + b.z)
     }
     #[inline(always)]
     fn minus(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
@@ -155,7 +145,7 @@ impl<T: Real> Algebra for Spatial<T> {
     }
     #[inline(always)]
     fn times(a: Vector3<T>, k: T) -> Vector3<T> {
-        times(a, k)
+        Vector3::new(a.x * k, a.y * k, a.z * k)
     }
     #[inline(always)]
     fn dot(a: Vector3<T>, b: Vector3<T>) -> T {
@@ -232,12 +222,19 @@ impl<T: Real> Algebra for Spatial<T> {
         let w = twice;
         let s = by_parts(r, w);
         let half: T = nalgebra::convert(-0.5);
-        Symmetric3 { diagonal: Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y), beside: times(crosswise(r, w), half) }
+        Symmetric3 {
+            diagonal: Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y),
+            beside: Spatial::times(crosswise(r, w), half),
+        }
     }
     #[inline(always)]
     fn turn(placed: Matrix3<T>, sin: T, cos: T) -> Matrix3<T> {
         let (x, y, z) = (column(&placed, 0), column(&placed, 1), column(&placed, 2));
-        columns(plus(times(x, cos), times(y, sin)), plus(times(y, cos), times(x, -sin)), z)
+        columns(
+            Spatial::plus(Spatial::times(x, cos), Spatial::times(y, sin)),
+            Spatial::plus(Spatial::times(y, cos), Spatial::times(x, -sin)),
+            z,
+        )
     }
     #[inline(always)]
     fn hinge(rotation: Matrix3<T>, _: T) -> Vector3<T> {
@@ -257,7 +254,11 @@ impl<T: Real> Algebra for Spatial<T> {
     #[inline(always)]
     fn tilt(placed: Matrix3<T>, sin: T, cos: T) -> Matrix3<T> {
         let (x, y, z) = (column(&placed, 0), column(&placed, 1), column(&placed, 2));
-        columns(x, plus(times(y, cos), times(z, sin)), plus(times(z, cos), times(y, -sin)))
+        columns(
+            x,
+            Spatial::plus(Spatial::times(y, cos), Spatial::times(z, sin)),
+            Spatial::plus(Spatial::times(z, cos), Spatial::times(y, -sin)),
+        )
     }
     fn unturned(inertia: Inertia<Self>) -> Inertia<Self> {
         let (o, across) = (T::zero(), inertia.rotational.diagonal.y);
@@ -273,15 +274,16 @@ impl<T: Real> Algebra for Spatial<T> {
         let (x, y, z) = (column(&a, 0), column(&a, 1), column(&a, 2));
         let half: T = nalgebra::convert(0.5);
         let (d, b) = (i.diagonal, i.beside);
-        let p = plus(plus(times(x, d.x * half), times(y, b.z)), times(z, b.y));
-        let r = plus(times(z, d.z * half), times(y, b.x));
+        let p =
+            Spatial::plus(Spatial::plus(Spatial::times(x, d.x * half), Spatial::times(y, b.z)), Spatial::times(z, b.y));
+        let r = Spatial::plus(Spatial::times(z, d.z * half), Spatial::times(y, b.x));
         // (No closures: in lanes the compiler leaves some as functions of their own, without the vectors of the processor.)
         let (px, rz) = (by_parts(p, x), by_parts(r, z));
         let turned = Symmetric3 {
-            diagonal: times(plus(px, rz), nalgebra::convert(2.0)),
-            beside: plus(crosswise(p, x), crosswise(r, z)),
+            diagonal: Spatial::times(Spatial::plus(px, rz), nalgebra::convert(2.0)),
+            beside: Spatial::plus(crosswise(p, x), crosswise(r, z)),
         };
-        (plus(times(x, h.x), times(y, h.y)), turned)
+        (Spatial::plus(Spatial::times(x, h.x), Spatial::times(y, h.y)), turned)
     }
     #[inline(always)]
     fn turns(joint: SpatialJoint) -> bool {
@@ -365,16 +367,16 @@ impl<T: Real> Articulated<Spatial<T>> for SpatialArticulated<T> {
     #[inline(always)]
     fn apply(&self, a: Motion<Spatial<T>>) -> Force<Spatial<T>> {
         Force {
-            moment: plus(self.rotational * a.angular, apply(&self.coupling, a.linear)),
-            force: plus(apply_transposed(&self.coupling, a.angular), self.linear * a.linear),
+            moment: Spatial::plus(self.rotational * a.angular, apply(&self.coupling, a.linear)),
+            force: Spatial::plus(apply_transposed(&self.coupling, a.angular), self.linear * a.linear),
         }
     }
 
     #[inline(always)]
     fn without(&self, u: Force<Spatial<T>>, inverse_d: T) -> Self {
         let Force { moment, force } = u;
-        let scaled = times(moment, -inverse_d);
-        let column = |j: usize| plus(column(&self.coupling, j), times(scaled, force[j]));
+        let scaled = Spatial::times(moment, -inverse_d);
+        let column = |j: usize| Spatial::plus(column(&self.coupling, j), Spatial::times(scaled, force[j]));
         Self {
             rotational: self.rotational + Symmetric3::square(moment, -inverse_d),
             coupling: columns(column(0), column(1), column(2)),
@@ -388,7 +390,7 @@ impl<T: Real> Articulated<Spatial<T>> for SpatialArticulated<T> {
         // of −H′r× is r × (row i of H′). The sum is symmetric: six of its numbers are enough.
         let cross = Spatial::moment;
         let m = self.linear.matrix();
-        let moved = |j: usize| plus(column(&self.coupling, j), cross(r, column(&m, j)));
+        let moved = |j: usize| Spatial::plus(column(&self.coupling, j), cross(r, column(&m, j)));
         let coupling = columns(moved(0), moved(1), moved(2));
         let (x, y, z) = (row(&self.coupling, 0), row(&self.coupling, 1), row(&self.coupling, 2));
         let (x1, y1, z1) = (row(&coupling, 0), row(&coupling, 1), row(&coupling, 2));

@@ -1,6 +1,7 @@
 //! Symmetric 3×3 matrices: six numbers, and no product computed twice.
 
-use super::Real;
+use super::spatial::row;
+use super::{Algebra, Real, Spatial};
 use nalgebra::{Matrix3, Vector3};
 use num_traits::Zero;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -55,13 +56,12 @@ impl<T: Real> Symmetric3<T> {
     /// R S Rᵀ
     #[inline(always)]
     pub fn rotated(&self, r: &Matrix3<T>) -> Self {
-        let row = |i: usize| Vector3::new(r[(i, 0)], r[(i, 1)], r[(i, 2)]);
-        let rows = [row(0), row(1), row(2)];
-        let turned = [*self * rows[0], *self * rows[1], *self * rows[2]];
-        let dot = |i: usize, j: usize| rows[i].x * turned[j].x + rows[i].y * turned[j].y + rows[i].z * turned[j].z;
+        let (x, y, z) = (row(r, 0), row(r, 1), row(r, 2));
+        let (ix, iy, iz) = (*self * x, *self * y, *self * z);
+        let dot = Spatial::dot;
         Self {
-            diagonal: Vector3::new(dot(0, 0), dot(1, 1), dot(2, 2)),
-            beside: Vector3::new(dot(1, 2), dot(2, 0), dot(0, 1)),
+            diagonal: Vector3::new(dot(x, ix), dot(y, iy), dot(z, iz)),
+            beside: Vector3::new(dot(y, iz), dot(z, ix), dot(x, iy)),
         }
     }
 

@@ -70,8 +70,9 @@ enum Few<A: Algebra> {
 #[derive(Debug, Clone)]
 enum Many<A: Algebra> {
     Row(HingeRow<A>),
-    /// Hinges alone, or not: one axis for each.
+    /// A tree of hinges alone.
     Hinges(Arc<Limbs>),
+    /// A tree of any joints.
     Tree(Arc<Limbs>),
 }
 

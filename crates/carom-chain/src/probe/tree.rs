@@ -76,7 +76,7 @@ impl Iterator for Runs<'_> {
     }
 }
 
-/// A tree as the kernel walks it.
+/// A tree as the kernel walks it: a copy of [`Limbs`], whose fields the loops would look up again and again.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tree<'a, A: Algebra, X> {
     steps: &'a [Step<A>],
