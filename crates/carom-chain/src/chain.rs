@@ -138,6 +138,8 @@ pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
     pub(crate) steps: Vec<Step<A>>,
+    /// Whether every joint is a hinge with a coordinate of its own: see [`crate::moves`].
+    pub(crate) hinges_alone: bool,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
@@ -248,6 +250,7 @@ impl<A: Algebra> Chain<A> {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
             steps: self.steps.iter().map(Step::cast).collect(),
+            hinges_alone: self.hinges_alone,
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
@@ -293,13 +296,10 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
-        Self { about, steps: Step::of(&bodies), bodies, frames, nq, nv }
-    }
-
-    /// The bodies that carry body `i`, down to the world.
-    #[inline(always)]
-    pub(crate) fn below(&self, i: usize) -> impl Iterator<Item = usize> {
-        std::iter::successors(self.bodies[i].parent, |&j| self.bodies[j].parent)
+        // In the plane a ratio of −1 is a hinge that turns backwards.
+        let hinge = |body: &Body<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
+        let hinges_alone = bodies.len() == nv && bodies.iter().all(hinge);
+        Self { about, steps: Step::of(&bodies), hinges_alone, bodies, frames, nq, nv }
     }
 
     #[inline(always)]

@@ -13,12 +13,14 @@
 //!
 //! Source: Featherstone (2008), tables 5.1 (RNEA) and 6.2 (CRBA), in world axes (see [`crate::algebra`]).
 
-use crate::algebra::{Algebra, Force, Inertia};
+use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::error::ChainError;
-use crate::steps::Held;
+use crate::moves::{Hinge, Moves};
+use crate::steps::{Held, Step};
 use crate::workspace::{Flow, Kinematics, Link, clear};
-use nalgebra::{DMatrix, DVector, Dim, Matrix, RawStorageMut};
+use nalgebra::{DMatrix, DVector, Dim, Dyn, Matrix, RawStorageMut};
 use num_traits::Zero;
+use std::marker::PhantomData;
 
 impl<A: Algebra> Kinematics<'_, A> {
     /// The composite-rigid-body algorithm. Fills all of `out` (nv×nv, kg m², kg m, kg); allocates nothing.
@@ -29,58 +31,62 @@ impl<A: Algebra> Kinematics<'_, A> {
         &mut self,
         out: &mut Matrix<A::Scalar, R, C, S>,
     ) {
-        let (chain, ws) = (self.chain, &mut *self.ws);
+        let chain = self.chain;
         let nv = chain.nv;
         if out.shape() != (nv, nv) {
             out.fill(A::Scalar::zero());
         }
         let mut out = out.view_mut((0, 0), (nv, nv));
-        if chain.steps.last().is_some_and(|last| !last.on_all || chain.is_coupled()) {
+        if !chain.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
             // Column by column, which is one fill of memory each: `fill` of a view takes a dozen instructions per number.
             for v in 0..nv {
                 let mut column = out.view_mut((0, v), (nv, 1));
                 (0..nv).for_each(|w| column[(w, 0)] = A::Scalar::zero());
             }
         }
+        if chain.hinges_alone { self.columns::<Hinge<A>, _>(out) } else { self.columns::<Axis<A>, _>(out) }
+    }
+
+    /// M, where `out` has zeros in place.
+    #[inline(always)]
+    fn columns<X: Moves<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>>(&mut self, out: Matrix<A::Scalar, Dyn, Dyn, S>) {
+        let ws = &mut *self.ws;
+        let steps = &self.chain.steps[..];
+        let n = steps.len();
+        let (links, forces) = (&ws.links[..n], &mut ws.force[..n]);
         // What body i carries, about its origin: its first child's, which is the next body's, is still at hand.
-        let mut carried = Inertia::zero();
-        for (i, step) in chain.steps.iter().enumerate().rev() {
-            let Link { rotation, offset, ref axis, .. } = ws.links[i];
-            let mut composite = step.turned_inertia(rotation);
+        let mut carried = X::nothing();
+        for (i, step) in steps.iter().enumerate().rev() {
+            let link = &links[i];
+            let mut composite = X::own(step, link.rotation);
             if step.end > i + 1 {
                 composite += carried;
             }
             if step.branches {
-                composite += ws.inertia[i];
+                composite += X::part(ws.inertia[i]);
             }
-            // The force that gives body i and all it carries unit acceleration along sᵢ, felt by every joint below.
-            let mut f = composite.along(*axis);
-            let own = axis.dot(f);
-            let (links, mut shift) = (&ws.links[..=i], offset);
-            let mut feel = |j: usize| {
-                f = f.shifted(shift);
-                shift = links[j].offset;
-                links[j].axis.dot(f)
-            };
-            let v = step.v_index;
-            if chain.is_coupled() {
-                // Bodies that share a coordinate share its entries.
-                out[(v, v)] += own;
-                chain.below(i).for_each(|j| {
-                    let (w, m) = (chain.bodies[j].v_index, feel(j));
-                    out[(v, w)] += m;
-                    out[(w, v)] += m;
-                });
-            } else {
-                out[(v, v)] = own;
-                let put = |j: usize| {
-                    let (w, m) = (chain.bodies[j].v_index, feel(j));
-                    (out[(v, w)], out[(w, v)]) = (m, m);
-                };
-                if step.on_all { (0..i).rev().for_each(put) } else { chain.below(i).for_each(put) }
+            carried = X::shifted(step, &composite, link.offset);
+            step.held_by.keep(&mut ws.inertia, X::whole(carried));
+            // The force that gives body i and all it carries unit acceleration along sᵢ ...
+            forces[i] = X::of(step, link).momentum(&composite);
+        }
+        // ... is felt by every joint below. Where one body carries the next, their two forces go down together.
+        let mut columns = Columns::<A, X, S> { steps, links, out, axis: PhantomData };
+        let mut i = n;
+        while i > 0 {
+            i -= 1;
+            let (v, f) = (steps[i].v_index, forces[i]);
+            columns.put(v, v, columns.axis(i).share(f));
+            if steps[i].run == i {
+                columns.down(i, [v], [f]);
+                continue;
             }
-            carried = if step.massless { composite.shifted_massless(offset) } else { composite.shifted(offset) };
-            step.held_by.keep(&mut ws.inertia, carried);
+            let far = f.shifted(links[i].offset);
+            i -= 1;
+            let (u, near) = (steps[i].v_index, forces[i]);
+            columns.put(u, u, columns.axis(i).share(near));
+            columns.put_both(u, v, columns.axis(i).share(far));
+            columns.down(i, [u, v], [near, far]);
         }
     }
 
@@ -242,5 +248,56 @@ impl<A: Algebra> Kinematics<'_, A> {
             sum += own.shifted(self.ws.links[i].position);
         }
         Ok(sum)
+    }
+}
+
+/// M as it is filled.
+struct Columns<'a, A: Algebra, X, S: RawStorageMut<A::Scalar, Dyn, Dyn>> {
+    steps: &'a [Step<A>],
+    links: &'a [Link<A>],
+    out: Matrix<A::Scalar, Dyn, Dyn, S>,
+    axis: PhantomData<X>,
+}
+
+impl<A: Algebra, X: Moves<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<'_, A, X, S> {
+    #[inline(always)]
+    fn axis(&self, i: usize) -> X {
+        X::of(&self.steps[i], &self.links[i])
+    }
+
+    #[inline(always)]
+    fn put(&mut self, v: usize, w: usize, m: A::Scalar) {
+        // Bodies that share a coordinate share its entries.
+        if X::COUPLED { self.out[(v, w)] += m } else { self.out[(v, w)] = m }
+    }
+
+    #[inline(always)]
+    fn put_both(&mut self, v: usize, w: usize, m: A::Scalar) {
+        self.put(v, w, m);
+        self.put(w, v, m);
+    }
+
+    /// What the joints below body `i` feel of forces at it, in the columns of these coordinates.
+    #[inline(always)]
+    fn down<const K: usize>(&mut self, i: usize, coordinates: [usize; K], mut forces: [Force<A>; K]) {
+        let (steps, links) = (self.steps, self.links);
+        let (mut start, mut end, mut shift) = (steps[i].run, i, links[i].offset);
+        loop {
+            for (step, link) in steps[start..end].iter().zip(&links[start..end]).rev() {
+                let axis = X::of(step, link);
+                let mut shares = [A::Scalar::zero(); K];
+                for (f, share) in forces.iter_mut().zip(&mut shares) {
+                    *f = f.shifted(shift);
+                    *share = axis.share(*f);
+                }
+                shift = link.offset;
+                let w = step.v_index;
+                for (v, m) in coordinates.into_iter().zip(shares) {
+                    self.put_both(v, w, m);
+                }
+            }
+            let Some(p) = steps[start].parent else { break };
+            (start, end) = (steps[p].run, p + 1);
+        }
     }
 }

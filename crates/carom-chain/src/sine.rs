@@ -60,6 +60,12 @@ pub fn sin_cos_into(angles: &[f64], sin: &mut [f64], cos: &mut [f64]) {
     }
 }
 
+/// The same as a function of its own: where the compiler knows how many angles there are, it takes them one by one.
+#[inline(never)]
+pub(crate) fn sines_and_cosines(angles: &[f64], sin: &mut [f64], cos: &mut [f64]) {
+    sin_cos_into(angles, sin, cos);
+}
+
 #[cold]
 #[inline(never)]
 fn far(angle: f64) -> (f64, f64) {

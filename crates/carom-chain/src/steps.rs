@@ -8,6 +8,7 @@
 use crate::algebra::{Algebra, Inertia, Pose, Real};
 use crate::base_parameters::base_parameters;
 use crate::chain::Body;
+use crate::turned::Angle;
 use nalgebra::convert;
 use std::ops::AddAssign;
 
@@ -27,8 +28,8 @@ pub(crate) struct Step<A: Algebra> {
     pub parent: Option<usize>,
     pub q_index: usize,
     pub v_index: usize,
-    /// Whether all bodies before it carry it.
-    pub on_all: bool,
+    /// The first of the run of bodies that ends with it, each the parent of the next.
+    pub run: usize,
     /// The bodies that this one carries are those after it up to here: trees are numbered depth first.
     pub end: usize,
     /// Whether it carries more than one of them itself.
@@ -107,9 +108,9 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
                 branches[p] |= p + 1 < i;
             }
         }
-        let mut on_all = Vec::with_capacity(bodies.len());
+        let mut run: Vec<usize> = Vec::with_capacity(bodies.len());
         for (i, body) in bodies.iter().enumerate() {
-            on_all.push(i == 0 || body.parent == Some(i - 1) && on_all[i - 1]);
+            run.push(if i > 0 && body.parent == Some(i - 1) { run[i - 1] } else { i });
         }
         let step = |(i, body): (usize, &Body<A>)| {
             let Pose { rotation, translation } = body.placement;
@@ -120,7 +121,7 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
                 (Placing::Other(rotation), body.shift)
             };
             let Body { parent, joint, q_index, v_index, ratio, .. } = *body;
-            let (inertia, on_all, end) = (inertia[i], on_all[i], end[i]);
+            let (inertia, run, end) = (inertia[i], run[i], end[i]);
             let (branches, held_by, massless) = (branches[i], held_by[i], massless[i]);
             Self {
                 joint,
@@ -132,7 +133,7 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
                 parent,
                 q_index,
                 v_index,
-                on_all,
+                run,
                 end,
                 branches,
                 held_by,
@@ -161,7 +162,7 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
             parent: self.parent,
             q_index: self.q_index,
             v_index: self.v_index,
-            on_all: self.on_all,
+            run: self.run,
             end: self.end,
             branches: self.branches,
             held_by: self.held_by,
@@ -204,6 +205,11 @@ impl<A: Algebra> Placing<A> {
 }
 
 impl<A: Algebra> Step<A> {
+    /// The angle of its hinge.
+    pub fn angle(&self) -> Angle<A::Scalar> {
+        Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
+    }
+
     /// Its inertia in world axes.
     #[inline(always)]
     pub fn turned_inertia(&self, rotation: A::Rotation) -> Inertia<A> {

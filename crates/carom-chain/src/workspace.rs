@@ -31,8 +31,12 @@
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion, Pose, Real};
 use crate::chain::{Chain, FrameId, Point};
 use crate::error::ChainError;
+use crate::moves::{Hinge, Moves};
+use crate::sine::sines_and_cosines;
+use crate::turned::ByBody;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
-use num_traits::{One, Zero};
+use num_traits::Zero;
+use std::any::Any;
 
 /// Scratch memory for one chain: kinematics, and what the mass matrix and the recursions share.
 #[derive(Debug, Clone)]
@@ -44,6 +48,10 @@ pub struct Workspace<A: Algebra> {
     /// Inertias in world axes: of single bodies or of all that they carry.
     pub(crate) inertia: Vec<Inertia<A>>,
     pub(crate) free: Vec<Free<A>>,
+    /// Of each body's hinge, if it is one.
+    angles: Vec<A::Scalar>,
+    sines: Vec<A::Scalar>,
+    cosines: Vec<A::Scalar>,
 }
 
 /// Where a body is.
@@ -115,6 +123,9 @@ impl<A: Algebra> Chain<A> {
             force: vec![Force::zero(); n],
             inertia: vec![Inertia::zero(); n],
             free: vec![free; n],
+            angles: vec![zero; n],
+            sines: vec![zero; n],
+            cosines: vec![zero; n],
         }
     }
 }
@@ -130,26 +141,53 @@ impl<A: Algebra> Workspace<A> {
     pub fn update<'a>(&'a mut self, chain: &'a Chain<A>, q: &[A::Scalar]) -> Result<Kinematics<'a, A>, ChainError> {
         chain.check_nq(q.len())?;
         assert_eq!(self.links.len(), chain.steps.len(), "this workspace belongs to another chain");
-        let world = Link::world();
-        for (i, step) in chain.steps.iter().enumerate() {
-            let (before, own) = self.links.split_at_mut(i);
-            let outer = step.parent.map_or(&world, |p| &before[p]);
-            let placed = step.placing.placed(outer.rotation);
-            let offset = A::rotate(outer.rotation, step.translation);
-            let at = &q[step.q_index..];
-            own[0] = if A::turns(step.joint) {
-                let (sin, cos) = (step.ratio * at[0] + step.shift).simd_sin_cos();
-                let rotation = A::turn(placed, sin, cos);
-                let axis = Axis::Turn(A::hinge(rotation, A::Scalar::one()) * step.ratio);
-                Link { rotation, offset, position: outer.position + offset, axis }
-            } else {
-                let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, at);
-                let offset = offset + moved;
-                let axis = A::axis(step.joint, rotation).scaled(step.ratio);
-                Link { rotation, offset, position: outer.position + offset, axis }
-            };
+        // Sines before all else: in between, each would keep the next body waiting.
+        for (angle, step) in self.angles.iter_mut().zip(&chain.steps) {
+            if A::turns(step.joint) {
+                *angle = step.ratio * q[step.q_index] + step.shift;
+            }
+        }
+        self.take_sines();
+        if chain.hinges_alone {
+            self.place::<Hinge<A>>(chain, q)
+        } else {
+            self.place::<Axis<A>>(chain, q)
         }
         Ok(Kinematics { chain, ws: self })
+    }
+
+    /// Sines and cosines of all angles, side by side: the chain's own for `f64`, else the scalar's.
+    fn take_sines(&mut self) {
+        let Self { angles, sines, cosines, .. } = self;
+        let in_f64 = (
+            (angles as &dyn Any).downcast_ref::<Vec<f64>>(),
+            (sines as &mut dyn Any).downcast_mut::<Vec<f64>>(),
+            (cosines as &mut dyn Any).downcast_mut::<Vec<f64>>(),
+        );
+        if let (Some(angles), Some(sines), Some(cosines)) = in_f64 {
+            return sines_and_cosines(angles, sines, cosines);
+        }
+        for ((angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
+            (*sin, *cos) = angle.simd_sin_cos();
+        }
+    }
+
+    /// Puts every body where its joint puts it.
+    #[inline(always)]
+    fn place<X: Moves<A>>(&mut self, chain: &Chain<A>, q: &[A::Scalar]) {
+        let n = chain.steps.len();
+        let (links, turned) = (&mut self.links[..n], ByBody { sines: &self.sines[..n], cosines: &self.cosines[..n] });
+        let (mut before, mut at) = (A::no_rotation(), A::zero());
+        for (i, step) in chain.steps.iter().enumerate() {
+            let (outer, origin) = match step.parent {
+                Some(p) if p + 1 == i => (before, at),
+                Some(p) => (links[p].rotation, links[p].position),
+                None => (A::no_rotation(), A::zero()),
+            };
+            let (rotation, offset) = X::place(step, i, outer, q, &turned);
+            (before, at) = (rotation, A::plus(origin, offset));
+            links[i] = Link { rotation, offset, position: at, axis: X::turned(step, rotation).axis() };
+        }
     }
 }
 

@@ -120,6 +120,9 @@ fn run<A: Algebra<Scalar = f64>>(chain: &Chain<A>, tip: Point<A>, normal: A::Vec
             let mut m = DMatrix::zeros(n, n);
             report(time, || workspace.update(chain, black_box(&q)).unwrap().mass_matrix_into(&mut m));
         }
+        "kinematics" => report(time, || {
+            black_box(workspace.update(chain, black_box(&q)).unwrap());
+        }),
         "inverse-dynamics" => report(time, || {
             workspace.update(chain, black_box(&q)).unwrap().inverse_dynamics_into(&q, &q, normal, &mut out).unwrap();
         }),

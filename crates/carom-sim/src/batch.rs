@@ -178,16 +178,21 @@ struct Single<'a> {
 
 impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
     const KEEPS: bool = true;
+    // As in [`Several`]. What is in registers then need not wait for memory that was written in smaller parts.
+    #[allow(clippy::needless_range_loop)]
     #[inline(always)]
     fn finish(&mut self, found: Found<A>) {
-        let mut approach = found.joint_impulse[0] * self.qd[0];
-        for (j, v) in found.joint_impulse.iter().zip(self.qd).skip(1) {
-            approach += j * v;
+        let n = found.response.len();
+        let (qd, qd_plus) = (&self.qd[..n], &mut self.qd_plus[..n]);
+        let mut approach = found.joint_impulse[0] * qd[0];
+        for i in 1..n {
+            approach += found.joint_impulse[i] * qd[i];
         }
-        *self.impulse = impulse(self.restitution, approach, found.mobility);
-        for ((after, before), x) in self.qd_plus.iter_mut().zip(self.qd).zip(found.response) {
-            *after = before + x * *self.impulse;
+        let impulse = impulse(self.restitution, approach, found.mobility);
+        for i in 0..n {
+            qd_plus[i] = qd[i] + found.response[i] * impulse;
         }
+        *self.impulse = impulse;
     }
 }
 

@@ -93,7 +93,7 @@ pub enum SimError {
         found: [f64; 2],
     },
     /// The chain starts inside something.
-    #[error("at the start {touch} overlaps by {depth} m: move the start apart")]
+    #[error("at the start {touch} overlaps by {depth:.3e} m: move the start apart")]
     Overlap {
         /// What touches.
         touch: String,

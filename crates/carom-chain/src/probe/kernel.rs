@@ -1,10 +1,12 @@
 //! The kernel: one source for every shape of chain (see [`super`] for the symbols).
 
+use super::Found;
 use super::row::HingeRow;
-use super::{Found, Turned};
-use crate::algebra::{Algebra, Force, Real};
+use crate::algebra::{Algebra, Real};
+use crate::moves::Moves;
+use crate::turned::Turned;
 use num_traits::{One, Zero};
-use std::ops::{AddAssign, Range};
+use std::ops::Range;
 
 /// The scratch memory of one body. Aligned, so that no vector of eight lies across two lines of the cache.
 #[derive(Debug, Clone, Copy)]
@@ -382,21 +384,6 @@ pub(super) trait Shape<A: Algebra>: Copy {
 
 /// The inertia that the joints of a shape carry.
 pub(super) type Carried<A, S> = <<S as Shape<A>>::Axis as Moves<A>>::Inertia;
-
-/// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
-pub(super) trait Moves<A: Algebra>: Copy {
-    type Inertia: Copy + AddAssign;
-    /// An axis of length zero.
-    fn still() -> Self;
-    /// No inertia.
-    fn nothing() -> Self::Inertia;
-    /// I s
-    fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
-    /// s · f
-    fn share(self, force: Force<A>) -> A::Scalar;
-    /// The velocity that unit rate gives the point r away.
-    fn at(self, r: A::Vector) -> A::Vector;
-}
 
 impl<A: Algebra, X: Moves<A>> Link<A, X> {
     #[inline(always)]

@@ -34,12 +34,13 @@ mod tree;
 use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
-use crate::sine::{sin_cos, sin_cos_into};
-use crate::steps::Step;
+use crate::moves::Hinge;
+use crate::sine::sines_and_cosines;
+use crate::turned::{Angle, ByBody, Turned};
 use kernel::{Link, Memory, read, read_three, read_two, row_length};
 use nalgebra::convert;
 use num_traits::Zero;
-use row::{Hinge, HingeRow};
+use row::HingeRow;
 use std::sync::Arc;
 use tree::Limbs;
 
@@ -126,17 +127,6 @@ pub trait Finish<A: Algebra> {
     fn finish(&mut self, found: Found<A>);
 }
 
-/// The angle of a hinge: `sense · q[coordinate] + shift`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Angle<T> {
-    /// Its place in q.
-    pub coordinate: usize,
-    /// 1, or −1 in the plane for a hinge that turns backwards.
-    pub sense: T,
-    /// What the zeros of its frames lie apart, rad.
-    pub shift: T,
-}
-
 impl<A: Algebra<Scalar = f64>> Chain<A> {
     /// Makes a point ready to be asked at many configurations.
     ///
@@ -161,9 +151,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
             (Some(row), _) => Shape::Many(Many::Row(row)),
             (None, _) => {
                 let limbs = Arc::new(Limbs::of(&self.steps, body));
-                // In the plane a ratio of −1 is a hinge that turns backwards.
-                let hinge = |step: &Step<A>| A::turns(step.joint) && (step.ratio == 1.0 || A::ANGULAR == 1);
-                Shape::Many(if self.steps.iter().all(hinge) { Many::Hinges(limbs) } else { Many::Tree(limbs) })
+                Shape::Many(if self.hinges_alone { Many::Hinges(limbs) } else { Many::Tree(limbs) })
             }
         };
         Ok(Probe { chain: self.clone(), arm: point.position, shape, angles })
@@ -217,7 +205,18 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     ) -> Result<(), ChainError> {
         self.check(q, reading)?;
         match &self.shape {
-            Shape::Few(few) => few.read(self.arm, &ByAngle(q), normal, reading, finish),
+            Shape::Few(few) => match few {
+                Few::Two(row) => {
+                    let (sines, cosines) = row.sines::<2>(q);
+                    let turned = ByBody { sines: &sines, cosines: &cosines };
+                    reading.keep(read_two(row, self.arm, &turned, normal).found(), finish)
+                }
+                Few::Three(row) => {
+                    let (sines, cosines) = row.sines::<3>(q);
+                    let turned = ByBody { sines: &sines, cosines: &cosines };
+                    reading.keep(read_three(row, self.arm, &turned, normal).found(), finish)
+                }
+            },
             Shape::Many(many) => {
                 // Sines in advance, side by side: in between, each would keep the next body waiting.
                 for (i, Angle { coordinate, sense, shift }) in &self.angles {
@@ -225,7 +224,7 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
                 }
                 let (mut sines, mut cosines) =
                     (std::mem::take(&mut reading.sines), std::mem::take(&mut reading.cosines));
-                sin_cos_into(&reading.angles, &mut sines, &mut cosines);
+                sines_and_cosines(&reading.angles, &mut sines, &mut cosines);
                 let turned = ByBody { sines: &sines, cosines: &cosines };
                 many.read(self, q, &turned, normal, reading, finish);
                 (reading.sines, reading.cosines) = (sines, cosines);
@@ -404,34 +403,4 @@ impl<A: Algebra> Finish<A> for Keep {
     const KEEPS: bool = true;
     #[inline(always)]
     fn finish(&mut self, _: Found<A>) {}
-}
-
-/// Where the sines and cosines of joint angles come from. (A trait for the same reason as [`Finish`]: in lanes the call of
-/// a closure cost more than the sines.)
-pub trait Turned<A: Algebra> {
-    /// Of the angle of body `i`, a hinge.
-    fn sin_cos(&self, i: usize, angle: Angle<A::Scalar>) -> (A::Scalar, A::Scalar);
-}
-
-/// From q, one after another.
-struct ByAngle<'a>(&'a [f64]);
-
-impl<A: Algebra<Scalar = f64>> Turned<A> for ByAngle<'_> {
-    #[inline(always)]
-    fn sin_cos(&self, _: usize, angle: Angle<f64>) -> (f64, f64) {
-        sin_cos(angle.sense * self.0[angle.coordinate] + angle.shift)
-    }
-}
-
-/// Of each body.
-struct ByBody<'a> {
-    sines: &'a [f64],
-    cosines: &'a [f64],
-}
-
-impl<A: Algebra<Scalar = f64>> Turned<A> for ByBody<'_> {
-    #[inline(always)]
-    fn sin_cos(&self, i: usize, _: Angle<f64>) -> (f64, f64) {
-        (self.sines[i], self.cosines[i])
-    }
 }

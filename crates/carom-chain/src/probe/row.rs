@@ -7,14 +7,15 @@
 //!
 //! Inertia: the [`base_parameters`] in these axes, which have no mass.
 
-use super::kernel::{Link, Moves, Shape};
-use super::{Angle, Turned};
-use crate::algebra::{Algebra, Force, Pose, Real};
+use super::kernel::{Link, Shape};
+use crate::algebra::{Algebra, Pose, Real};
 use crate::base_parameters::base_parameters;
 use crate::chain::{Body, Chain};
+use crate::moves::{Hinge, Turning};
+use crate::sine::sines_and_cosines;
+use crate::turned::{Angle, Turned};
 use nalgebra::convert;
-use num_traits::Zero;
-use std::ops::{AddAssign, Range};
+use std::ops::Range;
 
 /// A row of hinges, one after another in the order of their coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,42 +41,11 @@ pub(super) struct Hinged<A: Algebra> {
     pub turning: Turning<A>,
 }
 
-/// The inertia that is left when what the hinge does not turn has gone below: no mass.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Turning<A: Algebra> {
-    pub first_moment: A::Vector,
-    pub rotational: A::Rotational,
-}
-
 impl<A: Algebra> Hinged<A> {
     /// The angle of the row's joint `i`.
     #[inline(always)]
     pub fn angle(&self, i: usize) -> Angle<A::Scalar> {
         Angle { coordinate: i, sense: self.sense, shift: self.shift }
-    }
-}
-
-impl<A: Algebra> Turning<A> {
-    /// The same about the point at −r.
-    #[inline(always)]
-    pub fn shifted(&self, r: A::Vector) -> Self {
-        let h = self.first_moment;
-        Self { first_moment: h, rotational: self.rotational + A::parallel_axis(A::plus(h, h), r) }
-    }
-
-    /// The same in rotated axes.
-    #[inline(always)]
-    pub fn rotated(&self, rotation: A::Rotation) -> Self {
-        let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
-        Self { first_moment, rotational }
-    }
-}
-
-impl<A: Algebra> AddAssign for Turning<A> {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        self.first_moment = A::plus(self.first_moment, other.first_moment);
-        self.rotational += other.rotational;
     }
 }
 
@@ -139,6 +109,20 @@ impl<A: Algebra> HingeRow<A> {
     }
 }
 
+impl<A: Algebra<Scalar = f64>> HingeRow<A> {
+    /// Sines and cosines of its N joints.
+    #[inline(always)]
+    pub fn sines<const N: usize>(&self, q: &[f64]) -> ([f64; N], [f64; N]) {
+        let (mut angles, mut sines, mut cosines) = ([0.0; N], [0.0; N], [0.0; N]);
+        let (bodies, q) = (&self.bodies[..N], &q[..N]);
+        for i in 0..N {
+            angles[i] = bodies[i].sense * q[i] + bodies[i].shift;
+        }
+        sines_and_cosines(&angles, &mut sines, &mut cosines);
+        (sines, cosines)
+    }
+}
+
 /// The point is on the last.
 impl<A: Algebra> Shape<A> for &HingeRow<A> {
     type Axis = Hinge<A>;
@@ -186,33 +170,5 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
     #[inline(always)]
     fn shifted(self, _: usize, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
         inertia.shifted(r)
-    }
-}
-
-/// The axis of a hinge that carries nothing but hinges.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Hinge<A: Algebra>(pub A::Angular);
-
-impl<A: Algebra> Moves<A> for Hinge<A> {
-    type Inertia = Turning<A>;
-    #[inline(always)]
-    fn still() -> Self {
-        Self(A::zero_angular())
-    }
-    #[inline(always)]
-    fn nothing() -> Turning<A> {
-        Turning { first_moment: A::zero(), rotational: A::Rotational::zero() }
-    }
-    #[inline(always)]
-    fn momentum(self, inertia: &Turning<A>) -> Force<A> {
-        Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
-    }
-    #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
-        A::dot_angular(self.0, force.moment)
-    }
-    #[inline(always)]
-    fn at(self, r: A::Vector) -> A::Vector {
-        A::swing(self.0, r)
     }
 }

@@ -4,11 +4,11 @@
 //! parent is looked up. An impulse moves what hangs from the world where its point does: a fixed pelvis keeps the legs out
 //! of a blow on the hand, and their part of M, a block of its own, is not factored.
 
-use super::kernel::{Link, Moves, Shape};
-use super::row::{Hinge, Turning};
-use super::{Angle, Turned};
-use crate::algebra::{Algebra, Axis, Force, Inertia};
+use super::kernel::{Link, Shape};
+use crate::algebra::Algebra;
+use crate::moves::Moves;
 use crate::steps::Step;
+use crate::turned::Turned;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -86,14 +86,7 @@ pub(super) struct Tree<'a, A: Algebra, X> {
     axis: PhantomData<X>,
 }
 
-impl<A: Algebra> Step<A> {
-    /// The angle of its hinge.
-    pub(super) fn angle(&self) -> Angle<A::Scalar> {
-        Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
-    }
-}
-
-impl<A: Algebra, X: Joint<A>> Shape<A> for Tree<'_, A, X> {
+impl<A: Algebra, X: Moves<A>> Shape<A> for Tree<'_, A, X> {
     type Axis = X;
     #[inline(always)]
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
@@ -121,77 +114,12 @@ impl<A: Algebra, X: Joint<A>> Shape<A> for Tree<'_, A, X> {
     }
     #[inline(always)]
     fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, X> {
-        X::place(&self.steps[i], i, outer.unwrap_or_else(A::no_rotation), q, turned)
+        let step = &self.steps[i];
+        let (rotation, offset) = X::place(step, i, outer.unwrap_or_else(A::no_rotation), q, turned);
+        Link::at(rotation, offset, X::turned(step, rotation), X::own(step, rotation))
     }
     #[inline(always)]
     fn shifted(self, i: usize, inertia: &X::Inertia, r: A::Vector) -> X::Inertia {
         X::shifted(&self.steps[i], inertia, r)
-    }
-}
-
-/// What depends on the types of the joints: the functions of [`Shape`].
-pub(super) trait Joint<A: Algebra>: Moves<A> {
-    fn place(step: &Step<A>, i: usize, outer: A::Rotation, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self>;
-    fn shifted(step: &Step<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
-}
-
-/// Any.
-impl<A: Algebra> Joint<A> for Axis<A> {
-    #[inline(always)]
-    fn place(step: &Step<A>, i: usize, outer: A::Rotation, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self> {
-        let (placed, offset) = (step.placing.placed(outer), A::rotate(outer, step.translation));
-        let (rotation, offset) = if A::turns(step.joint) {
-            let (sin, cos) = turned.sin_cos(i, step.angle());
-            (A::turn(placed, sin, cos), offset)
-        } else {
-            let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
-            (rotation, offset + moved)
-        };
-        let axis = A::axis(step.joint, rotation).scaled(step.ratio);
-        Link::at(rotation, offset, axis, step.turned_inertia(rotation))
-    }
-    #[inline(always)]
-    fn shifted(step: &Step<A>, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
-        if step.massless { inertia.shifted_massless(r) } else { inertia.shifted(r) }
-    }
-}
-
-/// Hinges alone: no mass is left (see [`crate::base_parameters`]), and nobody asks what an axis is.
-impl<A: Algebra> Joint<A> for Hinge<A> {
-    #[inline(always)]
-    fn place(step: &Step<A>, i: usize, outer: A::Rotation, _: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, Self> {
-        let (sin, cos) = turned.sin_cos(i, step.angle());
-        let rotation = A::turn(step.placing.placed(outer), sin, cos);
-        let Inertia { first_moment, rotational, .. } = step.inertia;
-        let turning = Turning { first_moment, rotational }.rotated(rotation);
-        Link::at(rotation, A::rotate(outer, step.translation), Hinge(A::hinge(rotation, step.ratio)), turning)
-    }
-    #[inline(always)]
-    fn shifted(_: &Step<A>, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
-        inertia.shifted(r)
-    }
-}
-
-impl<A: Algebra> Moves<A> for Axis<A> {
-    type Inertia = Inertia<A>;
-    #[inline(always)]
-    fn still() -> Self {
-        Self::Turn(A::zero_angular())
-    }
-    #[inline(always)]
-    fn nothing() -> Inertia<A> {
-        Inertia::zero()
-    }
-    #[inline(always)]
-    fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
-        inertia.along(self)
-    }
-    #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
-        self.dot(force)
-    }
-    #[inline(always)]
-    fn at(self, r: A::Vector) -> A::Vector {
-        self.point_velocity(r)
     }
 }

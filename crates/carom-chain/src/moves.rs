@@ -1,0 +1,219 @@
+//! A joint's axis at one configuration, and the inertia that it moves: of any joint, or of hinges alone.
+//!
+//! Where all joints are hinges no mass is left (see [`crate::base_parameters`]), and nobody need ask what an axis is. The
+//! recursions that gain by it are written over [`Moves`], and which of the two it is, is known when the chain is made.
+
+use crate::algebra::{Algebra, Axis, Force, Inertia};
+use crate::steps::Step;
+use crate::turned::Turned;
+use crate::workspace::Link;
+use num_traits::Zero;
+use std::ops::AddAssign;
+
+/// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
+pub(crate) trait Moves<A: Algebra>: Copy {
+    type Inertia: Copy + AddAssign;
+    /// Whether bodies may share a coordinate.
+    const COUPLED: bool;
+    /// An axis of length zero.
+    fn still() -> Self;
+    /// Rotation of body `i`, and the offset of its origin, where the body below has the rotation `outer`.
+    fn place(
+        step: &Step<A>,
+        i: usize,
+        outer: A::Rotation,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> (A::Rotation, A::Vector);
+    /// The axis of a body's joint, for the body's rotation.
+    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self;
+    /// That of a body which has been placed.
+    fn of(step: &Step<A>, link: &Link<A>) -> Self;
+    /// The axis as one of any joint.
+    fn axis(self) -> Axis<A>;
+    /// No inertia.
+    fn nothing() -> Self::Inertia;
+    /// A body's own, in world axes.
+    fn own(step: &Step<A>, rotation: A::Rotation) -> Self::Inertia;
+    /// What a body carries, about the point at −r.
+    fn shifted(step: &Step<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
+    /// I s
+    fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
+    /// s · f
+    fn share(self, force: Force<A>) -> A::Scalar;
+    /// The velocity that unit rate gives the point r away.
+    fn at(self, r: A::Vector) -> A::Vector;
+    /// The inertia as one that may have mass.
+    fn whole(inertia: Self::Inertia) -> Inertia<A>;
+    /// And back.
+    fn part(inertia: Inertia<A>) -> Self::Inertia;
+}
+
+/// Any joint.
+impl<A: Algebra> Moves<A> for Axis<A> {
+    type Inertia = Inertia<A>;
+    const COUPLED: bool = true;
+    #[inline(always)]
+    fn still() -> Self {
+        Self::Turn(A::zero_angular())
+    }
+    #[inline(always)]
+    fn place(
+        step: &Step<A>,
+        i: usize,
+        outer: A::Rotation,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> (A::Rotation, A::Vector) {
+        if A::turns(step.joint) {
+            return Hinge::place(step, i, outer, q, turned);
+        }
+        let (placed, offset) = (step.placing.placed(outer), A::rotate(outer, step.translation));
+        let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
+        (rotation, A::plus(offset, moved))
+    }
+    #[inline(always)]
+    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self {
+        A::axis(step.joint, rotation).scaled(step.ratio)
+    }
+    #[inline(always)]
+    fn of(_: &Step<A>, link: &Link<A>) -> Self {
+        link.axis
+    }
+    #[inline(always)]
+    fn axis(self) -> Axis<A> {
+        self
+    }
+    #[inline(always)]
+    fn nothing() -> Inertia<A> {
+        Inertia::zero()
+    }
+    #[inline(always)]
+    fn own(step: &Step<A>, rotation: A::Rotation) -> Inertia<A> {
+        step.turned_inertia(rotation)
+    }
+    #[inline(always)]
+    fn shifted(step: &Step<A>, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
+        if step.massless { inertia.shifted_massless(r) } else { inertia.shifted(r) }
+    }
+    #[inline(always)]
+    fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
+        inertia.along(self)
+    }
+    #[inline(always)]
+    fn share(self, force: Force<A>) -> A::Scalar {
+        self.dot(force)
+    }
+    #[inline(always)]
+    fn at(self, r: A::Vector) -> A::Vector {
+        self.point_velocity(r)
+    }
+    #[inline(always)]
+    fn whole(inertia: Inertia<A>) -> Inertia<A> {
+        inertia
+    }
+    #[inline(always)]
+    fn part(inertia: Inertia<A>) -> Inertia<A> {
+        inertia
+    }
+}
+
+/// The axis of a hinge that carries nothing but hinges.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Hinge<A: Algebra>(pub A::Angular);
+
+/// The inertia that is left when what the hinge does not turn has gone below: no mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Turning<A: Algebra> {
+    pub first_moment: A::Vector,
+    pub rotational: A::Rotational,
+}
+
+impl<A: Algebra> Turning<A> {
+    /// The same about the point at −r.
+    #[inline(always)]
+    pub fn shifted(&self, r: A::Vector) -> Self {
+        let h = self.first_moment;
+        Self { first_moment: h, rotational: self.rotational + A::parallel_axis(A::plus(h, h), r) }
+    }
+
+    /// The same in rotated axes.
+    #[inline(always)]
+    pub fn rotated(&self, rotation: A::Rotation) -> Self {
+        let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
+        Self { first_moment, rotational }
+    }
+}
+
+impl<A: Algebra> AddAssign for Turning<A> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        self.first_moment = A::plus(self.first_moment, other.first_moment);
+        self.rotational += other.rotational;
+    }
+}
+
+/// Hinges alone.
+impl<A: Algebra> Moves<A> for Hinge<A> {
+    type Inertia = Turning<A>;
+    const COUPLED: bool = false;
+    #[inline(always)]
+    fn still() -> Self {
+        Self(A::zero_angular())
+    }
+    #[inline(always)]
+    fn place(
+        step: &Step<A>,
+        i: usize,
+        outer: A::Rotation,
+        _: &[A::Scalar],
+        turned: &impl Turned<A>,
+    ) -> (A::Rotation, A::Vector) {
+        let (sin, cos) = turned.sin_cos(i, step.angle());
+        (A::turn(step.placing.placed(outer), sin, cos), A::rotate(outer, step.translation))
+    }
+    #[inline(always)]
+    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self {
+        Self(A::hinge(rotation, step.ratio))
+    }
+    #[inline(always)]
+    fn of(step: &Step<A>, link: &Link<A>) -> Self {
+        Self::turned(step, link.rotation)
+    }
+    #[inline(always)]
+    fn axis(self) -> Axis<A> {
+        Axis::Turn(self.0)
+    }
+    #[inline(always)]
+    fn nothing() -> Turning<A> {
+        Turning { first_moment: A::zero(), rotational: A::Rotational::zero() }
+    }
+    #[inline(always)]
+    fn own(step: &Step<A>, rotation: A::Rotation) -> Turning<A> {
+        Self::part(step.inertia).rotated(rotation)
+    }
+    #[inline(always)]
+    fn shifted(_: &Step<A>, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
+        inertia.shifted(r)
+    }
+    #[inline(always)]
+    fn momentum(self, inertia: &Turning<A>) -> Force<A> {
+        Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
+    }
+    #[inline(always)]
+    fn share(self, force: Force<A>) -> A::Scalar {
+        A::dot_angular(self.0, force.moment)
+    }
+    #[inline(always)]
+    fn at(self, r: A::Vector) -> A::Vector {
+        A::swing(self.0, r)
+    }
+    #[inline(always)]
+    fn whole(Turning { first_moment, rotational }: Turning<A>) -> Inertia<A> {
+        Inertia { mass: A::Scalar::zero(), first_moment, rotational }
+    }
+    #[inline(always)]
+    fn part(Inertia { first_moment, rotational, .. }: Inertia<A>) -> Turning<A> {
+        Turning { first_moment, rotational }
+    }
+}
