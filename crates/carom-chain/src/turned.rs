@@ -1,6 +1,6 @@
 //! The angles of hinges, and where their sines and cosines come from.
 
-use crate::algebra::Algebra;
+use crate::algebra::{Algebra, Real};
 
 /// The angle of a hinge: `sense · q[coordinate] + shift`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,6 +11,14 @@ pub struct Angle<T> {
     pub sense: T,
     /// What the zeros of its frames lie apart, rad.
     pub shift: T,
+}
+
+impl<T: Real> Angle<T> {
+    /// The angle at q.
+    #[inline(always)]
+    pub(crate) fn at(&self, q: &[T]) -> T {
+        self.sense * q[self.coordinate] + self.shift
+    }
 }
 
 /// Where the sines and cosines of joint angles come from. (A trait for the same reason as [`crate::Finish`]: in lanes

@@ -32,7 +32,7 @@ use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion, Pose, R
 use crate::chain::{Chain, FrameId, Point};
 use crate::error::ChainError;
 use crate::moves::{Hinge, Moves};
-use crate::sine::sines_and_cosines;
+use crate::sine::sin_cos_by_pairs;
 use crate::turned::ByBody;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
 use num_traits::Zero;
@@ -144,7 +144,7 @@ impl<A: Algebra> Workspace<A> {
         // Sines before all else: in between, each would keep the next body waiting.
         for (angle, step) in self.angles.iter_mut().zip(&chain.steps) {
             if A::turns(step.joint) {
-                *angle = step.ratio * q[step.q_index] + step.shift;
+                *angle = step.angle().at(q);
             }
         }
         self.take_sines();
@@ -165,7 +165,7 @@ impl<A: Algebra> Workspace<A> {
             (cosines as &mut dyn Any).downcast_mut::<Vec<f64>>(),
         );
         if let (Some(angles), Some(sines), Some(cosines)) = in_f64 {
-            return sines_and_cosines(angles, sines, cosines);
+            return sin_cos_by_pairs(angles, sines, cosines);
         }
         for ((angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
             (*sin, *cos) = angle.simd_sin_cos();

@@ -35,7 +35,7 @@ use crate::algebra::{Algebra, Axis, Real};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
 use crate::moves::Hinge;
-use crate::sine::sines_and_cosines;
+use crate::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
 use crate::turned::{Angle, ByBody, Turned};
 use kernel::{Link, Memory, read, read_three, read_two, row_length};
 use nalgebra::convert;
@@ -205,26 +205,27 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     ) -> Result<(), ChainError> {
         self.check(q, reading)?;
         match &self.shape {
+            // Sines in advance: in between, each would keep the next body waiting.
             Shape::Few(few) => match few {
                 Few::Two(row) => {
-                    let (sines, cosines) = row.sines::<2>(q);
+                    let [a, b] = [0, 1].map(|i| row.bodies[i].angle(i).at(q));
+                    let (sines, cosines) = sin_cos_of_two(a, b);
                     let turned = ByBody { sines: &sines, cosines: &cosines };
                     reading.keep(read_two(row, self.arm, &turned, normal).found(), finish)
                 }
                 Few::Three(row) => {
-                    let (sines, cosines) = row.sines::<3>(q);
-                    let turned = ByBody { sines: &sines, cosines: &cosines };
+                    let [a, b, c] = [0, 1, 2].map(|i| sin_cos(row.bodies[i].angle(i).at(q)));
+                    let turned = ByBody { sines: &[a.0, b.0, c.0], cosines: &[a.1, b.1, c.1] };
                     reading.keep(read_three(row, self.arm, &turned, normal).found(), finish)
                 }
             },
             Shape::Many(many) => {
-                // Sines in advance, side by side: in between, each would keep the next body waiting.
-                for (i, Angle { coordinate, sense, shift }) in &self.angles {
-                    reading.angles[*i] = sense * q[*coordinate] + shift;
+                for (i, angle) in &self.angles {
+                    reading.angles[*i] = angle.at(q);
                 }
                 let (mut sines, mut cosines) =
                     (std::mem::take(&mut reading.sines), std::mem::take(&mut reading.cosines));
-                sines_and_cosines(&reading.angles, &mut sines, &mut cosines);
+                sin_cos_by_pairs(&reading.angles, &mut sines, &mut cosines);
                 let turned = ByBody { sines: &sines, cosines: &cosines };
                 many.read(self, q, &turned, normal, reading, finish);
                 (reading.sines, reading.cosines) = (sines, cosines);

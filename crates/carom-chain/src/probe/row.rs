@@ -12,7 +12,6 @@ use crate::algebra::{Algebra, Pose, Real};
 use crate::base_parameters::base_parameters;
 use crate::chain::{Body, Chain};
 use crate::moves::{Hinge, Turning};
-use crate::sine::sines_and_cosines;
 use crate::turned::{Angle, Turned};
 use nalgebra::convert;
 use std::ops::Range;
@@ -106,20 +105,6 @@ impl<A: Algebra> HingeRow<A> {
             },
         };
         HingeRow { base: A::cast_rotation(self.base), bodies: self.bodies.iter().map(body).collect() }
-    }
-}
-
-impl<A: Algebra<Scalar = f64>> HingeRow<A> {
-    /// Sines and cosines of its N joints.
-    #[inline(always)]
-    pub fn sines<const N: usize>(&self, q: &[f64]) -> ([f64; N], [f64; N]) {
-        let (mut angles, mut sines, mut cosines) = ([0.0; N], [0.0; N], [0.0; N]);
-        let (bodies, q) = (&self.bodies[..N], &q[..N]);
-        for i in 0..N {
-            angles[i] = bodies[i].sense * q[i] + bodies[i].shift;
-        }
-        sines_and_cosines(&angles, &mut sines, &mut cosines);
-        (sines, cosines)
     }
 }
 
