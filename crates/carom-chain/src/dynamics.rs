@@ -70,7 +70,8 @@ impl<A: Algebra> Kinematics<'_, A> {
             // The force that gives body i and all it carries unit acceleration along sᵢ ...
             forces[i] = X::of(step, link).momentum(&composite);
         }
-        // ... is felt by every joint below. Where one body carries the next, their two forces go down together.
+        // ... is felt by every joint below. Where one body carries the next, their two forces go down together, side by side
+        // in the processor's vectors.
         let mut columns = Columns::<A, X, S> { steps, links, out, axis: PhantomData };
         let mut i = n;
         while i > 0 {
