@@ -93,7 +93,7 @@ pub enum SimError {
         found: [f64; 2],
     },
     /// The chain starts inside something.
-    #[error("at the start {touch} overlaps by {depth:.3e} m: move the start apart")]
+    #[error("at the start {touch} overlaps by {} m: move the start apart", four_digits(*depth))]
     Overlap {
         /// What touches.
         touch: String,
@@ -170,4 +170,9 @@ pub enum SimError {
     /// A shape can't be made.
     #[error(transparent)]
     Shape(#[from] carom_contact::ContactError),
+}
+
+/// What is beyond is rounding of the pose.
+fn four_digits(x: f64) -> f64 {
+    format!("{x:.3e}").parse().unwrap_or(x)
 }

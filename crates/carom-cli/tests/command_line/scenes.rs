@@ -372,7 +372,7 @@ fn settings_that_can_not_be_are_refused() {
         ],
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
-    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 6.396e-3 m: move the start apart");
+    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006396 m: move the start apart");
     let start = |tip: &str| SCENE.replace("qd = [-0.444444, 0.444444]", &format!("tip_velocity = {{ {tip} }}"));
     desk.refuses(
         &start("speed = 0.2, angle_deg = 45, along = [1, 0, 0]"),
