@@ -26,7 +26,7 @@ pub(crate) trait Moves<A: Algebra>: Copy {
         turned: &impl Turned<A>,
     ) -> (A::Rotation, A::Vector);
     /// The axis of a body's joint, for the body's rotation.
-    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self;
+    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self;
     /// That of a body which has been placed.
     fn of(step: &Step<A>, link: &Link<A>) -> Self;
     /// The axis as one of any joint.
@@ -73,7 +73,7 @@ impl<A: Algebra> Moves<A> for Axis<A> {
         (rotation, A::plus(offset, moved))
     }
     #[inline(always)]
-    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self {
+    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self {
         A::axis(step.joint, rotation).scaled(step.ratio)
     }
     #[inline(always)]
@@ -173,12 +173,12 @@ impl<A: Algebra> Moves<A> for Hinge<A> {
         (A::turn(step.placing.placed(outer), sin, cos), A::rotate(outer, step.translation))
     }
     #[inline(always)]
-    fn turned(step: &Step<A>, rotation: A::Rotation) -> Self {
+    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self {
         Self(A::hinge(rotation, step.ratio))
     }
     #[inline(always)]
     fn of(step: &Step<A>, link: &Link<A>) -> Self {
-        Self::turned(step, link.rotation)
+        Self::at_rotation(step, link.rotation)
     }
     #[inline(always)]
     fn axis(self) -> Axis<A> {

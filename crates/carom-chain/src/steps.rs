@@ -206,6 +206,7 @@ impl<A: Algebra> Placing<A> {
 
 impl<A: Algebra> Step<A> {
     /// The angle of its hinge.
+    #[inline(always)]
     pub fn angle(&self) -> Angle<A::Scalar> {
         Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
     }

@@ -186,7 +186,7 @@ impl<A: Algebra> Workspace<A> {
             };
             let (rotation, offset) = X::place(step, i, outer, q, &turned);
             (before, at) = (rotation, A::plus(origin, offset));
-            links[i] = Link { rotation, offset, position: at, axis: X::turned(step, rotation).axis() };
+            links[i] = Link { rotation, offset, position: at, axis: X::at_rotation(step, rotation).axis() };
         }
     }
 }

@@ -38,11 +38,7 @@ impl Limbs {
         for step in steps {
             let (depth, run) = match step.parent {
                 None => (0, 0..0),
-                Some(p) => {
-                    // A run goes on where each is the parent of the next.
-                    let Way { depth, run, .. } = &ways[p];
-                    (depth + 1, if run.end == p { run.start..p + 1 } else { p..p + 1 })
-                }
+                Some(p) => (ways[p].depth + 1, steps[p].run..p + 1),
             };
             ways.push(Way { coordinate: step.v_index, depth, run });
         }
@@ -116,7 +112,7 @@ impl<A: Algebra, X: Moves<A>> Shape<A> for Tree<'_, A, X> {
     fn place(self, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Link<A, X> {
         let step = &self.steps[i];
         let (rotation, offset) = X::place(step, i, outer.unwrap_or_else(A::no_rotation), q, turned);
-        Link::at(rotation, offset, X::turned(step, rotation), X::own(step, rotation))
+        Link::at(rotation, offset, X::at_rotation(step, rotation), X::own(step, rotation))
     }
     #[inline(always)]
     fn shifted(self, i: usize, inertia: &X::Inertia, r: A::Vector) -> X::Inertia {
