@@ -1,13 +1,14 @@
-//! Bands: between which bounds the outcome lies while e and μ lie between theirs.
+//! Bands: bounds of the outcome while e and μ lie in ranges.
 //!
-//! All outputs are linear in the impulse P (u⁺, qd⁺), so it is the range of c·P(e, μ) over a box that is sought.
+//! The outputs (u⁺, qd⁺) are linear in the impulse P, so a band is the range of c·P(e, μ) over a box in (e, μ).
 //!
-//! **Exact** where monotony is proved. In the plane, under a law that follows the slip:
+//! **Exact** where monotonicity is proved. In the plane, under a law that follows the slip:
 //!
-//! - *By e.* The path of impulses does not depend on e, only its end does, and that moves on along the path as e grows.
-//!   So for each μ, c·P has its extremes at the ends of the range of e, or at the corner of the path where slip stops.
-//! - *By μ.* Slip s, with `p_1 = -v_t/(B - μ s A)` and `p_c = -v_n/(C - μ s B)`, changes its class where `p_1 = k p_c`
-//!   (`k = 1`, `1 + e`: linear in μ) and at μ_stick. On each stretch between, with `z = 1/(B - μ s A)`:
+//! - *In e.* The path of the impulse does not depend on e; only its end does, and it advances along the path as e
+//!   grows. For each μ, c·P therefore has its extremes at the ends of the range of e, or at the corner of the path
+//!   where slip stops.
+//! - *In μ.* Slip s, with `p_1 = -v_t/(B - μ s A)` and `p_c = -v_n/(C - μ s B)`, changes its class where `p_1 = k p_c`
+//!   (`k = 1`, `1 + e`: linear in μ) and at μ_stick. On each interval between, with `z = 1/(B - μ s A)`:
 //!
 //! | class | c·P | so |
 //! |---|---|---|
@@ -18,11 +19,13 @@
 //! | the same: Poisson | affine in z + linear fractional in z | convex or concave in z |
 //! | then sticks, from restitution on: Stronge; slips back | – | not proved: sampled |
 //!
-//! A convex or concave stretch has one extreme inside, if its derivative has different signs at its ends. Without friction P
-//! is affine in e; Chatterjee & Ruina's P is monotone in μ and piecewise affine in e, with one kink, in space too.
+//! A convex or concave interval has one extreme inside if the derivative has different signs at its ends. Without
+//! friction P is affine in e. Chatterjee & Ruina's P is monotone in μ and piecewise affine in e with one kink, in space
+//! too.
 //!
-//! **Sampled** is all else: along the edges of the box by the sign of the derivative at some points of each stretch,
-//! in space, and for the remaining laws, on a grid. A sampled band may be too narrow, and says that it is sampled.
+//! **Sampled** in all other cases: in the plane along the edges of the box, by the sign of the derivative at some
+//! points of each interval; in space and for the remaining laws on a grid. A sampled band may be too narrow;
+//! [`Band::exact`] is then `false`.
 
 use nalgebra::SVector;
 
@@ -32,43 +35,43 @@ use crate::laws::AnyLaw;
 use crate::plane::in_slip_plane;
 use crate::{Coefficients, ImpactError, ImpactProblem, Law, Mode, Phase};
 
-/// Points at which the derivative is looked at on a stretch without a proof.
+/// Points at which the derivative is evaluated on an interval without a proof.
 const LOOKS: usize = 24;
 
-/// Points along each side of a grid.
+/// Points along each side of the grid.
 const GRID: usize = 25;
 
-/// Ranges of the coefficients: lowest and highest.
+/// Ranges of the coefficients: lowest and highest value.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CoefficientRanges {
-    /// Of the coefficient of restitution, in the law's own sense.
+    /// Range of the coefficient of restitution, as the law defines it.
     pub restitution: [f64; 2],
-    /// Of the coefficient of friction.
+    /// Range of the coefficient of friction.
     pub friction: [f64; 2],
 }
 
-/// Bounds of numbers that are linear in the impulse.
+/// Bounds of quantities that are linear in the impulse.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Band {
-    /// The lowest value of each.
+    /// The lowest value of each quantity.
     pub low: Vec<f64>,
-    /// The highest value of each.
+    /// The highest value of each quantity.
     pub high: Vec<f64>,
-    /// Proved up to rounding. `false`: sampled, and possibly too narrow.
+    /// Whether the bounds are proved, up to rounding. `false`: sampled, and possibly too narrow.
     pub exact: bool,
-    /// How many impacts were resolved for it.
+    /// Number of impacts resolved.
     pub evaluations: usize,
 }
 
 impl<const D: usize> ImpactProblem<f64, D> {
-    /// Between which bounds c·P lies, for each c of `outputs`, while e and μ lie in their ranges (N s, times what c is in).
+    /// Bounds of c·P for each c of `outputs` while e and μ lie in their ranges (N s times the unit of c).
     ///
-    /// The law's own restitution and friction do not count, its tangential restitution does.
+    /// The restitution and friction of `law` itself are not used; its tangential restitution is.
     ///
     /// ```
     /// # use carom_impact::{CoefficientRanges, Energetic, ImpactProblem};
     /// # use nalgebra::{matrix, vector};
-    /// // A rod at 45°, dropped straight with friction that holds it: it sticks, and P_n = (1 + e) |v_n| A/det H.
+    /// // A rod at 45°, dropped vertically, with μ > μ_stick: it sticks, and P_n = (1 + e) |v_n| A/det H.
     /// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![0.0, -1.0])?;
     /// let ranges = CoefficientRanges { restitution: [0.3, 0.5], friction: [0.7, 0.9] };
     /// let band = problem.band(&Energetic { restitution: 0.4, friction: 0.8 }, &ranges, &[vector![0.0, 1.0]])?;
@@ -77,7 +80,8 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// ```
     ///
     /// # Errors
-    /// What the law refuses anywhere it is asked; a range that is not one; a law from elsewhere.
+    /// [`ImpactError::Range`] for a range that is not in ascending order; the errors of [`Law::resolve`] at any point
+    /// of the ranges that is evaluated; [`ImpactError::NotDifferentiable`] for a user-defined law.
     pub fn band(
         &self,
         law: &dyn Law<f64, D>,
@@ -131,7 +135,7 @@ impl<const D: usize> Search<'_, D> {
         self.law.with(Coefficients { restitution: e, friction: mu, ..self.law.coefficients() })
     }
 
-    /// Widens the band to this impact.
+    /// Extends the band by the outcome at (e, μ).
     fn visit(&mut self, e: f64, mu: f64) -> Result<(), ImpactError> {
         let impulse = self.law(e, mu).resolve(self.problem)?.impulse;
         self.band.evaluations += 1;
@@ -148,7 +152,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(self.problem.differentiate(&self.law(e, mu))?.friction)
     }
 
-    /// Chatterjee & Ruina: the kinks by e, on both edges by μ.
+    /// Chatterjee & Ruina: the kinks in e, on both edges in μ.
     fn cone(&mut self, tangential: f64, [e_low, e_high]: [f64; 2], friction: [f64; 2]) -> Result<(), ImpactError> {
         let contact = Contact::of(self.problem);
         let smooth = -contact.v_n / contact.normal;
@@ -190,7 +194,7 @@ impl<const D: usize> Search<'_, D> {
                 }
             }
         }
-        // The corner of the path, where it is an answer: its curve ends on the edges by e, or here.
+        // The corner of the path, if it is an outcome within the ranges.
         for mu in [mu_low, mu_high] {
             let (stop, turn) = (speed / (mu * a - s * b), drop / (c - mu * s * b));
             let e = stop / turn - 1.0;
@@ -201,7 +205,7 @@ impl<const D: usize> Search<'_, D> {
         Ok(())
     }
 
-    /// The extremes by μ within one class.
+    /// The extremes in μ within one class.
     fn stretch(&mut self, e: f64, low: f64, high: f64) -> Result<(), ImpactError> {
         let middle = self.law(e, 0.5 * (low + high)).resolve(self.problem)?;
         let stops_early = middle.slip_end == Some(Phase::Compression);

@@ -1,7 +1,7 @@
-//! How far a problem is from where its impact changes its mode.
+//! Boundaries between the modes of an impact, and the normalised distance of a problem to each of them (margin).
 //!
-//! All distances are of two quantities a and b that are equal on the boundary, measured as `|a - b|/(|a| + |b|)`: from 0
-//! on the boundary to 1 as far as can be, whatever the units.
+//! On a boundary two quantities a and b are equal. The margin is `|a - b|/(|a| + |b|)`: 0 on the boundary, at most 1,
+//! and independent of units.
 
 use std::fmt;
 
@@ -11,26 +11,30 @@ use crate::contact::{Contact, length};
 use crate::derivative::known;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Phase};
 
-/// What happens on a boundary between two modes. In the order of an impact.
+/// The condition that holds on a boundary between two modes, in the order of an impact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Edge {
-    /// `u_n⁻ = 0`: no approach. Compared are `|u_n⁻|` and zero, beside `|u⁻|`.
+    /// `u_n⁻ = 0`: the contact does not approach. The margin is `|u_n⁻|/|u⁻|`.
     NoApproach,
-    /// `u_t⁻ = 0`: no slip. Compared are `|u_t⁻|` and zero, beside `|u⁻|`.
+    /// `u_t⁻ = 0`: the contact does not slip before the impact. The margin is `|u_t⁻|/|u⁻|`.
     NoSlip,
     /// Slip stops as compression ends: `p₁ = p_c`.
     StopsAtTurn,
-    /// Slip stops as the contact parts: `p₁ = P_n`. Where slip goes on, p₁ is where it would stop at its last rate.
+    /// Slip stops as the impact ends: `p₁ = P_n`. If slip does not stop, p₁ is extrapolated with the rate of slip at
+    /// the end.
     StopsAtEnd,
-    /// Friction just holds a contact whose slip has stopped: `μ = μ_stick`.
+    /// Friction is just large enough to keep a contact sticking after its slip has stopped: `μ = μ_stick`.
     JustHolds,
-    /// Friction just drives the slipping contact deeper: `μ = μ_jam`. A change of flag; nothing has a kink there.
+    /// Friction just jams while the contact slips: `μ u·h = C`, in the plane `μ = μ_jam`. The flag `jam` changes there;
+    /// the outcome is smooth.
     Jams,
-    /// The impulse that sticks is on the friction cone: its `|P_t|` and `μ P_n` (Whittaker's law); the tangential restitution
-    /// asked for and what the cone leaves of it (Chatterjee & Ruina's).
+    /// The impulse of sticking is on the friction cone. Whittaker's law: if the contact sticks, its `|P_t|` is compared
+    /// with `μ P_n`; if it slips, the margin is `|u_t⁺|/(|u_t⁺| + |u⁻|)`. Chatterjee & Ruina's law: inside the cone
+    /// `|P_t|` is compared with `μ P_n`; on the cone, with the tangential impulse that the tangential restitution
+    /// prescribes.
     OnCone,
-    /// The impulse ratio asked for is the largest admissible one (Brach's law).
+    /// The prescribed impulse ratio is the largest admissible one (Brach's law).
     Clipped,
 }
 
@@ -61,14 +65,15 @@ impl fmt::Display for Edge {
     }
 }
 
-/// A boundary of the mode that a problem is in.
+/// A boundary of the mode of a problem.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Boundary {
-    /// What happens there.
+    /// The condition that holds on it.
     pub edge: Edge,
-    /// The mode beyond, which may bear the same name: slip may stop in another phase.
+    /// The mode on the other side. It may be the same mode: then slip stops in another phase, or only a flag or a
+    /// derivative changes.
     pub beyond: Mode,
-    /// How far it is, 0 … 1: `|a - b|/(|a| + |b|)` of the two quantities that [`Edge`] names.
+    /// Normalised distance, 0 to 1: `|a - b|/(|a| + |b|)` of the two quantities that [`Edge`] names.
     pub margin: f64,
 }
 
@@ -79,7 +84,8 @@ fn apart(a: f64, b: f64) -> f64 {
 }
 
 impl<const D: usize> ImpactProblem<f64, D> {
-    /// The boundaries of the mode in which a law answers, the nearest first; empty without approach.
+    /// The boundaries of the mode of this problem under a law, in ascending order of their margins; empty if the
+    /// contact does not approach.
     ///
     /// ```
     /// # use carom_impact::{Edge, Energetic, ImpactProblem, Mode};
@@ -93,7 +99,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// ```
     ///
     /// # Errors
-    /// What the law refuses; [`ImpactError::NotDifferentiable`] for a law from elsewhere.
+    /// The errors of [`Law::resolve`]; [`ImpactError::NotDifferentiable`] for a user-defined law.
     pub fn boundaries(&self, law: &dyn Law<f64, D>) -> Result<Vec<Boundary>, ImpactError> {
         let outcome = law.resolve(self)?;
         let law = known(law)?;
@@ -124,7 +130,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
                         let stop = length(&contact.at_held_normal().least_solution(&free));
                         let (asked, given) = ((1.0 + e_t) * stop, along);
                         let inside = given >= asked * (1.0 - 1e-12);
-                        // Within the cone the impulse is compared with the cone, on it with what was asked for.
+                        // Inside the cone the impulse is compared with the cone, on it with the prescribed one.
                         let margin = if inside { apart(along, mu * p_n) } else { apart(asked, given) };
                         add(Edge::OnCone, outcome.mode, margin);
                     }
@@ -138,7 +144,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         Ok(found)
     }
 
-    /// The boundaries of laws that follow the slip.
+    /// The boundaries of the laws that follow the slip (Newton, Poisson, Stronge).
     fn along_the_slip(
         &self,
         contact: &Contact<f64>,
@@ -150,7 +156,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         let turn = end / (1.0 + outcome.poisson.unwrap_or(0.0));
         let mu_stick = length(&contact.mobility().least_solution(&contact.coupling));
         let slips = length(&contact.slip) > 0.0;
-        // What follows a stop.
+        // The mode after slip has stopped, and the one if μ were on the other side of μ_stick.
         let (then, other) =
             if mu >= mu_stick { (Mode::Stick, Mode::ReverseSlip) } else { (Mode::ReverseSlip, Mode::Stick) };
         if let Some(stop) = outcome.slip_stop {
@@ -159,10 +165,10 @@ impl<const D: usize> ImpactProblem<f64, D> {
                 add(Edge::StopsAtEnd, Mode::Slip, apart(stop, end));
             }
         } else if slips {
-            // Slip goes on at this rate.
+            // Extrapolated with the rate at the end.
             let v_t = nalgebra::Vector2::from_fn(|i, _| if i < D - 1 { outcome.u_plus[i] } else { 0.0 });
             let speed = length(&v_t);
-            // In the plane the direction is that of before, whatever rounding leaves of a slip about to stop.
+            // In the plane the direction is the initial one; that of a slip about to stop may be rounding.
             let u = if speed > 0.0 && D > 2 { v_t / speed } else { contact.slip / length(&contact.slip) };
             let rate = u.dot(&(contact.coupling - contact.tangents * u * mu));
             if rate < 0.0 {
@@ -186,7 +192,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     }
 }
 
-/// The name that a mode has when the first slip is in the other direction.
+/// The mode if the initial slip had the other direction.
 fn across_rest(mode: Mode) -> Mode {
     match mode {
         Mode::Slip => Mode::ReverseSlip,

@@ -1,27 +1,27 @@
-//! Where a law has more than one answer, or jumps: all of them.
+//! All solutions of a law at `u_n = 0`, where there may be more than one.
 //!
-//! A contact that slides at `v_n = 0` and whose friction jams may go on sliding without an impulse, or take a finite
-//! one from no approach at all (Painlevé's impact without collision). Both satisfy the law; as the approach fades,
-//! `v_n -> 0` from below, the impulse goes to the second, not to zero.
+//! A contact that slides at `u_n = 0` and whose friction jams may go on sliding without an impulse, or get a finite
+//! impulse without approach (Painlevé's impact without collision). Both satisfy the law. As `v_n -> 0` from below, the
+//! impulse tends to the finite one, not to zero.
 //!
-//! Laws that follow the slip have that second answer exactly where the slip jams, `μ h·u >= C`. Laws that impose
-//! their conditions on the whole impulse at once have it where those hold with `v_n⁺ = v_n⁻ = 0`; in the plane that is
-//! the same place, in space it is not.
+//! Laws that follow the slip have the second solution exactly where the slip jams, `μ h·u >= C`. Laws that impose their
+//! conditions on the total impulse have it where these hold with `v_n⁺ = v_n⁻ = 0`. In the plane this is the same set
+//! of problems, in space it is not.
 
 use nalgebra::RealField;
 
 use crate::contact::Contact;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// The answer a law gives, and the others that satisfy it.
+/// The outcome of a law, and the others that satisfy it.
 pub(crate) struct Answers<T, const D: usize> {
     pub first: ImpactOutcome<T, D>,
     pub others: Vec<ImpactOutcome<T, D>>,
 }
 
 impl<T: RealField + Copy, const D: usize> Answers<T, D> {
-    /// `strike` answers an approach along a normal that can move; `from_rest` gives impulses that satisfy the law at
-    /// `v_n = 0`, the zero one among them or not. Where it refuses there is none.
+    /// `strike` resolves an approach along a regular normal direction. `from_rest` returns impulses that satisfy the
+    /// law at `v_n = 0`, with or without the zero impulse; if it fails there are none.
     pub fn of(
         law: &'static str,
         mu: T,

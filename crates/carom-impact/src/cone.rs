@@ -1,6 +1,6 @@
-//! Coulomb's cone, imposed at once: the impulse of one contact that ends at a prescribed normal velocity.
+//! Coulomb's cone, imposed on the total impulse of one contact that ends at a prescribed normal velocity.
 //!
-//! With c the velocity at zero impulse, less what the normal velocity is to be in the end, the impulse λ is
+//! Let c be the velocity at zero impulse minus the prescribed normal velocity. The impulse λ is
 //!
 //! ```text
 //! stick   λ_t = -S⁺ b,          if that is in the cone
@@ -8,12 +8,12 @@
 //! where   λ_n = -(c_n + hᵀ λ_t)/C,  S = A - h hᵀ/C,  b = c_t - h c_n/C
 //! ```
 //!
-//! The slip follows from `u_t⁺ = S λ_t + b = -s λ_t`: friction against the slip it leaves. `|λ_t| - μ λ_n` is
-//! positive at s = 0, where sticking left the cone, and negative for large s, so a root lies between (unless S is
-//! singular, b out of its range, and the friction jams: then there may be none).
+//! The slip follows from `u_t⁺ = S λ_t + b = -s λ_t`: friction is opposed to the slip after the impact. `|λ_t| - μ λ_n`
+//! is positive at s = 0, where sticking is outside the cone, and negative for large s, so there is a root between
+//! (unless S is singular, b is not in its range, and friction jams: then there may be none, or a pair).
 //!
-//! In the plane there is one answer. In space there may be three: multiplied out, the slips are roots of a quartic in
-//! s. Sticking comes first where it is among them.
+//! In the plane there is one solution. In space there may be three: the slips are the roots of a quartic in s. If
+//! sticking is among the solutions, it is taken first.
 //!
 //! Symbols as in `contact.rs`; λ in N s, s in 1/kg.
 
@@ -22,7 +22,7 @@ use nalgebra::{Matrix2, RealField, Vector2, convert};
 use crate::contact::{Contact, Mobility, length};
 use crate::problem::{NULL_PIVOT, rounding};
 
-/// One contact, prepared once for any velocity.
+/// One contact, prepared for any velocity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cone<T> {
     /// S.
@@ -33,17 +33,17 @@ pub(crate) struct Cone<T> {
     normal: T,
 }
 
-/// An impulse within the cone.
+/// An impulse in the cone.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Touch<T> {
     pub tangent: Vector2<T>,
     pub normal: T,
-    /// s: slip is left against the friction, `-s λ_t`; 0 where the contact sticks.
+    /// s: the slip after the impact is `-s λ_t`; 0 if the contact sticks.
     pub slip: T,
 }
 
 impl<T: RealField + Copy> Cone<T> {
-    /// That of a contact whose normal can move.
+    /// For a contact whose normal direction is regular.
     pub fn of(contact: &Contact<T>) -> Self {
         Self::new(contact.tangents, contact.coupling, contact.normal)
     }
@@ -55,7 +55,7 @@ impl<T: RealField + Copy> Cone<T> {
         Self { mobility: Mobility::new(reduced, floor), tilt: coupling / normal, normal }
     }
 
-    /// The impulse for `c_n < 0`, where c is a sum of terms of the given size (m/s). `None` if there is none.
+    /// The impulse for `c_n < 0`, where c is a sum of terms of the given size (m/s). `None` if none is found.
     pub fn solve(&self, mu: T, c_t: &Vector2<T>, c_n: T, size: T) -> Option<Touch<T>> {
         let smooth = -c_n / self.normal;
         if mu == T::zero() {
@@ -72,30 +72,30 @@ impl<T: RealField + Copy> Cone<T> {
         Some(self.slip(mu, &b, smooth, slip))
     }
 
-    /// The part of `b` that can be stopped, if that is all of it: where nothing moves a tangent, velocity along it that
-    /// is rounding of the rest is none.
+    /// The part of `b` in the range of S, if the rest is rounding: along a null direction of S a velocity that is
+    /// rounding of the other terms counts as zero.
     fn moved(&self, b: &Vector2<T>, size: T) -> Option<Vector2<T>> {
         let moved = self.mobility.moved(b);
         (length(&(b - moved)) <= size * rounding(NULL_PIVOT) * (T::one() + self.tilt.amax())).then_some(moved)
     }
 
-    /// Sticking, if it is in the cone.
+    /// The impulse that sticks, if it is in the cone.
     fn stick(&self, mu: T, b: &Vector2<T>, smooth: T) -> Option<Touch<T>> {
         let tangent = -self.mobility.least_solution(b);
         let normal = smooth - self.tilt.dot(&tangent);
         (length(&tangent) <= mu * normal).then_some(Touch { tangent, normal, slip: T::zero() })
     }
 
-    /// The slip of a root s.
+    /// The impulse of a root s.
     fn slip(&self, mu: T, b: &Vector2<T>, smooth: T, slip: T) -> Touch<T> {
         let tangent = -self.mobility.shifted_solution(slip, b);
-        // Two forms of one number: the first is the better of them where friction is strong.
+        // Two equal expressions: the first has the smaller rounding error if friction is large.
         let normal = if mu > T::one() { length(&tangent) / mu } else { smooth - self.tilt.dot(&tangent) };
         Touch { tangent, normal, slip }
     }
 
-    /// Every impulse but zero that satisfies the law, for `c_n <= 0` and `μ > 0`: sticking first, then by growing s.
-    /// Where S is singular sticking alone is looked for.
+    /// Every impulse but zero that satisfies the law, for `c_n <= 0` and `μ > 0`: sticking first, then by ascending s.
+    /// If S is singular only sticking is considered.
     pub fn all(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> Vec<Touch<T>> {
         let smooth = -c_n / self.normal;
         let b = c_t - self.tilt * c_n;
@@ -108,7 +108,7 @@ impl<T: RealField + Copy> Cone<T> {
         };
         let roots = positive_roots(&quartic).into_iter().filter(|&s| value(&l, s) > T::zero());
         let excess = excess(&self.mobility, &b, mu, smooth, &self.tilt);
-        // The polynomial's roots are rough: polished where they were asked for.
+        // The roots of the polynomial are rough: refined on the equation itself.
         let polished = |mut s: T| {
             for _ in 0..8 {
                 let (value, slope) = excess(s);
@@ -122,7 +122,7 @@ impl<T: RealField + Copy> Cone<T> {
         all
     }
 
-    /// How many impulses satisfy the law, for `c_n < 0` and `μ > 0`; 1 where S is singular, uncounted.
+    /// Number of impulses that satisfy the law, for `c_n < 0` and `μ > 0`; 1 if S is singular, without counting.
     pub fn answers(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> usize {
         let zero = T::zero();
         let Some((quartic, l)) = self.quartic(mu, c_t, c_n) else {
@@ -138,7 +138,7 @@ impl<T: RealField + Copy> Cone<T> {
         (sticks + slips).max(1)
     }
 
-    /// The quartic of which the slips s are the positive roots with l > 0, and l; none where S is singular.
+    /// The quartic whose positive roots with l > 0 are the slips s, and the polynomial l; `None` if S is singular.
     fn quartic(&self, mu: T, c_t: &Vector2<T>, c_n: T) -> Option<([T; 5], [T; 3])> {
         let smooth = -c_n / self.normal;
         let ([y0, y1], det) = self.mobility.polynomials(&(c_t - self.tilt * c_n))?;
@@ -162,7 +162,7 @@ fn value<T: RealField + Copy>(c: &[T], s: T) -> T {
     c.iter().rev().fold(T::zero(), |sum, &c| sum * s + c)
 }
 
-/// The positive roots of a polynomial, each between two of its derivative's; roughly, for counting.
+/// The positive roots of a polynomial, each bracketed by two of its derivative's; rough, for counting.
 fn positive_roots<T: RealField + Copy>(c: &[T]) -> Vec<T> {
     // Without approach the highest powers are missing.
     let degree = c.iter().rposition(|&c| c != T::zero()).unwrap_or(0);
@@ -191,8 +191,8 @@ fn positive_roots<T: RealField + Copy>(c: &[T]) -> Vec<T> {
     roots
 }
 
-/// An `s > 0` with `|x| = μ (normal - tiltᵀ x)`, where `x = -(M + s 1)⁻¹ b`; for `normal > 0` and an equation whose
-/// left side is the greater at s = 0.
+/// An `s > 0` with `|x| = μ (normal - tiltᵀ x)`, where `x = -(M + s 1)⁻¹ b`; requires `normal > 0` and a left side that
+/// is the greater one at s = 0.
 pub(crate) fn shift<T: RealField + Copy>(
     mobility: &Mobility<T>,
     b: &Vector2<T>,
@@ -228,9 +228,9 @@ fn excess<T: RealField + Copy>(
     }
 }
 
-/// The root of a function that is positive near 0 and not at `high`, to full precision: Newton's method, kept in
-/// the bracket, which every fourth step halves (by its geometric mean, since s spans many orders). `None` if the
-/// function is positive nowhere.
+/// The root of a function that is positive near 0 and not positive at `high`, to full precision: Newton's method within
+/// the bracket, which every fourth step halves (by its geometric mean, because s spans many orders of magnitude).
+/// `None` if no positive value is found.
 fn root<T: RealField + Copy>(mut high: T, f: impl Fn(T) -> (T, T)) -> Option<T> {
     let least: T = convert(f64::MIN_POSITIVE);
     let fine: T = rounding(2.0);
@@ -252,11 +252,11 @@ fn root<T: RealField + Copy>(mut high: T, f: impl Fn(T) -> (T, T)) -> Option<T> 
             break;
         }
     }
-    // The way down to zero found no positive value: there is no root, or one among the subnormal numbers.
+    // No positive value down to zero: there is no root, or it is subnormal.
     if !(s.is_finite() && s >= least) {
         return None;
     }
-    // One step more, that s carries its derivative where T does.
+    // One more step, so that s has its derivative if T is a dual number.
     let (value, slope) = f(s);
     let polished = s - value / slope;
     Some(if polished >= low && polished <= high { polished } else { s })

@@ -1,21 +1,21 @@
-//! The problem in blocks: tangents and normal, in space.
+//! An impact problem in blocks, always with two tangents.
 //!
-//! A planar contact, or one without tangents, is a spatial one whose missing tangents have neither velocity nor
-//! mobility: then no impulse arises along them either, and one code serves all sizes.
+//! A contact in the plane, or with a normal only, is written as one in space whose missing tangents have zero velocity
+//! and zero entries in H. No impulse arises along them, so the same code serves all sizes.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
 //! | A | 2 × 2 | `H_tt` (1/kg) | `tangents` |
 //! | h | 2 | `H_tn` (1/kg) | `coupling` |
 //! | C | 1 | `H_nn` (1/kg) | `normal` |
-//! | S | 2 × 2 | `A - h hᵀ/C`: the tangents while the normal is held (1/kg) | `at_held_normal` |
+//! | S | 2 × 2 | `A - h hᵀ/C`: inverse inertia of the tangents at fixed normal velocity (1/kg) | `at_held_normal` |
 
 use nalgebra::{Matrix2, RealField, SVector, Vector2};
 
 use crate::problem::{NULL_PIVOT, plain, rounding};
 use crate::{ImpactError, ImpactProblem};
 
-/// Slip below this multiple of ε, beside the terms that cancel in it, is none.
+/// A slip below this multiple of ε times the terms that cancel in it counts as zero.
 const REST: f64 = 64.0;
 
 /// A contact with two tangents.
@@ -44,13 +44,13 @@ impl<T: RealField + Copy> Contact<T> {
         }
     }
 
-    /// Tangential and normal part put together in the axes of a problem of size D.
+    /// The vector of size D with these tangential and normal parts.
     pub fn lift<const D: usize>(tangent: &Vector2<T>, normal: T) -> SVector<T, D> {
         SVector::from_fn(|i, _| if i == D - 1 { normal } else { tangent[i] })
     }
 
-    /// Whether friction drives the contact deeper at once: `dv_n/dp = C - μ h·u < 0`, or zero and, as slip turns, not
-    /// about to be positive.
+    /// Whether friction lowers the normal velocity at the start of the slip: `dv_n/dp = C - μ h·u < 0`, or zero and, as
+    /// the slip turns, about to become negative.
     pub fn jams(&self, mu: T) -> bool {
         let (h, r) = (&self.coupling, length(&self.slip));
         let (drive, hold) = (mu * h.dot(&self.slip), self.normal * r);
@@ -69,13 +69,13 @@ impl<T: RealField + Copy> Contact<T> {
         Mobility::new(s, self.floor())
     }
 
-    /// Whether the slip `v_t` that impulses left is rounding of the terms that cancel in it.
+    /// Whether the slip `v_t` after the impulses is rounding of the terms that cancel in it.
     pub fn rests(&self, v_t: &Vector2<T>, p_t: &Vector2<T>, p_n: T) -> bool {
         let terms = self.slip.abs() + self.tangents.abs() * p_t.abs() + self.coupling.abs() * p_n.abs();
         v_t.amax() <= terms.amax() * rounding(REST)
     }
 
-    /// The contact wedges: held at `v_n`, it has this inverse mass left along its normal.
+    /// The error of a contact that sticks at normal velocity `v_n` with this inverse mass along its normal.
     pub fn wedged(&self, mu: T, v_n: T, inverse_mass: T) -> ImpactError {
         ImpactError::Wedged {
             friction: plain(mu),
@@ -85,13 +85,12 @@ impl<T: RealField + Copy> Contact<T> {
         }
     }
 
-    /// `1024 ε` of the largest entry of A: an eigenvalue below it is rounding.
+    /// `1024 ε` times the largest entry of A: a smaller eigenvalue counts as zero.
     pub fn floor(&self) -> T {
         self.tangents.amax() * rounding(NULL_PIVOT)
     }
 
-    /// Whether H has a null direction with a normal component: then holding the normal takes mobility from the
-    /// tangents.
+    /// Whether H has a null direction with a normal component: then S has a lower rank than A.
     pub fn is_singular(&self) -> bool {
         self.at_held_normal().rank() < self.mobility().rank()
     }
@@ -101,21 +100,21 @@ impl<T: RealField + Copy> Contact<T> {
         Mobility::new(self.tangents, self.floor())
     }
 
-    /// What the held contact has left of `H_nn`, `C - hᵀ A⁺ h` (1/kg).
+    /// Inverse mass along the normal while the contact sticks, `C - hᵀ A⁺ h` (1/kg).
     pub fn held_inverse_mass(&self) -> T {
         let hold = self.mobility().least_solution(&self.coupling);
         self.normal - self.coupling.dot(&hold)
     }
 
-    /// An inverse mass along the normal that is rounding of zero beside `H_nn`.
+    /// Whether an inverse mass along the normal is zero within rounding, relative to `H_nn`.
     pub fn is_locked(&self, inverse_mass: T) -> bool {
         inverse_mass <= self.normal * rounding(NULL_PIVOT)
     }
 }
 
 impl<T: RealField + Copy> ImpactProblem<T, 3> {
-    /// `|A⁺ h|`: the least friction that keeps a contact stuck once its slip has stopped; 0 where the tangents are
-    /// frozen (A = 0).
+    /// `|A⁺ h|`: the least coefficient of friction that keeps a contact sticking once its slip has stopped; 0 where all
+    /// tangents are singular (A = 0).
     ///
     /// ```
     /// # use carom_impact::ImpactProblem;
@@ -131,17 +130,17 @@ impl<T: RealField + Copy> ImpactProblem<T, 3> {
     }
 }
 
-/// The length of x, with the derivative 0 at zero, where it has none.
+/// The length of x. At x = 0, where it has no derivative, dual numbers get 0.
 pub(crate) fn length<T: RealField + Copy>(x: &Vector2<T>) -> T {
-    // Scaled first, lest the squares of small numbers underflow.
+    // Scaled first, so that the squares of small numbers do not underflow.
     let largest = x.amax();
     if largest > T::zero() { (x / largest).norm() * largest } else { T::zero() }
 }
 
 /// A positive semidefinite 2 × 2 matrix M with its rank, for equations `(M + s 1) x = b` with `s >= 0`.
 ///
-/// The inverse comes from the adjugate and not from eigenvectors, which have no derivative at a multiple
-/// eigenvalue: a sphere's tangents are such a case.
+/// The inverse is computed from the adjugate. Eigenvectors have no derivative at a multiple eigenvalue, such as that of
+/// a sphere's tangents.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Mobility<T> {
     matrix: Matrix2<T>,
@@ -151,7 +150,7 @@ pub(crate) struct Mobility<T> {
 #[derive(Debug, Clone, Copy)]
 enum Rank<T> {
     Zero,
-    /// The unit vector that M moves along, and its eigenvalue.
+    /// Unit vector along the range of M, and the eigenvalue.
     One(Vector2<T>, T),
     /// The determinant.
     Two(T),

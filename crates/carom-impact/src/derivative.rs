@@ -1,16 +1,16 @@
-//! Derivatives of an impact by all that goes into it, by dual numbers through the laws themselves.
+//! Derivatives of an impact with respect to H, u⁻, e and μ, computed with dual numbers through the laws.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | ∂P/∂u⁻ | D × D | (kg) | `velocity` |
-//! | ∂P/∂H_ij | D | by `H_ij` and `H_ji` moved together (kg² m/s) | [`Direction::delassus`] |
+//! | ∂P/∂H_ij | D | with respect to `H_ij` and `H_ji` together (kg² m/s) | [`Direction::delassus`] |
 //! | ∂P/∂e, ∂P/∂μ | D | (N s) | `restitution`, `friction` |
 //!
 //! `u⁺ = u⁻ + H P`, so `δu⁺ = δu⁻ + δH P + H δP`.
 //!
-//! An impact is smooth within a mode and continuous, with a kink, where one mode gives way to the next
-//! ([`ImpactProblem::boundaries`] says how far that is). At such a place the derivative is that of one side;
-//! [`ImpactProblem::one_sided`] gives both.
+//! Derivatives are valid within a contact mode. At a mode boundary an impact is continuous, but has a kink
+//! ([`ImpactProblem::boundaries`] returns the distances to the boundaries). There the derivative is that of one side;
+//! [`ImpactProblem::one_sided`] returns both.
 
 use nalgebra::{Const, SMatrix, SVector, U1};
 use num_dual::DualSVec64;
@@ -18,20 +18,20 @@ use num_dual::DualSVec64;
 use crate::laws::{AnyLaw, Frictionless};
 use crate::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
 
-/// Six entries of H, three of u, e and μ are eleven.
+/// Six entries of H, three of u, e and μ make eleven.
 const LANES: usize = 12;
 
 type Dual = DualSVec64<LANES>;
 
-/// Stands for a friction of zero from the right: far below all rounding.
+/// The value that represents a friction of zero from the right; smaller than any rounding error.
 const HARDLY_ANY: f64 = 1e-30;
 
-/// A change of all that goes into an impact.
+/// A direction in which the inputs of an impact change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Direction<const D: usize> {
     /// Change of the Delassus matrix, symmetric (1/kg).
     pub delassus: SMatrix<f64, D, D>,
-    /// Change of the velocity before (m/s).
+    /// Change of the velocity before the impact (m/s).
     pub u_minus: SVector<f64, D>,
     /// Change of the coefficient of restitution.
     pub restitution: f64,
@@ -45,24 +45,24 @@ impl<const D: usize> Default for Direction<D> {
     }
 }
 
-/// An impact with its derivatives. Contact axes, SI units.
+/// An outcome with its derivatives. Contact axes, SI units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawDerivative<const D: usize> {
-    /// The impact itself.
+    /// The outcome.
     pub outcome: ImpactOutcome<f64, D>,
     /// ∂P/∂u⁻ (kg).
     pub velocity: SMatrix<f64, D, D>,
     /// ∂P/∂e (N s).
     pub restitution: SVector<f64, D>,
-    /// ∂P/∂μ (N s); at μ = 0 from the right.
+    /// ∂P/∂μ (N s); at μ = 0 the derivative from the right.
     pub friction: SVector<f64, D>,
-    /// By `H_ij` and `H_ji` together, for i <= j.
+    /// With respect to `H_ij` and `H_ji` together, for i <= j.
     delassus: [[SVector<f64, D>; D]; D],
     matrix: SMatrix<f64, D, D>,
 }
 
 impl<const D: usize> LawDerivative<D> {
-    /// δP for a change of what goes in (N s).
+    /// δP for a change of the inputs (N s).
     pub fn impulse(&self, along: &Direction<D>) -> SVector<f64, D> {
         let mut sum =
             self.velocity * along.u_minus + self.restitution * along.restitution + self.friction * along.friction;
@@ -74,7 +74,7 @@ impl<const D: usize> LawDerivative<D> {
         sum
     }
 
-    /// δu⁺ for a change of what goes in (m/s).
+    /// δu⁺ for a change of the inputs (m/s).
     pub fn u_plus(&self, along: &Direction<D>) -> SVector<f64, D> {
         along.u_minus + along.delassus * self.outcome.impulse + self.matrix * self.impulse(along)
     }
@@ -89,21 +89,22 @@ pub struct Side<const D: usize> {
     pub u_plus: SVector<f64, D>,
     /// The mode on this side.
     pub mode: Mode,
-    /// When slip stops on this side.
+    /// The phase in which slip stops on this side.
     pub slip_end: Option<Phase>,
 }
 
-/// Derivatives along a direction on both sides: equal where the impact is smooth.
+/// Derivatives along a direction on both sides of a problem; equal where the impact is smooth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OneSided<const D: usize> {
-    /// Against the direction; `None` where nothing is allowed there (μ < 0, e outside 0 … 1, a normal that can't move).
+    /// The derivative on the side opposite to the direction; `None` if there is no outcome on that side (μ < 0, e
+    /// outside \[0, 1\], a singular normal direction).
     pub behind: Option<Side<D>>,
-    /// Along the direction.
+    /// The derivative on the side of the direction; `None` as for `behind`.
     pub ahead: Option<Side<D>>,
 }
 
 impl<const D: usize> OneSided<D> {
-    /// Whether both sides are there and differ, by more than a millionth.
+    /// Whether both sides exist and their derivatives of P differ by more than 1e-6 of the larger one.
     pub fn is_kink(&self) -> bool {
         let (Some(behind), Some(ahead)) = (&self.behind, &self.ahead) else { return false };
         let size = behind.impulse.amax().max(ahead.impulse.amax());
@@ -112,10 +113,10 @@ impl<const D: usize> OneSided<D> {
 }
 
 impl<const D: usize> ImpactProblem<f64, D> {
-    /// The impact under a law with its derivatives by H, u⁻, e and μ.
+    /// The outcome under a law with its derivatives with respect to H, u⁻, e and μ.
     ///
-    /// On a boundary between modes the derivative is that of the mode that the law answers with. A problem without
-    /// approach has the impulse zero and the derivative zero, though at `u_n = 0` the other side is an impact.
+    /// On a mode boundary the derivative is that of the mode of the outcome. Without approach impulse and derivative
+    /// are zero, even at `u_n = 0`, where the other side is an impact.
     ///
     /// ```
     /// # use carom_impact::{Direction, ImpactProblem, Energetic};
@@ -131,7 +132,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// ```
     ///
     /// # Errors
-    /// What the law refuses; [`ImpactError::NotDifferentiable`] for a law from elsewhere.
+    /// The errors of [`Law::resolve`]; [`ImpactError::NotDifferentiable`] for a user-defined law.
     pub fn differentiate(&self, law: &dyn Law<f64, D>) -> Result<LawDerivative<D>, ImpactError> {
         let outcome = law.resolve(self)?;
         let law = known(law)?;
@@ -168,7 +169,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
             Ok(rows)
         };
         let mut by = if friction == 0.0 {
-            // Every law is this one; by μ it is not.
+            // Without friction all laws are this one, but not their derivative with respect to μ.
             lanes(&Frictionless { restitution: coefficients.restitution })?
         } else {
             lanes(&law.with(coefficients))?
@@ -195,14 +196,14 @@ impl<const D: usize> ImpactProblem<f64, D> {
         })
     }
 
-    /// The derivative along a direction on both sides of this problem: each is the limit of the derivatives (by
-    /// [`ImpactProblem::differentiate`]) a millionth and two millionths of the problem's size away, so what is nearer than
-    /// that to a boundary counts as on it.
+    /// The derivatives along a direction on both sides of this problem. Each is extrapolated from the derivatives
+    /// ([`ImpactProblem::differentiate`]) at one and two millionths of the problem's size; a boundary nearer than that
+    /// counts as lying at the problem.
     ///
     /// ```
     /// # use carom_impact::{Direction, Energetic, ImpactProblem, Mode};
     /// # use nalgebra::{matrix, vector};
-    /// // A rod at 45° dropped straight: at rest along the floor, and friction just holds it (μ = 0.6).
+    /// // A rod at 45° dropped vertically: no slip before, and friction is just μ_stick = 0.6.
     /// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![0.0, -1.0])?;
     /// let more_friction = Direction { friction: 1.0, ..Direction::default() };
     /// let sides = problem.one_sided(&Energetic { restitution: 0.5, friction: 0.6 }, &more_friction)?;
@@ -213,8 +214,8 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// ```
     ///
     /// # Errors
-    /// [`ImpactError::NotDifferentiable`]; what the law refuses of this problem itself; a direction that is zero or not
-    /// finite.
+    /// [`ImpactError::NotDifferentiable`] for a user-defined law; the errors of [`Law::resolve`] for this problem;
+    /// [`ImpactError::NotFinite`] for a direction that is zero or not finite.
     pub fn one_sided(&self, law: &dyn Law<f64, D>, along: &Direction<D>) -> Result<OneSided<D>, ImpactError> {
         law.resolve(self)?;
         let law = known(law)?;
@@ -242,7 +243,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
                 };
                 moved?.differentiate(&law.with(coefficients))
             };
-            // Linear in the distance, to second order: so the limit.
+            // Linear extrapolation to the problem, with an error of second order.
             let (near, far) = (at(1.0).ok()?, at(2.0).ok()?);
             Some(Side {
                 impulse: near.impulse(along) * 2.0 - far.impulse(along),
@@ -255,7 +256,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     }
 }
 
-/// The law as one of this crate's.
+/// The law as an [`AnyLaw`].
 pub(crate) fn known<const D: usize>(law: &dyn Law<f64, D>) -> Result<AnyLaw, ImpactError> {
     law.known().ok_or_else(|| ImpactError::NotDifferentiable { law: law.name(), known: LAW_NAMES.join(", ") })
 }

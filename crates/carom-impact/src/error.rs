@@ -1,28 +1,28 @@
-//! What is refused, with the numbers that made it so.
+//! Errors of this crate. Every message contains the value, the rule it breaks and a remedy.
 
-/// Why an impact problem was refused or a law has no answer.
+/// Why an impact problem was refused or a law has no solution.
 ///
-/// Every message names the value, the rule it breaks, and what to do.
+/// Every message contains the value, the rule it breaks and a remedy.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImpactError {
-    /// A range whose ends are not in order.
+    /// A range whose ends are not in ascending order, or NaN.
     #[error("the range of {what} is {low} to {high}: give the lower number first, and no NaN")]
     Range {
-        /// Of what.
+        /// Which coefficient.
         what: &'static str,
-        /// First end.
+        /// Lower end given.
         low: f64,
-        /// Last end.
+        /// Upper end given.
         high: f64,
     },
 
-    /// A law that is not one of this crate's.
-    #[error("{law} has no derivative: only the laws of this crate can be carried over to dual numbers ({known})")]
+    /// A user-defined law, for which this crate has no derivative.
+    #[error("{law} has no derivative: only the laws of this crate can be evaluated with dual numbers ({known})")]
     NotDifferentiable {
-        /// Its name.
+        /// Name of the law.
         law: &'static str,
-        /// The laws that have one.
+        /// Names of the laws that have a derivative.
         known: String,
     },
 
@@ -32,9 +32,9 @@ pub enum ImpactError {
          check the pose, the velocity and the inertias it was built from"
     )]
     NotFinite {
-        /// Where it stands, as `delassus[row][column]` or `u_minus[row]`.
+        /// The entry, as `delassus[row][column]` or `u_minus[row]`.
         entry: String,
-        /// The number found.
+        /// The value found.
         value: f64,
     },
 
@@ -50,29 +50,29 @@ pub enum ImpactError {
         column: usize,
         /// Entry above the diagonal (1/kg).
         upper: f64,
-        /// Its mirror image (1/kg).
+        /// The entry below the diagonal (1/kg).
         lower: f64,
         /// Largest difference allowed (1/kg).
         allowed: f64,
     },
 
-    /// The Delassus matrix has a negative eigenvalue: no mass has it.
+    /// The Delassus matrix has a negative eigenvalue, which no mass distribution has.
     #[error(
         "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, \
          its pivot at [{row}][{row}] is {pivot}, below -{allowed} (rounding); \
          no mass distribution has it, check the mass matrix and the order of the contact axes"
     )]
     NotPositive {
-        /// Row of the offending pivot.
+        /// Row of the negative pivot.
         row: usize,
         /// The pivot (1/kg).
         pivot: f64,
-        /// How far below zero rounding may push it (1/kg).
+        /// How far below zero rounding may put a pivot (1/kg).
         allowed: f64,
     },
 
     /// A coefficient of restitution outside [0, 1].
-    #[error("restitution {value} is outside [0, 1]: 0 is a dead stop, 1 a full rebound")]
+    #[error("restitution {value} is outside [0, 1]: 0 is no rebound, 1 a full rebound")]
     Restitution {
         /// The value given.
         value: f64,
@@ -80,33 +80,33 @@ pub enum ImpactError {
 
     /// A coefficient of tangential restitution outside [-1, 1].
     #[error(
-        "tangential restitution {value} is outside [-1, 1]: -1 is no tangential blow, 0 one that stops the slip, \
-         1 one that turns it round"
+        "tangential restitution {value} is outside [-1, 1]: -1 is no tangential impulse, 0 one that stops the slip, \
+         1 one that reverses it"
     )]
     TangentialRestitution {
         /// The value given.
         value: f64,
     },
 
-    /// An impulse ratio that is not a number, or infinite.
+    /// An impulse ratio that is NaN or infinite.
     #[error("impulse ratio {value} is not finite: give tangential over normal impulse, negative against the slip")]
     ImpulseRatio {
         /// The value given.
         value: f64,
     },
 
-    /// A negative or infinite coefficient of friction.
+    /// A coefficient of friction that is negative, infinite or NaN.
     #[error("friction {value} is not a finite number >= 0: give the Coulomb coefficient, 0 for none")]
     Friction {
         /// The value given.
         value: f64,
     },
 
-    /// The contact cannot move along its normal: the impulse would be infinite.
+    /// The normal direction is singular (`H_nn = 0`): the impulse would be infinite.
     #[error(
-        "the contact cannot move along its normal: H_nn = {inverse_mass} 1/kg is nothing beside \
-         the trace {trace} 1/kg of the Delassus matrix, so the impulse would be infinite; \
-         the structure takes such a blow: leave the singular pose or model what gives way"
+        "the normal direction is singular: H_nn = {inverse_mass} 1/kg is zero within rounding, beside the trace \
+         {trace} 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the \
+         compliance of the structure"
     )]
     SingularNormal {
         /// `H_nn` (1/kg).
@@ -115,39 +115,40 @@ pub enum ImpactError {
         trace: f64,
     },
 
-    /// Friction locks a contact that has no mobility left while it still approaches.
+    /// The contact wedges: friction makes it stick, and a sticking contact has no inverse mass along its normal, so
+    /// that no finite impulse reaches the prescribed end.
     #[error(
-        "the contact wedges: friction {friction} holds it while it still approaches with \
-         u_n = {normal_velocity} m/s, and held so it cannot move along its normal \
+        "the contact wedges: friction {friction} makes it stick while it still approaches with \
+         u_n = {normal_velocity} m/s, and while it sticks its normal direction is singular \
          (inverse mass {inverse_mass} 1/kg beside H_nn = {free_inverse_mass} 1/kg), so no finite \
          impulse ends the impact; lower the friction or leave the singular pose"
     )]
     Wedged {
         /// Coefficient of friction.
         friction: f64,
-        /// Normal velocity at which the contact is held (m/s).
+        /// Normal velocity at which the contact sticks (m/s).
         normal_velocity: f64,
-        /// Inverse mass along the normal of the held contact (1/kg).
+        /// Inverse mass along the normal of the sticking contact (1/kg).
         inverse_mass: f64,
         /// `H_nn` (1/kg).
         free_inverse_mass: f64,
     },
 
-    /// The parts of an impact at several places do not fit one another.
+    /// Sizes of an impact at several contacts that do not agree.
     #[error(
-        "{what} has {found} rows, but the constraints take {expected}: a contact takes three (tangents first, normal \
+        "{what} has {found} rows, but the constraints have {expected}: a contact has three (tangents first, normal \
          last), every other constraint one"
     )]
     Sizes {
         /// What has the wrong size: `delassus`, `u_minus`, `u_free`, `warm_start`.
         what: &'static str,
-        /// Rows that the constraints take together.
+        /// Rows of all constraints together.
         expected: usize,
         /// Rows found.
         found: usize,
     },
 
-    /// A matrix that is not square.
+    /// A Delassus matrix that is not square.
     #[error("delassus is {rows} x {columns}: it must be square; build it as J M^-1 J^T")]
     NotSquare {
         /// Rows found.
@@ -156,39 +157,39 @@ pub enum ImpactError {
         columns: usize,
     },
 
-    /// A constraint's coefficient is out of its range.
+    /// A coefficient of a constraint is out of its range.
     #[error("constraint {index}: {reason}")]
     Constraint {
-        /// Its place in the list.
+        /// Index of the constraint, from 0.
         index: usize,
-        /// What is wrong with it.
+        /// The rule that it breaks.
         reason: Box<ImpactError>,
     },
 
-    /// A negative or infinite bound of dry friction.
+    /// A bound of dry friction that is negative, infinite or NaN.
     #[error(
-        "bound {value} is not a finite number >= 0: give the largest impulse of dry friction, the joint's \
-         friction force times the time it acts; 0 for an impact in no time, `Held` for one without a bound"
+        "bound {value} is not a finite number >= 0: give the largest impulse of dry friction, which is the joint's \
+         friction force times the time it acts; 0 for an instantaneous impact; for no bound use `Held`"
     )]
     Bound {
         /// The value given (N s or N m s).
         value: f64,
     },
 
-    /// A parameter of a compliant contact breaks its rule.
+    /// A parameter of a compliant contact is out of its range.
     #[error("{what} is {value}: {rule}")]
     Compliance {
-        /// Which parameter.
+        /// Name of the parameter.
         what: &'static str,
         /// The value given.
         value: f64,
-        /// The rule, and what to do.
+        /// The rule it breaks and a remedy.
         rule: &'static str,
     },
 
-    /// Compliant contacts and the rows of their problem do not fit.
+    /// The number of rows does not fit the number of compliant contacts.
     #[error(
-        "{what} has {found} rows for {contacts} compliant contacts: each takes one (its normal), two (in the plane) or \
+        "{what} has {found} rows for {contacts} compliant contacts: each has one (its normal), two (in the plane) or \
          three (in space), tangents first, normal last"
     )]
     CompliantSizes {
@@ -196,13 +197,13 @@ pub enum ImpactError {
         what: &'static str,
         /// Rows found.
         found: usize,
-        /// How many contacts there are.
+        /// Number of contacts.
         contacts: usize,
     },
 
-    /// An impact through compliant contacts could not be followed to its end.
+    /// The integration of a compliant impact stopped before the impact ended.
     #[error(
-        "the impact has not ended at {time} s, after {steps} steps: friction wedges it, or its equations are too stiff; \
+        "the impact has not ended at {time} s, after {steps} steps: the contact wedges, or the equations are too stiff; \
          raise the slip speed below which friction is smoothed, or the bristle's damping, or lower the friction"
     )]
     Unfinished {

@@ -1,4 +1,4 @@
-//! What a reader of an outcome should be warned of.
+//! Warnings about an outcome.
 
 use std::fmt;
 use std::ops::{BitOr, BitOrAssign};
@@ -18,18 +18,18 @@ pub struct Flags(u8);
 impl Flags {
     /// No warning.
     pub const NONE: Self = Self(0);
-    /// The law created kinetic energy, beyond rounding.
+    /// The law increased the kinetic energy, beyond rounding.
     pub const ENERGY_GAIN: Self = Self(1);
-    /// Friction drives the contact deeper: `dv_n/dp <= 0` while it slips (`μ s B >= C`), at first or, in space, where
-    /// slip turns into it.
+    /// Friction jams: `dv_n/dp <= 0` while the contact slips (`μ s B >= C`), so that the normal impulse lowers v_n. It
+    /// holds at the start of slip or, in space, where the slip turns into such a direction.
     pub const JAM: Self = Self(1 << 1);
-    /// The matrix has a null direction with a normal component, and the law depends on it.
+    /// H has a null direction with a normal component, and the outcome depends on it.
     pub const SINGULAR: Self = Self(1 << 2);
-    /// Approach slower than 1e-9 of the contact speed: angles and ratios lose their meaning.
+    /// The approach is slower than 1e-9 of the contact speed: angles and ratios are dominated by rounding.
     pub const GRAZING: Self = Self(1 << 3);
-    /// Another impulse satisfies the law too: [`Law::branches`](crate::Law::branches) gives all.
+    /// More than one impulse satisfies the law: [`Law::branches`](crate::Law::branches) returns all of them.
     pub const NON_UNIQUE: Self = Self(1 << 4);
-    /// The contact does not approach: there is no impact, and the impulse is zero.
+    /// The contact does not approach: no impact takes place, and the impulse is zero.
     pub const NO_APPROACH: Self = Self(1 << 5);
 
     const NAMES: [(Self, &'static str); 6] = [

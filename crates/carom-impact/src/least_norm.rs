@@ -1,13 +1,13 @@
-//! Linear equations that may have many solutions, or none.
+//! Linear equations with many solutions or none.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Of all x that make |A x − b| least the shortest, by a complete orthogonal decomposition: QR with column pivoting, and QR
-/// of what it leaves (Golub & Van Loan, Matrix Computations, 4th ed., sections 5.4.7 and 5.5). Pivots below `rank` of the
-/// largest count as none. NaN where A holds one.
+/// Of all x that minimise |A x − b| the shortest, by a complete orthogonal decomposition: QR with column pivoting, then
+/// QR of the transposed upper factor (Golub & Van Loan, Matrix Computations, 4th ed., sections 5.4.7 and 5.5). Pivots
+/// below `rank` times the largest count as zero. NaN if A contains one.
 ///
-/// Not by nalgebra's SVD: version 0.35's is off by up to a third for some matrices with a double singular value, such as
-/// the Delassus matrix at a cube's corner.
+/// nalgebra's SVD is not used: in version 0.35 its result is wrong by up to a third for some matrices with a double
+/// singular value, such as the Delassus matrix at a cube's corner.
 pub fn least_norm(a: &DMatrix<f64>, b: &DVector<f64>, rank: f64) -> DVector<f64> {
     let factors = a.clone().col_piv_qr();
     let upper = factors.r();
@@ -22,7 +22,7 @@ pub fn least_norm(a: &DMatrix<f64>, b: &DVector<f64>, rank: f64) -> DVector<f64>
         let mut turned = b.clone();
         factors.q_tr_mul(&mut turned);
         let across = upper.rows(0, rank).transpose().qr();
-        // Its pivots are no zeros: it has that rank.
+        // `across` has full rank: none of its pivots is zero.
         if let Some(along) = across.r().tr_solve_upper_triangular(&turned.rows(0, rank)) {
             x = across.q() * along;
         }
@@ -39,7 +39,7 @@ mod tests {
     /// H of a cube's corner has a double eigenvalue: r at the corner, H = 1/m + (r² − r rᵀ)/I, whose inverse is
     /// m (r rᵀ/r²) + (1 − r rᵀ/r²)/(1/m + r²/I).
     #[test]
-    fn a_cube_s_corner_is_solved_in_every_pose() {
+    fn cube_corner_is_solved_in_every_pose() {
         let (mass, inertia) = (0.37, 8e-4);
         let mut worst = 0.0_f64;
         for k in 0..20_000 {
@@ -62,7 +62,7 @@ mod tests {
 
     /// A = T W of rank 2: the shortest least-squares solution is Wᵀ(W Wᵀ)⁻¹(Tᵀ T)⁻¹Tᵀ b.
     #[test]
-    fn redundant_equations_get_the_shortest_of_the_best() {
+    fn redundant_equations_get_the_shortest_least_squares_solution() {
         let t = DMatrix::from_row_slice(4, 2, &[1.0, 0.3, -0.4, 1.0, 0.2, 0.1, 0.5, -0.7]);
         let w = DMatrix::from_row_slice(2, 3, &[0.6, -1.0, 0.2, 0.3, 0.4, 1.1]);
         let b = DVector::from_vec(vec![1.0, -2.0, 0.5, 0.3]);

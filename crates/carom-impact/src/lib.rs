@@ -1,5 +1,6 @@
-//! Impact laws as pure numbers: what a rigid body knows of an impact is its **Delassus matrix**
-//! (inverse inertia at the contact) and its contact velocity; what it gets is an impulse.
+//! Impact laws for rigid contacts, without a robot model: given the **Delassus matrix** H (inverse inertia at the
+//! contact, `J M⁻¹ Jᵀ`) and the contact velocity u⁻, a law returns the impulse P and the velocity after, `u⁺ = u⁻ + H
+//! P`.
 //!
 //! ```
 //! use carom_impact::{Energetic, ImpactProblem, Law, Mode};
@@ -20,70 +21,76 @@
 //!
 //! # Conventions
 //!
-//! SI units. Contact axes hold the tangents first and the normal last; the normal `n` is a unit
-//! vector **from the environment to the robot**, so an approach has `u_n < 0`, and impulses act
-//! on the robot. `D` is 2 in the plane and 3 in space. The scalar `T` is any `nalgebra` real
-//! field that is `Copy`: `f64`, `f32`, dual numbers.
+//! SI units. Contact axes hold the tangents first and the normal last; the normal `n` is a unit vector **from the
+//! environment to the robot**, so an approaching contact has `u_n < 0`. Impulses act on the robot. `D`, the number of
+//! contact axes, is 2 in the plane and 3 in space. The scalar `T` is any `nalgebra` real field that is `Copy`: `f64`,
+//! `f32`, dual numbers.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
-//! | H | D × D | inverse inertia at the contact, `J M⁻¹ Jᵀ` (1/kg) | `delassus` |
+//! | H | D × D | Delassus matrix: inverse inertia at the contact, `J M⁻¹ Jᵀ` (1/kg) | `delassus` |
 //! | u⁻, u⁺ | D | contact velocity before and after (m/s) | `u_minus`, `u_plus` |
 //! | P | D | impulse on the robot (N s); `u⁺ = u⁻ + H P` | `impulse` |
 //! | A, B, C | 1 | `H_tt`, `H_tn`, `H_nn` of a planar contact (1/kg) | locals `a`, `b`, `c` |
-//! | A, h, C | 2 × 2, 2, 1 | the same of a contact in space (1/kg) | `tangents`, `coupling`, `normal` |
-//! | v_t, v_n | 1 | slip and normal velocity of a planar contact (m/s) | locals `v_t`, `v_n` |
-//! | p | 1 | normal impulse as the clock of the impact (N s) | local `p` |
+//! | A, h, C | 2 × 2, 2, 1 | the same blocks for a contact in space (1/kg) | `tangents`, `coupling`, `normal` |
+//! | v_t, v_n | 1 | slip velocity and normal velocity of a planar contact (m/s) | locals `v_t`, `v_n` |
+//! | p | 1 | accumulated normal impulse, the independent variable of an impact (N s) | local `p` |
 //! | s | 1 | direction of slip, `sign v_t` | local `s` |
-//! | e | 1 | coefficient of restitution; each law says which | `restitution` |
+//! | e | 1 | coefficient of restitution; each law defines which | `restitution` |
 //! | μ | 1 | coefficient of friction | `friction`, local `mu` |
 //! | W_n, W_t | 1 | `∫ v_n dp_n` and `∫ v_t dp_t` (J) | `normal_work`, `friction_work` |
 //!
 //! # Which law
 //!
-//! | law | restitution is | friction acts | energy | exists |
+//! | law | restitution is | friction acts | energy | solution |
 //! |---|---|---|---|---|
-//! | [`Frictionless`] | all three in one | – | never gains | whenever `C > 0` |
-//! | [`Whittaker`] | a ratio of velocities | against the last slip | **can gain** | for regular H; in space not always alone |
-//! | [`Newton`] | a ratio of velocities | against the slip at each instant | **can gain** | for regular H, one |
-//! | [`Poisson`] | a ratio of impulses | against the slip at each instant | never gains in the plane, nor was seen to in space | for regular H, one |
-//! | [`Energetic`] | a ratio of works (root) | against the slip at each instant | never gains | for regular H, one |
-//! | [`ChatterjeeRuina`] | a ratio of velocities, and a tangential one | towards sticking, within the cone | never gains | whenever `C > 0`, one |
-//! | [`Brach`] | a ratio of velocities | along the first slip, by a ratio clipped | never gains | for regular H, one |
-//! | [`Smith`] | a ratio of velocities | against a mean of the first and last slip | never gains | for regular H; in the plane one |
+//! | [`Frictionless`] | kinematic, kinetic and energetic at once | – | never gains | exists whenever `C > 0`; unique |
+//! | [`Whittaker`] | a ratio of velocities | against the slip after the impact | **can gain** | exists for regular H; in space not always unique |
+//! | [`Newton`] | a ratio of velocities | against the slip at each instant | **can gain** | exists for regular H; unique |
+//! | [`Poisson`] | a ratio of impulses | against the slip at each instant | never gains in the plane (proved) nor in the tests in space | exists for regular H; unique |
+//! | [`Energetic`] | square root of a ratio of works | against the slip at each instant | never gains | exists for regular H; unique |
+//! | [`ChatterjeeRuina`] | a ratio of velocities, and a tangential coefficient | towards sticking, within the cone | never gains | exists whenever `C > 0`; unique |
+//! | [`Brach`] | a ratio of velocities | along the initial slip, with a clipped impulse ratio | never gains | exists for regular H; unique |
+//! | [`Smith`] | a ratio of velocities | against a mean of the slips before and after | never gains | exists for regular H; unique in the plane |
 //!
-//! Start with [`Energetic`]. [`ChatterjeeRuina`] is the cheap law in space: a formula, where the three that follow the
-//! slip integrate its turning (to rounding, and a hundred times slower).
+//! Start with [`Energetic`]. In space [`ChatterjeeRuina`] is the cheapest law with friction: a closed formula.
+//! [`Newton`], [`Poisson`] and [`Energetic`] integrate the turning of the slip to rounding, which takes about a hundred
+//! times as long.
 //!
-//! A contact may also give way. Then it has a force instead of an impulse, for those who integrate through the impact;
-//! [`compliant_impact`] does it in a fixed configuration, for one contact or several, and
-//! [`ImpactProblem::compliant`] for one problem:
+//! # Compliant contacts
+//!
+//! A compliant contact has a force, a duration and a penetration instead of an impulse. The forces can be used in a
+//! time integration through the impact; [`compliant_impact`] does this in a fixed configuration for one or several
+//! contacts, and [`ImpactProblem::compliant`] for one [`ImpactProblem`].
 //!
 //! | normal force | restitution is | energy | fails |
 //! |---|---|---|---|
-//! | [`HuntCrossley`], damped exactly; with e = 1 Hertz's | a ratio of velocities | never gains | at e = 0; its damping is set by the speed of first touch |
-//! | the same, by a published [`Damping`] | none: see [`restitution_obtained`] | never gains | asked for 0.2 it may give 0.7 |
-//! | [`KelvinVoigt`] | a ratio of velocities | never gains | the force jumps; its damping is set by the mass at first touch |
-//! | [`WaltonBraun`] | a ratio of works (root): the compliant [`Energetic`] | never gains | doesn't damp a contact at rest |
+//! | [`HuntCrossley`] with exact damping; with e = 1 Hertz's contact | a ratio of velocities | never gains | at e = 0; the damping is set by the approach speed at first touch |
+//! | [`HuntCrossley`] with a published [`Damping`] | approximate: see [`restitution_obtained`] | never gains | for e = 0.2 some formulas give 0.7 |
+//! | [`KelvinVoigt`] | a ratio of velocities | never gains | the force jumps; the damping is set by the effective mass at first touch |
+//! | [`WaltonBraun`] | square root of a ratio of works: the compliant counterpart of [`Energetic`] | never gains | does not damp a resting contact |
 //!
-//! | tangential force | holds | energy |
+//! | tangential force | sticks | energy |
 //! |---|---|---|
-//! | [`SmoothedCoulomb`] | creeps where it should stick | never gains |
-//! | [`Bristle`] | sticks, after it has yielded a little | never gains |
+//! | [`SmoothedCoulomb`] | no: it creeps | never gains |
+//! | [`Bristle`] | yes, after a small elastic displacement | never gains |
 //!
-//! These answer one contact. Several at once, with joint limits, dry joints and held directions among them, are a
-//! [`SeveralProblem`]:
+//! # Several contacts
 //!
-//! | law | restitution is | energy | exists |
+//! The laws above resolve one contact. An impact at several contacts at once, with joint limits, dry joint friction and
+//! locked directions, is a [`SeveralProblem`]:
+//!
+//! | law | restitution is | energy | solution |
 //! |---|---|---|---|
-//! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | always for regular H; in the tests' census also for singular H with e = 0 |
-//! | [`SeveralProblem::poisson`] (Glocker & Pfeiffer) | a ratio of impulses, per contact | never gains without friction or with one common e; else **can gain** | as the one above with e = 0 |
-//! | [`SeveralProblem::sequential`] | a ratio of velocities, per blow | never gains without friction; else **can gain** if e > 0 | says whether it came to an end |
+//! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | exists for regular H; found for every singular H with e = 0 in the tests |
+//! | [`SeveralProblem::poisson`] (Glocker & Pfeiffer) | a ratio of impulses, per contact | never gains without friction or with one common e; otherwise **can gain** | as the row above with e = 0 |
+//! | [`SeveralProblem::sequential`] | a ratio of velocities, per sub-impact | never gains without friction; otherwise **can gain** if e > 0 | `finished` reports whether the sequence ended |
 //!
-//! The last has one answer per order: [`SeveralProblem::all_orders`] is the set of them.
+//! [`SeveralProblem::sequential`] has one outcome per order of the contacts; [`SeveralProblem::all_orders`] returns the
+//! set.
 //!
-//! Why a crate of its own: a law that knows no robot can be tested against a table of numbers,
-//! swept over a million problems, and differentiated, without building a chain first.
+//! This crate does not depend on a robot model, so that a law can be tested against tables of numbers, evaluated over
+//! millions of problems, and differentiated, without building a chain.
 
 mod band;
 mod boundary;

@@ -1,4 +1,4 @@
-//! What an impact did: impulse, velocities, mode, energy books, realised coefficients.
+//! Outcome of an impact: impulse, velocities, mode, energy balance, realised coefficients.
 
 use std::fmt;
 
@@ -7,58 +7,59 @@ use nalgebra::{RealField, SVector, convert};
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
 
-/// Energy gain below this multiple of ε, beside the energies that passed, is rounding.
+/// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
 const GAIN: f64 = 64.0;
 
-/// Grazing: approach slower than this share of the contact speed.
+/// An approach slower than this share of the contact speed is flagged as grazing.
 const GRAZING: f64 = 1e-9;
 
-/// The answer of one law to one [`ImpactProblem`]. Contact axes, SI units, impulse on the robot.
+/// Outcome of one law for one [`ImpactProblem`]. Contact axes, SI units, impulse on the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpactOutcome<T, const D: usize> {
-    /// Name of the law that answered.
+    /// Name of the law.
     pub law: &'static str,
     /// Impulse on the robot (N s).
     pub impulse: SVector<T, D>,
     /// Contact velocity before (m/s).
     pub u_minus: SVector<T, D>,
-    /// Contact velocity after (m/s): `u⁻ + H P`, but a component the law drives to zero is zero.
+    /// Contact velocity after (m/s): `u⁻ + H P`. A component that the law drives to zero is exactly zero.
     pub u_plus: SVector<T, D>,
-    /// How the contact moved when it parted.
+    /// Tangential motion at the end of the impact.
     pub mode: Mode,
-    /// Contact-space kinetic energy before (J), see [`ImpactProblem::kinetic_energy`].
+    /// Kinetic energy in contact space before (J), see [`ImpactProblem::kinetic_energy`].
     pub energy_before: T,
-    /// Contact-space kinetic energy after (J).
+    /// Kinetic energy in contact space after (J).
     pub energy_after: T,
-    /// `½ P·(u⁻ + u⁺)` (J): the energy the impulse brought; negative is loss.
+    /// Work of the impulse, `½ P·(u⁻ + u⁺)` (J); negative is a loss.
     pub energy_change: T,
     /// `∫ v_n dp_n` over the whole impact (J).
     pub normal_work: T,
     /// `∫ v_t·dp_t` over the whole impact (J).
     pub friction_work: T,
-    /// Realised kinematic coefficient `-v_n⁺/v_n⁻`; `None` without an impact, or without approach before it.
+    /// Realised kinematic coefficient `-v_n⁺/v_n⁻`; `None` without an impact or without approach.
     pub newton: Option<T>,
-    /// Realised kinetic coefficient: impulse of restitution over impulse of compression. `None` without an impact, or
-    /// where a law without a path had no approach.
+    /// Realised kinetic coefficient: impulse of restitution divided by impulse of compression. `None` without an
+    /// impact, and without approach for a law that has no path in time.
     pub poisson: Option<T>,
-    /// Realised energetic coefficient: root of the normal work returned over the work put in. `None` as above.
+    /// Realised energetic coefficient: square root of the normal work returned in restitution divided by that absorbed
+    /// in compression. `None` as for `poisson`.
     pub energetic: Option<T>,
-    /// Phase in which the first slip stopped; `None` if it never did or never began. Friction-free
-    /// and algebraic laws follow no path in time and leave it `None`.
+    /// Phase in which the initial slip stopped; `None` if there was none or it did not stop.
+    /// [`Frictionless`](crate::Frictionless) and the algebraic laws have no path in time and always return `None`.
     pub slip_end: Option<Phase>,
-    /// Normal impulse at which that slip stopped (N s).
+    /// Normal impulse at which the initial slip stopped (N s).
     pub slip_stop: Option<T>,
     /// Warnings.
     pub flags: Flags,
 }
 
 impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
-    /// `T⁺/T⁻` of the contact-space energies; 1 if there was none before.
+    /// `T⁺/T⁻` of the kinetic energies in contact space; 1 if `T⁻ = 0`.
     pub fn energy_ratio(&self) -> T {
         if self.energy_before == T::zero() { T::one() } else { self.energy_after / self.energy_before }
     }
 
-    /// This outcome, unless numbers too large or too small have spoilt it.
+    /// Fails if the impulse or the velocity after is not finite.
     pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
         match self.impulse.iter().chain(self.u_plus.iter()).find(|value| !value.is_finite()) {
             Some(&value) => Err(ImpactError::NotFinite { entry: "the impulse".into(), value: plain(value) }),
@@ -66,7 +67,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
     }
 
-    /// Nothing happens: the contact does not approach.
+    /// The outcome without an impact: the contact does not approach.
     pub(crate) fn none(law: &'static str, problem: &ImpactProblem<T, D>, flags: Flags) -> Self {
         let u = *problem.u_minus();
         let energy = problem.kinetic_energy(&u);
@@ -90,7 +91,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
     }
 
-    /// Adds to an answer what every law reports alike: energies, and the flags they imply.
+    /// Completes the result of a law with the energies and the flags that follow from them.
     pub(crate) fn of(
         law: &'static str,
         problem: &ImpactProblem<T, D>,
@@ -102,7 +103,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         let half: T = convert(0.5);
         let energy_before = problem.kinetic_energy(&u_minus);
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
-        // ½ P·(u⁻ + u⁺) may be the small difference of large terms: its rounding is theirs.
+        // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
         let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
         let gains = energy_change > (energy_before + passed) * rounding(GAIN);
         let v_n = problem.approach_speed();
@@ -131,7 +132,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     }
 }
 
-/// What a law tells beside impulse and velocity.
+/// Results of a law beside impulse and velocity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Account<T> {
     pub normal_work: T,
@@ -146,8 +147,8 @@ pub(crate) struct Account<T> {
 }
 
 impl<T: RealField + Copy> Account<T> {
-    /// The account of a law without a path in time: that of the straight one from u⁻ to u⁺, on which all three
-    /// realised coefficients are `e = -u_n⁺/u_n⁻`; without approach there are none.
+    /// For a law without a path in time: works and coefficients of the straight path from u⁻ to u⁺, on which all three
+    /// realised coefficients are `e = -u_n⁺/u_n⁻`; without approach they are `None`.
     pub fn straight<const D: usize>(
         e: T,
         impulse: &SVector<T, D>,
@@ -173,21 +174,21 @@ impl<T: RealField + Copy> Account<T> {
     }
 }
 
-/// How the contact moved along its tangent when it parted.
+/// Tangential motion of the contact at the end of the impact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// No impact took place.
     Open,
     /// No slip.
     Stick,
-    /// Slip in the first direction; in space, not more than a right angle from it.
+    /// Slip in the initial direction; in space, at most a right angle from it.
     Slip,
-    /// Slip against the first direction; in space, more than a right angle from it.
+    /// Slip opposite to the initial direction; in space, more than a right angle from it.
     ReverseSlip,
 }
 
 impl Mode {
-    /// As the slips before and after tell it.
+    /// The mode that follows from the slips before and after.
     pub(crate) fn between<T: RealField + Copy, const D: usize>(
         u_minus: &SVector<T, D>,
         u_plus: &SVector<T, D>,
@@ -226,12 +227,12 @@ impl fmt::Display for Mode {
     }
 }
 
-/// The two halves of an impact, parted by the instant at which `v_n = 0`.
+/// The two phases of an impact, separated by the instant at which `v_n = 0`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Phase {
-    /// The bodies still approach.
+    /// The contact approaches, `v_n < 0`.
     Compression,
-    /// The bodies part.
+    /// The contact separates, `v_n > 0`.
     Restitution,
 }
 

@@ -1,10 +1,9 @@
-//! From any contact to the plane of its slip, and back.
+//! Exact reduction of a contact in space to the plane of its slip.
 //!
-//! Let t be the direction of slip, n the normal, b a tangent across t. If `u_b = 0` and
-//! `H_bt = H_bn = 0`, then no impulse in the plane (t, n) starts motion along b, so slip never
-//! leaves the plane, friction never leaves t, and the 2 × 2 problem in (t, n) is the whole of it:
-//! an exact reduction, and a closed form. Where it fails slip turns as it goes, and the law works in
-//! space (`flow/`, `cone.rs`).
+//! Let t be the direction of slip, n the normal, b the tangent perpendicular to t. If `u_b = 0` and `H_bt = H_bn = 0`,
+//! no impulse in the plane (t, n) accelerates the contact along b. The slip then stays in the plane, friction stays
+//! along t, and the 2 × 2 problem in (t, n) is equivalent to the full one and has a closed form. Otherwise the slip
+//! turns, and the law works in space (`flow/`, `cone.rs`).
 
 use std::any::TypeId;
 
@@ -19,20 +18,20 @@ use crate::problem::{plain, rounding};
 use crate::routh::{Ending, walk};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// A coupling below this multiple of ε, beside the largest entry of H (or a velocity, beside
-/// `|u|`), is taken for rounding.
+/// A coupling below this multiple of ε times the largest entry of H (or a velocity below it times `|u|`) counts as
+/// zero.
 const PLANE: f64 = 256.0;
 
-/// When friction follows a slip that turns.
+/// Which slip friction is opposed to, if the slip turns.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Turns {
-    /// At every instant.
+    /// That of each instant.
     InTime,
-    /// Only the last slip counts.
+    /// The final slip.
     AtTheEnd,
 }
 
-/// What a law finds in the plane of slip, before it is lifted back.
+/// The result of a law in the plane of slip.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Answer<T> {
     pub p_t: T,
@@ -43,7 +42,7 @@ pub(crate) struct Answer<T> {
     pub turns: Turns,
 }
 
-/// A law that answers by Routh's method, in the plane of slip or in space.
+/// A law that uses Routh's method, in the plane of slip or in space.
 pub(crate) struct Routh<T> {
     pub law: &'static str,
     pub restitution: T,
@@ -60,14 +59,14 @@ impl<T: RealField + Copy> Routh<T> {
             let in_plane = |contact: &_| walk(contact, e, mu, ending);
             resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
         };
-        // At v_n = 0 there is a path only where friction drives the contact deeper.
+        // At v_n = 0 there is a path only where friction jams.
         let from_rest = || if Contact::of(problem).jams(mu) { Ok(vec![strike()?]) } else { Ok(Vec::new()) };
         Answers::of(law, mu, problem, strike, from_rest)
     }
 }
 
-/// Answers `problem` with a law that works in the plane of slip where there is one, and else in space: an approach
-/// along a normal that can move, coefficients in their range.
+/// Resolves `problem` with a law that works in the plane of slip if there is one, otherwise in space. Requires an
+/// approach along a regular normal direction and coefficients in their ranges.
 pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     law: &'static str,
     restitution: T,
@@ -89,7 +88,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     Ok(plane.lift(law, problem, mu, answer))
 }
 
-/// The answers beside the first of a law that has several.
+/// The further solutions of a law that has several.
 pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     law: &'static str,
     mu: T,
@@ -105,22 +104,22 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
 }
 
-/// The planar contact that the slip never leaves, if there is one.
+/// The equivalent planar contact, if the slip stays in a plane.
 pub(crate) fn in_slip_plane<const D: usize>(problem: &ImpactProblem<f64, D>) -> Option<ImpactProblem<f64, 2>> {
     Some(SlipPlane::of(problem)?.contact(problem))
 }
 
 /// The plane through the normal in which the slip stays.
 struct SlipPlane<T, const D: usize> {
-    /// Unit tangent; zero if nothing moves or drives the contact along any tangent.
+    /// Unit tangent; zero if the contact has no slip and no coupling along any tangent.
     t: SVector<T, D>,
     /// Slip velocity along t (m/s).
     v_t: T,
 }
 
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
-    /// Along the slip `u_t`; without slip along `h_tn`, where the normal impulse will drive it;
-    /// without either the contact never leaves `v_t = 0` and any tangent, hence none, will do.
+    /// The plane along the slip `u_t`; without slip the plane along `h_tn`, into which the normal impulse accelerates
+    /// the contact; without either the contact stays at `v_t = 0`, and no tangent is needed.
     fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
         let h = problem.delassus();
         let u = problem.u_minus();
@@ -133,7 +132,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         if let Some(t) = along(u) {
             let v_t = t.dot(u);
             let plane = Self { t, v_t }.check(problem);
-            // Slip that may be rounding of the approach has no direction worth a plane of its own.
+            // The direction of a slip that may be rounding of the approach is undefined.
             if plane.is_some() || v_t > u.norm() * tolerance {
                 return plane;
             }
@@ -145,7 +144,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         }
     }
 
-    /// `H_bt = H_bn = 0` for every tangent b across t.
+    /// Whether `H_bt = H_bn = 0` for the tangent b perpendicular to t.
     fn check(self, problem: &ImpactProblem<T, D>) -> Option<Self> {
         let n = D - 1;
         let h = problem.delassus();
@@ -159,7 +158,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         (tangent <= allowed && normal <= allowed).then_some(self)
     }
 
-    /// The problem seen in (t, n).
+    /// The problem in the axes (t, n).
     fn contact(&self, problem: &ImpactProblem<T, D>) -> ImpactProblem<T, 2> {
         let n = D - 1;
         let h = problem.delassus();
@@ -168,7 +167,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(self.v_t, problem.u_minus()[n]))
     }
 
-    /// The answer in contact axes: across the plane nothing moves, but derivatives do.
+    /// The outcome in contact axes. Across the plane all values are zero, but derivatives need not be.
     fn lift(
         &self,
         law: &'static str,
@@ -200,36 +199,37 @@ fn rest<T: RealField + Copy>(x: T) -> T {
     x - convert(plain(x))
 }
 
-/// Whether `T` is more than a number. For numbers all that goes on across the plane is rounding.
+/// Whether `T` carries derivatives (is not `f64` or `f32`). For plain numbers all components across the plane are zero.
 fn has_derivatives<T: 'static>() -> bool {
     let this = TypeId::of::<T>();
     this != TypeId::of::<f64>() && this != TypeId::of::<f32>()
 }
 
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
-    /// Impulse and velocity across the plane, to first order in what leads out of it: `H_bt`, `H_bn` and `u_b`, whose
-    /// values are rounding, but whose derivatives need not be.
+    /// Impulse and velocity across the plane, to first order in `H_bt`, `H_bn` and `u_b`, whose values are zero within
+    /// rounding, but whose derivatives need not be.
     ///
-    /// While the contact slips at speed r in direction s, friction turns with the slip, `p_b' = -μ w/r`, so that
-    /// `w' = κ - μ H_bb w/r` with `κ = H_bn - μ s H_bt`; r changes at a constant rate ρ. From w = 0:
+    /// While the contact slips at speed r in direction s, friction turns with the slip, `p_b' = -μ w/r`, so that `w' =
+    /// κ - μ H_bb w/r` with `κ = H_bn - μ s H_bt`; r changes at a constant rate ρ. From w = 0:
     ///
     /// ```text
     /// p_b = -μ κ r₀ S² e[0, ρS, -μ H_bb S],   S = ∫ dp/r,   e[…] the divided difference of exp
     /// ```
     ///
-    /// Slip that begins from rest keeps `w/r`; a contact that sticks, or whose slip stops, has `w = 0`. (Where slip stops,
-    /// w goes to zero as `r^α` with `α = μ H_bb/|ρ|`. Next to the plane it passes by zero at a distance of the order
-    /// `δ^{1/(1-α)}`, δ being that to the plane: of higher order, but for small α by little.)
+    /// If slip begins from rest, `w/r` is constant; if the contact sticks, or its slip stops, `w = 0`. (Where slip
+    /// stops, w goes to zero as `r^α` with `α = μ H_bb/|ρ|`. Next to the plane it misses zero by a distance of the
+    /// order `δ^{1/(1-α)}`, where δ is the distance to the plane; this is of higher order, but for small α only
+    /// slightly.)
     fn across(&self, problem: &ImpactProblem<T, D>, answer: &Answer<T>, mu: T) -> (SVector<T, D>, SVector<T, D>) {
         let (zero, contact) = (T::zero(), Contact::of(problem));
         let t = Vector2::from_fn(|i, _| if i < D - 1 { self.t[i] } else { zero });
         let lift = |x: Vector2<T>| Contact::lift::<D>(&x, zero);
         if t.amax() == zero {
-            // At rest, driven nowhere: it sticks.
+            // No slip and no coupling: it sticks.
             let p = -contact.mobility().least_solution(&(contact.slip + contact.coupling * answer.p_n));
             return (lift(p), SVector::zeros());
         }
-        // The first slip, or the one to come, is along t.
+        // The initial slip, or the slip that follows from rest, is along t.
         let v_t = self.v_t;
         let v_plus = answer.v_t;
         let b = Vector2::new(-t.y, t.x);
@@ -240,7 +240,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let by = |x: T| if frozen { zero } else { x / h_bb };
         let pushed = h_bt * answer.p_t + h_bn * answer.p_n;
         if v_plus == zero {
-            // Whatever the way, w = 0 at its end.
+            // w = 0 at the end of any path to rest.
             return (lift(b * -by(w + pushed)), SVector::zeros());
         }
         if answer.turns == Turns::AtTheEnd {
@@ -260,7 +260,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
             if stop.is_some() {
                 p_b = -by(kappa * first);
             } else {
-                // Only the derivative of κ counts, whose factor is a plain number.
+                // κ is zero but for its derivative, so its factor can be a plain number.
                 let [r, rate, spread, p] = [v_t, drive - mu * along, mu * h_bb, first].map(plain);
                 let s = if rate == 0.0 { p / r } else { (rate * p / r).ln_1p() / rate };
                 let weight = r * s * s * exp_divided([0.0, rate * s, -spread * s]);
@@ -279,7 +279,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     }
 }
 
-/// The divided difference `e[a, b, c]` of the exponential: its mean second derivative over the three, halved.
+/// The divided difference `e[a, b, c]` of the exponential.
 fn exp_divided(mut x: [f64; 3]) -> f64 {
     x.sort_by(f64::total_cmp);
     let [a, b, c] = x;
@@ -299,11 +299,11 @@ fn exp_divided(mut x: [f64; 3]) -> f64 {
     (first(b, c) - first(a, b)) / (c - a)
 }
 
-/// Unit vector along the tangential part of `x`; `None` if that is zero.
+/// Unit vector along the tangential part of `x`; `None` if it is zero.
 fn along<T: RealField + Copy, const D: usize>(x: &SVector<T, D>) -> Option<SVector<T, D>> {
     let mut tangent = *x;
     tangent[D - 1] = T::zero();
-    // Scaled first, lest the squares of small speeds underflow.
+    // Scaled first, so that the squares of small speeds do not underflow.
     let largest = tangent.amax();
     (largest > T::zero()).then(|| (tangent / largest).normalize())
 }

@@ -1,25 +1,26 @@
-//! The impact problem: a matrix, a velocity, and what follows from them before any law is chosen.
+//! The impact problem of one contact: Delassus matrix and contact velocity, and the quantities that follow from them
+//! before a law is chosen.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
-//! | H | D × D | inverse inertia at the contact (1/kg) | `delassus` |
+//! | H | D × D | Delassus matrix: inverse inertia at the contact (1/kg) | `delassus` |
 //! | u⁻ | D | contact velocity before the impact (m/s) | `u_minus` |
-//! | T | 1 | `½ uᵀ H⁺ u`, the energy contact impulses can touch (J) | `kinetic_energy` |
-//! | μ_stick | 1 | `\|B\|/A`, least friction that holds a stuck contact | `mu_stick` |
+//! | T | 1 | `½ uᵀ H⁺ u`, the kinetic energy that contact impulses can change (J) | `kinetic_energy` |
+//! | μ_stick | 1 | `\|B\|/A`, least friction that keeps a contact sticking | `mu_stick` |
 //! | μ_jam | 1 | `C/\|B\|`, Painlevé's threshold | `mu_jam` |
 
 use nalgebra::{Dim, Matrix, RealField, SMatrix, SVector, StorageMut, convert};
 
 use crate::ImpactError;
 
-/// Asymmetry forgiven, as a share of the largest entry.
+/// Largest asymmetry that is averaged instead of refused, relative to the largest entry.
 const SYMMETRY: f64 = 1e-8;
 
-/// A pivot below this multiple of ε beside its diagonal entry is rounding of zero: the digits of
-/// H carry a few tens of ε when it was assembled from a pose.
+/// A pivot below this multiple of ε times its diagonal entry is treated as zero: H assembled from a pose has errors of
+/// a few tens of ε.
 pub(crate) const NULL_PIVOT: f64 = 1024.0;
 
-/// `rounding::<T>(k)` is k ε, in the precision of `T`.
+/// `rounding::<T>(k)` returns k ε in the precision of `T`.
 pub(crate) fn rounding<T: RealField + Copy>(multiple: f64) -> T {
     convert::<f64, T>(multiple) * T::default_epsilon()
 }
@@ -29,8 +30,8 @@ pub(crate) fn plain<T: RealField + Copy>(x: T) -> f64 {
     nalgebra::convert_unchecked(x)
 }
 
-/// One contact at the instant of impact: contact axes, tangents first, normal last; the normal
-/// points from the environment to the robot, so an approach has `u_n < 0`.
+/// One contact at the instant of impact. Contact axes: tangents first, normal last; the normal points from the
+/// environment to the robot, so an approaching contact has `u_n < 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImpactProblem<T, const D: usize> {
     delassus: SMatrix<T, D, D>,
@@ -42,9 +43,10 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     ///
     /// # Errors
     ///
-    /// An entry that is not finite; a matrix that differs from its transpose by more than 1e-8 of
-    /// its largest entry (below that it is symmetrised); a matrix that is not positive
-    /// semidefinite within 1024 ε of its largest entry.
+    /// - [`ImpactError::NotFinite`]: an entry is NaN or infinite.
+    /// - [`ImpactError::NotSymmetric`]: the matrix differs from its transpose by more than 1e-8 of its largest entry.
+    ///   Smaller differences are averaged.
+    /// - [`ImpactError::NotPositive`]: the matrix is not positive semidefinite within 1024 ε of its largest entry.
     pub fn new(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         const { assert!(D > 0 && D <= 3, "a contact has its normal and at most two tangents") };
         let mut h = delassus;
@@ -53,12 +55,12 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
         Ok(Self::trusted(h, u_minus))
     }
 
-    /// A problem cut out of one that has been checked.
+    /// A problem made from parts of one that has been checked.
     pub(crate) fn trusted(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Self {
         Self { delassus, u_minus }
     }
 
-    /// Inverse inertia at the contact, symmetric (1/kg).
+    /// Delassus matrix: inverse inertia at the contact, symmetric (1/kg).
     pub fn delassus(&self) -> &SMatrix<T, D, D> {
         &self.delassus
     }
@@ -68,18 +70,16 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
         &self.u_minus
     }
 
-    /// `-u_n`: how fast the contact closes (m/s); zero or negative when there is no impact.
+    /// `-u_n`, the speed at which the contact closes (m/s); zero or negative if there is no impact.
     pub fn approach_speed(&self) -> T {
         -self.u_minus[D - 1]
     }
 
-    /// `½ uᵀ H⁺ u` (J): the part of the kinetic energy at contact velocity `u` (m/s) that contact
-    /// impulses can touch.
+    /// `½ uᵀ H⁺ u` (J): the part of the kinetic energy at contact velocity `u` (m/s) that contact impulses can change.
     ///
-    /// Eliminates from the normal upwards and skips null pivots. So a singular H has an energy
-    /// too: a component of `u` that H cannot change keeps its own and does not count. The books
-    /// `½ P·(u⁻ + u⁺) = T⁺ - T⁻` balance when H is regular or `u` lies in its range, which every
-    /// `u = J q̇` does.
+    /// H is eliminated from the normal upwards and null pivots are skipped, so the energy is defined for a singular H
+    /// too: a component of `u` that H cannot change does not contribute. The energy balance `½ P·(u⁻ + u⁺) = T⁺ - T⁻`
+    /// holds if H is regular or `u` lies in the range of H, as every `u = J q̇` does.
     ///
     /// ```
     /// # use carom_impact::ImpactProblem;
@@ -110,19 +110,19 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
         twice * convert(0.5)
     }
 
-    /// `(64 ε)² tr H`: below it a diagonal entry `j M⁻¹ jᵀ` is the square of a row j of rounding
-    /// errors. The trace stands in for the largest eigenvalue, which it bounds.
+    /// `(64 ε)² tr H`: a diagonal entry `j M⁻¹ jᵀ` below it is the square of a row j of rounding errors. The trace is
+    /// an upper bound of the largest eigenvalue.
     pub(crate) fn trace_rounding(&self) -> T {
         let tiny: T = rounding(64.0);
         self.delassus.trace() * tiny * tiny
     }
 
-    /// `H_nn` is so small beside the rest that H may owe it to rounding.
+    /// Whether `H_nn` is so small beside the trace that it may be rounding.
     pub(crate) fn normal_is_doubtful(&self) -> bool {
         self.delassus[(D - 1, D - 1)] <= self.delassus.trace() * rounding(NULL_PIVOT)
     }
 
-    /// The problem has an impulse of finite size along the normal.
+    /// Fails if the normal direction is singular (`H_nn = 0`): the normal impulse would be infinite.
     pub(crate) fn check_normal(&self) -> Result<(), ImpactError> {
         let inverse_mass = self.delassus[(D - 1, D - 1)];
         if inverse_mass > self.trace_rounding() {
@@ -133,8 +133,8 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
 }
 
 impl<T: RealField + Copy> ImpactProblem<T, 2> {
-    /// `|B|/A`: the least friction that keeps a contact stuck once its slip has stopped; 0 where
-    /// the tangent is frozen (A = 0).
+    /// `|B|/A`: the least coefficient of friction that keeps a contact sticking once its slip has stopped; 0 where the
+    /// tangent is singular (A = 0).
     ///
     /// ```
     /// # use carom_impact::ImpactProblem;
@@ -149,9 +149,8 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
         if self.tangent_is_frozen() { T::zero() } else { b.abs() / a }
     }
 
-    /// `C/|B|`, Painlevé's threshold: from this friction on, slip towards `sign B` drives the
-    /// contact deeper. `None` where `B = 0` and no friction jams. Never below [`Self::mu_stick`],
-    /// because `A C >= B²`.
+    /// `C/|B|`, Painlevé's threshold: with at least this friction, slip towards `sign B` lowers v_n (jam). `None` where
+    /// `B = 0`, which no friction jams. Never below [`Self::mu_stick`], because `A C >= B²`.
     pub fn mu_jam(&self) -> Option<T> {
         let (_, b, c) = self.abc();
         (b != T::zero()).then(|| c / b.abs())
@@ -167,13 +166,13 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
         (self.u_minus[0], self.u_minus[1])
     }
 
-    /// The contact cannot move along its tangent at all (a slide along the normal, say).
+    /// Whether the tangent is singular (A = 0), as for a slide along the normal.
     pub(crate) fn tangent_is_frozen(&self) -> bool {
         self.delassus[(0, 0)] <= self.trace_rounding()
     }
 
-    /// `det H = A C - B²` with one rounding of the products (Kahan): a fused multiply-add
-    /// recovers what rounding `B²` lost.
+    /// `det H = A C - B²` with one rounding of the products (Kahan): a fused multiply-add recovers the rounding error
+    /// of `B²`.
     pub(crate) fn determinant(&self) -> T {
         let (a, b, c) = self.abc();
         let square = b * b;
@@ -181,19 +180,19 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
         a.mul_add(c, -square) + lost
     }
 
-    /// `det H/A`: what the held contact has left of `H_nn` (1/kg).
+    /// `det H/A`: inverse mass along the normal while the contact sticks (1/kg).
     pub(crate) fn held_inverse_mass(&self) -> T {
         let (a, _, c) = self.abc();
         if self.tangent_is_frozen() { c } else { self.determinant() / a }
     }
 
-    /// An inverse mass along the normal that is rounding of zero beside `H_nn`.
+    /// Whether an inverse mass along the normal is zero within rounding, relative to `H_nn`.
     pub(crate) fn is_locked(&self, inverse_mass: T) -> bool {
         inverse_mass <= self.delassus[(1, 1)] * rounding(NULL_PIVOT)
     }
 }
 
-/// Finite, symmetric (averaged where it is nearly so), positive semidefinite: for any size.
+/// Checks that a matrix of any size is finite, symmetric (small asymmetries are averaged) and positive semidefinite.
 pub(crate) fn check_delassus<T, D, S>(h: &mut Matrix<T, D, D, S>) -> Result<(), ImpactError>
 where
     T: RealField + Copy,
@@ -233,7 +232,7 @@ where
     check_positive(h, largest * rounding(NULL_PIVOT))
 }
 
-/// Every entry of the velocity called `name` is finite.
+/// Checks that every entry of the velocity called `name` is finite.
 pub(crate) fn check_velocity<T: RealField + Copy>(name: &str, u: &[T]) -> Result<(), ImpactError> {
     match u.iter().position(|value| !value.is_finite()) {
         Some(i) => Err(ImpactError::NotFinite { entry: format!("{name}[{i}]"), value: plain(u[i]) }),
@@ -256,7 +255,7 @@ where
     Err(ImpactError::NotPositive { row, pivot: plain(pivot), allowed: plain(allowed) })
 }
 
-/// First negative pivot of `H + shift 1`, from the normal upwards.
+/// First negative pivot of `H + shift 1`, eliminated from the normal upwards.
 fn negative_pivot<T, D, S>(mut h: Matrix<T, D, D, S>, shift: T) -> Option<(usize, T)>
 where
     T: RealField + Copy,
@@ -272,14 +271,14 @@ where
             return Some((k, pivot));
         }
         if pivot == T::zero() {
-            continue; // nothing to eliminate where H = 0; otherwise the shift has lifted it
+            continue; // H = 0 has nothing to eliminate; any other H has a positive shift
         }
         eliminate(&mut h, k);
     }
     None
 }
 
-/// Schur complement of pivot k in the rows above it; column k is left holding what it was.
+/// Schur complement of pivot k in the rows above it; column k keeps its entries.
 fn eliminate<T, D, S>(h: &mut Matrix<T, D, D, S>, k: usize)
 where
     T: RealField + Copy,

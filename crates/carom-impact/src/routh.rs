@@ -1,35 +1,33 @@
-//! Routh's method in the plane: the impact as a walk along straight lines, with the normal impulse
-//! p as its clock.
+//! Routh's method in the plane: integrates an impact in closed form along straight segments, with the normal impulse p
+//! as the independent variable.
 //!
-//! Rigid bodies, Coulomb friction. While slip keeps its direction s, friction is `-μ s` per unit
-//! of normal impulse and the velocity moves at a constant rate; when slip stops, the contact
-//! sticks if friction can hold it, and slips back if not. So there are two segments at most:
+//! Rigid bodies, Coulomb friction. While slip keeps its direction s, friction is `-μ s` per unit of normal impulse, and
+//! the velocity changes at a constant rate. When slip stops, the contact sticks if friction is large enough, otherwise
+//! it slips back. An impact therefore has at most two segments:
 //!
 //! | segment | `dv_t/dp` | `dv_n/dp` | `dp_t/dp` |
 //! |---|---|---|---|
 //! | slip s | `B - μ s A` | `C - μ s B` | `-μ s` |
 //! | stick | 0 | `det H/A` | `-B/A` |
 //!
-//! Compression ends at `v_n = 0`. Three laws share the walk; only the end of restitution differs
-//! ([`Ending`]). By the order of the two events, "slip stops" and "compression ends", an impact is
-//! of one of these classes:
+//! Compression ends at `v_n = 0`. Three laws share this path and differ in the end of restitution ([`Ending`]). By the
+//! order of the events "slip stops" and "compression ends" an impact belongs to one of these classes:
 //!
 //! | class | slip stops | then |
 //! |---|---|---|
 //! | A | never | the three laws agree |
 //! | C | in restitution | sticks or slips back |
-//! | B | in compression | sticks or slips back; the three laws agree up to Δp |
+//! | B | in compression | sticks or slips back; the three laws differ only in the impulse of restitution |
 //! | B, jam | in compression, after `v_n` has become more negative (`μ s B >= C`) | sticks |
 //!
-//! An answer exists and is unique for every regular H, `μ >= 0`, `v_n < 0`: after slip stops,
-//! `dv_n/dp > 0` in both cases. Stick has `det H/A > 0`; slipping back towards `sign B` needs
-//! `μ < |B|/A < C/|B|`, so that `C - μ|B| > 0`. And slip that drives the contact deeper does stop:
-//! `μ s B >= C` gives `μ A >= A C/|B| > |B|`, so v_t runs to zero.
+//! A solution exists and is unique for every regular H, `μ >= 0`, `v_n < 0`: after slip has stopped, `dv_n/dp > 0` in
+//! both cases. Stick has `det H/A > 0`; slip back towards `sign B` requires `μ < |B|/A < C/|B|`, so that `C - μ|B| >
+//! 0`. And slip that jams does stop: `μ s B >= C` gives `μ A >= A C/|B| > |B|`, so v_t decreases to zero.
 //!
 //! Symbols: `(a, b, c)` = (H_tt, H_tn, H_nn) in 1/kg; velocities in m/s, impulses in N s, work in J.
 //!
-//! Sources: Routh, *Dynamics of a System of Rigid Bodies* (1860, 1905); Keller, J. Appl. Mech. 53
-//! (1986) 1; Wang and Mason, J. Appl. Mech. 59 (1992) 635; Stronge, Proc. R. Soc. A 431 (1990) 169.
+//! Sources: Routh, *Dynamics of a System of Rigid Bodies* (1860, 1905); Keller, J. Appl. Mech. 53 (1986) 1; Wang and
+//! Mason, J. Appl. Mech. 59 (1992) 635; Stronge, Proc. R. Soc. A 431 (1990) 169.
 
 use nalgebra::{RealField, convert};
 
@@ -38,7 +36,7 @@ use crate::plane::{Answer, Turns};
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
 
-/// What ends the restitution.
+/// The condition that ends restitution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// `v_n = -e v_n⁻`.
@@ -49,7 +47,7 @@ pub(crate) enum Ending {
     Work,
 }
 
-/// Constant rates in the normal impulse p.
+/// A segment of the path: constant rates in the normal impulse p.
 #[derive(Debug, Clone, Copy)]
 struct Segment<T> {
     mode: Mode,
@@ -81,7 +79,7 @@ impl<T: RealField + Copy> Segment<T> {
     }
 }
 
-/// Where the walk stands.
+/// The state on the path.
 #[derive(Debug, Clone, Copy)]
 struct Walk<T> {
     p: T,
@@ -98,8 +96,8 @@ impl<T: RealField + Copy> Walk<T> {
         Self { p: zero, p_t: zero, v_t, v_n, normal_work: zero, friction_work: zero }
     }
 
-    /// Restitution begins where compression ends, at `v_n = 0`, with books of its own: a small
-    /// work returned would drown in the rounding of the work put in.
+    /// The state at the end of compression, `v_n = 0`, with impulse and works reset to zero: added to the work of
+    /// compression, a small work of restitution would be lost in rounding.
     fn turn(&self) -> Self {
         Self::start(self.v_t, T::zero())
     }
@@ -109,8 +107,8 @@ impl<T: RealField + Copy> Walk<T> {
         self
     }
 
-    /// Goes on by `dp >= 0` along `segment`. Velocities are linear in p, so the trapezium rule is
-    /// the exact work. A step that rounding turned backwards is none.
+    /// Advances by `dp >= 0` along `segment`. Velocities are linear in p, so the trapezium rule gives the exact work. A
+    /// negative `dp`, which can only be rounding, counts as zero.
     fn advance(&mut self, segment: &Segment<T>, dp: T) {
         let dp = dp.max(T::zero());
         let half: T = convert(0.5);
@@ -125,11 +123,11 @@ impl<T: RealField + Copy> Walk<T> {
     }
 }
 
-/// Walks the contact from `v_n < 0`, or from a jam at `v_n = 0`, to the end of restitution.
+/// Integrates the contact from `v_n < 0`, or from a jam at `v_n = 0`, to the end of restitution.
 ///
-/// A held contact without mobility along its normal (`det H = 0`) cannot be pushed off: if it is
-/// held exactly when compression ends, as a single-joint arm is, it stays at `v_n = 0`, with no
-/// further impulse unless the impulse itself is prescribed; if it is held before, it wedges.
+/// If `det H = 0`, a sticking contact has no inverse mass along its normal. If it begins to stick exactly when
+/// compression ends, as a single-joint arm does, it stays at `v_n = 0`, without further impulse unless the law
+/// prescribes the impulse itself; if it sticks before, it wedges.
 pub(crate) fn walk<T: RealField + Copy>(
     contact: &ImpactProblem<T, 2>,
     e: T,
@@ -140,8 +138,8 @@ pub(crate) fn walk<T: RealField + Copy>(
     let (v_t, v_n) = contact.velocity();
     let held = contact.held_inverse_mass();
     let then = after_slip(contact, mu, sign(v_t), held);
-    // Without slip there is but what follows. If that is stick, a slip too small to see (the derivative of one) stops
-    // at once, in whichever direction; if not, it goes on as what follows does.
+    // Without slip there is only the second segment. If that is stick, a slip of value 0 with a derivative stops at once,
+    // whatever its direction; if not, it has the direction of that segment.
     let s = match sign(v_t) {
         s if s != zero => s,
         _ if then.mode == Mode::Stick => T::one(),
@@ -156,7 +154,7 @@ pub(crate) fn walk<T: RealField + Copy>(
         free_inverse_mass: plain(contact.abc().2),
     };
 
-    // p1: slip stops. It does at once if there is none.
+    // p1: slip stops; at once if there is none.
     let slip_stops = if v_t == zero && then.mode == Mode::Stick {
         Some(if first.tangent_rate == zero { zero } else { -v_t / first.tangent_rate })
     } else if s * first.tangent_rate < zero {
@@ -204,7 +202,7 @@ pub(crate) fn walk<T: RealField + Copy>(
             up = back.advanced(&then, rest);
             Some(Phase::Compression)
         }
-        // Slip neither stops nor lifts v_n: refused above, and det H > 0 forbids it.
+        // Slip neither stops nor raises v_n: refused above, and impossible for det H > 0.
         (_, None) => return Err(wedged(v_n, first.normal_rate)),
     };
 
@@ -228,13 +226,13 @@ pub(crate) fn walk<T: RealField + Copy>(
     })
 }
 
-/// `sqrt(-returned/taken)`. The root has no derivative at 0: a plain zero there.
+/// `sqrt(-returned/taken)`. At 0, where the root has no derivative, dual numbers get 0.
 pub(crate) fn coefficient_of_work<T: RealField + Copy>(returned: T, taken: T) -> T {
     if returned > T::zero() { (-returned / taken).sqrt() } else { T::zero() }
 }
 
-/// What follows slip s: stick if friction can hold the contact, else slip towards `sign B`,
-/// which is back: slip s stops only where `s B < μ A`, and with `μ A < |B|` that leaves `s B < 0`.
+/// The segment after slip s has stopped: stick if friction is large enough, otherwise slip towards `sign B`. This is
+/// slip back: slip s stops only if `s B < μ A`, and with `μ A < |B|` it follows that `s B < 0`.
 fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T, held: T) -> Segment<T> {
     if mu >= contact.mu_stick() {
         return Segment::stick(contact, held);
@@ -244,7 +242,7 @@ fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T, h
     Segment::slip(contact, mu, sign(b), mode)
 }
 
-/// What ends the restitution, with the numbers of the compression it refers to.
+/// The condition that ends restitution, with the quantities of compression that it needs.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct End<T> {
     pub ending: Ending,
@@ -257,14 +255,14 @@ pub(crate) struct End<T> {
 }
 
 impl<T: RealField + Copy> End<T> {
-    /// Normal impulse still to come at the constant rate `dv_n/dp`, where restitution has brought the impulse p,
-    /// the velocity v_n and the work so far.
+    /// The normal impulse to the end of restitution at the constant rate `dv_n/dp`, from a state with impulse p,
+    /// velocity v_n and work since the end of compression.
     pub fn left(&self, p: T, v_n: T, work: T, rate: T, locked: bool) -> T {
         let two: T = convert(2.0);
         let Self { e, .. } = *self;
         match self.ending {
             Ending::Impulse => e * self.pc - p,
-            // No impulse moves a locked contact on.
+            // No impulse changes v_n of a locked contact.
             _ if locked => T::zero(),
             Ending::Velocity => (-e * self.v_n_minus - v_n) / rate,
             Ending::Work if v_n == T::zero() => e * (-two * self.work / rate).sqrt(),

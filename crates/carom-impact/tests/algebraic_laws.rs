@@ -77,6 +77,7 @@ fn pendulum_under_brach() {
 #[test]
 fn chatterjee_and_ruina_by_the_book() {
     let mut rng = fastrand::Rng::with_seed(21);
+    let mut on_cone = 0;
     for _ in 0..10_000 {
         let case = common::any_spatial(&mut rng, 0.1);
         let (h, u, mu, e) = (case.delassus, case.u, case.friction, case.restitution);
@@ -85,6 +86,7 @@ fn chatterjee_and_ruina_by_the_book() {
         let p2 = h.try_inverse().unwrap() * -u;
         let mut p = p1 * (1.0 + e) + (p2 - p1) * (1.0 + e_t);
         if p.xy().norm() > mu * p.z {
+            on_cone += 1;
             let kappa = mu * (1.0 + e) * p1.z / (p2.xy().norm() - mu * (p2 - p1).z);
             p = p1 * (1.0 + e) + (p2 - p1) * kappa;
         }
@@ -93,6 +95,7 @@ fn chatterjee_and_ruina_by_the_book() {
         close("P", (hit.impulse - p).norm(), 0.0, 1e-11 * p.norm());
         close("u+", (hit.u_plus - u - h * p).norm(), 0.0, 1e-11 * (1.0 + p.norm()));
     }
+    assert!((2_000..8_000).contains(&on_cone), "{on_cone}");
 }
 
 /// In the plane v_t⁺ falls with w, and w grows with v_t⁺: bisection cannot miss the one answer.
@@ -229,6 +232,7 @@ fn planar_arms_in_space() {
 #[test]
 fn smith_in_space() {
     let mut rng = fastrand::Rng::with_seed(25);
+    let mut compared = 0;
     for i in 0..30_000 {
         let mut case = common::any_spatial(&mut rng, [0.3, 0.05, 0.003][i % 3]);
         let small = 10.0_f64.powi(-rng.i32(0..17));
@@ -247,6 +251,8 @@ fn smith_in_space() {
         if v.norm() > 1e-6 {
             let rounding = 1e-13 / v.norm().min(1.0) + 1e-12;
             assert!(off <= rounding * (1.0 + mu) * (1.0 + hit.impulse.norm()), "{off:e} {case:?}");
+            compared += 1;
         }
     }
+    assert!(compared > 20_000, "{compared}");
 }

@@ -105,12 +105,13 @@ fn the_threshold_of_the_jam_counts_as_jam() {
 #[test]
 fn in_the_plane_the_limit_is_the_last_branch() {
     let mut rng = fastrand::Rng::with_seed(71);
-    let (mut jammed, mut free) = (0, 0);
+    let (mut jammed, mut free, mut skipped) = (0, 0, 0);
     for _ in 0..4_000 {
         let case = any_case(&mut rng, 0.2);
         let (h, s) = (case.delassus, if rng.bool() { 1.0 } else { -1.0 });
         let excess = case.friction * s * h[(0, 1)] / h[(1, 1)];
         if (excess - 1.0).abs() < 0.02 {
+            skipped += 1;
             continue; // the closer to the threshold, the slower the approach must be
         }
         for law in LAW_NAMES {
@@ -126,7 +127,7 @@ fn in_the_plane_the_limit_is_the_last_branch() {
             (jammed, free) = (jammed + usize::from(jams), free + usize::from(!jams));
         }
     }
-    assert!(jammed > 1_500 && free > 10_000, "{jammed} {free}");
+    assert!(jammed > 1_500 && free > 10_000 && skipped < 50, "{jammed} {free} {skipped}");
 }
 
 /// What every branch must be, whatever the law.
@@ -148,7 +149,7 @@ fn assert_lawful<const D: usize>(law: &str, h: &SMatrix<f64, D, D>, mu: f64, hit
 fn in_space_the_limit_is_among_the_branches() {
     let mut rng = fastrand::Rng::with_seed(72);
     let mut jammed = [0; LAW_NAMES.len()];
-    let mut turned = 0;
+    let (mut turned, mut skipped) = (0, 0);
     for _ in 0..3_000 {
         let case = any_spatial(&mut rng, 0.2);
         let (h, mu) = (case.delassus, case.friction);
@@ -157,6 +158,7 @@ fn in_space_the_limit_is_among_the_branches() {
         let drive = h.fixed_view::<2, 1>(0, 2).dot(&slip);
         let excess = mu * drive / h[(2, 2)];
         if (excess - 1.0).abs() < 0.02 {
+            skipped += 1;
             continue;
         }
         for (law, jammed) in LAW_NAMES.into_iter().zip(&mut jammed) {
@@ -177,7 +179,8 @@ fn in_space_the_limit_is_among_the_branches() {
             assert!(best < 1e-5, "{law} {best:e} {case:?}\n{near:?}\n{all:?}");
         }
     }
-    println!("{jammed:?} {turned}");
+    println!("{jammed:?} {turned} {skipped}");
+    assert!(skipped < 30, "{skipped} near the threshold");
     assert!(jammed[0] == 0 && jammed[1..].iter().all(|&n| n > 150) && turned > 30, "{jammed:?} {turned}");
 }
 
@@ -198,13 +201,14 @@ fn obeys_whittaker(e: f64, mu: f64, hit: &ImpactOutcome<f64, 3>) {
 #[test]
 fn whittaker_s_branches_are_all_there_are() {
     let mut rng = fastrand::Rng::with_seed(73);
-    let mut counts = [[0; 4]; 2];
+    let (mut counts, mut smooth) = ([[0; 4]; 2], 0);
     for i in 0..30_000 {
         let case = any_spatial(&mut rng, 0.05);
         let sliding = i % 2 == 1;
         let (h, mu, e) = (case.delassus, case.friction, case.restitution);
         let u = if sliding { vector![case.u.x, case.u.y, 0.0] } else { case.u };
         if mu == 0.0 {
+            smooth += 1;
             continue;
         }
         let all = branches("whittaker", h, u, e, mu);
@@ -230,14 +234,14 @@ fn whittaker_s_branches_are_all_there_are() {
             scanned += usize::from((now > 0.0) != (last > 0.0));
             last = now;
         }
-        // The scan steps over a pair that is close, and ends before the slips of the weakest friction.
-        assert!(all.len() >= scanned && (all.len() - scanned).is_multiple_of(2) || mu < 1e-2, "{scanned} {case:?}");
+        assert_eq!(all.len(), scanned, "{case:?}");
         counts[usize::from(sliding)][all.len() - 1] += 1;
         // The zero impulse of a sliding contact is a solution too, and there is an odd number of others if it jams.
         let jams = sliding && all[0].flags.contains(Flags::JAM);
         assert_eq!(all.len() % 2 == 0, jams, "{case:?}\n{all:?}");
     }
-    println!("{counts:?}");
+    println!("{counts:?}, {smooth} without friction");
+    assert!(smooth < 4_500, "one draw in eight: {smooth}");
     assert!(counts[0][2] > 2 && counts[1][1] > 500 && counts[1][2] + counts[1][3] > 10, "{counts:?}");
 }
 
@@ -287,6 +291,8 @@ fn a_branch_that_the_law_refuses_is_none() {
         assert_eq!((all.len(), all[0].flags), (1, Flags::NO_APPROACH), "{law}");
         // Sliding across what the one joint can do: held before v_n has come back, the contact wedges.
         let all = branches(law, j * j.transpose(), vector![1.0, 0.0], 0.5, 3.0);
-        assert!(all.iter().all(|hit| hit.impulse.iter().chain(hit.u_plus.iter()).all(|x| x.is_finite())), "{law}");
+        let flags = Flags::NO_APPROACH | if law == "frictionless" { Flags::NONE } else { Flags::JAM };
+        assert_eq!((all.len(), all[0].flags), (1, flags), "{law}");
+        assert_eq!((all[0].impulse, all[0].u_plus), (Vector2::zeros(), vector![1.0, 0.0]), "{law}");
     }
 }

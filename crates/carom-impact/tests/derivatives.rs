@@ -91,7 +91,8 @@ fn derivatives_are_central_differences() {
             compared[1] += agrees(&Moving { delassus: case.delassus, u: case.u, law, along });
         }
     }
-    assert!(compared[0] > 500 && compared[1] > 250, "{compared:?}");
+    // The others are near a boundary, or leave the range of a coefficient.
+    assert!(compared[0] > 650 && compared[1] > 330, "{compared:?}");
 }
 
 /// Slip that stays in a plane is answered in closed form; a change that leads out of the plane has a derivative all the

@@ -161,6 +161,7 @@ fn without_restitution_it_is_moreau() {
         let u = &j * DVector::from_fn(rows + 2, |_, _| wide(&mut rng));
         let problem = problem(&j * j.transpose(), u, constraints);
         let (two, one) = (poisson(&problem), problem.simultaneous(&Accuracy::default(), None).unwrap());
+        assert!(two.total.residual <= EXACT && one.residual <= EXACT, "{two:?} {one:?}");
         close("velocities", (&two.total.u_plus - &one.u_plus).amax(), 0.0, 1e-9);
     }
 }

@@ -234,7 +234,8 @@ fn census_of_sequences() {
     println!(
         "sequences: {unfinished} of 4000 unfinished after 1000, most sub-impacts {most}; {gains} of 2000 rough gain"
     );
-    assert!(unfinished <= 100);
+    // Measured: none unfinished, 5 gains.
+    assert!(unfinished <= 4 && (1..=20).contains(&gains), "{unfinished} {gains}");
 }
 
 #[test]

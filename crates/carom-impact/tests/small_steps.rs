@@ -185,6 +185,6 @@ fn contact_pressed_back_is_compressed_on() {
             }
         }
     }
-    println!("{found} of 20000");
+    println!("{found} of 20000, {checked} checked");
     assert!(found > 5, "{found}");
 }

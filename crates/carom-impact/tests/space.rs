@@ -3,11 +3,11 @@
 mod common;
 
 use carom_impact::{
-    Energetic, Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Newton, Phase, Poisson, Whittaker,
-    law_by_name,
+    Energetic, Flags, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Newton, Phase, Poisson,
+    Whittaker, law_by_name,
 };
 use common::{Spatial, any_spatial, close, rough};
-use nalgebra::{Matrix2, Matrix3, Rotation3, Vector3, matrix, vector};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, Rotation3, Vector2, Vector3, matrix, vector};
 use num_dual::Dual64;
 
 const H: Matrix3<f64> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
@@ -217,7 +217,7 @@ fn velocity_is_continuous_through_a_stop() {
 /// A planar arm in space, slip across its plane: nothing moves it there, so slip never stops, and turns until friction
 /// holds the arm's plane.
 #[test]
-fn rank_deficient_matrices() {
+fn planar_arm_keeps_the_slip_across_its_plane() {
     let arm = matrix![0.8, 0.3; 0.0, 0.0; -0.2, 0.9];
     let h = arm * arm.transpose();
     for law in LAW_NAMES {
@@ -230,28 +230,73 @@ fn rank_deficient_matrices() {
             }
         }
     }
-    // A null direction out of every axis.
+}
+
+/// Two joints in space whose null direction of H has components along all axes: every law answers within its guarantees
+/// or refuses with `Wedged`.
+///
+/// Only Whittaker's law refuses, and only where friction jams (`μ |H_tn| >= H_nn`), which leaves the cone unbounded: the
+/// prescribed rebound then may need an infinite impulse. A scan of the slip directions finds no solution in these cases
+/// either, except where it finds a pair of solutions that the search for one root misses (18 of 502 refusals).
+#[test]
+fn rank_deficient_matrices_are_answered_or_refused_as_wedged() {
     let mut rng = fastrand::Rng::with_seed(44);
+    let (mut refusals, mut jams, mut missed) = ([0; LAW_NAMES.len()], 0, 0);
     for _ in 0..2_000 {
         let j = nalgebra::Matrix3x2::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
-        let mut u = j * vector![rng.f64() - 0.5, rng.f64() - 0.5];
-        if u.z > 0.0 {
-            u = -u;
+        let mut qd = vector![rng.f64() - 0.5, rng.f64() - 0.5];
+        if (j * qd).z > 0.0 {
+            qd = -qd;
         }
+        let u = j * qd;
         let case = Spatial { delassus: j * j.transpose(), u, restitution: rng.f64(), friction: 2.0 * rng.f64() };
-        for law in LAW_NAMES {
+        let unbounded = case.friction * case.delassus.fixed_view::<2, 1>(0, 2).norm() >= case.delassus[(2, 2)];
+        jams += usize::from(unbounded);
+        for (law, refused) in LAW_NAMES.into_iter().zip(&mut refusals) {
             match law_by_name(law, rough(case.restitution, case.friction)).unwrap().resolve(&case.problem()) {
                 Ok(hit) => {
                     assert!(hit.u_plus.iter().chain(hit.impulse.iter()).all(|x| x.is_finite()), "{law} {case:?}");
                     assert!(hit.u_plus.z >= 0.0 && hit.impulse.z > 0.0, "{law} {case:?} {hit:?}");
                     let gain = hit.flags.contains(Flags::ENERGY_GAIN);
                     assert!(!gain || ["newton", "whittaker"].contains(&law), "{law} {case:?} {hit:?}");
+                    if law == "whittaker" {
+                        // With e > 0 the contact cannot stick: friction of size μ P_n against the slip.
+                        let (p_t, slip) = (hit.impulse.xy(), hit.u_plus.xy());
+                        let most = case.friction * hit.impulse.z;
+                        let off = (p_t * slip.norm() + slip * most).norm();
+                        close("against the slip", off, 0.0, 1e-9 * most * slip.norm());
+                    }
                 }
-                // Held without mobility, a prescribed rebound is out of reach for laws without a path.
-                Err(why) => assert!(["whittaker", "smith"].contains(&law), "{law} {why} {case:?}"),
+                Err(why) => {
+                    assert!(law == "whittaker" && unbounded, "{law} {why} {case:?}");
+                    assert!(matches!(why, ImpactError::Wedged { .. }), "{why} {case:?}");
+                    missed += usize::from(whittaker_slip_exists(&j, &qd, case.restitution, case.friction));
+                    *refused += 1;
+                }
             }
         }
     }
+    println!("refusals {refusals:?} of {jams} that jam, {missed} of them with a solution in the scan");
+    // Measured: 502 of 856 that jam, 18 with a solution.
+    let whittaker = LAW_NAMES.iter().position(|&law| law == "whittaker").unwrap();
+    assert!((400..600).contains(&refusals[whittaker]) && missed <= 25, "{refusals:?} {missed}");
+}
+
+/// Whether some slip direction satisfies Whittaker's law for `H = J Jᵀ` of rank 2 and e > 0, where the contact cannot
+/// stick: friction `-μ P_n d` leaves a slip along d. Scans the circle.
+fn whittaker_slip_exists(j: &Matrix3x2<f64>, qd: &Vector2<f64>, e: f64, mu: f64) -> bool {
+    let n = 10_000;
+    let end = |i: i32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
+        let push = j.transpose() * vector![-mu * cos, -mu * sin, 1.0];
+        let rate = (j * push).z;
+        let after = j * (qd - push * ((1.0 + e) * (j * qd).z / rate));
+        (rate > 0.0).then_some((cos * after.y - sin * after.x, cos * after.x + sin * after.y))
+    };
+    (0..n).any(|i| match (end(i), end(i + 1)) {
+        (Some((across, along)), Some((next, next_along))) => across * next <= 0.0 && along > 0.0 && next_along > 0.0,
+        _ => false,
+    })
 }
 
 /// Dual numbers through the power series give the derivative of the answer.
@@ -318,10 +363,11 @@ fn single_precision_agrees() {
 #[test]
 fn whittaker_in_space() {
     let mut rng = fastrand::Rng::with_seed(47);
-    let mut several = 0;
+    let (mut several, mut smooth) = (0, 0);
     for _ in 0..20_000 {
         let case = any_spatial(&mut rng, 0.05);
         if case.friction == 0.0 {
+            smooth += 1;
             continue;
         }
         let (h, mu) = (case.delassus, case.friction);
@@ -361,26 +407,68 @@ fn whittaker_in_space() {
             assert_eq!(hit.mode == Mode::Stick, excess(0.0) <= 0.0);
         }
     }
-    assert!(several > 2 && several < 100, "{several}");
+    // One draw in eight has no friction; about 1 in 1000 of the others has three solutions.
+    assert!((5..40).contains(&several) && smooth < 3_000, "{several} {smooth}");
 }
 
-/// Numbers near the ends of the range: an answer or a refusal, and never a NaN.
+/// Numbers near the ends of the range: a finite outcome, or a refusal because a number overflows on the way
+/// (`NotFinite`) or an inverse mass along the normal is lost in rounding (`Wedged`). Without friction nothing overflows.
 #[test]
-fn numbers_near_overflow() {
+fn numbers_near_overflow_are_answered_or_refused() {
+    let mut refusals = [0; LAW_NAMES.len()];
     for friction in [1e-300, 1e150, 1e308] {
         for (lighter, faster) in
             [(1.0, 1.0), (1e-150, 1.0), (1e150, 1e-3), (1.0, 1e-150), (1e-100, 1e100), (1e300, 1e-10)]
         {
             for (u, restitution) in [(vector![0.6, -0.2, -1.0], 0.5), (vector![1e-12, 0.3, -1.0], 1.0)] {
-                let Ok(problem) = ImpactProblem::new(H * lighter, u * faster) else { continue };
-                for law in LAW_NAMES {
-                    let Ok(hit) = law_by_name(law, rough(restitution, friction)).unwrap().resolve(&problem) else {
-                        continue;
-                    };
-                    let finite = hit.impulse.iter().chain(hit.u_plus.iter()).all(|x| x.is_finite());
-                    assert!(finite, "{law} {friction} {lighter} {faster} {hit:?}");
+                let problem = ImpactProblem::new(H * lighter, u * faster).unwrap();
+                for (law, refused) in LAW_NAMES.into_iter().zip(&mut refusals) {
+                    match law_by_name(law, rough(restitution, friction)).unwrap().resolve(&problem) {
+                        Ok(hit) => {
+                            let finite = hit.impulse.iter().chain(hit.u_plus.iter()).all(|x| x.is_finite());
+                            assert!(finite && hit.impulse.z > 0.0, "{law} {friction} {lighter} {faster} {hit:?}");
+                        }
+                        Err(ImpactError::NotFinite { .. } | ImpactError::Wedged { .. }) => *refused += 1,
+                        Err(why) => panic!("{law} {friction} {lighter} {faster}: {why}"),
+                    }
                 }
             }
         }
+    }
+    println!("refusals {refusals:?} of 36 each");
+    // Measured: [0, 14, 10, 10, 12, 6, 4, 7].
+    assert!(refusals[0] == 0 && refusals.iter().all(|&n| n <= 14), "{refusals:?}");
+}
+
+/// Not proved for Poisson's law in space.
+#[test]
+fn poisson_never_gains_energy_in_200_000_impacts_in_space() {
+    let mut rng = fastrand::Rng::with_seed(48);
+    let (mut stopped, mut jammed) = (0, 0);
+    for _ in 0..200_000 {
+        let case = any_spatial(&mut rng, 0.05);
+        let hit = resolve("poisson", &case);
+        assert!(!hit.flags.contains(Flags::ENERGY_GAIN), "{case:?} {hit:?}");
+        stopped += usize::from(hit.slip_end.is_some());
+        jammed += usize::from(hit.flags.contains(Flags::JAM));
+    }
+    println!("{stopped} {jammed}");
+    // The cases in which energy could be gained occur: slip stops, friction jams.
+    assert!(stopped > 20_000 && jammed > 2_000, "{stopped} {jammed}");
+}
+
+/// Smith's iteration converges, and its outcome satisfies the law: `P_t = -μ P_n w`, with w as the law defines it.
+#[test]
+fn smith_answers_100_000_impacts_in_space() {
+    let mut rng = fastrand::Rng::with_seed(49);
+    for _ in 0..100_000 {
+        let case = any_spatial(&mut rng, 0.05);
+        let hit = resolve("smith", &case);
+        assert!(!hit.flags.contains(Flags::ENERGY_GAIN), "{case:?} {hit:?}");
+        let (v, y) = (case.u.xy(), hit.u_plus.xy());
+        let w = (v * v.norm() + y * y.norm()) / (v.norm_squared() + y.norm_squared());
+        let off = (hit.impulse.xy() + w * (case.friction * hit.impulse.z)).norm();
+        let rounding = 1e-13 / v.norm() + 1e-12;
+        assert!(off <= rounding * (1.0 + case.friction) * (1.0 + hit.impulse.norm()), "{off:e} {case:?}");
     }
 }

@@ -1,10 +1,10 @@
-//! An impact through contacts that give way, in a fixed configuration: Newton's equations in contact axes, integrated
-//! from first touch until the bodies part.
+//! An impact through compliant contacts in a fixed configuration: Newton's equations in contact axes, integrated from
+//! first touch until the contacts have separated.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
 //! | H | n D × n D | inverse inertia between all rows (1/kg) | `delassus` |
-//! | P | n D | impulse so far (N s); u = u⁻ + H P | `impulse` |
+//! | P | n D | accumulated impulse (N s); u = u⁻ + H P | `impulse` |
 //! | d, w | n | penetrations (m) and their rates −u_n (m/s) | |
 //! | z | 2 n | deflections of the bristles (m) | |
 //!
@@ -12,12 +12,12 @@
 //! ḋ = -u_n,   Ṗ_n = F_n(d, -u_n),   Ṗ_t = F_t(z, u_t, F_n),   ż by the law,   u = u⁻ + H P
 //! ```
 //!
-//! and the works. The state vector is (d, P, z, works) with three works per contact: taken from the motion by the normal
-//! force, given back by it, and done by friction.
+//! The state vector is (d, P, z, works), with three works per contact: absorbed by the normal force, returned by it,
+//! and done by friction.
 //!
-//! Where a contact closes or turns the integration starts anew at the root, on the step's polynomial: there the force
-//! has its jump, its kink, or its memory. All other kinks (a cone reached, a force that ends) are left to the step
-//! control.
+//! Where a contact closes, or the sign of its closing velocity changes, the integration is restarted at the root on the
+//! step's interpolation polynomial, because the force has a jump, a kink or its memory there. All other kinks (the
+//! friction cone is reached, a force ends) are left to the step control.
 
 use std::cell::Cell;
 
@@ -31,71 +31,75 @@ use super::{NormalForce, TangentialForce};
 use crate::problem::{check_delassus, check_velocity};
 use crate::{ImpactError, ImpactProblem};
 
-/// What happened at one contact.
+/// Result of a compliant impact at one contact.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pressed {
-    /// Deepest penetration (m).
+    /// Largest penetration (m).
     pub deepest: f64,
     /// Largest normal force (N).
     pub peak_force: f64,
-    /// Work that the normal force took from the motion while the penetration grew (J), ≥ 0.
+    /// Work absorbed by the normal force while the penetration grew (J), ≥ 0.
     pub absorbed: f64,
-    /// Work that it gave back while the penetration fell (J); below 0 if it pulled more than it pushed.
+    /// Work returned by the normal force while the penetration fell (J); negative if the force pulled more than it
+    /// pushed.
     pub returned: f64,
-    /// `∫ F_t·u_t dt` (J), at most what bristles had stored.
+    /// `∫ F_t·u_t dt` (J); at most the energy that bristles had stored.
     pub friction_work: f64,
 }
 
 impl Pressed {
-    /// Realised energetic coefficient, √(returned/absorbed); `None` if nothing was absorbed.
+    /// Realised energetic coefficient, √(returned/absorbed); `None` if no work was absorbed.
     pub fn energetic(&self) -> Option<f64> {
         (self.absorbed > 0.0).then(|| (self.returned / self.absorbed).max(0.0).sqrt())
     }
 }
 
-/// The answer of [`compliant_impact`]. Contact axes, SI units, impulses on the robot.
+/// Outcome of [`compliant_impact`]. Contact axes, SI units, impulses on the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompliantOutcome {
     /// Impulses (N s).
     pub impulse: DVector<f64>,
     /// Velocities after (m/s): u⁻ + H P.
     pub u_plus: DVector<f64>,
-    /// Time from the first force to the last (s).
+    /// Time from first touch to the end of the last force (s).
     pub duration: f64,
-    /// `½ P·(u⁻ + u⁺)` (J): the energy the impulses brought; negative is loss.
+    /// Work of the impulses, `½ P·(u⁻ + u⁺)` (J); negative is a loss.
     pub energy_change: f64,
-    /// The contacts, in the order of their rows.
+    /// Results per contact, in the order of their rows.
     pub contacts: Vec<Pressed>,
     /// Steps of the integration.
     pub steps: usize,
 }
 
 impl CompliantOutcome {
-    /// Works of all forces at all contacts (J). It is [`energy_change`](Self::energy_change), by another way: their
-    /// difference is the error of the integration.
+    /// Work of all forces at all contacts (J). It equals [`energy_change`](Self::energy_change), computed in another
+    /// way; their difference is the error of the integration.
     pub fn work(&self) -> f64 {
         self.contacts.iter().map(|contact| contact.returned - contact.absorbed + contact.friction_work).sum()
     }
 }
 
-/// Follows an impact through contacts that give way, from first touch until no force acts and nothing approaches.
+/// Integrates an impact through compliant contacts from first touch until no force acts and no contact approaches.
 ///
-/// Every contact has the same number of rows in `delassus` (1/kg) and `u_minus` (m/s), contact after contact: one, its
-/// normal; two in the plane; three in space; tangents first, normal last. All touch at the start, without force. Those
-/// that part may close again later. A contact that is touched without approaching is damped as by the fastest approach.
+/// All contacts have the same number of rows in `delassus` (1/kg) and `u_minus` (m/s), contact after contact: one (its
+/// normal), two in the plane or three in space; tangents first, normal last. All contacts touch at the start, with zero
+/// force. A contact that separates may close again later. The damping of a contact that does not approach at the start
+/// is set by the largest approach velocity of all.
 ///
-/// It takes a constant H: the configuration does not change and no other force acts, which is the rigid limit's own
-/// assumption, and errs by the order of the duration. So an outcome of a single contact depends on stiffness and mass
-/// in duration, depth and force only, but several share the blow by the **ratio** of their stiffnesses, which no rigid
-/// law knows.
+/// H is constant: the configuration does not change, and no other force acts. This is also the assumption of rigid
+/// impacts; its error is of the order of the duration. The outcome of a single contact depends on stiffness and mass in
+/// duration, penetration and force only. Several contacts share the impulse according to the **ratio** of their
+/// stiffnesses, which rigid laws do not have.
 ///
-/// **Guarantee.** Never gains energy (the forces are passive), within the error of the integration: about 1e-10 of the
-/// impulse, at times 1e-8, where a force ends within a step.
+/// **Guarantee.** Never gains energy, because the forces are passive, within the error of the integration: about 1e-10
+/// of the impulse, occasionally 1e-8 where a force ends within a step.
 ///
 /// # Errors
-/// Sizes that do not fit; what [`ImpactProblem::new`] refuses; an approach along a normal without mobility; an impact
-/// that does not end within ten million steps, as it happens if friction wedges a singular H, or when friction is
-/// smoothed so little that the equation is too stiff.
+/// - [`ImpactError::NotSquare`], [`ImpactError::CompliantSizes`]: sizes that do not agree.
+/// - The errors of [`ImpactProblem::new`].
+/// - [`ImpactError::SingularNormal`]: a singular normal direction.
+/// - [`ImpactError::Unfinished`]: the impact does not end within ten million steps, for instance because friction
+///   wedges a singular H or the slip speed of the smoothed friction is so small that the equations are too stiff.
 ///
 /// ```
 /// # use carom_impact::{NormalForce, HuntCrossley, TangentialForce, compliant_impact};
@@ -180,15 +184,15 @@ pub fn compliant_impact(
 }
 
 impl<const D: usize> ImpactProblem<f64, D> {
-    /// The impact through one contact that gives way: [`compliant_impact`] of this problem.
+    /// The impact through one compliant contact: [`compliant_impact`] of this problem.
     ///
     /// # Errors
-    /// As there.
+    /// As [`compliant_impact`].
     ///
     /// ```
     /// # use carom_impact::{Energetic, ImpactProblem, Law, NormalForce, SmoothedCoulomb, TangentialForce, WaltonBraun};
     /// # use nalgebra::{matrix, vector};
-    /// // A rod at 45° strikes obliquely: Stronge's impact, followed through time.
+    /// // A rod at 45° strikes obliquely: Stronge's impact, integrated in time.
     /// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![1.0, -1.0])?;
     /// let normal = NormalForce::WaltonBraun(WaltonBraun::new(1e9, 0.5)?);
     /// let friction = TangentialForce::Smoothed(SmoothedCoulomb::new(0.7, 1e-5)?);
@@ -206,22 +210,22 @@ impl<const D: usize> ImpactProblem<f64, D> {
 
 /// Relative tolerance of a step.
 const TOLERANCE: f64 = 1e-12;
-/// Absolute tolerance, as a share of the impact's own depth, momentum and energy.
+/// Absolute tolerance, relative to the penetration, momentum and energy of the impact.
 const ABSOLUTE: f64 = 1e-14;
-/// An impact that needs more steps is given up.
+/// Largest number of steps.
 const MAX_STEPS: usize = 10_000_000;
-/// The end of time, in units of depth over speed of approach: weak rebounds take long.
+/// Largest duration, in units of penetration over approach velocity: weak rebounds take long.
 const HORIZON: f64 = 1e12;
-/// Within a step the largest force is looked for from this many places.
+/// Number of intervals of a step in which the largest force is searched.
 const PLACES: usize = 8;
 
-/// A contact on its way.
+/// The state of a contact that is not integrated.
 struct Touch {
     normal: NormalForce,
     friction: TangentialForce,
     damping: f64,
     deepest: f64,
-    /// It has parted, and may close again.
+    /// Whether it has separated; it may close again.
     open: Cell<bool>,
 }
 
@@ -251,12 +255,12 @@ impl System<'_> {
         if open.get() { 0.0 } else { normal.force(y[k], self.closing(y, k), damping, deepest) }
     }
 
-    /// No force acts, and nothing approaches.
+    /// Whether no force acts and no contact approaches.
     fn is_over(&self, y: &[f64]) -> bool {
         (0..self.touches.len()).all(|k| self.normal_force(y, k) == 0.0 && self.closing(y, k) <= 0.0)
     }
 
-    /// Whether a contact has closed, or turned, by the end of a step.
+    /// Whether a contact has closed, or its closing velocity has changed sign, by the end of a step.
     fn event(&self, k: usize, before: &[f64], after: &[f64]) -> bool {
         if self.touches[k].open.get() {
             return before[k] <= 0.0 && after[k] > 0.0;
@@ -303,7 +307,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// From first touch to the end; `scale` is a time of its order (s).
+    /// From first touch to the end; `scale` is a typical time (s).
     fn integrate(&mut self, scale: f64, tolerances: &[f64]) -> Result<(f64, Vec<f64>), ImpactError> {
         let (mut time, mut y) = (0.0, vec![0.0; tolerances.len()]);
         loop {
@@ -335,7 +339,7 @@ impl Run<'_> {
         }
     }
 
-    /// A contact has closed or turned.
+    /// Updates the memory of a contact that has closed or whose closing velocity has changed sign.
     fn restart(&mut self, k: usize, y: &mut [f64]) {
         let (count, rows) = (self.system.touches.len(), self.system.u_minus.len());
         let speed = self.system.closing(y, k);
@@ -354,12 +358,12 @@ impl Run<'_> {
     }
 }
 
-/// Looks at every accepted step.
+/// Examines every accepted step for events.
 struct Observer<'a, 'b> {
     system: &'a System<'b>,
     pressed: &'a mut [Pressed],
     before: Vec<f64>,
-    /// Time, state, and the contact whose event it is; without one it is the end.
+    /// Time, state, and the contact that has an event; without one it is the end of the impact.
     end: Option<(f64, Vec<f64>, Option<usize>)>,
     /// End of the last step.
     reached: f64,
@@ -402,7 +406,7 @@ impl SolOut for Observer<'_, '_> {
 }
 
 impl Observer<'_, '_> {
-    /// The largest force of a contact within a stretch.
+    /// The largest force of a contact within an interval.
     fn look_for_peak(&mut self, k: usize, start: f64, end: f64, dense: &StepInterpolant) {
         let mut y = self.before.clone();
         let mut force = |time: f64| {
@@ -413,7 +417,7 @@ impl Observer<'_, '_> {
         let best = (0..=PLACES).map(|i| (force(place(i)), i)).max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((found, i)) = best.filter(|(found, _)| *found > self.pressed[k].peak_force) else { return };
         let mut peak = found;
-        // about a maximum, thirds of the bracket; 40 leave 1e-7 of it, and the force is flat there
+        // ternary search; 40 steps leave 1e-7 of the bracket, and the force is flat at its maximum
         let (mut low, mut high) = (place(i.saturating_sub(1)), place((i + 1).min(PLACES)));
         for _ in 0..40 {
             let third = (high - low) / 3.0;
@@ -425,7 +429,7 @@ impl Observer<'_, '_> {
     }
 }
 
-/// The time from which on `holds` holds within a step, as it does at its end, and the state there.
+/// The time from which `holds` is true within a step, as it is at its end, and the state at that time.
 fn first_time(
     start: f64,
     end: f64,
@@ -435,7 +439,7 @@ fn first_time(
 ) -> (f64, Vec<f64>) {
     let (mut low, mut high) = (start, end);
     let (mut state, mut probe) = (y.to_vec(), y.to_vec());
-    // more than the digits of any step
+    // enough bisections for any step
     for _ in 0..200 {
         let middle = low + (high - low) / 2.0;
         if middle <= low || middle >= high {

@@ -1,4 +1,5 @@
-//! How much a Hunt–Crossley contact must be damped to rebound with e: the exact answer, and those in use.
+//! The damping of a Hunt–Crossley contact for a coefficient of restitution e: the exact solution, and published
+//! formulas.
 //!
 //! | Symbol | Meaning | Our name |
 //! |---|---|---|
@@ -6,49 +7,49 @@
 //! | k, n, m | stiffness (N/mⁿ), exponent, effective mass (kg) | |
 //! | a | damping (s/m) in F = k dⁿ (1 + a w) | |
 //! | v0 | rate at first touch (m/s) | |
-//! | e | ratio of the rates at lift-off and first touch | `restitution` |
+//! | e | ratio of the rates at separation and first touch | `restitution` |
 //! | x | a v0, a function of e alone | `number`, local `x` |
 //!
 //! # The root
 //!
-//! While they touch, m ẇ = −F = −k dⁿ (1 + a w). Penetration, not time, is the handy variable: with
-//! ẇ = w dw/dd the rates part from the penetrations,
+//! During contact, m ẇ = −F = −k dⁿ (1 + a w). With the penetration as the independent variable, ẇ = w dw/dd, the
+//! equation separates:
 //!
 //! ```text
 //! m w dw / (1 + a w) = -k dⁿ dd
 //! ```
 //!
-//! From first touch (d = 0, w = v0) to lift-off (d = 0, w = −e v0) the right side adds up to nothing,
-//! whatever k and n are, so the left does too, whatever m is: ∫ w dw/(1 + a w) from v0 to −e v0 is zero.
-//! Its antiderivative is G(a w)/a² with G(y) = y − ln(1 + y), hence G(x) = G(−e x), or
+//! From first touch (d = 0, w = v0) to separation (d = 0, w = −e v0) the integral of the right side is zero for every k
+//! and n, hence that of the left side for every m: ∫ w dw/(1 + a w) from v0 to −e v0 is zero. Its antiderivative is G(a
+//! w)/a² with G(y) = y − ln(1 + y), hence G(x) = G(−e x), or
 //!
 //! ```text
 //! ln[(1 + x) / (1 - e x)] = x (1 + e)
 //! ```
 //!
-//! which x = 0 solves for every e. Divided by x² it does not: with g(y) = G(y)/y², which falls from
-//! g(0) = 1/2 for y > 0 and grows without bound towards y = −1,
+//! x = 0 is a solution for every e. Dividing by x² removes it: with g(y) = G(y)/y², which decreases from g(0) = 1/2 for
+//! y > 0 and grows without bound towards y = −1,
 //!
 //! ```text
 //! h(x) = g(x) - e² g(-e x) = 0,   h(0) = (1 - e²)/2,   h(1/e) = -∞
 //! ```
 //!
-//! falls all the way and has one root, x < 1/e. So 1 + a w stays positive until lift-off, and the
-//! force fades out just there: cutting off its pull changes nothing. Up to the greatest d, where
-//! w = 0, the same integral gives m v0² g(x) = k d^(n+1)/(n+1).
+//! is monotone and has one root, x < 1/e. So 1 + a w is positive until separation, where the force reaches zero:
+//! limiting F to non-negative values changes nothing. Up to the largest d, where w = 0, the same integral gives m v0²
+//! g(x) = k d^(n+1)/(n+1).
 //!
-//! Read the other way the equation says what e *any* damping obtains: G(−y) = G(x) has one root
-//! y = e x in [0, 1), since G(−y) grows from 0 without bound.
+//! Conversely, the equation gives the e that *any* damping obtains: G(−y) = G(x) has one root y = e x in [0, 1),
+//! because G(−y) grows from 0 without bound.
 
 use crate::ImpactError;
 
-/// Which damping a [`HuntCrossley`](crate::HuntCrossley) contact gets for a coefficient of restitution.
+/// The formula that gives a [`HuntCrossley`](crate::HuntCrossley) contact its damping for a coefficient of restitution.
 ///
-/// All but the first are approximations of the first, published as formulas for a v0; what rebound each
-/// really gives is [`restitution_obtained`] of its [`number`](Self::number), and depends on the formula and on e
-/// alone, not on mass, stiffness, exponent or speed. Use them to repeat what others computed.
+/// All but `Exact` are published approximations of a v0 as a function of e. The rebound that each obtains is
+/// [`restitution_obtained`] of its [`number`](Self::number); it depends on the formula and on e alone, not on mass,
+/// stiffness, exponent or speed. They are useful to reproduce published computations.
 ///
-/// | formula | a v0 | asked 0.2 / 0.5 / 0.8, obtained |
+/// | formula | a v0 | e obtained for e = 0.2 / 0.5 / 0.8 |
 /// |---|---|---|
 /// | `Exact` | the root of `ln[(1 + x)/(1 − e x)] = x (1 + e)` | 0.200 / 0.500 / 0.800 |
 /// | `HuntCrossley` | 3/2 (1 − e) | 0.547 / 0.663 / 0.833 |
@@ -60,20 +61,20 @@ use crate::ImpactError;
 /// | `Flores` | 8 (1 − e)/(5 e) | 0.156 / 0.470 / 0.789 |
 /// | `HuGuo` | 3 (1 − e)/(2 e) | 0.166 / 0.488 / 0.799 |
 ///
-/// **Source.** The exact one is derived at the head of this module's source; the others are collected in P. Flores,
-/// H. M. Lankarani, *Contact Force Models for Multibody Dynamics*, Springer 2016.
+/// **Source.** The exact one is derived at the head of this module's source; the others are collected in P. Flores, H.
+/// M. Lankarani, *Contact Force Models for Multibody Dynamics*, Springer 2016.
 ///
 /// ```
 /// # use carom_impact::{Damping, restitution_obtained};
 /// let asked = 0.5;
 /// let number = Damping::LankaraniNikravesh.number(asked).unwrap();
-/// assert!((restitution_obtained(number) - 0.725).abs() < 5e-4); // far too bouncy
+/// assert!((restitution_obtained(number) - 0.725).abs() < 5e-4); // far above e = 0.5
 /// let number = Damping::Exact.number(asked).unwrap();
 /// assert!((restitution_obtained(number) - asked).abs() < 1e-15);
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Damping {
-    /// The one that rebounds with e: [`damping_root`].
+    /// The damping that rebounds with e exactly: [`damping_root`].
     #[default]
     Exact,
     /// Hunt & Crossley 1975: the limit of the root for e → 1.
@@ -123,16 +124,16 @@ impl Damping {
         }
     }
 
-    /// The formula called `name`.
+    /// The formula called `name`, or `None` if there is none.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|formula| formula.name() == name)
     }
 
-    /// Damping times approach speed, a v0, for the `restitution` that is asked for; `None` outside (0, 1], where the
-    /// root and half of the formulas have no finite value.
+    /// Damping times approach velocity, a v0, for a `restitution` e; `None` outside (0, 1], where the root and half of
+    /// the formulas have no finite value.
     pub fn number(self, restitution: f64) -> Option<f64> {
         let e = restitution;
-        // the same range for all, so that a formula can be swapped for another
+        // the same range for all formulas
         let exact = damping_root(e)?;
         let x = match self {
             Self::Exact => exact,
@@ -150,11 +151,11 @@ impl Damping {
     }
 }
 
-/// The positive root x of `ln[(1 + x)/(1 − e x)] = x (1 + e)` for a `restitution` e in (0, 1], to the
-/// last digits: damping times approach speed of a [`HuntCrossley`](crate::HuntCrossley) contact that rebounds with e.
+/// The positive root x of `ln[(1 + x)/(1 − e x)] = x (1 + e)` for a `restitution` e in (0, 1], to rounding: damping
+/// times approach velocity of a [`HuntCrossley`](crate::HuntCrossley) contact that rebounds with e.
 ///
-/// It falls from x ≈ 1/e for small e (below e = 0.02 the same to all digits) to 0 at e = 1, which it
-/// reaches as 3(1 − e)/2. `None` outside (0, 1]: at e = 0 there is no finite root.
+/// x decreases from 1/e for small e (equal to 1/e to all digits below e = 0.02) to 0 at e = 1, where it is 3(1 − e)/2
+/// to first order. `None` outside (0, 1]: at e = 0 there is no finite root.
 pub fn damping_root(restitution: f64) -> Option<f64> {
     let e = restitution;
     // below the least normal number 1/e overflows
@@ -168,7 +169,7 @@ pub fn damping_root(restitution: f64) -> Option<f64> {
     let cube = e * e * e;
     let start = (1.0 - e) * (1.0 + e) / 2.0; // h(0)
     let (mut low, mut high) = (0.0, e.recip());
-    // h's tangent at 0 starts Newton's iteration, and halving the bracket takes over where it leaves it
+    // Newton's iteration starts at the tangent of h at 0; bisection replaces steps that leave the bracket
     let mut x = (3.0 * start / (1.0 + cube)).min(0.5 * high);
     for _ in 0..HALVINGS {
         let (ahead, back) = (defect(x), defect(-e * x));
@@ -190,11 +191,11 @@ pub fn damping_root(restitution: f64) -> Option<f64> {
     Some(x)
 }
 
-/// The coefficient of restitution that a [`HuntCrossley`](crate::HuntCrossley) contact obtains whose damping times
-/// approach speed, a v0, is `number`: the inverse of [`damping_root`], to the last digits but a few.
+/// The coefficient of restitution of a [`HuntCrossley`](crate::HuntCrossley) contact whose damping times approach
+/// velocity, a v0, is `number`: the inverse of [`damping_root`], to a few roundings.
 ///
-/// 1 without damping; it falls as 1/x for strong damping and stays below it, so no contact of this kind ever parts
-/// faster than 1/a, however fast it was hit. NaN for a `number` below 0 (a contact that drives) or without a value.
+/// It is 1 without damping and below 1/x for every x, so such a contact never separates faster than 1/a, whatever the
+/// approach velocity. NaN for a negative `number` (a contact that adds energy) or NaN.
 ///
 /// ```
 /// # use carom_impact::{damping_root, restitution_obtained};
@@ -236,14 +237,14 @@ pub fn restitution_obtained(number: f64) -> f64 {
         }
         u = next;
     }
-    // for an infinite x nothing comes back
+    // an infinite damping has no rebound
     if x.is_infinite() { 0.0 } else { -(-u).exp_m1() / x }
 }
 
-/// Steps after which even halving alone has found the root: more than the digits of a double.
+/// Steps after which bisection alone has found the root: more than the digits of a double.
 const HALVINGS: usize = 100;
 
-/// g(y) = (y − ln(1 + y))/y²: the share of m v0² that is left for the spring, 1/2 at y = 0.
+/// g(y) = (y − ln(1 + y))/y²: the share of m v0² that the spring stores, 1/2 at y = 0.
 pub(super) fn work_share(y: f64) -> f64 {
     if y.abs() < SERIES { 0.5 - y * defect(y) } else { (y - y.ln_1p()) / (y * y) }
 }
@@ -260,10 +261,10 @@ fn defect(y: f64) -> f64 {
 /// Below this, 42 terms of the series give all digits: 0.4⁴² < 2e-17.
 const SERIES: f64 = 0.4;
 
-/// The refusal of a restitution without a finite damping.
+/// Checks that a restitution has a finite damping.
 pub(super) fn check_restitution(value: f64) -> Result<(), ImpactError> {
-    let rule = "a compliant contact rebounds with more than 0 and at most 1, since without any rebound its \
-                damping would be infinite: take a small one such as 0.01, or a rigid law";
+    let rule = "the restitution of a compliant contact is above 0 and at most 1, because at 0 its damping would be \
+                infinite: give a small one such as 0.01, or use a rigid law";
     if (f64::MIN_POSITIVE..=1.0).contains(&value) {
         Ok(())
     } else {

@@ -1,16 +1,16 @@
-//! Friction of a contact that gives way: two laws that are ordinary differential equations, where Coulomb's is not.
+//! Friction of a compliant contact: two laws that are ordinary differential equations, which Coulomb's is not.
 //!
 //! | Symbol | Meaning | Our name |
 //! |---|---|---|
 //! | v | slip velocity, tangential (m/s) | `slip` |
-//! | v_d | slip at which friction is 76 % of Coulomb's (m/s) | `slip_speed` |
+//! | v_d | slip speed at which friction is 76 % of Coulomb's (m/s) | `slip_speed` |
 //! | F_n | normal force (N) | `normal_force` |
 //! | μ | coefficient of friction | `friction` |
 //! | z | deflection of the bristle, tangential (m) | `deflection` |
 //! | k, c | stiffness (N/m) and damping (N s/m) of the bristle | `stiffness`, `damping` |
 //! | P | nearest point of the disc of radius μ F_n | local `capped` |
 //!
-//! Vectors have as many rows as the caller likes: one or two along contact axes, or three in the world.
+//! Vectors have any number of rows: one or two along contact axes, or three in the world frame.
 
 use nalgebra::SVector;
 
@@ -20,16 +20,18 @@ use crate::laws::check_friction;
 
 /// Coulomb's friction, smoothed at small slip: `F_t = -μ F_n tanh(|v|/v_d) v/|v|`.
 ///
-/// **Guarantee.** Passive (F_t·v ≤ 0), within the cone, no memory. As v_d → 0 an impact goes to that with Coulomb's
-/// friction, at first order in v_d.
+/// **Parameters.** `friction` μ >= 0; `slip_speed` v_d > 0 (m/s).
 ///
-/// **Fails** to stick: what would rest on a slope of angle θ below the angle of friction creeps, at
-/// v_d atanh(tan θ/μ). The smaller v_d the stiffer the equation: its rate is μ F_n H_tt/v_d.
+/// **Guarantee.** Passive (F_t·v ≤ 0), within the cone, without memory. As v_d → 0 an impact converges to that with
+/// Coulomb's friction, at first order in v_d.
+///
+/// **Fails** to stick: on a slope of angle θ below the friction angle a body creeps at v_d atanh(tan θ/μ). The equation
+/// becomes stiff for small v_d: its rate is μ F_n H_tt/v_d.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SmoothedCoulomb {
     /// Coulomb's coefficient μ, at least 0.
     pub friction: f64,
-    /// v_d, m/s, above 0.
+    /// Slip speed v_d, m/s, above 0.
     pub slip_speed: f64,
 }
 
@@ -52,36 +54,39 @@ impl SmoothedCoulomb {
     }
 }
 
-/// Friction by a bristle that holds by bending and slides when it is bent as far as friction can bend it: a spring and a
-/// dashpot side by side, in a row with Coulomb's slider. With f = k z + c v, the force it would take to carry the
-/// bristle along,
+/// Friction by a bristle: a spring and a dashpot in parallel, in series with a Coulomb slider. The contact sticks while
+/// the bristle bends, and slides when the bristle force reaches the friction limit. With f = k z + c v, the force at
+/// which the whole slip deflects the bristle,
 ///
 /// ```text
 /// F_t = -P(f),   c ż = P(f) - k z
 /// ```
 ///
-/// P being the nearest point of the disc of radius μ F_n. While |f| ≤ μ F_n this says ż = v: it **sticks**, and what
-/// rests on a slope below the angle of friction stands still. Beyond, the slider slips at v − ż, along the force.
+/// where P(f) is the point of the disc of radius μ F_n that is nearest to f. While |f| ≤ μ F_n, ż = v: the contact
+/// **sticks**, and a body on a slope below the friction angle does not creep. Beyond, the slider slips with v − ż,
+/// along the force.
 ///
-/// As c → 0 it is Cundall & Strack's spring with a cap. The dashpot makes it one continuous equation without switches
-/// or the rate of F_n, and lets the bristle's swinging die out.
+/// As c → 0 it is Cundall & Strack's spring with a limited force. The dashpot makes the law one continuous equation
+/// without switches or the rate of F_n, and damps the oscillation of the bristle.
 ///
-/// **Guarantee.** Passive for any history of slip and normal force: −F_t·v = d(k|z|²/2)/dt + c|ż|² + P(f)·(v − ż), whose
-/// last terms are never negative. Within the cone always.
+/// **Parameters.** `friction` μ >= 0; `stiffness` k > 0 (N/m); `damping` c > 0 (N s/m).
 ///
-/// **Fails** to be rigid: the contact yields by F_t/k before it holds, and in an impact swings back: a tangential
-/// restitution of its own, which depends on k and c against the normal stiffness.
+/// **Guarantee.** Passive for any history of slip and normal force: −F_t·v = d(k|z|²/2)/dt + c|ż|² + P(f)·(v − ż),
+/// whose last two terms are never negative. Always within the cone.
 ///
-/// **Source.** The capped spring: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47.
+/// **Fails** to be rigid: the contact moves by F_t/k before it sticks, and in an impact it springs back, a tangential
+/// restitution that depends on k and c relative to the normal stiffness.
+///
+/// **Source.** The spring with a limited force: P. A. Cundall, O. D. L. Strack, Géotechnique 29 (1979) 47.
 ///
 /// ```
 /// # use carom_impact::Bristle;
 /// # use nalgebra::vector;
 /// let bristle = Bristle::new(0.5, 1e5, 10.0)?;
 /// let (bent, still) = (vector![1e-5], vector![0.0]);
-/// assert_eq!(bristle.force(&bent, &still, 10.0), vector![-1.0]); // it holds, without any slip
+/// assert_eq!(bristle.force(&bent, &still, 10.0), vector![-1.0]); // it sticks
 /// assert_eq!(bristle.rate(&bent, &still, 10.0), vector![0.0]);
-/// assert_eq!(bristle.force(&bent, &still, 1.0), vector![-0.5]); // pressed less, it slides
+/// assert_eq!(bristle.force(&bent, &still, 1.0), vector![-0.5]); // with a smaller normal force it slides
 /// # Ok::<(), carom_impact::ImpactError>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +95,7 @@ pub struct Bristle {
     pub friction: f64,
     /// Stiffness k, N/m, above 0.
     pub stiffness: f64,
-    /// Damping c, N s/m, above 0. A bent bristle that is let go needs about c/k to come back.
+    /// Damping c, N s/m, above 0. A bent bristle that is released relaxes in a time of about c/k.
     pub damping: f64,
 }
 
@@ -103,7 +108,7 @@ impl Bristle {
         check_friction(friction)?;
         check_positive("bristle's stiffness", stiffness, POSITIVE)?;
         let rule =
-            "it must be finite and above 0: the bristle's swinging must die out; 2 √(k m) stops a mass m without any";
+            "it must be finite and above 0, to damp the oscillation of the bristle; 2 √(k m) is critical for a mass m";
         check_positive("bristle's damping", damping, rule)?;
         Ok(Self { friction, stiffness, damping })
     }
@@ -118,7 +123,7 @@ impl Bristle {
         -self.carried(deflection, slip, normal_force).0
     }
 
-    /// ż (m/s).
+    /// Rate of the deflection ż (m/s).
     pub fn rate<const N: usize>(
         &self,
         deflection: &SVector<f64, N>,
@@ -131,7 +136,7 @@ impl Bristle {
         }
     }
 
-    /// k|z|²/2 (J).
+    /// Energy stored in the bristle, k|z|²/2 (J).
     pub fn stored_energy<const N: usize>(&self, deflection: &SVector<f64, N>) -> f64 {
         0.5 * self.stiffness * deflection.norm_squared()
     }

@@ -1,24 +1,25 @@
-//! The Hunt–Crossley force, with the damping that rebounds exactly or one of those in use. With e = 1: Hertz.
+//! The Hunt–Crossley force with exact or published damping. With e = 1: Hertz's contact.
 
 use super::damping::{Damping, check_restitution, work_share};
 use super::{POSITIVE, check_positive};
 use crate::ImpactError;
 
-/// Compliant normal contact `F = max(0, k dⁿ (1 + a w))`, with a from [`HuntCrossley::damping`]. Unless another
-/// [`Damping`] is chosen, its rebound is e times the approach, exactly, for every mass, stiffness and speed.
+/// Compliant normal contact `F = max(0, k dⁿ (1 + a w))`, with a from [`HuntCrossley::damping`]. With the default
+/// [`Damping`] its rebound velocity is e times the approach velocity, exactly, for every mass, stiffness and speed.
 ///
-/// **Exact** for one contact that starts at d = 0, with a constant effective mass and no other force
-/// while it lasts. The damping grows as the approach slows down: a contact that is to come to rest
-/// needs a floor under the approach speed.
+/// **Parameters.** `stiffness` k > 0 (N/mⁿ); `exponent` n from 0.1 to 10; `restitution` e, kinematic, in (0, 1\].
+///
+/// **Exact** for one contact that starts at d = 0, with a constant effective mass and no other force. The damping is
+/// inversely proportional to the approach velocity: for a contact that comes to rest the approach velocity needs a
+/// lower bound.
 ///
 /// **Guarantee.** Never pulls, never gains energy; the force starts and ends at zero. With e = 1 and n = 3/2 it is
 /// Hertz's contact ([`hertz_stiffness`]).
 ///
-/// **Fails** at e = 0, which no finite damping gives.
+/// **Fails** at e = 0, which needs an infinite damping.
 ///
-/// **Source.** The force: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440. Their damping,
-/// a v0 = 3(1 − e)/2, is the root's limit for e → 1; at e = 1/2 it is about half of what that rebound
-/// needs.
+/// **Source.** The force: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440. Their damping, a v0 = 3(1 − e)/2, is the
+/// first-order limit of the root for e → 1; at e = 1/2 it is about half of the exact value.
 ///
 /// ```
 /// # use carom_impact::HuntCrossley;
@@ -34,47 +35,46 @@ pub struct HuntCrossley {
     pub stiffness: f64,
     /// Exponent n of the penetration, from 0.1 to 10: 3/2 for round bodies (Hertz), 1 for a spring.
     pub exponent: f64,
-    /// Coefficient of restitution e as a ratio of velocities that is asked for, above 0, at most 1.
+    /// Coefficient of restitution e as a ratio of velocities, above 0, at most 1.
     pub restitution: f64,
-    /// The formula that turns e into damping.
+    /// The formula that gives the damping for e.
     pub formula: Damping,
 }
 
 impl HuntCrossley {
-    /// A contact of `stiffness` k (N/mⁿ), `exponent` n and `restitution` e, damped exactly.
+    /// A contact of `stiffness` k (N/mⁿ), `exponent` n and `restitution` e, with exact damping.
     ///
     /// # Errors
     /// [`ImpactError::Compliance`]: a stiffness that is not positive and finite, an exponent outside 0.1 … 10, a
     /// restitution outside (0, 1].
     pub fn new(stiffness: f64, exponent: f64, restitution: f64) -> Result<Self, ImpactError> {
         check_positive("stiffness", stiffness, POSITIVE)?;
-        // Beyond, the force is a step at the surface, or none in any depth that a rigid body may sink.
+        // Outside this range the force is nearly a step at the surface, or nearly zero at small penetrations.
         if !(0.1..=10.0).contains(&exponent) {
             let rule =
-                "it lies between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
+                "it must be between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
             return Err(ImpactError::Compliance { what: "exponent", value: exponent, rule });
         }
         check_restitution(restitution)?;
         Ok(Self { stiffness, exponent, restitution, formula: Damping::Exact })
     }
 
-    /// The same contact damped by another formula.
+    /// The same contact with the damping of another formula.
     pub const fn damped_after(self, formula: Damping) -> Self {
         Self { formula, ..self }
     }
 
-    /// Damping a (s/m) for a contact first touched at `approach_speed` v0 (m/s, positive); it holds until
-    /// lift-off. 0 where nothing approaches; NaN if the fields hold what [`HuntCrossley::new`] refuses.
+    /// Damping a (s/m) for a contact that first touches at `approach_speed` v0 (m/s, positive); it is valid until
+    /// separation. 0 for `approach_speed <= 0`; NaN if the fields hold values that [`HuntCrossley::new`] refuses.
     pub fn damping(&self, approach_speed: f64) -> f64 {
         if approach_speed <= 0.0 {
             return 0.0;
         }
-        // at speeds near the least of all numbers the quotient overflows, and infinity times a rate of 0 is no force
+        // at the smallest speeds the quotient overflows, and infinity times a rate of 0 is NaN
         (self.number() / approach_speed).clamp(0.0, f64::MAX)
     }
 
-    /// Normal force (N) at a `penetration` d (m) that grows at `rate` w (m/s). Never negative: a contact
-    /// doesn't pull.
+    /// Normal force (N) at a `penetration` d (m) that grows at `rate` w (m/s). Never negative.
     pub fn force(&self, penetration: f64, rate: f64, damping: f64) -> f64 {
         let factor = 1.0 + damping * rate;
         if penetration <= 0.0 || factor <= 0.0 {
@@ -83,9 +83,8 @@ impl HuntCrossley {
         self.stiffness * penetration.powf(self.exponent) * factor
     }
 
-    /// The deepest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg),
-    /// in closed form: `k d^(n+1) = (n+1) m v0² g(x)`, where g(x) is 1/2 without damping. It helps to
-    /// choose a stiffness.
+    /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg), in closed form:
+    /// `k d^(n+1) = (n+1) m v0² g(x)`, where g(x) is 1/2 without damping. Useful to choose a stiffness.
     pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         if approach_speed <= 0.0 {
             return 0.0;
@@ -100,10 +99,10 @@ impl HuntCrossley {
     }
 }
 
-/// A body as Hertz's theory sees it: round near the contact, elastic, isotropic.
+/// A body in Hertz's theory: round near the contact, elastic, isotropic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RoundBody {
-    /// Radius of curvature at the contact, m; infinite for a flat one, negative for a hollow.
+    /// Radius of curvature at the contact, m; infinite for a flat body, negative for a concave one.
     pub radius: f64,
     /// Young's modulus, Pa.
     pub modulus: f64,
@@ -117,14 +116,13 @@ pub struct RoundBody {
 /// k = 4/3 E* √R,   1/R = 1/R1 + 1/R2,   1/E* = (1 - ν1²)/E1 + (1 - ν2²)/E2
 /// ```
 ///
-/// **Holds** for small, frictionless, elastic contact patches and impacts that are slow beside the speed of sound.
+/// **Valid** for small, frictionless, elastic contact areas and impacts that are slow compared with the speed of sound.
 ///
 /// **Source.** H. Hertz, J. reine angew. Math. 92 (1881) 156.
 ///
 /// # Errors
-/// [`ImpactError::Compliance`]: a radius of 0 or without a value, radii that fit nowhere (1/R ≤ 0: flat on flat, a
-/// ball in a hollow that is narrower than it), a modulus that is not positive and finite, a Poisson's ratio out of
-/// its range.
+/// [`ImpactError::Compliance`]: a radius of 0 or NaN, a sum of curvatures 1/R ≤ 0 (flat on flat, or a ball in a concave
+/// body of smaller radius), a modulus that is not positive and finite, a Poisson's ratio out of its range.
 ///
 /// ```
 /// # use carom_impact::{HuntCrossley, RoundBody, hertz_stiffness};
@@ -140,7 +138,11 @@ pub fn hertz_stiffness(one: RoundBody, other: RoundBody) -> Result<f64, ImpactEr
     let refuse = |what, value, rule| Err(ImpactError::Compliance { what, value, rule });
     for RoundBody { radius, modulus, poisson_ratio } in [one, other] {
         if radius.is_nan() || radius == 0.0 {
-            return refuse("radius", radius, "a round body has a radius: inf for a flat one, negative for a hollow");
+            return refuse(
+                "radius",
+                radius,
+                "it must not be 0 or NaN: give inf for a flat body, a negative radius for a concave one",
+            );
         }
         check_positive("modulus", modulus, POSITIVE)?;
         if !(poisson_ratio > -1.0 && poisson_ratio <= 0.5) {
@@ -149,8 +151,8 @@ pub fn hertz_stiffness(one: RoundBody, other: RoundBody) -> Result<f64, ImpactEr
     }
     let curvature = one.radius.recip() + other.radius.recip();
     if curvature <= 0.0 {
-        let rule = "the sum of the curvatures must be positive: two flat bodies, or a ball in a narrower hollow, don't \
-                    meet in a point";
+        let rule = "the sum of the curvatures must be positive: two flat bodies, or a ball in a concave body of smaller \
+                    radius, do not touch in a point";
         return refuse("1/R", curvature, rule);
     }
     let softness = |body: RoundBody| (1.0 - body.poisson_ratio * body.poisson_ratio) / body.modulus;

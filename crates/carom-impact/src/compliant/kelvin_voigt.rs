@@ -1,10 +1,12 @@
-//! A spring beside a dashpot.
+//! The Kelvin–Voigt force: a linear spring and a linear dashpot in parallel.
 
 use super::{POSITIVE, check_positive};
 use crate::ImpactError;
 
-/// Compliant normal contact of a linear spring and a linear dashpot side by side, `F = k d + c w`, whose force either
-/// stops at zero or pulls until the bodies have parted.
+/// Compliant normal contact of a linear spring and a linear dashpot in parallel, `F = k d + c w`. The force is either
+/// limited to F ≥ 0, or pulls until d = 0.
+///
+/// **Parameters.** `stiffness` k > 0 (N/m); `restitution` e, kinematic, in (0, 1\]; `pulls`.
 ///
 /// With ζ = c/(2 √(k m)) the rebound is
 ///
@@ -14,16 +16,16 @@ use crate::ImpactError;
 ///                      e = exp(-2 ζ acosh ζ/√(ζ² - 1))      beyond
 /// ```
 ///
-/// With s = √(1 − ζ²) the motion is d ∝ exp(−ζ ω t) sin(s ω t). It is back at d = 0 at s ω t = π; the force,
-/// −m ẇ, is zero before that, at tan(s ω t) = −2 ζ s/(1 − 2 ζ²), that is s ω t = 2 acos ζ, and the rate there is
-/// exp(−ζ ω t) v0. Whoever damps for the one end and integrates to the other gets another e.
+/// With s = √(1 − ζ²) the motion is d ∝ exp(−ζ ω t) sin(s ω t). It returns to d = 0 at s ω t = π. The force, −m ẇ, is
+/// zero before that, at tan(s ω t) = −2 ζ s/(1 − 2 ζ²), that is s ω t = 2 acos ζ, where the rate is exp(−ζ ω t) v0. A
+/// damping chosen for one of these ends and integrated to the other gives a different e.
 ///
-/// **Guarantee.** Never gains energy, e exact for one contact of constant effective mass and no other force. Linear:
-/// the rebound does not depend on the speed, and a contact at rest is damped.
+/// **Guarantee.** Never gains energy; e is exact for one contact of constant effective mass and no other force. The law
+/// is linear: the rebound does not depend on the speed, and a contact at rest is damped.
 ///
-/// **Fails** to have one c for one e where the effective mass varies, as along a robot's motion: c is found anew at
-/// each first touch ([`KelvinVoigt::damping`]). The force jumps to c v0 at first touch; if it pulls, it jumps at the
-/// end too, and a resting contact can stick.
+/// **Fails** to have one c for one e if the effective mass varies, as along a robot's motion: c is computed at each
+/// first touch ([`KelvinVoigt::damping`]). The force jumps to c v0 at first touch; if it pulls, it jumps at the end
+/// too, and a resting contact can adhere.
 ///
 /// **Source.** The two ends: T. Schwager, T. Pöschel, Granular Matter 9 (2007) 465.
 ///
@@ -41,7 +43,7 @@ pub struct KelvinVoigt {
     pub stiffness: f64,
     /// Coefficient of restitution e as a ratio of velocities, above 0, at most 1.
     pub restitution: f64,
-    /// Whether the force pulls while the bodies part, until d = 0. Without: it stops at zero.
+    /// Whether the force may pull during separation, until d = 0. If `false`, it is limited to F ≥ 0.
     pub pulls: bool,
 }
 
@@ -56,27 +58,27 @@ impl KelvinVoigt {
         Ok(Self { stiffness, restitution, pulls: false })
     }
 
-    /// The same contact, with a force that pulls until d = 0.
+    /// The same contact, with a force that may pull until d = 0.
     pub const fn pulling(self) -> Self {
         Self { pulls: true, ..self }
     }
 
-    /// Damping c (N s/m) that gives an `effective_mass` m (kg) the rebound e.
+    /// Damping c (N s/m) with which an `effective_mass` m (kg) rebounds with e.
     pub fn damping(&self, effective_mass: f64) -> f64 {
         2.0 * self.damping_ratio() * (self.stiffness * effective_mass).sqrt()
     }
 
-    /// ζ, the share of critical damping that rebounds with e; NaN if the fields hold what [`KelvinVoigt::new`]
-    /// refuses.
+    /// Damping ratio ζ, relative to critical damping, that rebounds with e; NaN if the fields hold values that
+    /// [`KelvinVoigt::new`] refuses.
     pub fn damping_ratio(&self) -> f64 {
-        let loss = -self.restitution.ln(); // of ln |w|
+        let loss = -self.restitution.ln(); // decrease of ln |w|
         if self.pulls {
             return loss / std::f64::consts::PI.hypot(loss);
         }
         if !(loss > 0.0 && loss < f64::INFINITY) {
             return if loss == 0.0 { 0.0 } else { f64::NAN };
         }
-        // The loss grows with ζ, as π ζ at first and less than 2 ζ acosh ζ/(ζ - 1) at last: halve a bracket.
+        // The loss grows with ζ, as π ζ for small ζ and below 2 ζ acosh ζ/(ζ - 1) for large ζ: bisection.
         let (mut low, mut high) = (loss / std::f64::consts::PI, 1.0);
         while clipped_loss(high) < loss {
             (low, high) = (high, 2.0 * high);
@@ -94,8 +96,8 @@ impl KelvinVoigt {
         high
     }
 
-    /// The rebound e of an `effective_mass` m (kg) under a `damping` c (N s/m), in closed form: the inverse of
-    /// [`KelvinVoigt::damping`].
+    /// Coefficient of restitution e of an `effective_mass` m (kg) with a `damping` c (N s/m), in closed form: the
+    /// inverse of [`KelvinVoigt::damping`].
     pub fn rebound(&self, damping: f64, effective_mass: f64) -> f64 {
         let ratio = damping / (2.0 * (self.stiffness * effective_mass).sqrt());
         if !self.pulls {
@@ -113,15 +115,15 @@ impl KelvinVoigt {
         if self.pulls || force.is_nan() { force } else { force.max(0.0) }
     }
 
-    /// The deepest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg), in closed
-    /// form: `v0 √(m/k) exp(-ζ acos ζ/√(1 - ζ²))`.
+    /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg), in closed form:
+    /// `v0 √(m/k) exp(-ζ acos ζ/√(1 - ζ²))`.
     pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         let loss = clipped_loss(self.damping_ratio()); // w = 0 at half the phase at which F = 0
         approach_speed.max(0.0) * (effective_mass / self.stiffness).sqrt() * (-0.5 * loss).exp()
     }
 }
 
-/// Halvings after which a bracket has no more digits.
+/// Bisections after which a bracket has no more digits.
 const HALVINGS: usize = 200;
 
 /// −ln e of a contact that never pulls: 2 ζ acos ζ/√(1 − ζ²), and its continuation from ζ = 1 on.

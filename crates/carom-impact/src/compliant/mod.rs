@@ -1,18 +1,18 @@
-//! Contacts that give way: they have a force, a duration and a depth, where a rigid one has an impulse.
+//! Compliant contacts: they have a force, a duration and a penetration, where a rigid contact has an impulse.
 //!
 //! | normal force | its coefficient | rebound | fails |
 //! |---|---|---|---|
-//! | [`HuntCrossley`] `k dⁿ (1 + a w)` | a ratio of velocities | exact, at every speed | damping is set by the speed of first touch |
+//! | [`HuntCrossley`] `k dⁿ (1 + a w)` | a ratio of velocities | exact, at every speed | damping is set by the approach velocity at first touch |
 //! | [`KelvinVoigt`] `k d + c w` | a ratio of velocities | exact, for the mass at first touch | the force jumps |
-//! | [`WaltonBraun`] `k d`, then steeper | **energetic** | exact, whatever else acts | doesn't damp a contact at rest |
+//! | [`WaltonBraun`] `k d`, then steeper | **energetic** | exact, with any other forces | does not damp a resting contact |
 //!
 //! | tangential force | sticks | memory |
 //! |---|---|---|
-//! | [`SmoothedCoulomb`] | creeps | none |
-//! | [`Bristle`] | yes, after yielding a little | its deflection |
+//! | [`SmoothedCoulomb`] | no: it creeps | none |
+//! | [`Bristle`] | yes, after a small elastic displacement | its deflection |
 //!
-//! All are passive, each by itself: the friction whatever the normal force does. [`compliant_impact`] follows an impact
-//! in a fixed configuration through them.
+//! All forces are passive, each by itself: friction for any history of the normal force. [`compliant_impact`]
+//! integrates an impact in a fixed configuration with them.
 
 mod blow;
 mod damping;
@@ -34,19 +34,20 @@ use crate::ImpactError;
 
 /// One of the normal forces.
 ///
-/// A touch has a damping, set when it begins, and perhaps a memory, the depth from which it was last turned back.
+/// During a contact the damping is constant, set at first touch. The force may depend on a memory, the penetration at
+/// which the closing velocity last became zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NormalForce {
-    /// Hunt & Crossley's, and with e = 1 Hertz's.
+    /// The force of Hunt & Crossley; with e = 1 that of Hertz.
     HuntCrossley(HuntCrossley),
-    /// A spring beside a dashpot.
+    /// A spring and a dashpot in parallel.
     KelvinVoigt(KelvinVoigt),
     /// A spring that unloads along a steeper line.
     WaltonBraun(WaltonBraun),
 }
 
 impl NormalForce {
-    /// Names [`NormalForce::name`] may return.
+    /// Names that [`NormalForce::name`] returns.
     pub const NAMES: [&str; 3] = ["hunt-crossley", "kelvin-voigt", "walton-braun"];
 
     /// Kebab-case name.
@@ -58,8 +59,8 @@ impl NormalForce {
         }
     }
 
-    /// The damping of a touch that begins at `approach_speed` (m/s) against an `effective_mass` (kg): s/m of
-    /// [`HuntCrossley`], N s/m of [`KelvinVoigt`], 0 of [`WaltonBraun`].
+    /// The damping of a contact that first touches at `approach_speed` (m/s) with an `effective_mass` (kg): s/m for
+    /// [`HuntCrossley`], N s/m for [`KelvinVoigt`], 0 for [`WaltonBraun`].
     pub fn damping(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         match self {
             Self::HuntCrossley(law) => law.damping(approach_speed),
@@ -73,8 +74,8 @@ impl NormalForce {
         matches!(self, Self::WaltonBraun(_))
     }
 
-    /// Normal force (N) at a `penetration` (m) that grows at `rate` (m/s), with the `damping` of this touch, last turned
-    /// back at `deepest` (m; 0 if it never was).
+    /// Normal force (N) at a `penetration` (m) that grows at `rate` (m/s), with the `damping` of this contact and the
+    /// penetration `deepest` (m) at which it last turned back; 0 if it never did.
     pub fn force(&self, penetration: f64, rate: f64, damping: f64, deepest: f64) -> f64 {
         match self {
             Self::HuntCrossley(law) => law.force(penetration, rate, damping),
@@ -83,7 +84,7 @@ impl NormalForce {
         }
     }
 
-    /// The deepest penetration (m) of an impact at `approach_speed` (m/s) of an `effective_mass` (kg), in closed form.
+    /// Largest penetration (m) of an impact at `approach_speed` (m/s) of an `effective_mass` (kg), in closed form.
     pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         match self {
             Self::HuntCrossley(law) => law.greatest_penetration(approach_speed, effective_mass),
@@ -93,19 +94,19 @@ impl NormalForce {
     }
 }
 
-/// One of the tangential forces. Vectors are tangential, along any axes.
+/// One of the tangential forces. Vectors are tangential, in any axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TangentialForce {
-    /// None.
+    /// No friction.
     Frictionless,
-    /// Coulomb's, smoothed at small slip.
+    /// Coulomb's friction, smoothed at small slip.
     Smoothed(SmoothedCoulomb),
-    /// A bristle that bends, holds and slides.
+    /// A bristle that bends, sticks and slides.
     Bristle(Bristle),
 }
 
 impl TangentialForce {
-    /// Force on the robot (N) at a `slip` (m/s), with the bristle's `deflection` (m; others have none).
+    /// Force on the robot (N) at a `slip` velocity (m/s), with the bristle's `deflection` (m; not used by the others).
     pub fn force<const N: usize>(
         &self,
         deflection: &SVector<f64, N>,
@@ -119,7 +120,7 @@ impl TangentialForce {
         }
     }
 
-    /// The rate of the deflection (m/s).
+    /// Rate of the deflection (m/s); zero for forces without one.
     pub fn rate<const N: usize>(
         &self,
         deflection: &SVector<f64, N>,

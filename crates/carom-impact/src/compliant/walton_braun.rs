@@ -1,25 +1,27 @@
-//! A spring that gives back less than it took: two straight lines.
+//! The Walton–Braun force: a spring with a loading line and a steeper unloading line.
 
 use super::damping::check_restitution;
 use super::{POSITIVE, check_positive};
 use crate::ImpactError;
 
-/// Compliant normal contact that is loaded along one straight line and unloaded along a steeper one,
+/// Compliant normal contact that is loaded along a straight line and unloaded along a steeper one,
 ///
 /// ```text
 /// F = k d                         while d is the deepest so far, D
 /// F = k/e² (d - (1 - e²) D) ≥ 0   else
 /// ```
 ///
-/// so that it ends with the dent (1 − e²) D. Loading takes k D²/2 and unloading gives e² of it back: e is the
-/// **energetic** coefficient of restitution, exactly, whatever else acts meanwhile (if d rises and falls once).
+/// so that the contact separates at the residual penetration (1 − e²) D. Loading absorbs k D²/2 and unloading returns
+/// e² of it: e is the **energetic** coefficient of restitution, exactly, with any other forces (if d rises and falls
+/// once).
 ///
-/// **Guarantee.** Never pulls, never gains energy, no force jumps; and the energetic coefficient makes it the bridge to
-/// the rigid laws: in a fixed configuration, with Coulomb friction, its impact *is* [`Energetic`](crate::Energetic)'s
-/// (Stronge), for every stiffness.
+/// **Parameters.** `stiffness` k > 0 (N/m); `restitution` e, energetic, in (0, 1\].
 ///
-/// **Fails** to damp small motion of a contact that rests: inside the steeper line it is elastic. The force has a memory,
-/// D, which is gone when the bodies part.
+/// **Guarantee.** Never pulls, never gains energy, no jump of the force. In a fixed configuration with Coulomb friction
+/// its impact is that of [`Energetic`](crate::Energetic) (Stronge), for every stiffness.
+///
+/// **Fails** to damp small motions of a resting contact: on the unloading line it is elastic. The force has a memory,
+/// D, which is reset when the contact separates.
 ///
 /// **Source.** O. R. Walton, R. L. Braun, J. Rheol. 30 (1986) 949.
 ///
@@ -44,15 +46,15 @@ impl WaltonBraun {
     ///
     /// # Errors
     /// [`ImpactError::Compliance`]: a stiffness that is not positive and finite, a restitution outside (0, 1] (at 0 the
-    /// line of unloading would be upright).
+    /// unloading line would be vertical).
     pub fn new(stiffness: f64, restitution: f64) -> Result<Self, ImpactError> {
         check_positive("stiffness", stiffness, POSITIVE)?;
         check_restitution(restitution)?;
         Ok(Self { stiffness, restitution })
     }
 
-    /// Normal force (N) at a `penetration` d (m), where the contact was turned back from `deepest` (m) before; 0 if
-    /// it never was. Beyond that depth it is loaded anew.
+    /// Normal force (N) at a `penetration` d (m), where the contact last turned back at the penetration `deepest` (m);
+    /// 0 if it never did. Beyond `deepest` it is on the loading line.
     pub fn force(&self, penetration: f64, deepest: f64) -> f64 {
         let (k, square) = (self.stiffness, self.restitution * self.restitution);
         if penetration >= deepest {
@@ -61,7 +63,7 @@ impl WaltonBraun {
         (k / square * (penetration - (1.0 - square) * deepest)).max(0.0)
     }
 
-    /// The deepest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg): v0 √(m/k).
+    /// Largest penetration (m) of an impact at `approach_speed` v0 (m/s) of an `effective_mass` m (kg): v0 √(m/k).
     pub fn greatest_penetration(&self, approach_speed: f64, effective_mass: f64) -> f64 {
         approach_speed.max(0.0) * (effective_mass / self.stiffness).sqrt()
     }

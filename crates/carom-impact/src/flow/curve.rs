@@ -1,4 +1,4 @@
-//! A piece of the flow on which slip turns: power series in τ, `dp = r dτ/κ`.
+//! A piece of the flow on which slip turns: power series in τ, with `dp = r dτ/κ`.
 //!
 //! In τ the flow is regular down to r = 0, which it reaches only as τ -> ∞:
 //!
@@ -7,8 +7,8 @@
 //! κ p' = r,  κ p_t' = -μ v_t,  κ W_n' = r v_n,  κ W_t' = -μ r²,  v_n = v_n(0) + C p + h·p_t
 //! ```
 //!
-//! so that each coefficient follows from those before it (Taylor's method); κ = |h| + μ |A| makes the rates at most
-//! about 1. The step ends where the last terms reach rounding, relative to r itself, for a small r may grow again.
+//! Each coefficient follows from those before it (Taylor's method); κ = |h| + μ |A| makes the rates at most about 1. A
+//! step ends where the last terms are at rounding relative to r itself, because a small r may grow again.
 
 use nalgebra::{RealField, Vector2, convert};
 
@@ -82,7 +82,7 @@ impl<T: RealField + Copy> Curve<T> {
         curve
     }
 
-    /// Where the last two terms of v_t, r and r² (in the works) come to rounding.
+    /// The τ at which the last two terms of v_t, r and r² (in the works) are at rounding.
     fn length(&self) -> T {
         let allowed = FINE * plain(T::default_epsilon());
         let first = plain(self.r.0[0]);
@@ -92,7 +92,7 @@ impl<T: RealField + Copy> Curve<T> {
             let size = (turn / first).max((plain(self.r.0[k]) / first).abs()).max(work.abs());
             (allowed / size).powf(1.0 / k as f64)
         };
-        // A step is no derivative's business: the flow passes through its end whatever its length.
+        // The length needs no derivative: the flow does not depend on it.
         convert(reach(ORDER).min(reach(ORDER - 1)).min(1e3))
     }
 
@@ -146,13 +146,13 @@ impl<T: RealField + Copy> Curve<T> {
         self.cuts[self.intervals - 1]
     }
 
-    /// τ at which `v_n = 0` is reached from below, if it is within the step.
+    /// The τ at which `v_n = 0` is reached from below, if it lies within the step.
     pub fn rises(&self) -> Option<T> {
         let (from, to) = self.intervals().find(|&(_, to)| self.v_n.at(to) >= T::zero())?;
         Some(root(from, to, |t| self.v_n.with_slope(t)))
     }
 
-    /// τ at which the normal impulse has grown by `dp`, if it is within the step.
+    /// The τ at which the normal impulse has grown by `dp`, if it lies within the step.
     pub fn reaches(&self, dp: T) -> Option<T> {
         let end = self.end();
         (self.p.at(end) >= dp).then(|| root(T::zero(), end, |t| shifted(self.p.with_slope(t), -dp)))
@@ -207,7 +207,7 @@ impl<T: RealField + Copy> Curve<T> {
         }
     }
 
-    /// Whether v_n falls anywhere in the step.
+    /// Whether v_n decreases anywhere in the step.
     pub fn jams(&self) -> bool {
         self.intervals > 1 || self.v_n.0[1] <= T::zero()
     }

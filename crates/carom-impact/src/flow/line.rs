@@ -17,12 +17,12 @@ pub(super) struct Line<T> {
     pub normal_rate: T,
     /// `dp_t/dp`.
     pub friction_rate: Vector2<T>,
-    /// Held, or slipping without change, and without mobility along the normal: no impulse moves it on.
+    /// The contact sticks, or slips at constant speed, with no inverse mass along its normal: no impulse changes v_n.
     pub locked: bool,
 }
 
 impl<T: RealField + Copy> Line<T> {
-    /// Slip in direction `heading`, r changing at `slip_rate`, of which rounding leaves `doubt`.
+    /// Slip in direction `heading`; r changes at `slip_rate`, which has the rounding error `doubt`.
     pub fn slip(contact: &Contact<T>, mu: T, heading: Vector2<T>, slip_rate: T, doubt: T) -> Self {
         let friction_rate = heading * -mu;
         let normal_rate = contact.normal + contact.coupling.dot(&friction_rate);
@@ -30,7 +30,7 @@ impl<T: RealField + Copy> Line<T> {
         Self { heading, slip_rate, normal_rate, friction_rate, locked }
     }
 
-    /// Stick, by the friction `dp_t/dp` that holds.
+    /// Stick, with the friction `dp_t/dp` that this needs.
     pub fn stick(contact: &Contact<T>, friction_rate: Vector2<T>) -> Self {
         let normal_rate = contact.normal + contact.coupling.dot(&friction_rate);
         let locked = contact.is_locked(normal_rate);
@@ -59,7 +59,7 @@ impl<T: RealField + Copy> Line<T> {
         if end.e == zero {
             return Return::Ends(zero);
         }
-        // Friction presses the contact back: v_n falls, and may reach zero before restitution is over.
+        // Friction jams: v_n decreases, and may reach zero before restitution is over.
         let done = match end.ending {
             Ending::Velocity => None,
             Ending::Impulse => Some(left()),

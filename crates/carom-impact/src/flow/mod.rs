@@ -1,30 +1,31 @@
-//! Routh's method in space: the impact as a flow of the contact velocity, with the normal impulse p as its clock.
+//! Routh's method in space: integrates the contact velocity, with the normal impulse p as the independent variable.
 //!
-//! Rigid bodies, Coulomb friction, as in `routh.rs`; but in space slip turns while it lasts. With r its speed, φ its
-//! direction, u = (cos φ, sin φ) and u⊥ across it,
+//! Rigid bodies and Coulomb friction, as in `routh.rs`; but in space slip turns while it lasts. With r its speed, φ its
+//! direction, u = (cos φ, sin φ) and u⊥ perpendicular to u,
 //!
 //! ```text
 //! dv_t/dp = h - μ A u,   dv_n/dp = C - μ h·u
 //! dr/dp   = u·(h - μ A u),   r dφ/dp = u⊥·(h - μ A u) = k_φ(φ)
 //! ```
 //!
-//! The direction turns by its own law, towards a zero of k_φ: an **invariant direction**, along which slip is
-//! straight ([`Line`]). A zero of k_φ is never missing, for its mean over the circle is zero. Elsewhere the flow is
-//! followed by power series ([`Curve`]) in a variable in which nothing happens suddenly as r -> 0.
+//! The direction φ turns towards a zero of k_φ: an **invariant direction**, along which slip is straight ([`Line`]).
+//! k_φ always has a zero, because its mean over the circle is zero. Elsewhere the flow is integrated by power series
+//! ([`Curve`]) in a variable in which it is regular as r -> 0.
 //!
-//! When slip stops, the contact sticks if friction can hold it, and else leaves along an invariant direction on which
-//! slip grows:
+//! When slip has stopped, the contact sticks if friction is large enough, otherwise it slips along an invariant
+//! direction on which slip grows:
 //!
 //! ```text
 //! stick   dp_t/dp = -A⁺ h                       if |A⁺ h| <= μ
 //! slip    dp_t/dp = -μ u = -(A + s 1)⁻¹ h       with s > 0 such that |dp_t/dp| = μ;  dr/dp = μ s
 //! ```
 //!
-//! The second line is `h - μ A u = μ s u` solved for u, and its left side falls as s grows, from `|A⁺ h| > μ` to 0: so
+//! The second line is `h - μ A u = μ s u` solved for u. Its left side decreases as s grows, from `|A⁺ h| > μ` to 0, so
 //! there is exactly one such direction.
 //!
-//! While `μ h·u > C` friction drives the contact deeper (jam). In space slip may turn into that during restitution and
-//! press the contact back to `v_n = 0` before the end: then all so far was compression, which goes on.
+//! While `μ h·u > C` friction jams: the normal impulse lowers v_n. In space slip may turn into such a direction during
+//! restitution and bring the contact back to `v_n = 0` before the end. Then everything before counts as compression,
+//! which goes on.
 //!
 //! Symbols as in `contact.rs`; velocities in m/s, impulses in N s, work in J.
 //!
@@ -50,16 +51,16 @@ use curve::Curve;
 use line::Line;
 pub use path::{ImpulsePath, InvariantDirection, PathPoint};
 
-/// Slip below this multiple of ε, beside the speeds before the impact, is about to stop or has just begun.
+/// A slip below this multiple of ε times the speeds before the impact counts as about to stop or just begun.
 const SLOW: f64 = 1.0 / 64.0;
 
-/// A rate of turning below this multiple of ε, beside the terms that cancel in it, is none.
+/// A rate of turning below this multiple of ε times the terms that cancel in it counts as zero.
 const STRAIGHT: f64 = 4.0;
 
-/// More pieces than any impact was seen to need, some dozens; beyond it slip is taken to be straight.
+/// Limit of pieces, far above the some dozens that impacts need; beyond it slip counts as straight.
 const PIECES: usize = 4096;
 
-/// Where the contact stands, with books since the last turn between the phases.
+/// The state of the contact, with impulse and works since the last change of phase.
 #[derive(Debug, Clone, Copy)]
 struct State<T> {
     p: T,
@@ -81,7 +82,8 @@ impl<T: RealField + Copy> State<T> {
         Self { p: zero, p_t: Vector2::zeros(), heading, r, v_n: contact.v_n, normal_work: zero, friction_work: zero }
     }
 
-    /// Here, with empty books: a small work returned would drown in the rounding of the work put in.
+    /// This state with impulse and works zero: added to the work of compression, a small work of restitution would be
+    /// lost.
     fn turn(&self) -> Self {
         let zero = T::zero();
         Self { p: zero, p_t: Vector2::zeros(), normal_work: zero, friction_work: zero, ..*self }
@@ -95,7 +97,7 @@ impl<T: RealField + Copy> State<T> {
         (self.heading, self.r, self.v_n) = (step.heading, step.r, step.v_n);
     }
 
-    /// Here, with the books of `before` added.
+    /// This state with the impulse and works of `before` added.
     fn added_to(mut self, before: &Self) -> Self {
         self.p += before.p;
         self.p_t += before.p_t;
@@ -105,7 +107,7 @@ impl<T: RealField + Copy> State<T> {
     }
 }
 
-/// What a piece adds to the books, and where it leads.
+/// What a piece adds to impulse and works, and the velocity at its end.
 struct Step<T> {
     p: T,
     p_t: Vector2<T>,
@@ -116,11 +118,11 @@ struct Step<T> {
     friction_work: T,
 }
 
-/// What becomes of restitution within a piece.
+/// The end of restitution within a piece.
 enum Return<T> {
-    /// It is over.
+    /// Restitution ends here.
     Ends(T),
-    /// The contact is back at `v_n = 0`.
+    /// The contact is back at `v_n = 0` here.
     Falls(T),
     Not,
 }
@@ -135,22 +137,22 @@ struct Rates<T> {
     scale: T,
 }
 
-/// A stretch of the flow: boxed, the series are long.
+/// A piece of the flow. The series are boxed because of their size.
 enum Piece<T> {
     Line(Line<T>),
     Curve(Box<Curve<T>>),
 }
 
-/// What the flow finds, in contact axes.
+/// The result of the flow, in contact axes.
 pub(crate) struct Found<T, const D: usize> {
     pub impulse: SVector<T, D>,
     pub u_plus: SVector<T, D>,
     pub account: Account<T>,
 }
 
-/// Follows a contact that approaches, or jams at `v_n = 0`, with friction `μ > 0` to the end of restitution.
+/// Integrates a contact that approaches, or jams at `v_n = 0`, with friction `μ > 0`, to the end of restitution.
 ///
-/// A held contact without mobility along its normal is treated as in the plane: see `routh.rs`.
+/// A sticking contact without inverse mass along its normal is treated as in the plane: see `routh.rs`.
 pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     problem: &ImpactProblem<T, D>,
     e: T,
@@ -161,7 +163,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let contact = Contact::of(problem);
     let mut flow = Flow::new(&contact, mu);
     let mut state = State::start(&contact);
-    // Without slip: one too small to see (the derivative of one) stops at once where the contact sticks.
+    // Without slip: a slip of value 0 with a derivative stops at once if the contact sticks.
     if state.r == zero && flow.departure.heading.amax() == zero {
         state.p_t = -contact.mobility().least_solution(&contact.slip);
         state.v_n = contact.v_n + contact.coupling.dot(&state.p_t);
@@ -200,13 +202,13 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     Ok(Found { impulse, u_plus, account })
 }
 
-/// The contact on its way.
+/// The flow of one contact.
 struct Flow<'a, T> {
     contact: &'a Contact<T>,
     mu: T,
-    /// r below which slip goes straight to its stop.
+    /// r below which slip counts as straight until it stops.
     slow: T,
-    /// What follows a stop of slip.
+    /// The piece that follows when slip has stopped.
     departure: Line<T>,
     jams: bool,
     pieces: usize,
@@ -225,7 +227,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         Rates { radial: u.dot(&f), turning: u.x * f.y - u.y * f.x, scale: length(h) + self.mu * a.norm() }
     }
 
-    /// What comes next from here.
+    /// The piece that follows this state.
     fn piece(&mut self, state: &mut State<T>) -> Piece<T> {
         self.pieces += 1;
         let rates = self.rates(&state.heading);
@@ -247,7 +249,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         piece
     }
 
-    /// To `v_n = 0`; the impulse at which slip stopped on the way.
+    /// Integrates to `v_n = 0`; returns the impulse at which slip stopped, if it did.
     fn compress(&mut self, state: &mut State<T>) -> Result<Option<T>, ImpactError> {
         let mut stopped = None;
         loop {
@@ -278,7 +280,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         Ok(stopped)
     }
 
-    /// A contact that cannot be moved on is at `v_n = 0` but for rounding, or wedges.
+    /// Whether a contact whose v_n no impulse changes is at `v_n = 0` within rounding; otherwise it wedges.
     fn check_held(&self, state: &State<T>, line: &Line<T>) -> Result<(), ImpactError> {
         let Contact { normal, coupling, v_n, .. } = self.contact;
         let terms = v_n.abs() + (*normal + self.mu * length(coupling)) * state.p;
@@ -288,8 +290,8 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         Err(self.contact.wedged(self.mu, state.v_n, line.normal_rate))
     }
 
-    /// To the end of restitution, or back to `v_n = 0` before it; whether it is over, and the impulse since its start at
-    /// which slip stopped.
+    /// Integrates to the end of restitution, or back to `v_n = 0` before it. Returns whether restitution is over, and
+    /// the impulse since its start at which slip stopped.
     fn restore(&mut self, state: &mut State<T>, end: &End<T>) -> (bool, Option<T>) {
         let mut stopped = None;
         loop {
@@ -302,7 +304,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                 (Return::Ends(x), _) => (Some(true), *x),
                 (Return::Falls(x), _) => (Some(false), *x),
                 (Return::Not, Piece::Curve(curve)) => (None, curve.end()),
-                // A line without end that restitution does not end on is one that cannot be moved on.
+                // A line without end on which restitution does not end is locked.
                 (Return::Not, Piece::Line(line)) => match line.end(state) {
                     Some(dp) => (None, dp),
                     None => return (true, stopped),
@@ -323,14 +325,14 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                 if !over {
                     state.v_n = T::zero();
                 }
-                // Turning round for ever would be rounding's doing.
+                // More changes of phase can only be rounding.
                 return (over || self.pieces > 2 * PIECES, stopped);
             }
         }
     }
 }
 
-/// What a contact without slip does: it sticks, or leaves along the one direction in which slip grows.
+/// The piece of a contact without slip: stick, or slip along the one direction on which slip grows.
 fn departure<T: RealField + Copy>(contact: &Contact<T>, mu: T) -> Line<T> {
     let mobility = contact.mobility();
     let drive = mobility.moved(&contact.coupling);

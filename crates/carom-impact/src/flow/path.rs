@@ -1,14 +1,15 @@
-//! The flow for those who look at it: its path, and its invariant directions.
+//! The path of the flow as a list of points, and its invariant directions.
 //!
-//! With A = `H_tt` turned to its own axes, λ₁ <= λ₂ along them, and h turned likewise,
+//! With A = `H_tt` in its principal axes, λ₁ <= λ₂ along them, and h in the same axes,
 //!
 //! ```text
 //! k_φ(φ) = h₂ cos φ - h₁ sin φ - μ Δ sin φ cos φ,   Δ = λ₂ - λ₁
 //! ```
 //!
-//! With the axes' signs chosen so that h₁, h₂ >= 0, k_φ falls through zero once in the first quadrant, rises once in
-//! the third, and has no zero in the fourth. In the second it has two if `h₁^⅔ + h₂^⅔ < (μ Δ)^⅔`, on either side of
-//! the direction with `tan³ φ = -h₂/h₁`, and else none: so there are two invariant directions or four.
+//! With the signs of the axes chosen so that h₁, h₂ >= 0, k_φ has one zero in the first quadrant, where it decreases,
+//! one in the third, where it increases, and none in the fourth. In the second quadrant it has two if `h₁^⅔ + h₂^⅔ < (μ
+//! Δ)^⅔`, on either side of the direction with `tan³ φ = -h₂/h₁`, otherwise none. So there are two invariant directions
+//! or four.
 
 use nalgebra::{SVector, Vector2};
 
@@ -19,49 +20,49 @@ use crate::problem::rounding;
 use crate::{ImpactError, ImpactProblem};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Points on a step of the power series, over which slip turns by about a right angle at most.
+/// Points per step of the power series, over which slip turns by about a right angle at most.
 const POINTS: usize = 16;
 
-/// Coupling and friction below this multiple of ε, beside `H_tt`, turn no slip.
+/// If coupling and friction are below this multiple of ε times `H_tt`, slip does not turn.
 const STILL: f64 = 64.0;
 
-/// The way of an impact while friction opposes the slip of each instant, whatever ends it: a polygon in impulse, or in
-/// velocity.
+/// The path of an impact in impulse and velocity while friction is opposed to the slip of each instant: a polygon.
 ///
-/// [`Newton`](crate::Newton), [`Poisson`](crate::Poisson) and [`Energetic`](crate::Energetic) follow it alike and
-/// differ in where they stop, so it knows no restitution. It is straight, and its corners exact, where slip keeps its
-/// direction or the contact sticks; where slip turns, its points lie on it densely.
+/// [`Newton`](crate::Newton), [`Poisson`](crate::Poisson) and [`Energetic`](crate::Energetic) follow the same path and
+/// differ in its end, so the path does not depend on the restitution. Where slip keeps its direction or the contact
+/// sticks, the path is straight and its corners are exact; where slip turns, the points lie on the curve at short
+/// distances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImpulsePath<const D: usize> {
-    /// From u⁻ on, the normal impulse never falling.
+    /// The points from u⁻ on, with non-decreasing normal impulse.
     pub points: Vec<PathPoint<D>>,
-    /// Index of the point at which compression ends, `u_n = 0` for the first time; 0 if the contact does not approach.
+    /// Index of the first point with `u_n = 0`, the end of compression; 0 if the contact does not approach.
     pub compression_end: usize,
-    /// Index of the point at which slip stops, if it does on this way; what follows sticks or slips another way.
+    /// Index of the point at which slip stops, if it does; after it the contact sticks or slips in another direction.
     pub slip_end: Option<usize>,
 }
 
 /// A point on an [`ImpulsePath`], in contact axes: tangents first, normal last.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathPoint<const D: usize> {
-    /// Impulse so far (N s).
+    /// Impulse up to this point (N s).
     pub impulse: SVector<f64, D>,
-    /// Contact velocity there (m/s).
+    /// Contact velocity at this point (m/s).
     pub velocity: SVector<f64, D>,
 }
 
 /// A direction in which slip does not turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InvariantDirection {
-    /// Angle of the slip velocity from the first tangent towards the second, in (-π, π] (rad).
+    /// Angle of the slip velocity, from the first tangent towards the second, in (-π, π] (rad).
     pub angle: f64,
-    /// `dr/dp`, change of the slip speed with the normal impulse (1/kg): positive on a way out from rest, negative on
-    /// a way in.
+    /// `dr/dp`, change of the slip speed with the normal impulse (1/kg): positive if slip grows along the direction,
+    /// negative if it decreases.
     pub slip_rate: f64,
 }
 
 impl<const D: usize> ImpactProblem<f64, D> {
-    /// Follows the impact to the end of compression, and on to `normal_impulse` (N s) if that is beyond.
+    /// Integrates the impact to the end of compression, and on to `normal_impulse` (N s) if that is larger.
     ///
     /// ```
     /// # use carom_impact::{Energetic, ImpactProblem, Law};
@@ -77,8 +78,10 @@ impl<const D: usize> ImpactProblem<f64, D> {
     ///
     /// # Errors
     ///
-    /// Friction or `normal_impulse` out of range; a normal without mobility ([`ImpactError::SingularNormal`]); a held
-    /// contact that wedges before compression ends ([`ImpactError::Wedged`]); numbers too large or too small.
+    /// - [`ImpactError::Friction`]: `friction` is out of range.
+    /// - [`ImpactError::NotFinite`]: `normal_impulse` is not finite, or a number on the path overflows.
+    /// - [`ImpactError::SingularNormal`]: the normal direction is singular.
+    /// - [`ImpactError::Wedged`]: the contact wedges before compression ends.
     ///
     /// **Source.** Keller, J. Appl. Mech. 53 (1986) 1; the hodograph after Bhatt and Koechling, J. Appl. Mech. 62
     /// (1995) 893.
@@ -100,7 +103,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         }
     }
 
-    /// Without friction nothing stops slip.
+    /// Without friction slip does not stop.
     fn straight_path(&self, normal_impulse: f64) -> ImpulsePath<D> {
         let mobility = self.delassus().column(D - 1).into_owned();
         let turn = (self.approach_speed() / mobility[D - 1]).max(0.0);
@@ -121,11 +124,12 @@ impl<const D: usize> ImpactProblem<f64, D> {
 }
 
 impl ImpactProblem<f64, 3> {
-    /// The directions in which slip does not turn, two or four, by their angle; none stands out where `H_tn = 0` and
-    /// `H_tt` is the same along all tangents, as for a sphere: the list is empty then, and slip never turns.
+    /// The directions in which slip does not turn, two or four, in ascending order of their angles. If `H_tn = 0` and
+    /// `H_tt` is a multiple of the identity, as for a sphere, slip never turns and the list is empty.
     ///
-    /// They depend on H and the friction alone, and no path of the slip velocity crosses them. Slip that has stopped
-    /// and that friction does not hold goes on along the one that leads out.
+    /// The directions depend on H and the friction alone, and no path of the slip velocity crosses them. If slip has
+    /// stopped and friction is too small to keep the contact sticking, slip continues along the direction with positive
+    /// `slip_rate`.
     ///
     /// ```
     /// # use carom_impact::ImpactProblem;
@@ -143,8 +147,8 @@ impl ImpactProblem<f64, 3> {
     ///
     /// [`ImpactError::Friction`].
     ///
-    /// **Source.** Bhatt and Koechling, J. Appl. Mech. 62 (1995) 893; the count by the astroid is derived at the head
-    /// of this module's source.
+    /// **Source.** Bhatt and Koechling, J. Appl. Mech. 62 (1995) 893. Their number (by an astroid) is derived at the
+    /// head of this module's source.
     pub fn invariant_directions(&self, friction: f64) -> Result<Vec<InvariantDirection>, ImpactError> {
         check_friction(friction)?;
         let contact = Contact::of(self);
@@ -164,7 +168,7 @@ impl ImpactProblem<f64, 3> {
         }
         let [h1, h2] = axes.map(|axis| axis.dot(&h));
         let turning = |angle: f64| h2 * angle.cos() - h1 * angle.sin() - spread * angle.sin() * angle.cos();
-        // Halving alone: a zero at the end of a bracket, where symmetry puts some, must not draw the search to it.
+        // Bisection alone: Newton's method could converge to a zero at the end of a bracket, which symmetry may cause.
         let between = |mut negative: f64, mut positive: f64| {
             for _ in 0..60 {
                 let middle = (negative + positive) / 2.0;
@@ -190,7 +194,7 @@ impl ImpactProblem<f64, 3> {
     }
 }
 
-/// The flow on its way, with what it has passed.
+/// The state of the flow and the points passed so far.
 struct Walk<'a, const D: usize> {
     contact: &'a Contact<f64>,
     state: State<f64>,
@@ -221,7 +225,7 @@ impl<'a, const D: usize> Walk<'a, D> {
                     let rises = line.rises(&self.state).filter(|_| room.is_none());
                     let stops = line.end(&self.state).filter(|_| !(line.locked && room.is_none()));
                     let ends = rises.or(stops).into_iter().chain(room).reduce(f64::min);
-                    // Held, and not to be moved on: compression is over where it is, or never.
+                    // Locked: compression is over here, or the contact wedges.
                     let Some(dp) = ends else {
                         flow.check_held(&self.state, &line)?;
                         self.state.v_n = 0.0;

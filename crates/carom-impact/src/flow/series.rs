@@ -1,10 +1,10 @@
-//! Power series cut off, and roots in a bracket.
+//! Truncated power series, and roots in a bracket.
 
 use nalgebra::{RealField, convert};
 
 use crate::problem::rounding;
 
-/// Highest power. The cost of a step grows with its square, the length of a step hardly any more.
+/// Highest power. The cost of a step grows with its square; the length of a step hardly grows any more.
 pub(super) const ORDER: usize = 24;
 
 /// `Σ c_k x^k` up to [`ORDER`].
@@ -35,7 +35,7 @@ impl<T: RealField + Copy> Series<T> {
 
     /// Coefficient k of the product with `other` (Cauchy).
     pub fn product(&self, other: &Self, k: usize) -> T {
-        // Two sums, lest each addition wait for the one before.
+        // Two sums, so that additions do not wait for each other.
         let (ours, theirs) = (&self.0, &other.0);
         let (mut even, mut odd) = (T::zero(), T::zero());
         let mut i = 0;
@@ -51,8 +51,8 @@ impl<T: RealField + Copy> Series<T> {
     }
 }
 
-/// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's
-/// method, kept in the bracket. One step more than the value needs, that the root carries its derivative where T does.
+/// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's method
+/// within the bracket. One step more than the value needs gives the root its derivative if T is a dual number.
 pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)) -> T {
     let half: T = convert(0.5);
     let (mut left, mut right, mut x) = (low, high, high);

@@ -1,4 +1,4 @@
-//! The flow where the plane has a closed form: never taken there by the laws, so asked for directly.
+//! The flow for planar problems, for which the laws use the closed form instead.
 
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3, matrix, vector};
 
@@ -22,7 +22,7 @@ fn in_space(h: &Matrix2<f64>, u: &Vector2<f64>, across: f64, angle: f64) -> (Imp
 }
 
 #[test]
-fn flow_is_the_planar_table_on_planar_problems() {
+fn flow_agrees_with_the_closed_form_on_planar_problems() {
     let mut rng = fastrand::Rng::with_seed(31);
     let mut worst = 0.0_f64;
     for i in 0..5_000 {
@@ -61,9 +61,9 @@ fn flow_is_the_planar_table_on_planar_problems() {
     println!("worst {worst:e}");
 }
 
-/// A planar arm has no mobility across its plane; held or not, the answer is the table's.
+/// A planar arm has no mobility across its plane; sticking or not, the outcome is that of the closed form.
 #[test]
-fn flow_without_mobility_across() {
+fn flow_agrees_with_the_closed_form_without_mobility_across_the_plane() {
     let mut rng = fastrand::Rng::with_seed(32);
     for _ in 0..2_000 {
         let (h, u, e, mu) = drawn(&mut rng);
@@ -77,9 +77,9 @@ fn flow_without_mobility_across() {
     }
 }
 
-/// A single joint held by friction stays or wedges, as in the plane.
+/// A single-joint arm on which friction acts stays or wedges, as in the plane.
 #[test]
-fn flow_of_a_single_joint() {
+fn flow_of_a_single_joint_stays_or_wedges() {
     let j = vector![0.3, 0.7];
     let h = j * j.transpose();
     for ending in [Ending::Velocity, Ending::Impulse, Ending::Work] {

@@ -6,34 +6,35 @@ use crate::contact::{Contact, length};
 use crate::outcome::Account;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Newton's coefficient, and an impulse ratio in the direction t of the first slip, clipped to what is admissible.
+/// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the
+/// admissible ratios.
 ///
 /// ```text
 /// P = (n + r t) P_n,   P_n = -(1 + e) u_n⁻/(C + r B)
 /// ```
 ///
-/// with A, B, C of the plane (t, n). The ratio r is the one asked for, brought between 0 and the first of two bounds:
+/// with A, B, C of the plane (t, n). The prescribed ratio is brought between 0 and the first of two bounds:
 ///
 /// ```text
 /// r₀ = -(C v_t - (1 + e) B u_n⁻)/(B v_t - (1 + e) A u_n⁻)   critical: slip ends just at separation
 /// r₁ where T⁺ = T⁻                                          a quadratic
 /// ```
 ///
-/// Beyond r₀ friction would drive the contact past rest; where the denominator of r₀ is not positive, no ratio
-/// against the slip stops it and r₀ is no bound. Where inertia alone turns the slip round, `r₀ > 0`: then only
-/// friction *along* the first slip is against the last, and a negative ratio is clipped to 0.
+/// Beyond r₀ friction would accelerate the contact past rest. If the denominator of r₀ is not positive, no ratio
+/// against the slip stops it, and r₀ is not a bound. If inertial coupling alone reverses the slip, `r₀ > 0`: then only
+/// friction *along* the initial slip acts against the final one, and a negative ratio is clipped to 0.
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `impulse_ratio` r, finite, negative against the slip. By
-/// name ([`law_by_name`](crate::law_by_name)) its size is the coefficient of friction and its sign that of r₀: towards
-/// rest. Without slip t is where the normal impulse will drive the contact.
+/// name ([`law_by_name`](crate::law_by_name)) its absolute value is the coefficient of friction and its sign that of
+/// r₀: towards rest. Without slip, t is the direction of `H_tn`, into which the normal impulse accelerates the contact.
 ///
-/// **Guarantee.** One answer where `C + r B > 0`, as for every regular H; `u_n⁺ = -e u_n⁻`; never gains energy,
+/// **Guarantee.** One solution where `C + r B > 0`, as for every regular H; `u_n⁺ = -e u_n⁻`; never gains energy,
 /// because the ratio is clipped.
 ///
-/// **Fails** to predict: the ratio is an outcome of an impact, not a property of a surface. In space friction across
-/// the first slip is left out, though slip may turn.
+/// **Fails** to predict r: the ratio is a result of an impact, not a property of a surface. In space friction across
+/// the initial slip is neglected, though the slip may turn.
 ///
-/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+/// **Works** are those of the straight path from u⁻ to u⁺, see [`Whittaker`](crate::Whittaker).
 ///
 /// **Source.** Brach, *Rigid body collisions*, J. Appl. Mech. 56 (1989) 133; *Mechanical Impact Dynamics* (1991).
 ///
@@ -43,7 +44,7 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![1.0_f64, -1.0])?;
 /// let hit = Brach { restitution: 0.8, impulse_ratio: -0.1 }.resolve(&problem)?;
 /// assert!((hit.u_plus - vector![0.37, 0.8]).norm() < 1e-15);
-/// // The critical ratio is 1/6.3: asked for more, the contact leaves at rest.
+/// // The critical ratio is -1/6.3: a larger one is clipped to it, and the slip stops.
 /// let hit = Brach { restitution: 0.8, impulse_ratio: -0.5 }.resolve(&problem)?;
 /// assert!(hit.u_plus[0].abs() < 1e-15 && (hit.impulse[0] / hit.impulse[1] + 1.0 / 6.3).abs() < 1e-15);
 /// # Ok::<(), carom_impact::ImpactError>(())
@@ -52,7 +53,7 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 pub struct Brach<T = f64> {
     /// Kinematic coefficient of restitution, 0 to 1.
     pub restitution: T,
-    /// Tangential over normal impulse asked for, along the first slip; negative against it.
+    /// Prescribed ratio of tangential to normal impulse along the initial slip; negative against it.
     pub impulse_ratio: T,
 }
 
@@ -80,7 +81,7 @@ impl<T: RealField + Copy> Brach<T> {
         check_restitution(self.restitution)?;
         check_impulse_ratio(self.impulse_ratio)?;
         let strike = || self.strike(name, problem);
-        // Jamming is friction's: without braking there is none.
+        // Only a ratio against the slip can jam.
         let mu = (-self.impulse_ratio).max(T::zero());
         Answers::of(name, mu, problem, strike, || Ok(vec![strike()?]))
     }
@@ -96,7 +97,7 @@ impl<T: RealField + Copy> Brach<T> {
         let plane = Plane::of(&contact, &t, e);
         let (ratio, rests) = plane.clipped(self.impulse_ratio);
         let det = plane.determinant();
-        // At rest P_n stays finite as approach and push fade together, if the held contact can move.
+        // At rest P_n stays finite as approach and `push` vanish together, if the sticking contact has an inverse mass.
         let push =
             if rests { (plane.gain * det / plane.stops()).max(det / plane.a) } else { plane.c + ratio * plane.b };
         if contact.is_locked(push) {
@@ -122,7 +123,7 @@ impl<T: RealField + Copy> Brach<T> {
     }
 }
 
-/// Brach's law with the impulse ratio of Coulomb's coefficient towards rest.
+/// Brach's law whose impulse ratio has the size of Coulomb's coefficient and acts towards rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BrachTowardsRest<T = f64> {
     pub restitution: T,
@@ -158,7 +159,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for BrachTowardsRest<T> {
     }
 }
 
-/// The ratio asked for along the first slip, and the bound that would clip a stronger one of the same sign.
+/// The prescribed ratio along the initial slip, and the bound that clips a larger one of the same sign.
 pub(crate) fn asked_and_bound<const D: usize>(law: &Brach, problem: &ImpactProblem<f64, D>) -> (f64, f64) {
     let contact = Contact::of(problem);
     let plane = Plane::of(&contact, &direction(&contact), law.restitution);
@@ -166,7 +167,7 @@ pub(crate) fn asked_and_bound<const D: usize>(law: &Brach, problem: &ImpactProbl
     (asked, plane.clipped(asked.signum() * (1.0 + asked.abs()) * 1e6).0)
 }
 
-/// Along the slip; without slip where the normal impulse drives it; without either, none.
+/// The unit vector along the slip; without slip that along `H_tn`; without either zero.
 fn direction<T: RealField + Copy>(contact: &Contact<T>) -> Vector2<T> {
     let along = |x: &Vector2<T>| {
         let size = length(x);
@@ -175,7 +176,7 @@ fn direction<T: RealField + Copy>(contact: &Contact<T>) -> Vector2<T> {
     along(&contact.slip).or_else(|| along(&contact.coupling)).unwrap_or_else(Vector2::zeros)
 }
 
-/// The contact in the plane of its first slip, `v_t >= 0`.
+/// The contact in the plane of its initial slip, `v_t >= 0`.
 struct Plane<T> {
     a: T,
     b: T,
@@ -203,7 +204,7 @@ impl<T: RealField + Copy> Plane<T> {
         (self.stops() > T::zero()).then(|| -self.slides() / self.stops())
     }
 
-    /// `A C - B²`, its products rounded once (Kahan).
+    /// `A C - B²` with one rounding of the products (Kahan).
     fn determinant(&self) -> T {
         let square = self.b * self.b;
         self.a.mul_add(self.c, -square) + (-self.b).mul_add(self.b, square)
@@ -219,25 +220,25 @@ impl<T: RealField + Copy> Plane<T> {
         self.b * self.v_t + self.a * self.gain
     }
 
-    /// The admissible ratio nearest to the one asked for, and whether it is the critical one.
+    /// The admissible ratio nearest to the prescribed one, and whether it is the critical one.
     fn clipped(&self, asked: T) -> (T, bool) {
         let (ratio, rests) = match self.critical() {
             Some(r) if r <= T::zero() && asked <= r => (r, true),
             Some(r) if r >= T::zero() && asked >= r => (r, true),
             Some(r) if asked * r < T::zero() => (T::zero(), false),
-            // Nothing to stop: at rest before and, smooth, after.
+            // No slip before, and none after without friction.
             Some(r) if r == T::zero() => (r, true),
             None if asked > T::zero() => (T::zero(), false),
             _ => (asked, false),
         };
         if self.gain == T::zero() {
-            return (ratio, rests); // no approach: rest costs energy, and nothing else moves any
+            return (ratio, rests); // no approach: to stop the slip costs energy, any other impulse is zero
         }
         let bounded = self.within_energy(ratio);
         (bounded, rests && bounded == ratio)
     }
 
-    /// The ratio between 0 and `r` that is nearest to `r` and gains no energy.
+    /// The ratio between 0 and `r` nearest to `r` that gains no energy.
     fn within_energy(&self, r: T) -> T {
         let (zero, two) = (T::zero(), convert::<f64, T>(2.0));
         // (T⁺ - T⁻)(C + r B)²/gain = α r² + β r + γ, with γ <= 0.

@@ -6,41 +6,42 @@ use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Two plastic impulses, one smooth and one that sticks, each with a restitution of its own; then the cone.
+/// A combination of two plastic impulses, one without friction (P₁) and one that sticks (P₂), with a normal and a
+/// tangential coefficient of restitution, limited to the friction cone.
 ///
 /// ```text
-/// P₁ = -(u_n⁻/C) n                        smooth, to u_n = 0
+/// P₁ = -(u_n⁻/C) n                        without friction, to u_n = 0
 /// P₂ = -H⁻¹ u⁻                            sticking, to u = 0
 /// P  = (1 + e) P₁ + κ (P₂ - P₁)           with κ = 1 + e_t if that is in the cone, else the κ
 ///                                         between 0 and 1 + e_t at which |P_t| = μ P_n
 /// ```
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `tangential_restitution` e_t in \[-1, 1\], where -1 is
-/// [`Frictionless`](crate::Frictionless) and 1 returns the tangential blow; `friction` μ >= 0.
+/// [`Frictionless`](crate::Frictionless) and 1 doubles the tangential impulse that sticks; `friction` μ >= 0.
 ///
-/// **Guarantee.** One answer for every H, regular or not, in plane and space, by a formula; `u_n⁺ = -e u_n⁻`. Never
-/// gains energy: `P₂ - P₁` leaves u_n alone, so the two parts do not share energy, and
+/// **Guarantee.** One solution for every H with `C > 0`, regular or not, in the plane and in space, in closed form;
+/// `u_n⁺ = -e u_n⁻`. Never gains energy: `P₂ - P₁` does not change u_n, so the energies of the two parts add up, and
 ///
 /// ```text
 /// T⁺ - T⁻ = -(1 - e²) (u_n⁻)²/(2 C) - κ (2 - κ) E,   E = ½ (P₂ - P₁)ᵀ H (P₂ - P₁) >= 0,   0 <= κ <= 2
 /// ```
 ///
-/// **Fails** to be Coulomb's law in time: even with e_t = 0 and enough friction, a contact that the normal impulse
-/// drives along the tangent does not leave at rest, because sticking belongs to the plastic part only. The
-/// coefficients are to be fitted; e_t is no constant of a material.
+/// **Fails** to be Coulomb's law in time: even with e_t = 0 and large friction, a contact with inertial coupling (`H_tn
+/// ≠ 0`) slips after the impact, because only the plastic part sticks. The coefficients have to be fitted; e_t is not a
+/// material constant.
 ///
-/// **Singular H.** What H cannot move, friction does not try to: `P₂ - P₁` is the shortest tangential impulse that
-/// stops what can be stopped.
+/// **Singular H.** `P₂ - P₁` is the shortest tangential impulse that stops all slip which H can change; along a null
+/// direction of H no friction acts.
 ///
-/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+/// **Works** are those of the straight path from u⁻ to u⁺, see [`Whittaker`](crate::Whittaker).
 ///
-/// **Source.** Chatterjee and Ruina, *A new algebraic rigid-body collision law based on impulse space
-/// considerations*, J. Appl. Mech. 65 (1998) 939.
+/// **Source.** Chatterjee and Ruina, *A new algebraic rigid-body collision law based on impulse space considerations*,
+/// J. Appl. Mech. 65 (1998) 939.
 ///
 /// ```
 /// # use carom_impact::{ChatterjeeRuina, ImpactProblem, Law};
 /// # use nalgebra::{matrix, vector};
-/// // A solid sphere on a floor rough enough: the contact stops, then leaves backwards (a superball).
+/// // A solid sphere on a rough floor: the slip stops and reverses (a superball).
 /// let problem = ImpactProblem::new(matrix![3.5, 0.0, 0.0; 0.0, 3.5, 0.0; 0.0, 0.0, 1.0], vector![1.0, 0.0, -1.0])?;
 /// let law = ChatterjeeRuina { restitution: 0.8, tangential_restitution: 0.5, friction: 0.5 };
 /// let hit = law.resolve(&problem)?;
@@ -95,7 +96,7 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
         let (h, c) = (contact.coupling, contact.normal);
         let mobility = contact.at_held_normal();
         let smooth = -contact.v_n / c; // P₁ along n
-        // P₂ - P₁ = (stop, lift): it stops the slip that the smooth impulse leaves.
+        // P₂ - P₁ = (stop, lift): it stops the slip that P₁ leaves.
         let slip = contact.slip + h * smooth;
         let stop = -mobility.least_solution(&slip);
         let lift = -h.dot(&stop) / c;
@@ -117,7 +118,7 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
         let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && mu == T::zero() && contact.slip.amax() > T::zero() {
-            account.mode = Mode::Slip; // nothing holds it
+            account.mode = Mode::Slip; // without friction it cannot stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()

@@ -5,24 +5,34 @@ use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Routh's walk, ended by the ratio of works (Stronge's law): restitution is over when the normal
-/// force has given back e² of the work it took,
+/// Routh's method with Stronge's coefficient: friction follows the slip, and restitution ends when the normal force has
+/// returned e² of the work that it absorbed in compression,
 ///
 /// ```text
 /// ∫_pc^P_n u_n dp = -e² ∫_0^pc u_n dp
 /// ```
 ///
-/// **Parameters.** `restitution` e, energetic, in \[0, 1\]; `friction` μ >= 0. This e is not the
-/// root of a ratio of kinetic energies.
 ///
-/// **Guarantee.** One answer for every regular H; never gains energy, because the normal work is
-/// `(1 - e²)` times that of compression, hence not positive, and neither is the work of friction. At
-/// e = 1 the normal work is zero: all loss is friction's.
+/// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
+/// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Newton`](crate::Newton),
+/// [`Poisson`](crate::Poisson) and this law share this path and differ in its end; they give the same outcome if the
+/// slip does not stop.
 ///
-/// **Fails** nowhere that its siblings do not: see [`ImpactError::Wedged`].
 ///
-/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
-/// through the normal, the problem is reduced to that plane exactly.
+/// **Parameters.** `restitution` e, energetic, in \[0, 1\]; `friction` μ >= 0. This e is not the square root of a ratio
+/// of kinetic energies.
+///
+/// **Guarantee.** One solution for every regular H; never gains energy, because the total normal work is `(1 - e²)`
+/// times that of compression, hence not positive, and the work of friction is not positive either. At e = 1 the normal
+/// work is zero, and all loss is due to friction.
+///
+/// **Fails** only for singular H, as [`Newton`](crate::Newton) and [`Poisson`](crate::Poisson) do; see
+/// [`ImpactError::Wedged`].
+///
+///
+/// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
+/// plane through the normal, the problem is reduced to that plane exactly.
+///
 ///
 /// **Source.** Stronge, Proc. R. Soc. A 431 (1990) 169.
 ///

@@ -4,25 +4,26 @@ use super::{AnyLaw, Kind, Law, check_restitution};
 use crate::outcome::{Account, Mode};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Impact along the normal alone; the tangential velocity jumps only by inertial coupling.
+/// Impact without friction: the impulse acts along the normal, and the tangential velocity changes only by inertial
+/// coupling.
 ///
 /// ```text
 /// P_n = -(1 + e) u_n⁻ / C,   P_t = 0,   u⁺ = u⁻ + H P,   u_n⁺ = -e u_n⁻
 /// T⁻ - T⁺ = ½ (1 - e²) (u_n⁻)² / C
 /// ```
 ///
-/// **Parameter.** `restitution` e in \[0, 1\]. Without friction the kinematic (Newton), kinetic
-/// (Poisson) and energetic (Stronge) coefficients are one number.
+/// **Parameter.** `restitution` e in \[0, 1\]. Without friction the kinematic (Newton), kinetic (Poisson) and energetic
+/// (Stronge) coefficients are equal.
 ///
-/// **Guarantee.** One answer in any dimension; never gains energy.
+/// **Guarantee.** One solution in any dimension; never gains energy.
 ///
-/// **Fails** where `C = H_nn` vanishes: the impulse grows without bound
+/// **Fails** for a singular normal direction, `C = H_nn = 0`, where the impulse would be infinite
 /// ([`ImpactError::SingularNormal`]).
 ///
-/// **Mode.** Without friction nothing holds a contact: it slips, slips back if the end slip points
-/// against the first, and sticks only where nothing moves it.
+/// **Mode.** Without friction a contact does not stick: it slips, or slips back if its final slip is opposite to the
+/// initial one. The mode is stick only if there is no slip before and after.
 ///
-/// **Source.** Newton's law of impact (*Principia*, 1687) along the normal.
+/// **Source.** Newton, *Principia* (1687): his law of impact, along the normal.
 ///
 /// ```
 /// # use carom_impact::{Frictionless, ImpactProblem, Law};
@@ -60,7 +61,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
     }
 }
 
-/// The formula above, for an approaching contact with `C > 0`.
+/// The formula of [`Frictionless`], for an approaching contact with `C > 0`.
 pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     law: &'static str,
     e: T,
@@ -79,7 +80,7 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
     let mut account = Account::straight(e, &impulse, u, &u_plus);
     if slip(u) && account.mode == Mode::Stick {
-        account.mode = Mode::Slip; // nothing holds it
+        account.mode = Mode::Slip; // without friction it cannot stick
     }
     ImpactOutcome::of(law, problem, impulse, u_plus, &account)
 }

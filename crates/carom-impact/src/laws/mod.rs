@@ -1,4 +1,4 @@
-//! The laws, one small type each, and their names.
+//! The impact laws, one type each, and their names.
 
 mod brach;
 mod chatterjee_ruina;
@@ -25,31 +25,34 @@ pub use whittaker::Whittaker;
 use crate::problem::plain;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
-/// A rule that turns an impact problem into an impulse.
+/// An impact law: a rule that returns the impulse of an [`ImpactProblem`].
 pub trait Law<T: RealField + Copy, const D: usize> {
-    /// The name the law goes by, one of [`LAW_NAMES`] for the laws of this crate.
+    /// Name of the law; for the laws of this crate one of [`LAW_NAMES`].
     fn name(&self) -> &'static str;
 
     /// Resolves the impact.
     ///
-    /// A contact that does not approach is no error: the outcome is
-    /// [`Mode::Open`](crate::Mode::Open), with zero impulse and the flag `no-approach`.
+    /// A contact that does not approach is not an error: the outcome is [`Mode::Open`](crate::Mode::Open) with zero
+    /// impulse and the flag `no-approach`.
     ///
     /// # Errors
     ///
-    /// A coefficient out of its range; a normal without mobility
-    /// ([`ImpactError::SingularNormal`]); a held contact that wedges ([`ImpactError::Wedged`]).
+    /// - [`ImpactError::Restitution`], [`ImpactError::Friction`] and others: a coefficient is out of its range.
+    /// - [`ImpactError::SingularNormal`]: the contact approaches along a singular normal direction (`H_nn = 0`).
+    /// - [`ImpactError::Wedged`]: the contact wedges; only for singular H.
+    /// - [`ImpactError::NotFinite`]: the impulse overflows.
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError>;
 
-    /// Every outcome that satisfies the law, that of [`resolve`](Self::resolve) first: one, unless the outcome is
-    /// flagged `non-unique`.
+    /// All outcomes that satisfy the law, that of [`resolve`](Self::resolve) first. There is one, unless the outcome
+    /// has the flag `non-unique`.
     ///
-    /// - A contact that slides at `u_n = 0` and whose friction jams: no impulse, then the finite one, to which the
-    ///   outcome tends as the approach fades (impact without collision, Painlevé).
-    /// - [`Whittaker`]'s several answers: stick, then slips in the order of falling impulse; where H is singular in
-    ///   the plane, the ends of the range of impulses; where it is singular in space, those that are found.
+    /// - A contact that slides at `u_n = 0` and whose friction jams: first the zero impulse, then the finite impulse to
+    ///   which the outcome tends as `u_n -> 0` from below (impact without collision, Painlevé).
+    /// - [`Whittaker`] with several solutions: stick, then slips in the order of decreasing impulse. Where H is
+    ///   singular in the plane, the two ends of the range of impulses; where it is singular in space, the solutions
+    ///   that were found.
     ///
-    /// A law that does not say has one.
+    /// The default implementation returns the outcome of [`resolve`](Self::resolve) alone.
     ///
     /// # Errors
     ///
@@ -72,17 +75,18 @@ pub trait Law<T: RealField + Copy, const D: usize> {
         Ok(vec![self.resolve(problem)?])
     }
 
-    /// This law as a value whose scalar can be changed, if it is one of this crate: what derivatives are taken of.
+    /// This law as an [`AnyLaw`], whose scalar type can be changed; derivatives need it. `None`, the default, for a
+    /// user-defined law.
     fn known(&self) -> Option<AnyLaw<T>> {
         None
     }
 }
 
-/// Names [`law_by_name`] knows.
+/// Names that [`law_by_name`] accepts.
 pub const LAW_NAMES: [&str; 8] =
     ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];
 
-/// What a law may ask for beside the problem; each takes what it knows.
+/// Coefficients of a contact. Each law uses those that it has.
 ///
 /// ```
 /// use carom_impact::Coefficients;
@@ -91,16 +95,16 @@ pub const LAW_NAMES: [&str; 8] =
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Coefficients<T = f64> {
-    /// Coefficient of restitution, 0 to 1, in the law's own sense.
+    /// Coefficient of restitution, 0 to 1, as the law defines it.
     pub restitution: T,
-    /// Coefficient of tangential restitution, -1 to 1; only `chatterjee-ruina` has one.
+    /// Coefficient of tangential restitution, -1 to 1; only `chatterjee-ruina` uses it.
     pub tangential_restitution: T,
-    /// Coulomb coefficient of friction, 0 or more; `brach` takes it for an impulse ratio towards rest.
+    /// Coulomb coefficient of friction, 0 or more; `brach` uses it as the size of an impulse ratio towards rest.
     pub friction: T,
 }
 
-/// The law called `name`, or `None` if there is none. The coefficients are checked when the law
-/// resolves its first problem, those that it does not know are ignored.
+/// The law called `name`, or `None` if there is none. The coefficients are checked when the law resolves its first
+/// problem; coefficients that the law does not have are ignored.
 ///
 /// ```
 /// use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
@@ -117,7 +121,7 @@ pub fn law_by_name<const D: usize>(
     Some(Box::new(AnyLaw::named(name, coefficients)?))
 }
 
-/// Any law of this crate with its coefficients, as one type: so that a law can be carried over to another scalar.
+/// Any law of this crate with its coefficients, as one type that can be converted to another scalar type.
 ///
 /// ```
 /// use carom_impact::{AnyLaw, Coefficients, Energetic, Law};
@@ -144,7 +148,7 @@ enum Kind<T> {
 }
 
 impl<T: RealField + Copy> AnyLaw<T> {
-    /// The law called `name`, or `None` if there is none: see [`law_by_name`].
+    /// The law called `name`, or `None` if there is none; see [`law_by_name`].
     pub fn named(name: &str, coefficients: Coefficients<T>) -> Option<Self> {
         let Coefficients { restitution, tangential_restitution, friction } = coefficients;
         Some(Self(match name {
@@ -162,7 +166,8 @@ impl<T: RealField + Copy> AnyLaw<T> {
         }))
     }
 
-    /// Its coefficients; zero for those that it does not know. Of [`Brach`] the size of the impulse ratio is the friction.
+    /// The coefficients of the law; zero for those that it does not have. For [`Brach`] `friction` is the absolute
+    /// value of the impulse ratio.
     pub fn coefficients(&self) -> Coefficients<T> {
         let zero = T::zero();
         let of = |restitution, friction| Coefficients { restitution, tangential_restitution: zero, friction };
@@ -181,7 +186,7 @@ impl<T: RealField + Copy> AnyLaw<T> {
         }
     }
 
-    /// The same law with other coefficients, of any scalar. [`Brach`] keeps the sign of its impulse ratio.
+    /// The same law with other coefficients, of any scalar type. [`Brach`] keeps the sign of its impulse ratio.
     pub fn with<U: RealField + Copy>(&self, coefficients: Coefficients<U>) -> AnyLaw<U> {
         let Coefficients { restitution, tangential_restitution, friction } = coefficients;
         AnyLaw(match self.0 {
@@ -202,12 +207,12 @@ impl<T: RealField + Copy> AnyLaw<T> {
         })
     }
 
-    /// Whether the law follows the slip in time (Newton's, Poisson's, Stronge's).
+    /// Whether the law follows the slip in time (Newton, Poisson, Stronge).
     pub(crate) fn follows_slip(&self) -> bool {
         matches!(self.0, Kind::Newton(_) | Kind::Poisson(_) | Kind::Energetic(_))
     }
 
-    /// Whether there is no friction in it.
+    /// Whether the law has no friction.
     pub(crate) fn is_frictionless(&self) -> bool {
         matches!(self.0, Kind::Frictionless(_))
     }
@@ -216,12 +221,13 @@ impl<T: RealField + Copy> AnyLaw<T> {
         matches!(self.0, Kind::Newton(_))
     }
 
-    /// Whether the law is Newton's or Poisson's, followed in time.
+    /// Whether the law is Newton's or Poisson's, whose outcomes contain no square root.
     pub(crate) fn is_rational(&self) -> bool {
         matches!(self.0, Kind::Newton(_) | Kind::Poisson(_))
     }
 
-    /// Whether the impulse is that of one cone (Whittaker's; Chatterjee & Ruina's, with its tangential restitution).
+    /// Whether the law limits one total impulse to the cone: Whittaker's (`Some(None)`), or Chatterjee & Ruina's with
+    /// its tangential restitution.
     pub(crate) fn cone(&self) -> Option<Option<T>> {
         match self.0 {
             Kind::Whittaker(_) => Some(None),
@@ -246,7 +252,7 @@ impl<T: RealField + Copy> AnyLaw<T> {
 }
 
 impl AnyLaw {
-    /// Of Brach's law: the impulse ratio asked for, and what would clip a stronger one.
+    /// For Brach's law, the prescribed impulse ratio and the bound that clips it.
     pub(crate) fn brach_ratios<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> Option<(f64, f64)> {
         match self.0 {
             Kind::Brach(law) => Some(asked_and_bound(&law, problem)),

@@ -5,31 +5,36 @@ use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Routh's walk, ended by the ratio of velocities: restitution is over when
+/// Routh's method with Newton's coefficient: friction follows the slip, and restitution ends at a prescribed ratio of
+/// velocities,
 ///
 /// ```text
 /// u_n⁺ = -e u_n⁻
 /// ```
 ///
-/// The walk itself (slip, then stick or slip back, by Coulomb's law at every instant) is shared with
-/// [`Poisson`](crate::Poisson) and [`Energetic`](crate::Energetic); the three agree while slip never
-/// stops.
+///
+/// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
+/// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Poisson`](crate::Poisson),
+/// [`Energetic`](crate::Energetic) and this law share this path and differ in its end; they give the same outcome if
+/// the slip does not stop.
+///
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** One answer for every regular H. Friction works against the slip at every instant,
-/// so `friction_work <= 0`.
+/// **Guarantee.** One solution for every regular H; `u_n⁺ = -e u_n⁻`; `friction_work <= 0`, because friction acts
+/// against the slip at each instant.
 ///
-/// **Fails** to keep the energy books: when slip stops, the prescribed velocity can take more normal
-/// work out of restitution than compression put in. Such an outcome carries the flag `energy-gain`.
-/// With friction that holds a contact and det H -> 0 the impulse grows without bound; at det H = 0
-/// the contact stays at `u_n = 0` instead.
+/// **Fails** to conserve the energy balance: if the slip stops, the prescribed velocity can require more normal work in
+/// restitution than compression absorbed. Such an outcome has the flag `energy-gain`. If friction makes the contact
+/// stick, the impulse grows without bound as det H -> 0; at det H = 0 the contact stays at `u_n = 0` instead.
 ///
-/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
-/// through the normal, the problem is reduced to that plane exactly.
 ///
-/// **Source.** Keller, J. Appl. Mech. 53 (1986) 1, on Routh's method, with Newton's coefficient as the
-/// end; compare Wang and Mason, J. Appl. Mech. 59 (1992) 635.
+/// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
+/// plane through the normal, the problem is reduced to that plane exactly.
+///
+///
+/// **Source.** Keller, J. Appl. Mech. 53 (1986) 1, on Routh's method, ended by Newton's coefficient; compare Wang and
+/// Mason, J. Appl. Mech. 59 (1992) 635.
 ///
 /// ```
 /// # use carom_impact::{ImpactProblem, Law, Newton};

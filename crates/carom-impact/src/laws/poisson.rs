@@ -5,23 +5,31 @@ use crate::plane::Routh;
 use crate::routh::Ending;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Routh's walk, ended by the ratio of impulses: with `pc` the normal impulse at which compression
-/// ends (`u_n = 0`), restitution is over when
+/// Routh's method with Poisson's coefficient: friction follows the slip, and restitution ends at a prescribed ratio of
+/// impulses. With `pc` the normal impulse at which compression ends (`u_n = 0`),
 ///
 /// ```text
 /// P_n = (1 + e) pc
 /// ```
 ///
+///
+/// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
+/// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Newton`](crate::Newton),
+/// [`Energetic`](crate::Energetic) and this law share this path and differ in its end; they give the same outcome if
+/// the slip does not stop.
+///
+///
 /// **Parameters.** `restitution` e, kinetic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** One answer for every regular H; `friction_work <= 0`; never gains energy in the plane. In space that
-/// is not proved here, but none of 200 000 random impacts did. The rebound may be faster than the approach
-/// (`newton > 1`) all the same.
+/// **Guarantee.** One solution for every regular H; `friction_work <= 0`; never gains energy in the plane. In space
+/// this is not proved; POISSON_CENSUS The contact may nevertheless separate faster than it approached (`newton > 1`).
 ///
-/// **Fails** at e = 1 to be lossless: when slip stops, the normal work of the two phases differs.
+/// **Fails** to conserve the kinetic energy at e = 1: if the slip stops, the normal works of the two phases differ.
 ///
-/// **In space** slip turns while it lasts, and is followed by power series to rounding; where it stays in one plane
-/// through the normal, the problem is reduced to that plane exactly.
+///
+/// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
+/// plane through the normal, the problem is reduced to that plane exactly.
+///
 ///
 /// **Source.** Poisson (1811); Routh (1860); Wang and Mason, J. Appl. Mech. 59 (1992) 635.
 ///

@@ -8,10 +8,10 @@ use crate::outcome::{Account, Mode};
 use crate::problem::rounding;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// What is below this multiple of ε beside its neighbours is rounding.
+/// A value below this multiple of ε times the terms it is compared with counts as zero.
 const REST: f64 = 32.0;
 
-/// Newton's coefficient, and friction against a mean of the slips before and after.
+/// Newton's coefficient, with friction against a weighted mean w of the slips before and after the impact.
 ///
 /// ```text
 /// u_n⁺ = -e u_n⁻
@@ -20,19 +20,20 @@ const REST: f64 = 32.0;
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** Never gains energy: with `x = |v_t⁻|` and `y = |v_t⁺|`, friction's part of the change is
-/// `½ P_t·(v_t⁻ + v_t⁺) <= -½ μ P_n (x + y)(x - y)²/(x² + y²)`. In the plane one answer for every regular H: `v_t⁺`
-/// falls as w grows and w grows with `v_t⁺`. In space one exists, because the field `P_t + μ P_n w` points outwards
-/// all around the cone; that there is no other is not proved.
+/// **Guarantee.** `u_n⁺ = -e u_n⁻`. Never gains energy: with `x = |v_t⁻|` and `y = |v_t⁺|`, the contribution of
+/// friction to the energy change is `½ P_t·(v_t⁻ + v_t⁺) <= -½ μ P_n (x + y)(x - y)²/(x² + y²)`. In the plane one
+/// solution for every regular H: `v_t⁺` decreases with w, and w increases with `v_t⁺`. In space a solution exists for
+/// every regular H, because the field `P_t + μ P_n w` points outwards on the whole boundary of the cone; uniqueness is
+/// not proved.
 ///
-/// **Fails** to stick: a slip that friction could stop fades, and ends only as μ grows. Slip that turns round is
-/// hardly braked at all, since the two slips cancel in w. Without slip before, it is
+/// **Fails** to stick: a slip that Coulomb friction would stop becomes small, but zero only as μ -> ∞. Slip that
+/// reverses is hardly braked, because the two slips cancel in w. Without slip before, it is
 /// [`Whittaker`](crate::Whittaker)'s law.
 ///
-/// **Method.** Newton's, kept in the cone; where it stalls, with friction raised step by step, or from a point that
-/// the field itself leads to. (None of 100 000 random problems in space was left without an answer.)
+/// **Method.** Newton's method within the cone. If it stalls, friction is raised in steps, or the iteration starts from
+/// a point reached along the field itself. SMITH_CENSUS
 ///
-/// **Works** are those of the straight path, see [`Whittaker`](crate::Whittaker).
+/// **Works** are those of the straight path from u⁻ to u⁺, see [`Whittaker`](crate::Whittaker).
 ///
 /// **Source.** Smith, *Predicting rebounds using rigid-body dynamics*, J. Appl. Mech. 58 (1991) 754.
 ///
@@ -102,7 +103,7 @@ impl<T: RealField + Copy> Smith<T> {
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
         let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         if account.mode == Mode::Stick && contact.slip.amax() > T::zero() {
-            account.mode = Mode::Slip; // nothing holds it
+            account.mode = Mode::Slip; // this law does not stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
@@ -116,14 +117,14 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
         let cone = Cone::new(contact.tangents, contact.coupling, contact.normal);
         cone.solve(mu, &contact.slip, -gain, gain)
     };
-    // No slip, or one that may be rounding of the approach: w has no direction from before.
+    // No slip before, or one that may be rounding of the approach: then w has the direction of the slip after.
     if length(&contact.slip) <= gain * rounding(REST) && mu > T::zero() {
         let touch = cone()?;
         return Some((touch.tangent, touch.normal, touch.tangent * -touch.slip));
     }
     let equation = Equation::of(contact, gain);
     let near = || equation.near(mu, &cone()?, &contact.at_held_normal());
-    // So slow that w turns round within the rounding of v_t⁺; the error of `near` is of second order.
+    // A slip so slow that w reverses within the rounding of v_t⁺; the error of `near` is of second order.
     let slow = length(&contact.slip) <= length(&equation.start) * T::default_epsilon().sqrt();
     if slow
         && mu > T::zero()
@@ -135,7 +136,7 @@ fn answer<T: RealField + Copy>(contact: &Contact<T>, e: T, mu: T) -> Option<(Vec
     Some((x, equation.normal(&x), equation.end(&x)))
 }
 
-/// The finite answer at `v_n = 0`, if there is one: that of an approach slow enough, and from there.
+/// The finite solution at `v_n = 0`, if there is one: Newton's method from the solution for a slow approach.
 fn from_rest<T: RealField + Copy>(contact: &Contact<T>, mu: T) -> Option<(Vector2<T>, T, Vector2<T>)> {
     let (zero, speed) = (T::zero(), length(&contact.slip));
     if speed == zero || mu == zero {
@@ -144,12 +145,12 @@ fn from_rest<T: RealField + Copy>(contact: &Contact<T>, mu: T) -> Option<(Vector
     let slow = Contact { v_n: -speed * convert(1e-6), ..*contact };
     let equation = Equation::of(contact, zero);
     let x = equation.newton(mu, answer(&slow, zero, mu)?.0)?;
-    // An impulse that does nothing to the slip is zero but for rounding.
+    // An impulse that does not change the slip is zero within rounding.
     let moves = length(&(equation.tangents * x)) > speed * convert(1e-3);
     moves.then(|| (x, equation.normal(&x), equation.end(&x)))
 }
 
-/// `x + μ P_n(x) w(x) = 0` for `x = P_t`, the normal impulse eliminated.
+/// `x + μ P_n(x) w(x) = 0` for `x = P_t`, with the normal impulse eliminated.
 struct Equation<T> {
     slip: Vector2<T>,
     /// P_n at x = 0.
@@ -197,8 +198,8 @@ impl<T: RealField + Copy> Equation<T> {
         (x + w * (mu * p_n), slope)
     }
 
-    /// Where slow slips end: close to the cone's answer. If that sticks, its friction is -μ P_n w, and w tells
-    /// the slip left, `v_t⁺ = |v_t⁻| z`, by
+    /// An estimate for slow slips, near the solution on the cone. If that one sticks, its friction is -μ P_n w, and w
+    /// determines the remaining slip `v_t⁺ = |v_t⁻| z` by
     ///
     /// ```text
     /// |z| z = w (1 + |z|²) - v,  v = v_t⁻/|v_t⁻|
@@ -217,7 +218,8 @@ impl<T: RealField + Copy> Equation<T> {
         (x.x + x.y).is_finite().then_some((x, Some(z * speed)))
     }
 
-    /// Newton's method from no friction; if it stalls, from near the answer for slow slips; then by detours.
+    /// Newton's method from zero friction; if it stalls, from the estimate for slow slips; then with friction raised in
+    /// steps; then along the field.
     fn solve(&self, mu: T, near: impl FnOnce() -> Option<Vector2<T>>) -> Option<Vector2<T>> {
         if let Some(x) = self.newton(mu, Vector2::zeros()) {
             return Some(x);
@@ -228,7 +230,7 @@ impl<T: RealField + Copy> Equation<T> {
         if let Some(x) = self.raised(mu) {
             return Some(x);
         }
-        // The field points out of the cone all around, so against it the way ends inside.
+        // The field points out of the cone on its whole boundary, so steps against it end inside.
         let mut x = Vector2::zeros();
         for _ in 0..200 {
             for _ in 0..64 {
@@ -242,7 +244,7 @@ impl<T: RealField + Copy> Equation<T> {
         None
     }
 
-    /// By way of smaller coefficients.
+    /// Newton's method with friction raised in steps.
     fn raised(&self, mu: T) -> Option<Vector2<T>> {
         let half: T = convert(0.5);
         let (mut x, mut share, mut step) = (Vector2::zeros(), T::zero(), convert::<f64, T>(1.0 / 64.0));
@@ -275,7 +277,7 @@ impl<T: RealField + Copy> Equation<T> {
                 let next = x - step * share;
                 let p_n = self.normal(&next);
                 let (g, g_slope) = self.value(mu, &next);
-                // Once at rounding, a last full step lets derivatives settle.
+                // At rounding, one more full step makes the derivatives of dual numbers converge.
                 if size <= scale * rounding(16.0) && p_n > T::zero() {
                     return Some(next);
                 }
@@ -285,7 +287,7 @@ impl<T: RealField + Copy> Equation<T> {
                 }
                 share *= half;
                 if share < convert(1e-9) {
-                    // Rounding in w may be larger, its slope being 1/|v_t⁻|, and in P_n, a difference.
+                    // The rounding error of w may be larger, as its slope is 1/|v_t⁻|, and that of P_n, a difference.
                     let rough = scale * T::default_epsilon().sqrt() + mu * self.smooth * rounding(16.0);
                     let settled =
                         length(&step) <= length(&x) * T::default_epsilon().sqrt() && size <= length(&x) * convert(1e-4);

@@ -11,7 +11,7 @@ use crate::problem::rounding;
 use crate::routh::coefficient_of_work;
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
-/// Newton's coefficient and Coulomb's cone, both imposed on the whole impulse at once.
+/// Newton's coefficient and Coulomb's cone, both imposed on the total impulse.
 ///
 /// ```text
 /// u_n⁺ = -e u_n⁻, and either
@@ -21,29 +21,26 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
 ///
-/// **Guarantee.** In the plane one answer for every regular H. Proof: let `P_t = -λ μ P_n` with λ in
-/// \[-1, 1\]. The rebound fixes `P_n(λ) = -(1+e) v_n⁻/(C - λ μ B)`, and then
-/// `dv_t⁺/dλ` has the sign of `-(A C - B²)`: v_t⁺ falls with λ wherever `P_n > 0`, and to -∞ (or
-/// from +∞) where `C - λ μ B` reaches zero. So λ = 1 with `v_t⁺ >= 0`, λ = -1 with `v_t⁺ <= 0`,
-/// and a zero of v_t⁺ between them exclude one another, and one of them holds. This is why stick
-/// is what remains when neither slip is admissible.
+/// **Guarantee.** In the plane one solution for every regular H. Proof: let `P_t = -λ μ P_n` with λ in \[-1, 1\]. The
+/// rebound fixes `P_n(λ) = -(1+e) v_n⁻/(C - λ μ B)`, and then `dv_t⁺/dλ` has the sign of `-(A C - B²)`: v_t⁺ decreases
+/// with λ wherever `P_n > 0`, and tends to -∞ (or comes from +∞) where `C - λ μ B` reaches zero. Therefore exactly one
+/// of three cases holds: λ = 1 with `v_t⁺ >= 0`, λ = -1 with `v_t⁺ <= 0`, or a zero of v_t⁺ between them. This is why
+/// the contact sticks if neither slip is admissible.
 ///
-/// **Fails** to keep the energy books. Friction points against the *last* slip, so it may push the
-/// wrong way most of the time. Such an outcome carries the flag `energy-gain`. At det H = 0 there
-/// may be no answer ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the slip
-/// that continues the first is taken, and flagged `non-unique`; [`branches`](Law::branches) gives both ends.
+/// **Fails** to conserve the energy balance. Friction is opposed to the *final* slip, so it may act along the slip
+/// during most of the impact. Such an outcome has the flag `energy-gain`. At det H = 0 there may be no solution
+/// ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the one whose friction is opposed to the initial
+/// slip is taken, with the flag `non-unique`; [`branches`](Law::branches) returns both ends of the range.
 ///
-/// **Works.** The law has no path; they are those of the straight one,
-/// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised
-/// coefficients are e.
+/// **Works.** The law has no path in time. The works are those of the straight path from u⁻ to u⁺, `W_n = ½ P_n (v_n⁻ +
+/// v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised coefficients are e.
 ///
-/// **In space** slip is opposed by friction of size `μ P_n` along `-v_t⁺`: with the normal impulse eliminated,
-/// `P_t = -(S + s 1)⁻¹ b` for an s >= 0 found to rounding (`cone.rs`). One such s exists for
-/// every regular H, but there may be three (in 1 of 1000 random problems); then sticking is taken if it is among them,
-/// and the outcome is flagged `non-unique`; [`branches`](Law::branches) gives all.
+/// **In space** friction of size `μ P_n` acts along `-v_t⁺`: with the normal impulse eliminated, `P_t = -(S + s 1)⁻¹ b`
+/// for an s >= 0 that is computed to rounding (`cone.rs`). At least one such s exists for every regular H, and there
+/// may be three (WHITTAKER_CENSUS); then sticking is taken if it is a solution, and the outcome has the flag
+/// `non-unique`; [`branches`](Law::branches) returns all.
 ///
-/// **Source.** Whittaker, *Analytical Dynamics* (1904); its paradox: Kane and Levinson,
-/// *Dynamics* (1985).
+/// **Source.** Whittaker, *Analytical Dynamics* (1904); its energy paradox: Kane and Levinson, *Dynamics* (1985).
 ///
 /// ```
 /// # use carom_impact::{Flags, ImpactProblem, Law, Whittaker};
@@ -92,7 +89,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Whittaker<T> {
 }
 
 impl<T: RealField + Copy> Whittaker<T> {
-    /// The others of an approach are left out: it is cheaper to count them.
+    /// The other solutions of an approach are left out: counting them is cheaper.
     fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
         let (name, e, mu) = (Law::<T, D>::name(self), self.restitution, self.friction);
         check_restitution(e)?;
@@ -113,7 +110,7 @@ impl<T: RealField + Copy> Whittaker<T> {
             };
             resolve_with_friction(name, e, mu, problem, in_plane, in_space)
         };
-        // Without approach the first answer is no impulse, and all others are others.
+        // Without approach the first solution is the zero impulse.
         Answers::of(name, mu, problem, strike, || Ok(self.others(problem, Which::First)))
     }
 
@@ -147,7 +144,7 @@ impl<T: RealField + Copy> Whittaker<T> {
     fn found<const D: usize>(&self, problem: &ImpactProblem<T, D>, touch: &Touch<T>) -> Found<T, D> {
         let (e, contact) = (self.restitution, Contact::of(problem));
         let impulse = Contact::lift(&touch.tangent, touch.normal);
-        // Exactly against the friction; nothing where it sticks.
+        // Exactly opposed to the friction; zero if it sticks.
         let u_plus = Contact::lift(&(touch.tangent * -touch.slip), -e * contact.v_n);
         let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
         account.flags |= Flags::SINGULAR.when(contact.is_singular());
@@ -155,7 +152,7 @@ impl<T: RealField + Copy> Whittaker<T> {
     }
 }
 
-/// Which answer of a planar contact.
+/// Which solution of a planar contact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Which {
     First,
@@ -163,7 +160,7 @@ enum Which {
     Second,
 }
 
-/// `None` without an answer: where the contact wedges, or has no second one.
+/// `None` without a solution: the contact wedges, or there is no second one.
 fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, which: Which) -> Option<Answer<T>> {
     let (zero, one, half) = (T::zero(), T::one(), convert::<f64, T>(0.5));
     let (a, b, c) = contact.abc();
@@ -192,7 +189,7 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
         return None;
     }
     let (p_t, p_n, v_t_plus) = if at_rest {
-        // Nothing moves or drives the tangent.
+        // No slip before, and nothing accelerates the tangent.
         (zero, gain / c, zero)
     } else {
         match (slip(first), slip(-first)) {
@@ -218,8 +215,7 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
     } else {
         Mode::Slip
     };
-    // On the straight path v_n = 0 parts the impulse as the velocities: v_n⁺ to -v_n⁻. Without approach there are no
-    // coefficients.
+    // On the straight path v_n = 0 divides the impulse as v_n⁺ to -v_n⁻. Without approach there are no coefficients.
     let approaches = gain != zero;
     let share = -v_n / gain;
     let taken = share * p_n * v_n * half;

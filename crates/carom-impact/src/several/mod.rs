@@ -1,25 +1,24 @@
-//! Impacts at several places at once: contacts, joint limits, dry joints, held directions.
+//! Impacts at several constraints at once: contacts, joint limits, dry joint friction, locked directions.
 //!
-//! The impulses and the velocities they cause depend on one another through one matrix. Which impulses
-//! belong to which velocities is the law's affair:
+//! All impulses act on all velocities through one Delassus matrix. The law relates impulses and velocities:
 //!
 //! | Law | Constraints act | Restitution is | Energy without friction |
 //! |---|---|---|---|
-//! | [`simultaneous`](SeveralProblem::simultaneous), Moreau | at once | a ratio of velocities | **can gain**, if a receding contact is pushed |
+//! | [`simultaneous`](SeveralProblem::simultaneous), Moreau | at once | a ratio of velocities | **can gain**, if a separating contact gets an impulse |
 //! | [`poisson`](SeveralProblem::poisson), Glocker & Pfeiffer | at once, in two phases | a ratio of impulses | never gains |
-//! | [`sequential`](SeveralProblem::sequential) | one after another | a ratio of velocities, each time | never gains |
+//! | [`sequential`](SeveralProblem::sequential) | one after another | a ratio of velocities, in each sub-impact | never gains |
 //!
-//! The third depends on the order; [`all_orders`](SeveralProblem::all_orders) says how much. Friction is Coulomb's,
-//! with the round cone as it is. The symbols, and Moreau's law:
+//! The outcome of the third depends on the order; [`all_orders`](SeveralProblem::all_orders) returns the outcomes of
+//! all orders. Friction is Coulomb's with the circular cone, not a pyramid. Symbols, and Moreau's law:
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
-//! | H | n × n | inverse inertia between all rows, `J M⁻¹ Jᵀ` (1/kg) | `delassus` |
+//! | H | n × n | Delassus matrix: inverse inertia between all rows, `J M⁻¹ Jᵀ` (1/kg) | `delassus` |
 //! | u⁻ | n | velocities before (m/s) | `u_minus` |
-//! | u_free | n | velocities after, were there no impulse (m/s) | `u_free` |
+//! | u_free | n | velocities after without any impulse (m/s) | `u_free` |
 //! | p | n | impulses (N s); `u⁺ = u_free + H p` | `impulse` |
 //! | u⁺ | n | velocities after (m/s) | `u_plus` |
-//! | y | 1 | `u_n⁺ + e min(u_n⁻, 0)`, what the normal velocity exceeds its target by (m/s) | `y` |
+//! | y | 1 | `u_n⁺ + e min(u_n⁻, 0)`, normal velocity minus its target (m/s) | `y` |
 //! | h | 1 | mean diagonal entry of H in the constraint's rows (1/kg) | `scale` |
 //!
 //! ```text
@@ -29,10 +28,10 @@
 //! held      u⁺ = 0
 //! ```
 //!
-//! A row of a prismatic joint is in m and N, one of a hinge in rad and N m.
+//! Rows of a prismatic joint are in m and N, rows of a revolute joint in rad and N m.
 //!
-//! **Source.** J. J. Moreau, *Unilateral contact and dry friction in finite freedom dynamics* (1988). The local
-//! solution is in `block.rs`, the iteration in `solve.rs`.
+//! **Source.** J. J. Moreau, *Unilateral contact and dry friction in finite freedom dynamics* (1988). The solution for
+//! one constraint is in `block.rs`, the iteration in `solve.rs`.
 //!
 //! ```
 //! use carom_impact::{Accuracy, Constraint, SeveralProblem};
@@ -43,7 +42,7 @@
 //! let cradle = SeveralProblem::new(dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0], vec![between; 2])?;
 //! let hit = cradle.simultaneous(&Accuracy::default(), None)?;
 //!
-//! // Moreau's law does not send the last ball away alone: the first turns back.
+//! // Under Moreau's law the last ball does not leave alone: the first ball rebounds.
 //! let first_ball = 1.0 - hit.impulse[0];
 //! assert!((first_ball + 1.0 / 3.0).abs() < 1e-12);
 //! assert!(hit.residual <= 1e-12 && hit.energy_change.abs() < 1e-12);
@@ -70,21 +69,21 @@ use crate::laws::{check_friction, check_restitution};
 use crate::problem::{check_delassus, check_velocity};
 use crate::{Flags, ImpactError};
 
-/// Energy gain below this multiple of ε, beside the energies that passed, is rounding.
+/// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
 const GAIN: f64 = 64.0;
 
-/// One constraint of an impact at several places.
+/// One constraint of an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constraint {
-    /// Pushes and never pulls, with Coulomb friction: three rows, tangents first, normal last. A contact in the
-    /// plane leaves its second tangent's row zero.
+    /// A unilateral contact with Coulomb friction: three rows, tangents first, normal last. For a contact in the plane
+    /// the second tangent's row and column are zero.
     Contact {
         /// Newton's coefficient of restitution, 0 to 1.
         restitution: f64,
         /// Coulomb's coefficient of friction, at least 0.
         friction: f64,
     },
-    /// Pushes and never pulls, without tangents (a joint limit, a smooth contact): one row.
+    /// A unilateral constraint without tangents (a joint limit, a frictionless contact): one row.
     Stop {
         /// Newton's coefficient of restitution, 0 to 1.
         restitution: f64,
@@ -94,12 +93,12 @@ pub enum Constraint {
         /// Largest impulse (N s or N m s), at least 0.
         bound: f64,
     },
-    /// Held in both directions: one row.
+    /// A bilateral constraint, such as a locked joint: one row.
     Held,
 }
 
 impl Constraint {
-    /// How many rows of the problem it takes: 3 for a contact, else 1.
+    /// Number of rows: 3 for a contact, otherwise 1.
     pub const fn rows(&self) -> usize {
         match self {
             Self::Contact { .. } => 3,
@@ -107,7 +106,7 @@ impl Constraint {
         }
     }
 
-    /// Newton's coefficient e, if it rebounds at all.
+    /// Newton's coefficient e; 0 for constraints without one.
     const fn restitution(&self) -> f64 {
         match *self {
             Self::Contact { restitution, .. } | Self::Stop { restitution } => restitution,
@@ -130,23 +129,24 @@ impl Constraint {
     }
 }
 
-/// When to stop iterating.
+/// When the iteration stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accuracy {
-    /// Residual, relative to the largest velocity, at which the answer is good enough.
+    /// Residual, relative to the largest velocity, below which a solution is accepted.
     pub tolerance: f64,
-    /// Most sweeps and Newton steps together; under `poisson` in each phase. Under `sequential`, most sub-impacts.
+    /// Largest number of sweeps and Newton steps together; for `poisson` in each phase. For `sequential` the largest
+    /// number of sub-impacts.
     pub max_iterations: usize,
 }
 
 impl Default for Accuracy {
-    /// 1e-12, some digits above rounding, within 1000 iterations.
+    /// Tolerance 1e-12, some digits above rounding, and 1000 iterations.
     fn default() -> Self {
         Self { tolerance: 1e-12, max_iterations: 1000 }
     }
 }
 
-/// Several constraints at the instant of impact.
+/// An impact with several constraints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeveralProblem {
     delassus: DMatrix<f64>,
@@ -156,13 +156,15 @@ pub struct SeveralProblem {
 }
 
 impl SeveralProblem {
-    /// Checks and stores `delassus` (1/kg), `u_minus` (m/s) and the constraints, whose rows follow one another in
-    /// the order of the list. The matrix may be singular: more contacts than the body has freedoms.
+    /// Checks and stores `delassus` (1/kg), `u_minus` (m/s) and the constraints, whose rows follow one another in the
+    /// order of the list. The matrix may be singular: more rows than the robot has degrees of freedom.
     ///
     /// # Errors
     ///
-    /// Sizes that do not fit; an entry that is not finite; a matrix that is not symmetric within 1e-8 of its largest
-    /// entry or not positive semidefinite within rounding; a coefficient out of its range.
+    /// - [`ImpactError::NotSquare`], [`ImpactError::Sizes`]: sizes that do not agree.
+    /// - [`ImpactError::NotFinite`], [`ImpactError::NotSymmetric`] (within 1e-8 of the largest entry),
+    ///   [`ImpactError::NotPositive`] (within rounding): the matrix or the velocity is invalid.
+    /// - [`ImpactError::Constraint`]: a coefficient is out of its range.
     pub fn new(
         mut delassus: DMatrix<f64>,
         u_minus: DVector<f64>,
@@ -183,19 +185,19 @@ impl SeveralProblem {
         Ok(Self { delassus, u_free: u_minus.clone(), u_minus, constraints })
     }
 
-    /// The same with other velocities after, were there no impulse (m/s): in a time step the forces have changed
-    /// them. Restitution still looks at `u_minus`.
+    /// The same problem with the velocities after without any impulse (m/s): in a time step, forces have changed them.
+    /// Restitution still refers to `u_minus`.
     ///
     /// # Errors
     ///
-    /// A size that does not fit; an entry that is not finite.
+    /// [`ImpactError::Sizes`], [`ImpactError::NotFinite`].
     pub fn with_free_velocity(self, u_free: DVector<f64>) -> Result<Self, ImpactError> {
         check_size("u_free", self.u_minus.len(), u_free.len())?;
         check_velocity("u_free", u_free.as_slice())?;
         Ok(Self { u_free, ..self })
     }
 
-    /// Inverse inertia between all rows, symmetric (1/kg).
+    /// Delassus matrix: inverse inertia between all rows, symmetric (1/kg).
     pub fn delassus(&self) -> &DMatrix<f64> {
         &self.delassus
     }
@@ -205,7 +207,7 @@ impl SeveralProblem {
         &self.u_minus
     }
 
-    /// Velocities after, were there no impulse (m/s).
+    /// Velocities after without any impulse (m/s).
     pub fn u_free(&self) -> &DVector<f64> {
         &self.u_free
     }
@@ -215,25 +217,30 @@ impl SeveralProblem {
         &self.constraints
     }
 
-    /// Moreau's law: all constraints at once, Newton's restitution, Coulomb's cone.
+    /// Moreau's law: all constraints at once, Newton's restitution, Coulomb's cone. The conditions are at the head of
+    /// this module.
     ///
-    /// `warm_start` is a guess of the impulses, those of the step before, say.
+    /// `warm_start` is an initial guess of the impulses (N s), for instance those of the previous time step.
     ///
-    /// **Guarantee.** Every impulse is in its cone or within its bound. With e = 0 no energy is gained, beyond
-    /// the residual; nor is it among smooth contacts if each that pushes was approaching, whatever their e: its
-    /// share of the change is `-½ (1 - e) p |u⁻|`. Else it may be ([`Flags::ENERGY_GAIN`]): with friction as under
-    /// [`Whittaker`](crate::Whittaker); without it by a contact that recedes and is pushed back to rest, whose
-    /// share is `½ p u⁻`, even with one e for all. [`poisson`](Self::poisson) has no such gain. Where contacts are
-    /// redundant there are many sets of impulses; without friction all of them give the same `u_plus`.
+    /// **Parameters.** e and μ of each constraint, e as a ratio of normal velocities.
     ///
-    /// **Fails** where no impulses satisfy the law, which takes e > 0 and a singular H: friction wedges what
-    /// restitution drives apart, or obstacles grip the robot from both sides, where the contact that recedes
-    /// (target 0, not -e u⁻) forbids the rebound from the other. It fails rarely where the iteration finds none.
-    /// Neither is an error here: `residual` says so.
+    /// **Guarantee.** Every impulse is in its cone or within its bound. With e = 0 no energy is gained, beyond the
+    /// residual; nor is it without friction, for any e, if each contact that gets an impulse was approaching: its share
+    /// of the energy change is `-½ (1 - e) p |u⁻|`. Otherwise energy may be gained ([`Flags::ENERGY_GAIN`]): with
+    /// friction as under [`Whittaker`](crate::Whittaker); without friction by a separating contact that an impulse
+    /// brings to rest, whose share is `½ p u⁻`, even with one e for all contacts. [`poisson`](Self::poisson) has no
+    /// such gain. Redundant contacts have many solutions for the impulses; without friction all of them give the same
+    /// `u_plus`.
+    ///
+    /// **Fails** if no impulses satisfy the law. This requires e > 0 and a singular H: friction wedges a contact, or
+    /// obstacles on both sides of the robot, where the separating contact (target 0, not -e u⁻) prevents the rebound
+    /// from the other. The iteration also misses some solutions. Neither is an error: `residual` is then above the
+    /// tolerance.
     ///
     /// # Errors
     ///
-    /// A warm start of the wrong size or with an entry that is not finite.
+    /// [`ImpactError::Sizes`], [`ImpactError::NotFinite`]: a `warm_start` of the wrong size or with an entry that is
+    /// not finite.
     pub fn simultaneous(
         &self,
         accuracy: &Accuracy,
@@ -246,7 +253,7 @@ impl SeveralProblem {
         Ok(self.outcome(restart::solve_patiently(self, accuracy, warm_start)))
     }
 
-    /// The books of impulses found.
+    /// The outcome of these impulses.
     fn outcome(&self, found: Found) -> SeveralOutcome {
         let u_plus = &self.u_free + &self.delassus * &found.impulse;
         let (energy_change, flags) = self.energy(&found.impulse, &u_plus, found.residual);
@@ -260,16 +267,16 @@ impl SeveralProblem {
         }
     }
 
-    /// `½ pᵀ(u⁻ + u⁺)` (J), and whether that is a gain.
+    /// `½ pᵀ(u⁻ + u⁺)` (J), and the flags that follow from it.
     fn energy(&self, impulse: &DVector<f64>, u_plus: &DVector<f64>, residual: f64) -> (f64, Flags) {
         let energy_change = 0.5 * impulse.dot(&(&self.u_minus + u_plus));
         let passed = 0.5 * impulse.abs().dot(&(self.u_minus.abs() + u_plus.abs()));
-        // What the residual leaves open is no gain of the law's.
+        // A gain within the residual is not one of the law.
         let gains = energy_change > passed * (GAIN * f64::EPSILON).max(residual);
         (energy_change, Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(impulse.amax() == 0.0))
     }
 
-    /// The same without restitution, bounds of dry friction at a share of theirs.
+    /// The same problem without restitution, with the bounds of dry friction multiplied by `share`.
     fn inelastic(&self, share: f64) -> Self {
         let constraints = self.constraints.iter().map(|constraint| match *constraint {
             Constraint::Contact { friction, .. } => Constraint::Contact { restitution: 0.0, friction },
@@ -290,15 +297,15 @@ impl SeveralProblem {
     }
 }
 
-/// The answer to one [`SeveralProblem`].
+/// Outcome of a [`SeveralProblem`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeveralOutcome {
     /// Impulses on the robot (N s), each within its cone or bound.
     pub impulse: DVector<f64>,
     /// Velocities after (m/s): `u_free + H p`.
     pub u_plus: DVector<f64>,
-    /// By how much the law is violated, relative to the largest entry of `u_minus` and `u_free`; zero exactly at a
-    /// solution. It is the largest over the constraints of
+    /// Violation of the law, relative to the largest entry of `u_minus` and `u_free`; exactly zero at a solution. It is
+    /// the largest value over the constraints of
     ///
     /// ```text
     /// stop      |h p - max(0, h p - y)|
@@ -307,17 +314,16 @@ pub struct SeveralOutcome {
     /// contact   |(h p_t - P(h p_t - u_t),  h p_n - max(0, h p_n - y))|
     /// ```
     ///
-    /// with P the projection on the disc of radius `μ max(0, h p_n - y)`, u the velocity after, and h the
-    /// constraint's mean inverse inertia, which turns impulses into velocities. So it measures in one number a
-    /// normal velocity below its target, an impulse where there should be none, and friction that is not the
-    /// one which dissipates most.
+    /// with P the projection on the disc of radius `μ max(0, h p_n - y)`, u the velocity after, and h the constraint's
+    /// mean inverse inertia, which converts impulses to velocities. It measures in one number a normal velocity below
+    /// its target, an impulse at a separating contact, and friction that is not opposed to the slip or not maximal.
     pub residual: f64,
-    /// Sweeps over the constraints and Newton steps made, together.
+    /// Number of sweeps over the constraints and Newton steps together.
     pub iterations: usize,
-    /// `½ pᵀ(u⁻ + u⁺)` (J): the work of the impulses at the mean velocity. In a pure impact (`u_free = u_minus`)
-    /// it is the change of kinetic energy; in a time step the forces' work comes on top.
+    /// Work of the impulses at the mean velocity, `½ pᵀ(u⁻ + u⁺)` (J). In an impact without forces (`u_free = u_minus`)
+    /// it is the change of kinetic energy; in a time step the work of the forces has to be added.
     pub energy_change: f64,
-    /// `energy-gain` if the impulses brought energy; `no-approach` if there are none.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero.
     pub flags: Flags,
 }
 

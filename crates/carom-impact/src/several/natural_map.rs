@@ -1,19 +1,19 @@
 //! The law as equations: a map F of the impulses that is zero exactly at a solution, and its derivative.
 //!
 //! F is the map of Alart & Curnier (1991), with each constraint's own h in place of their common parameter; it is
-//! written out at [`SeveralOutcome::residual`](super::SeveralOutcome). It is piecewise smooth: which piece holds
-//! is what one calls open, stick, slip. On its piece the derivative F' is exact, so that Newton's
-//! method converges quadratically once no constraint changes its mode.
+//! written out at [`SeveralOutcome::residual`](super::SeveralOutcome). F is piecewise smooth; its pieces are the modes
+//! open, stick and slip. On each piece the derivative F' is exact, so Newton's method converges quadratically once no
+//! constraint changes its mode.
 
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 
 use super::block::Block;
 use super::{Constraint, SeveralProblem};
 
-/// The problem as the iteration sees it.
+/// The problem in the form that the iteration uses.
 pub(super) struct NaturalMap {
     pub delassus: DMatrix<f64>,
-    /// Velocities without impulse, restitution's `e min(u_n⁻, 0)` added: y at p = 0 (m/s).
+    /// Velocities without impulse plus the `e min(u_n⁻, 0)` of restitution: y at p = 0 (m/s).
     pub offset: DVector<f64>,
     pub blocks: Vec<Block>,
     /// Largest velocity (m/s), to which the residual is relative.
@@ -34,8 +34,8 @@ impl NaturalMap {
         Self { delassus: problem.delassus.clone(), offset, blocks, speed }
     }
 
-    /// The same problem with `share` of each constraint's h added to H and the impulses `near` called for: regular,
-    /// and with the same solution if `near` is one.
+    /// The same problem with `share` of each constraint's h added to H, and with the velocities shifted by the
+    /// corresponding multiple of the impulses `near`: regular, and with the same solution if `near` is one.
     pub fn regularised(&self, share: f64, near: &DVector<f64>) -> Self {
         let (mut delassus, mut offset) = (self.delassus.clone(), self.offset.clone());
         for block in &self.blocks {
@@ -126,7 +126,7 @@ impl NaturalMap {
         }
     }
 
-    /// The nearest impulses that every cone and bound allows (along the tangents, then the normal).
+    /// The impulses projected on the cones and bounds (the normal first, then the tangents).
     pub fn admissible(&self, mut p: DVector<f64>) -> DVector<f64> {
         for block in &self.blocks {
             let i = block.row;
@@ -134,7 +134,7 @@ impl NaturalMap {
                 Constraint::Contact { friction, .. } => {
                     let own = Vector3::new(p[i], p[i + 1], p[i + 2].max(0.0));
                     let (size, most) = (own.xy().norm(), friction * own.z);
-                    // Division last: most/size may overflow where size is next to nothing.
+                    // Divided first: most/size may overflow for a tiny size.
                     let t = if size > most { own.xy() / size * most } else { own.xy() };
                     p.fixed_rows_mut::<3>(i).copy_from(&Vector3::new(t.x, t.y, own.z));
                 }
@@ -147,7 +147,7 @@ impl NaturalMap {
     }
 }
 
-/// Where a contact stands, in velocities.
+/// The piece of F on which a contact is, in velocities.
 struct Piece {
     /// `max(0, h p_n - y)`.
     push: f64,
@@ -168,7 +168,7 @@ impl Piece {
         self.aim.norm() <= self.radius
     }
 
-    /// The aim, brought back to the disc.
+    /// The aim, projected on the disc.
     fn friction(&self) -> Vector2<f64> {
         if self.sticks() { self.aim } else { self.aim.normalize() * self.radius }
     }

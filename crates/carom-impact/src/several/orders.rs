@@ -1,32 +1,32 @@
-//! What the order of sub-impacts leaves open.
+//! The set of outcomes over the orders of sub-impacts.
 
 use nalgebra::DVector;
 
 use super::sequential::Reduced;
 use super::{Accuracy, Constraint, Order, SequentialOutcome, SeveralProblem};
 
-/// Outcomes nearer to one another than this multiple of the tolerance are one.
+/// Outcomes nearer to one another than this multiple of the tolerance count as equal.
 const SAME: f64 = 1000.0;
 
-/// One outcome of the set, with the first order that led there.
+/// One outcome of the set, with the first order that led to it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrderOutcome {
-    /// The cycle: constraints by their place, without those held.
+    /// The cycle: indices of the constraints, without those that are `Held`.
     pub order: Vec<usize>,
-    /// What came of it.
+    /// The outcome of this order.
     pub outcome: SequentialOutcome,
 }
 
-/// The answer of [`SeveralProblem::all_orders`].
+/// Result of [`SeveralProblem::all_orders`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct OrderSet {
-    /// Outcomes that differ in `u_plus`, by more than 1000 times the tolerance, relative to the largest velocity.
+    /// Outcomes whose `u_plus` differ by more than 1000 times the tolerance, relative to the largest velocity.
     pub outcomes: Vec<OrderOutcome>,
-    /// How many orders were tried.
+    /// Number of orders tried.
     pub tried: usize,
-    /// Whether those are all there are.
+    /// Whether these are all orders.
     pub complete: bool,
-    /// How many of them did not come to an end.
+    /// Number of orders whose sequence did not end.
     pub unfinished: usize,
     /// Largest distance between two `u_plus` of `outcomes`, `|u⁺ - u⁺'|` (m/s).
     pub spread: f64,
@@ -37,23 +37,23 @@ pub struct OrderSet {
 }
 
 impl SeveralProblem {
-    /// The set of outcomes of [`sequential`](Self::sequential) over the orders in which the constraints may take
-    /// turns: what sequences of single impacts leave open.
+    /// The set of outcomes of [`sequential`](Self::sequential) over the cyclic orders of the constraints.
     ///
-    /// Two cycles that differ by where they begin are two orders. All m! of the m constraints that are not held
-    /// are tried if m! ≤ `limit`; else `limit` of them (at least one), drawn with a fixed seed, repeats possible.
+    /// Two cycles with different starts count as two orders. With m constraints that are not `Held`, all m! orders are
+    /// tried if m! ≤ `limit`; otherwise `limit` orders (at least one) are drawn with a fixed seed, possibly with
+    /// repetitions.
     ///
-    /// **Guarantee.** The same call gives the same set.
+    /// **Guarantee.** The same call returns the same set.
     ///
-    /// **Fails** to be all that sequences can do if `complete` is false; and rules other than cycles
-    /// ([`Order::MostApproaching`] among them) may lead elsewhere. Its time grows with the square of the number of
-    /// outcomes.
+    /// **Fails** to contain all outcomes of sequences if `complete` is false; and rules other than cycles
+    /// ([`Order::MostApproaching`] among them) may lead to further outcomes. The time grows with the square of the
+    /// number of outcomes.
     ///
     /// ```
     /// use carom_impact::{Accuracy, Constraint, SeveralProblem};
     /// use nalgebra::{dmatrix, dvector};
     ///
-    /// // A rod of 1 kg falls flat on both its ends: the first to strike decides.
+    /// // A rod of 1 kg falls flat on both its ends: the outcome depends on which strikes first.
     /// let ends = vec![Constraint::Stop { restitution: 0.5 }; 2];
     /// let rod = SeveralProblem::new(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![-1.0, -1.0], ends)?;
     /// let set = rod.all_orders(100, &Accuracy::default());
@@ -108,7 +108,7 @@ fn advance(order: &mut [usize]) {
         order.reverse();
         return;
     };
-    // There is one: order[i] itself.
+    // One exists: order[i] itself.
     let j = (i..order.len()).rev().find(|&j| order[j] > order[i - 1]).unwrap_or(i);
     order.swap(i - 1, j);
     order[i..].reverse();

@@ -1,4 +1,4 @@
-//! Two phases: compression, then expansion that gives back a share of each normal impulse.
+//! Poisson's law for several contacts: compression, then expansion that returns a share of each normal impulse.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,7 +7,7 @@ use super::restart::solve_patiently;
 use super::solve::Found;
 use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
 
-/// The answer of [`SeveralProblem::poisson`].
+/// Outcome of [`SeveralProblem::poisson`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoissonOutcome {
     /// Both phases together: the sum of their impulses and iterations, the larger of their residuals.
@@ -21,8 +21,8 @@ pub struct PoissonOutcome {
 }
 
 impl SeveralProblem {
-    /// Poisson's law for several contacts: what compression took as normal impulse, expansion gives back at least
-    /// e times.
+    /// Poisson's law for several contacts: in expansion the normal impulse of each contact is at least e times that of
+    /// compression.
     ///
     /// | Symbol | Meaning | Our name |
     /// |---|---|---|
@@ -40,38 +40,38 @@ impl SeveralProblem {
     /// both         held: u_c = 0 and u⁺ = 0;  a stop is a contact with μ = 0
     /// ```
     ///
-    /// "Against" is Coulomb's: at rest any impulse within the bound, in motion the whole bound against the
-    /// velocity. The friction of expansion is bounded by the normal impulse of expansion alone, what it exceeds
-    /// `e λ_cn` by included; friction has no restitution of its own. More than `e λ_cn` acts only where less would
-    /// leave an approach. Dry friction is a force that lasts: the phases share its bound as 1 to σ, and expansion may
-    /// use what compression left. Forces (`u_free - u_minus`) act in the second phase, so that a contact at rest
-    /// under its weight does not rebound.
+    /// "Against" means Coulomb's law: at rest any impulse within the bound, in motion the whole bound opposed to the
+    /// velocity. The friction of expansion is bounded by the normal impulse of expansion alone, including its excess
+    /// over `e λ_cn`; friction has no restitution of its own. The normal impulse exceeds `e λ_cn` only where the
+    /// contact would otherwise approach. Dry friction acts in both phases: they share its bound as 1 to σ, and
+    /// expansion may use what compression left. Forces (`u_free - u_minus`) act in the second phase, so that a contact
+    /// at rest under its weight does not rebound.
     ///
     /// **Parameters.** e and μ of each constraint, e as the ratio of normal impulses of the two phases.
     ///
-    /// **Guarantee.** Every total impulse is in its cone or within its bound; with e = 0 the velocities are those
-    /// of [`simultaneous`](Self::simultaneous). In a pure impact (`u_free = u_minus`) energy is never gained, beyond
-    /// the residual, if (a) no contact has friction, however the e differ, or (b) all contacts with friction have
-    /// the same e, and no other constraint a larger one. Proof: λ_e minimises `J(λ) = ½ λᵀH λ + u_cᵀλ`, the work of
-    /// expansion, over the impulses with `λ_n ≥ e λ_cn`, `|λ_t| ≤ μ λ_en` and the bounds of dry friction. Among
-    /// them is `σ λ_c`, and since `u_cᵀλ_c ≤ 0`,
+    /// **Guarantee.** Every total impulse is in its cone or within its bound; with e = 0 the velocities are those of
+    /// [`simultaneous`](Self::simultaneous). In an impact without forces (`u_free = u_minus`) energy is never gained,
+    /// beyond the residual, if (a) no contact has friction, for any e, or (b) all contacts with friction have the same
+    /// e, and no other constraint a larger one. Proof: λ_e minimises `J(λ) = ½ λᵀH λ + u_cᵀλ`, the work of expansion,
+    /// over the impulses with `λ_n ≥ e λ_cn`, `|λ_t| ≤ μ λ_en` and the bounds of dry friction. `σ λ_c` is among them,
+    /// and since `u_cᵀλ_c ≤ 0`,
     ///
     /// ```text
     /// J(λ_e) ≤ J(σ λ_c) = ½ σ² λ_cᵀH λ_c + σ u_cᵀλ_c ≤ ½ λ_cᵀH λ_c - u_cᵀλ_c = -(work of compression)
     /// ```
     ///
-    /// **Fails** to keep the energy books otherwise: beside a rough contact of smaller e an elastic one may
-    /// gain several times the energy there was, if rarely
-    /// ([`Flags::ENERGY_GAIN`](crate::Flags::ENERGY_GAIN)). More rarely yet the iteration misses a solution;
-    /// `residual` says so. Where contacts are redundant λ_c is one of many, and with different e `u_plus` may depend
-    /// on which. The outer balls of Newton's cradle part as under Moreau's law: no
-    /// wave runs through an impact in two phases.
+    /// **Fails** to conserve the energy balance otherwise: beside a contact with friction and a smaller e, an elastic
+    /// contact may gain several times the initial energy, though rarely
+    /// ([`Flags::ENERGY_GAIN`](crate::Flags::ENERGY_GAIN)). Still more rarely the iteration misses a solution;
+    /// `residual` is then above the tolerance. If contacts are redundant, λ_c is one of many solutions, and with
+    /// different e `u_plus` may depend on which. The outer balls of Newton's cradle separate as under Moreau's law: an
+    /// impact in two phases does not reproduce the wave through the balls.
     ///
     /// **Source.** C. Glocker, F. Pfeiffer, *Multiple impacts with friction in rigid multibody systems*, Nonlinear
-    /// Dynamics 7 (1995) 471, without its tangential restitution and with the round cone. The rule for dry
-    /// friction and for forces, and the proof, are ours; compare C. Glocker, *Energetic consistency
-    /// conditions for standard impacts, Part II* (2013), doi 10.1007/s11044-013-9387-2, where a related law gains
-    /// energy with two rough contacts.
+    /// Dynamics 7 (1995) 471, without its tangential restitution and with the circular cone. The rules for dry friction
+    /// and for forces, and the proof, are ours; compare C. Glocker, *Energetic consistency conditions for standard
+    /// impacts, Part II* (2013), doi 10.1007/s11044-013-9387-2, where a related law gains energy with two contacts with
+    /// friction.
     ///
     /// ```
     /// use carom_impact::{Accuracy, Constraint, SeveralProblem};
@@ -92,7 +92,7 @@ impl SeveralProblem {
         let first = Self { u_free: self.u_minus.clone(), ..self.inelastic(1.0 / (1.0 + largest)) };
         let Found { impulse: compression, residual, iterations } = solve_patiently(&first, accuracy, None);
         let expanded = self.expand(&compression, accuracy);
-        // The sum of two impulses in a cone leaves it by rounding only.
+        // The sum of two impulses in a cone is in the cone, but for rounding.
         let sum = NaturalMap::new(self).admissible(&compression + &expanded.impulse);
         PoissonOutcome {
             expansion: &sum - &compression,
@@ -107,8 +107,8 @@ impl SeveralProblem {
     }
 
     /// Expansion as an inelastic problem for the excess over `f = e λ_cn`. The friction that f allows, a disc of fixed
-    /// radius μ f, is that of a second contact on the same tangents, whose normal is nothing but a mass driven
-    /// at the speed that takes the impulse f to stop.
+    /// radius μ f, is that of a second contact on the same tangents. Its normal is a separate mass, driven at the speed
+    /// that the impulse f stops.
     fn expand(&self, compression: &DVector<f64>, accuracy: &Accuracy) -> Found {
         let n = self.u_minus.len();
         let mut problem = self.inelastic(1.0);
@@ -121,7 +121,7 @@ impl SeveralProblem {
                 Constraint::Contact { friction, .. } if *friction > 0.0 && floor[normal] > 0.0 => {
                     discs.push((row, *friction, constraint.restitution()));
                 }
-                // Not negative: compression kept to its share.
+                // Not negative but for rounding: compression used at most its share.
                 Constraint::Dry { bound } => *bound = (*bound - compression[row].abs()).max(0.0),
                 _ => {}
             }
@@ -139,7 +139,7 @@ impl SeveralProblem {
         let mut start = DVector::zeros(rows);
         for (k, &(row, friction, e)) in discs.iter().enumerate() {
             let (own, f) = (n + 3 * k, floor[row + 2]);
-            // Of the contact's own size, unless its speed would outgrow all others and blur the residual.
+            // The contact's own scale, unless the speed would then be the largest and change the scale of the residual.
             let inverse_mass = (self.delassus.view((row, row), (3, 3)).trace() / 3.0).min(speed / f);
             delassus[(own + 2, own + 2)] = inverse_mass;
             u_free[own + 2] = -inverse_mass * f;

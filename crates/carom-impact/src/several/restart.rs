@@ -1,25 +1,25 @@
-//! Other starts for the iteration where it runs in circles.
+//! Further starts of the iteration if it does not converge.
 //!
-//! Of inelastic problems with few freedoms and strong friction about one in a thousand leaves sweeps and Newton steps
-//! going round between two modes, while from elsewhere they arrive. So a fifth of the iterations goes to the first
-//! start, and what is left to others: the impulses without friction, ten times the best so far, and random ones of
-//! its size, drawn with a fixed seed.
+//! In inelastic problems with few degrees of freedom and large friction, about one in a thousand makes sweeps and
+//! Newton steps alternate between two modes, while they converge from another start. The first start therefore gets a
+//! fifth of the iterations, and the rest go to other starts: the impulses without friction, ten times the best so far,
+//! and random ones of its size, drawn with a fixed seed.
 
 use nalgebra::DVector;
 
 use super::solve::{Found, solve};
 use super::{Accuracy, Constraint, SeveralProblem};
 
-/// Share of the iterations for one start.
+/// One start gets the iterations divided by this number.
 const SHARE: usize = 5;
 
-/// Solves, from several starts if need be; returns the best found, with all iterations counted.
+/// Solves, from several starts if needed; returns the best result, with all iterations counted.
 pub(super) fn solve_patiently(problem: &SeveralProblem, accuracy: &Accuracy, start: Option<&DVector<f64>>) -> Found {
     let each = (accuracy.max_iterations / SHARE).max(1);
     let mut left = accuracy.max_iterations;
     let mut run = |problem: &SeveralProblem, start: Option<&DVector<f64>>| {
         let found = solve(problem, &Accuracy { max_iterations: each.min(left), ..*accuracy }, start);
-        // At least one is counted, so that it ends.
+        // At least one is counted, so that the loop ends.
         left -= found.iterations.max(1).min(left);
         (found, left)
     };

@@ -1,4 +1,4 @@
-//! One constraint after another, each by the law for one contact.
+//! Sequences of single impacts: one constraint after another, each by the law for one contact.
 
 use std::collections::BTreeSet;
 
@@ -8,16 +8,17 @@ use super::block::Block;
 use super::{Accuracy, Constraint, SeveralProblem};
 use crate::Flags;
 
-/// Eigenvalues and inverse masses below this share of what they came from are rounding of zero.
+/// Eigenvalues and inverse masses below this share of their scale count as zero.
 const RANK: f64 = 1e-12;
 
-/// Which constraint is next.
+/// The rule that selects the next constraint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Order {
-    /// They take turns as listed, round and round; whichever has nothing to do is passed over. Lists constraints by
-    /// their place, each that is not held at least once (repeats are turns); what is held may be left out.
+    /// The constraints take turns in the listed order, repeatedly; one that is already satisfied is skipped. The list
+    /// contains indices of constraints, each one that is not `Held` at least once (repetitions are allowed); `Held`
+    /// ones may be left out.
     Cycle(Vec<usize>),
-    /// The one that approaches fastest, in the unit of its row; the first of equals.
+    /// The constraint with the largest approach velocity, in the unit of its row; the first of equal ones.
     MostApproaching,
 }
 
@@ -25,52 +26,51 @@ pub enum Order {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OrderError {
-    /// An entry that is no constraint.
-    #[error("the order names constraint {index}, but there are {count}, counted from 0")]
+    /// An index without a constraint.
+    #[error("the order contains constraint {index}, but there are {count}, counted from 0")]
     Unknown {
-        /// The entry.
+        /// The index given.
         index: usize,
-        /// How many constraints there are.
+        /// Number of constraints.
         count: usize,
     },
-    /// A constraint that would never have its turn.
-    #[error(
-        "the order leaves out constraint {index}: list every constraint that is not held, so that each has its turn"
-    )]
+    /// A constraint that is not `Held` and not in the list.
+    #[error("the order does not contain constraint {index}: list every constraint that is not held")]
     Missing {
-        /// The first one left out.
+        /// Index of the first one left out.
         index: usize,
     },
 }
 
-/// The answer of [`SeveralProblem::sequential`].
+/// Outcome of [`SeveralProblem::sequential`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct SequentialOutcome {
     /// Impulses of all sub-impacts together (N s).
     pub impulse: DVector<f64>,
     /// Velocities after (m/s): `u_free + H p`.
     pub u_plus: DVector<f64>,
-    /// How many sub-impacts there were.
+    /// Number of sub-impacts.
     pub sub_impacts: usize,
-    /// Whether nothing was left to do within the tolerance.
+    /// Whether all constraints were satisfied within the tolerance at the end.
     pub finished: bool,
-    /// What was left, relative to the largest entry of `u_minus` and `u_free`: the largest approach of a contact or
-    /// stop, velocity that dry friction could still take, velocity of what is held.
+    /// Remaining violation, relative to the largest entry of `u_minus` and `u_free`: the largest of the approach
+    /// velocities of contacts and stops, the velocities that dry friction could still change, and the velocities of
+    /// `Held` constraints.
     pub residual: f64,
     /// `½ pᵀ(u⁻ + u⁺)` (J), as in [`SeveralOutcome`](crate::SeveralOutcome).
     pub energy_change: f64,
-    /// `energy-gain` if the impulses brought energy; `no-approach` if there are none.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero.
     pub flags: Flags,
 }
 
 impl SeveralProblem {
-    /// One sub-impact at a time, until no contact approaches.
+    /// Resolves one constraint at a time, as a sub-impact, until no contact approaches.
     ///
     /// | Symbol | Meaning |
     /// |---|---|
-    /// | p | impulses so far (N s) |
-    /// | u, w | velocities so far (m/s): `u_free + H p`, `u⁻ + H p`; the same in a pure impact |
-    /// | Δp | impulse of the sub-impact at one constraint (N s), which makes of u its u' |
+    /// | p | accumulated impulses (N s) |
+    /// | u, w | current velocities (m/s): `u_free + H p`, `u⁻ + H p`; equal in an impact without forces |
+    /// | Δp | impulse of the sub-impact at one constraint (N s), which changes u to u' |
     ///
     /// ```text
     /// its turn  u_n < -tolerance · max(|u⁻|, |u_free|)
@@ -81,24 +81,24 @@ impl SeveralProblem {
     /// ```
     ///
     /// **Parameters.** e and μ of each constraint, e as the ratio of velocities in each of its sub-impacts; the order;
-    /// `accuracy.tolerance`, and in `accuracy.max_iterations` the most sub-impacts.
+    /// `accuracy.tolerance`, and in `accuracy.max_iterations` the largest number of sub-impacts.
     ///
     /// **Guarantee.** Total impulses are in their cones or within their bounds, up to rounding. Without friction no
-    /// sub-impact gains energy in a pure impact, whatever the e and the order; with friction none with e = 0. With
-    /// e = 1 Newton's cradle of equal balls sends the last one away alone.
+    /// sub-impact gains energy in an impact without forces, for any e and order; with friction none does with e = 0.
+    /// With e = 1 the last ball of Newton's cradle of equal balls leaves alone.
     ///
-    /// **Fails** to have one answer: it depends on the order ([`all_orders`](Self::all_orders)), and what is
-    /// symmetric need not stay so. Sub-impacts may be infinitely many: those of a rod on both ends with e = 0 halve the
-    /// approach each time. What grips the robot with e = 1 never ends. Then `finished` is false and `residual` says
-    /// what is left. With friction and e > 0 a sub-impact may gain energy, as under
-    /// [`Whittaker`](crate::Whittaker) ([`Flags::ENERGY_GAIN`]).
+    /// **Fails** to have one outcome: it depends on the order ([`all_orders`](Self::all_orders)), and a symmetric
+    /// problem may have asymmetric outcomes. The sequence may be infinite: for a rod on both ends with e = 0 each
+    /// sub-impact halves the approach velocity, and obstacles on both sides of the robot with e = 1 never end. Then
+    /// `finished` is false, and `residual` is the remaining violation. With friction and e > 0 a sub-impact may gain
+    /// energy, as under [`Whittaker`](crate::Whittaker) ([`Flags::ENERGY_GAIN`]).
     ///
     /// **Source.** A. P. Ivanov, *On multiple impact*, J. Appl. Math. Mech. 59 (1995) 887, for sequences of single
-    /// impacts; the single one is Moreau's. The rules for dry friction, held directions and forces are ours.
+    /// impacts; the single one is Moreau's. The rules for dry friction, locked directions and forces are ours.
     ///
     /// # Errors
     ///
-    /// An order that names what is not there or leaves out what is.
+    /// [`OrderError::Unknown`], [`OrderError::Missing`].
     ///
     /// ```
     /// use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
@@ -127,7 +127,7 @@ impl SeveralProblem {
         Ok(self.sequence(&Reduced::new(self), order, accuracy))
     }
 
-    /// `order` is sound.
+    /// Requires a valid `order`.
     pub(super) fn sequence(&self, reduced: &Reduced, order: &Order, accuracy: &Accuracy) -> SequentialOutcome {
         let speed = self.u_minus.amax().max(self.u_free.amax());
         let enough = accuracy.tolerance * speed;
@@ -169,16 +169,16 @@ impl SeveralProblem {
     }
 }
 
-/// The problem with what is held worked in: its rows keep their places, and are zero.
+/// The problem with the `Held` constraints eliminated: their rows remain, and are zero.
 pub(super) struct Reduced {
     delassus: DMatrix<f64>,
     u_free: DVector<f64>,
-    /// By how much `u⁻` exceeds `u_free` (m/s), held directions worked in.
+    /// Difference `u⁻ - u_free` (m/s), with the `Held` constraints eliminated.
     before: DVector<f64>,
     blocks: Vec<Block>,
-    /// Whether an impulse can move the constraint.
+    /// Whether the constraint has a non-zero inverse mass.
     mobile: Vec<bool>,
-    /// What is held: its rows, `-H_hh⁺ H_hr` and `-H_hh⁺ u_h`.
+    /// Rows of the `Held` constraints, `-H_hh⁺ H_hr` and `-H_hh⁺ u_h`.
     held: Vec<usize>,
     response: DMatrix<f64>,
     at_once: DVector<f64>,
@@ -198,7 +198,7 @@ impl Reduced {
         let mut before = &difference + response.tr_mul(&difference.select_rows(&held));
         for i in 0..h.nrows() {
             let is_held = held.binary_search(&i).is_ok();
-            // What the held directions left of a row is rounding: nothing moves it.
+            // The held directions leave this row no inverse mass but rounding.
             if is_held || delassus[(i, i)] <= RANK * h[(i, i)] {
                 delassus.row_mut(i).fill(0.0);
                 delassus.column_mut(i).fill(0.0);
@@ -219,7 +219,7 @@ impl Reduced {
         Self { delassus, u_free, before, blocks, mobile, held, response, at_once }
     }
 
-    /// The impulses with those of what is held.
+    /// The impulses, with those of the `Held` constraints added.
     fn with_held(&self, mut impulse: DVector<f64>) -> DVector<f64> {
         let own = &self.at_once + &self.response * &impulse;
         for (&row, value) in self.held.iter().zip(own.iter()) {
@@ -229,7 +229,7 @@ impl Reduced {
     }
 }
 
-/// Of a positive semidefinite matrix; zero if only numbers near overflow keep it from an end.
+/// Pseudo-inverse of a positive semidefinite matrix; zero if the eigenvalues do not converge, near overflow.
 fn pseudo_inverse(h: DMatrix<f64>) -> DMatrix<f64> {
     let n = h.nrows();
     if n == 0 {
@@ -245,12 +245,12 @@ struct State<'a> {
     reduced: &'a Reduced,
     /// So far; of what is held, zero.
     impulse: DVector<f64>,
-    /// `u_free + H p`, held directions worked in.
+    /// `u_free + H p`, with the `Held` constraints eliminated.
     u: DVector<f64>,
 }
 
 impl State<'_> {
-    /// Velocity of constraint k that is still to be taken (m/s).
+    /// Velocity of constraint k that its turn would change (m/s).
     fn left(&self, k: usize) -> f64 {
         let block = &self.reduced.blocks[k];
         let last = block.row + block.constraint.rows() - 1;
@@ -261,7 +261,7 @@ impl State<'_> {
         }
     }
 
-    /// The total impulse that dry friction k would have after its turn.
+    /// The total impulse of dry friction k after its turn.
     fn dry(&self, k: usize) -> f64 {
         let block = &self.reduced.blocks[k];
         let own = self.reduced.delassus[(block.row, block.row)];

@@ -1,9 +1,9 @@
-//! The iteration: sweeps over the constraints find the modes, Newton steps finish.
+//! The iteration: sweeps over the constraints find the modes, Newton steps converge to the solution.
 //!
-//! A sweep (block Gauss–Seidel) solves each constraint exactly with the others' impulses as they stand. It is
-//! sturdy, but near the solution it gains a fixed factor per sweep, and next to none for badly conditioned or
-//! redundant contacts. So from time to time Newton's method tries from where the sweeps stand, with least squares
-//! of least norm, since redundant contacts leave F' singular. What it finds is kept only if it is better.
+//! A sweep (block Gauss–Seidel) solves each constraint exactly with the current impulses of the others. It is robust,
+//! but converges linearly, and very slowly for ill-conditioned or redundant contacts. At intervals Newton's method is
+//! therefore tried from the current impulses, with least-squares steps of least norm, because redundant contacts make
+//! F' singular. Its result is kept only if it is better.
 
 use nalgebra::{DVector, Vector3};
 
@@ -11,16 +11,16 @@ use super::natural_map::NaturalMap;
 use super::{Accuracy, Constraint, SeveralProblem};
 use crate::least_norm::least_norm;
 
-/// Sweeps before Newton's method first tries; after each failure twice as many.
+/// Sweeps before the first attempt of Newton's method; doubled after each failure.
 const FIRST_SWEEPS: usize = 8;
 
-/// Newton steps in one try.
+/// Newton steps in one attempt.
 const NEWTON_STEPS: usize = 24;
 
-/// Pivots below this share of the largest count as none.
+/// Pivots below this share of the largest count as zero.
 const RANK: f64 = 1e-12;
 
-/// Impulses and how good they are.
+/// Impulses with their residual.
 pub(super) struct Found {
     pub impulse: DVector<f64>,
     pub residual: f64,
@@ -62,25 +62,25 @@ impl Search<'_> {
         self.residual > self.accuracy.tolerance && self.left > 0
     }
 
-    /// Counts one iteration; false if there was none left.
+    /// Counts one iteration; false if none was left.
     fn step(&mut self) -> bool {
         let any = self.left > 0;
         self.left -= usize::from(any);
         any
     }
 
-    /// Remembers what the cones allow of `p`, if it is the best so far.
+    /// Stores `p`, projected on the cones, if it is the best so far.
     fn keep(&mut self, map: &NaturalMap, p: &DVector<f64>) {
         let p = map.admissible(p.clone());
         let residual = map.residual(&map.value(&p));
-        // Impulses without bound (nothing ends the impact) would be no answer.
+        // Impulses that overflow are not a solution.
         if residual < self.residual && p.iter().all(|p| p.is_finite()) {
             self.best = p;
             self.residual = residual;
         }
     }
 
-    /// Newton's method with halved steps on `near`, a problem that is `map` or resembles it; moves `p`.
+    /// Newton's method with step halving on `near`, which is `map` or a regularised form of it; changes `p`.
     fn newton(&mut self, map: &NaturalMap, near: &NaturalMap, p: &mut DVector<f64>) {
         let mut f = near.value(p);
         for _ in 0..NEWTON_STEPS {
@@ -99,7 +99,8 @@ impl Search<'_> {
         }
     }
 
-    /// A sequence of regular problems that each start at the solution of the one before and lean on it less.
+    /// A sequence of regularised problems, each started at the solution of the previous one, with decreasing
+    /// regularisation.
     fn proximal(&mut self, map: &NaturalMap, start: &DVector<f64>) {
         let mut p = start.clone();
         for decade in 1..=8 {
@@ -116,9 +117,9 @@ impl Search<'_> {
     }
 }
 
-/// Every constraint once, with the others' impulses as they stand.
+/// Solves every constraint once, with the current impulses of the others.
 fn sweep(map: &NaturalMap, p: &mut DVector<f64>) {
-    // H is symmetric: its columns lie together in memory, its rows do not.
+    // H is symmetric, and its columns are contiguous in memory.
     let without = |p: &DVector<f64>, row: usize| map.offset[row] + map.delassus.column(row).dot(p);
     let size = |p: &DVector<f64>, row: usize| {
         map.delassus.column(row).iter().zip(p.iter()).fold(map.offset[row].abs(), |sum, (h, p)| sum + (h * p).abs())
