@@ -1,4 +1,4 @@
-//! Whittaker's law against its definition, tried case by case.
+//! Whittaker's law in the plane against its definition, case by case.
 
 mod common;
 
@@ -6,8 +6,8 @@ use carom_impact::{Flags, Law, Mode, Whittaker};
 use common::{Case, any_case};
 use nalgebra::{Vector2, vector};
 
-/// Every admissible impulse, in the order stick, slip +1, slip -1, with the margin (relative) by
-/// which the case is admissible: a case on the boundary of two is both or none by rounding.
+/// Every admissible impulse, in the order stick, slip +1, slip -1, with the margin by which the case is admissible: on
+/// the boundary of two cases, rounding decides.
 fn admissible(case: &Case) -> Vec<(Mode, Vector2<f64>, f64)> {
     let (h, mu) = (case.delassus, case.friction);
     let gain = -(1.0 + case.restitution) * case.u[1];
@@ -25,14 +25,13 @@ fn admissible(case: &Case) -> Vec<(Mode, Vector2<f64>, f64)> {
 }
 
 #[test]
-fn the_one_admissible_case_is_taken() {
+fn exactly_one_case_is_admissible_and_it_is_the_outcome() {
     let mut rng = fastrand::Rng::with_seed(11);
     let (mut checked, mut modes) = (0, [0; 3]);
     for _ in 0..100_000 {
         let case = any_case(&mut rng, 0.1);
         let cases = admissible(&case);
-        // Within 1e-9 of a boundary (or without friction, where stick and slip touch) the trial
-        // itself is a matter of rounding.
+        // Within 1e-9 of a boundary (or without friction, where stick and slip coincide) rounding decides.
         if cases.iter().any(|(_, _, margin)| margin.abs() < 1e-9) {
             continue;
         }

@@ -18,10 +18,10 @@ fn pendulum() -> ImpactProblem<f64, 2> {
 }
 
 #[test]
-fn pendulum_under_chatterjee_and_ruina() {
+fn pendulum_has_the_reference_digits_under_chatterjee_and_ruina() {
     for (restitution, tangential_restitution, ratio) in [
         (0.5, 0.0, 0.562430),
-        (0.5, 0.5, 0.562430), // the cone decides
+        (0.5, 0.5, 0.562430), // limited by the cone
         (0.7, 0.0, 0.636471),
         (1.0, 0.0, 0.805939),
         (0.5, -1.0, 0.711413), // frictionless
@@ -36,7 +36,7 @@ fn pendulum_under_chatterjee_and_ruina() {
 }
 
 #[test]
-fn pendulum_under_smith() {
+fn pendulum_has_the_reference_digits_under_smith() {
     for (restitution, ratio) in [(0.5, 0.566774), (0.7, 0.654202), (1.0, 0.864443)] {
         let hit = Smith { restitution, friction: 0.5 }.resolve(&pendulum()).unwrap();
         close("T+/T-", hit.energy_ratio(), ratio, 5e-7);
@@ -46,16 +46,16 @@ fn pendulum_under_smith() {
     }
 }
 
-/// The critical ratio would gain energy here, so the energy's bound comes first; the slip, along -t, is turned by
-/// inertia, and only a ratio along it is against the last slip.
+/// The critical ratio would gain energy here, so the energy bound applies. Inertial coupling reverses the slip, which
+/// is along -t, so only a ratio along it is opposed to the final slip.
 #[test]
-fn pendulum_under_brach() {
+fn pendulum_has_the_reference_digits_under_brach() {
     for (restitution, bound) in [(0.5, 0.274131), (0.7, 0.201101)] {
         let hit = Brach { restitution, impulse_ratio: 0.5 }.resolve(&pendulum()).unwrap();
         close("ratio", hit.impulse[0] / hit.impulse[1], -bound, 5e-7);
         close("T+/T-", hit.energy_ratio(), 1.0, 1e-14);
         assert!(!hit.flags.contains(Flags::ENERGY_GAIN));
-        // Less than that is taken as it is; against the first slip there is nothing to brake.
+        // A smaller ratio is not clipped; one against the initial slip is clipped to 0.
         let hit = Brach { restitution, impulse_ratio: 0.1 }.resolve(&pendulum()).unwrap();
         close("ratio", hit.impulse[0] / hit.impulse[1], -0.1, 1e-15);
         let hit = Brach { restitution, impulse_ratio: -0.1 }.resolve(&pendulum()).unwrap();
@@ -65,7 +65,7 @@ fn pendulum_under_brach() {
         let named = law_by_name::<2>("brach", coefficients).unwrap().resolve(&pendulum()).unwrap();
         close("ratio by name", named.impulse[0] / named.impulse[1], -bound, 5e-7);
     }
-    // Where energy allows the critical ratio it is the bound, and the contact leaves at rest.
+    // If the critical ratio gains no energy it is the bound, and the contact sticks.
     let (h, u) = (*pendulum().delassus(), vector![0.267, -0.134]);
     let hit = Brach { restitution: 0.0, impulse_ratio: -100.0 }.resolve(&ImpactProblem::new(h, u).unwrap()).unwrap();
     let stick = h.try_inverse().unwrap() * -u;
@@ -73,9 +73,9 @@ fn pendulum_under_brach() {
     assert_eq!(hit.mode, Mode::Stick);
 }
 
-/// The formula, with matrices inverted, over regular problems in space.
+/// The formula, with inverted matrices, over regular problems in space.
 #[test]
-fn chatterjee_and_ruina_by_the_book() {
+fn chatterjee_and_ruina_agree_with_the_formula() {
     let mut rng = fastrand::Rng::with_seed(21);
     let mut on_cone = 0;
     for _ in 0..10_000 {
@@ -98,9 +98,9 @@ fn chatterjee_and_ruina_by_the_book() {
     assert!((2_000..8_000).contains(&on_cone), "{on_cone}");
 }
 
-/// In the plane v_t⁺ falls with w, and w grows with v_t⁺: bisection cannot miss the one answer.
+/// In the plane v_t⁺ decreases with w, and w grows with v_t⁺: bisection finds the one solution.
 #[test]
-fn smith_by_bisection() {
+fn smith_agrees_with_bisection_in_the_plane() {
     let mut rng = fastrand::Rng::with_seed(22);
     for _ in 0..20_000 {
         let case = any_case(&mut rng, 0.1);
@@ -120,13 +120,13 @@ fn smith_by_bisection() {
         }
         let w = 0.5 * (low + high);
         let hit = Smith { restitution: case.restitution, friction: mu }.resolve(&case.problem()).unwrap();
-        // Where friction locks the normal, the bisection's own P_n is a difference.
+        // Near C = μ w B the bisection's own P_n has a large rounding error.
         let within = 1e-11 * (1.0 + mu) * (1.0 + hit.impulse.norm()) / u[0].abs().min(1.0);
         close("v_t+", hit.u_plus[0], end(w), within);
     }
 }
 
-/// No slip before: friction is against the slip after, which is Whittaker's law.
+/// Without slip before, friction is opposed to the slip after, which is Whittaker's law.
 #[test]
 fn smith_without_slip_before_is_whittaker() {
     let mut rng = fastrand::Rng::with_seed(23);
@@ -140,9 +140,9 @@ fn smith_without_slip_before_is_whittaker() {
     }
 }
 
-/// Brach's clipping against a scan: among the ratios on the way to the one asked for, his is the last admissible.
+/// Brach's clipping against a scan: among the ratios between 0 and the prescribed one, his is the last admissible.
 #[test]
-fn brach_by_scanning_the_ratios() {
+fn brach_agrees_with_a_scan_of_the_ratios() {
     let mut rng = fastrand::Rng::with_seed(24);
     let mut clipped = 0;
     for _ in 0..5_000 {
@@ -173,7 +173,7 @@ fn brach_by_scanning_the_ratios() {
 }
 
 #[test]
-fn spheres_in_space() {
+fn spheres_in_space_have_their_closed_forms() {
     let h = Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]);
     let problem = ImpactProblem::new(h, vector![0.6, -0.8, -1.0]).unwrap();
     for (law, v_t) in [
@@ -188,7 +188,7 @@ fn spheres_in_space() {
         close(law.name(), (hit.u_plus - vector![0.6 * v_t, -0.8 * v_t, 0.8]).norm(), 0.0, 1e-15);
         assert_eq!(hit.mode == Mode::Stick, v_t == 0.0);
     }
-    // Dropped straight nothing slips, and the length of a zero vector has no derivative to trip over.
+    // Dropped vertically there is no slip.
     let straight = ImpactProblem::new(h, vector![0.0, 0.0, -1.0]).unwrap();
     for law in ["chatterjee-ruina", "brach", "smith"] {
         let hit = carom_impact::law_by_name(law, common::rough(0.8, 0.5)).unwrap().resolve(&straight).unwrap();
@@ -196,9 +196,9 @@ fn spheres_in_space() {
     }
 }
 
-/// Planar arms in space have no mobility across their plane: H of rank 2, or 1 with a single joint.
+/// Planar arms in space have no inverse mass across their plane: H of rank 2, or 1 with a single joint.
 #[test]
-fn planar_arms_in_space() {
+fn planar_arms_in_space_agree_with_the_plane() {
     let arm = matrix![0.8, 0.3; 0.0, 0.0; -0.2, 0.9];
     let h = arm * arm.transpose();
     let u = arm * vector![-0.4, -1.1];
@@ -214,7 +214,7 @@ fn planar_arms_in_space() {
             assert_eq!(three.flags, Flags::NONE);
         }
     }
-    // Slip across the plane cannot be braked, and is not.
+    // No impulse changes the slip across the plane.
     let across = ImpactProblem::new(h, u + vector![0.0, 0.7, 0.0]).unwrap();
     let law = ChatterjeeRuina { restitution: 0.5, tangential_restitution: 0.0, friction: 5.0 };
     let hit = law.resolve(&across).unwrap();
@@ -228,9 +228,9 @@ fn planar_arms_in_space() {
     assert!(hit.flags.contains(Flags::SINGULAR));
 }
 
-/// Slow slip, grazing approach, badly conditioned matrices: an answer everywhere, and it satisfies the law.
+/// Slow slip, grazing approach, ill-conditioned matrices: a solution everywhere, and it satisfies the law.
 #[test]
-fn smith_in_space() {
+fn smith_satisfies_its_law_in_extreme_cases_in_space() {
     let mut rng = fastrand::Rng::with_seed(25);
     let mut compared = 0;
     for i in 0..30_000 {
@@ -247,7 +247,7 @@ fn smith_in_space() {
         let (v, y) = (case.u.xy(), hit.u_plus.xy());
         let w = (v * v.norm() + y * y.norm()) / (v.norm_squared() + y.norm_squared());
         let off = (hit.impulse.xy() + w * (mu * hit.impulse.z)).norm();
-        // w answers to rounding of the slips, by 1/|v|.
+        // Rounding of the slips changes w by 1/|v|.
         if v.norm() > 1e-6 {
             let rounding = 1e-13 / v.norm().min(1.0) + 1e-12;
             assert!(off <= rounding * (1.0 + mu) * (1.0 + hit.impulse.norm()), "{off:e} {case:?}");

@@ -1,5 +1,5 @@
-//! Bands over ranges of the coefficients: exact ones hold every sample, the others say that they are samples. (That bounds
-//! are reached needs no test: each is taken from an impact within the ranges.)
+//! Bands over ranges of the coefficients: exact bands contain every sample, the others are marked as sampled. (The
+//! bounds are attained: each is taken from an impact within the ranges.)
 
 mod common;
 
@@ -11,7 +11,7 @@ fn outputs<const D: usize>(rng: &mut fastrand::Rng) -> Vec<SVector<f64, D>> {
     (0..4).map(|_| SVector::from_fn(|_, _| 2.0 * rng.f64() - 1.0)).collect()
 }
 
-/// Draws impacts from the box, and then ever nearer to the best: how far beyond the band they come, as a share of the size
+/// Draws impacts from the box, then nearer and nearer to the best: how far they exceed the band, relative to the size
 /// of P.
 fn beyond<const D: usize>(
     problem: &ImpactProblem<f64, D>,
@@ -58,7 +58,7 @@ fn ranges(rng: &mut fastrand::Rng) -> CoefficientRanges {
 }
 
 #[test]
-fn exact_bands_hold_every_sample() {
+fn exact_bands_contain_every_sample() {
     let mut rng = fastrand::Rng::with_seed(91);
     let mut exact = std::collections::BTreeMap::new();
     for k in 0..160 {
@@ -67,7 +67,7 @@ fn exact_bands_hold_every_sample() {
         let law = AnyLaw::named(name, rough(0.5, 0.5)).unwrap();
         let ranges = ranges(&mut rng);
         let (beyond, is_exact) = beyond(&case.problem(), &law, &ranges, &mut rng);
-        // Rounding; of Stronge's root near e = 0 a little more.
+        // Rounding; that of Stronge's root near e = 0 is a little larger.
         let allowed = if is_exact { 1e-10 } else { 1e-6 };
         assert!(beyond < allowed, "{name} beyond by {beyond:e}: {case:?} {ranges:?}");
         let counts: &mut [usize; 2] = exact.entry(name).or_default();
@@ -80,7 +80,7 @@ fn exact_bands_hold_every_sample() {
 }
 
 #[test]
-fn bands_in_space_say_that_they_are_sampled() {
+fn bands_in_space_are_marked_as_sampled() {
     let mut rng = fastrand::Rng::with_seed(92);
     for name in LAW_NAMES {
         let case = any_spatial(&mut rng, 0.3);
@@ -91,7 +91,7 @@ fn bands_in_space_say_that_they_are_sampled() {
         assert_eq!(exact, ["frictionless", "chatterjee-ruina"].contains(&name), "{name}");
         assert!(beyond < if exact { 1e-12 } else { 1e-2 }, "{name} {beyond:e}");
     }
-    // Slip of a ball stays in its plane: there all is known.
+    // The slip of a sphere stays in its plane: an exact band.
     let h = nalgebra::Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]);
     let ball = ImpactProblem::new(h, vector![0.6, 0.8, -1.0]).unwrap();
     let law = AnyLaw::named("energetic", rough(0.5, 0.5)).unwrap();
@@ -107,7 +107,7 @@ fn bands_in_space_say_that_they_are_sampled() {
 }
 
 #[test]
-fn ranges_that_are_none_are_refused() {
+fn invalid_ranges_are_refused() {
     let problem = ImpactProblem::new(nalgebra::matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -1.0]).unwrap();
     let law = AnyLaw::named("energetic", rough(0.5, 0.5)).unwrap();
     let band =
@@ -117,7 +117,7 @@ fn ranges_that_are_none_are_refused() {
     assert!(matches!(band([0.5, 1.2], [0.0, 0.1]), Err(ImpactError::Restitution { value: 1.2 })));
     let point = band([0.5, 0.5], [0.2, 0.2]).unwrap();
     assert!(point.exact && point.low == point.high);
-    // Nothing approaches, nothing happens.
+    // No approach: no impulse.
     let parting = ImpactProblem::new(nalgebra::matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, 1.0]).unwrap();
     let ranges = CoefficientRanges { restitution: [0.0, 1.0], friction: [0.0, 1.0] };
     let band = parting.band(&law, &ranges, &[vector![0.0, 1.0]]).unwrap();

@@ -1,4 +1,5 @@
-//! Where a law has more than one answer, or jumps: the branches, and the limits that lead to them.
+//! Problems with more than one solution, or where the outcome is discontinuous: the branches, and the limits that lead
+//! to them.
 
 mod common;
 
@@ -17,14 +18,14 @@ fn branches<const D: usize>(
 ) -> Vec<ImpactOutcome<f64, D>> {
     let (law, problem) = (law_by_name(law, rough(e, mu)).unwrap(), ImpactProblem::new(h, u).unwrap());
     let all = law.branches(&problem).unwrap();
-    assert_eq!(all[0], law.resolve(&problem).unwrap(), "the first is the law's answer");
+    assert_eq!(all[0], law.resolve(&problem).unwrap(), "the first is the outcome of the law");
     let flagged = |hit: &ImpactOutcome<f64, D>| hit.flags.contains(Flags::NON_UNIQUE);
     assert!(all.iter().all(|hit| flagged(hit) == (all.len() > 1)), "flagged where there are several, {all:?}");
     all
 }
 
-/// The rod of `falling_rod.rs` at 60°, m = L = 1, its lower end sliding to the side that jams: A = 13/4, B = -3√3/4,
-/// C = 7/4, det H = 4.
+/// The rod of `falling_rod.rs` at 60°, m = L = 1, its lower end sliding in the direction that jams: A = 13/4, B =
+/// -3√3/4, C = 7/4, det H = 4.
 fn rod() -> Matrix2<f64> {
     let b = -0.75 * 3.0_f64.sqrt();
     Matrix2::new(3.25, b, b, 1.75)
@@ -33,7 +34,7 @@ fn rod() -> Matrix2<f64> {
 /// Impact without collision (Painlevé): friction 1.5 at u = (-1, 0). Closed forms from the impulse that stops the end,
 /// `P = H⁻¹ (1, 0) = (7/16, 3√3/16)`, and what each law adds to it in restitution.
 #[test]
-fn painleve_s_rod_has_two_answers() {
+fn painleve_s_rod_has_two_solutions() {
     let (e, mu, held) = (0.5, 1.5, 4.0 / 3.25);
     let stop = vector![7.0 / 16.0, 3.0 * 3.0_f64.sqrt() / 16.0];
     let (b, c) = (rod()[(0, 1)], rod()[(1, 1)]);
@@ -47,11 +48,11 @@ fn painleve_s_rod_has_two_answers() {
         assert_eq!(all.len(), 2, "{law}");
         assert_eq!(all[0].flags, Flags::NO_APPROACH | Flags::JAM | Flags::NON_UNIQUE);
         assert_eq!(all[1].flags, Flags::JAM | Flags::GRAZING | Flags::NON_UNIQUE, "{law}");
-        assert_eq!(all[1].newton, None, "{law}: no approach to compare with");
+        assert_eq!(all[1].newton, None, "{law}: without approach there is no ratio");
         let restored = match law {
             "poisson" => e * stop[1],
             "energetic" => {
-                // Slip stops after p1, until when v_n falls to v1; then stick lifts it. e² of that work comes back.
+                // Slip stops at p1, where v_n is v1; then the contact sticks, and v_n rises. e² of that work is returned.
                 let p1 = 1.0 / (b + mu * rod()[(0, 0)]);
                 let v1 = (c + mu * b) * p1;
                 let work = 0.5 * v1 * p1 - 0.5 * v1 * v1 / held;
@@ -73,7 +74,7 @@ fn painleve_s_rod_has_two_answers() {
         assert_eq!(all[1].mode, if law == "smith" { Mode::ReverseSlip } else { Mode::Stick }, "{law}");
         assert!(all[1].energy_change < 0.0);
 
-        // The map jumps on one side, and not on the other.
+        // The outcome is discontinuous on one side only.
         let towards = branches(law, rod(), vector![-1.0, -1e-10], e, mu);
         close(law, (towards[0].impulse - expected).norm(), 0.0, 1e-8);
         let apart = branches(law, rod(), vector![-1.0, 1e-10], e, mu);
@@ -82,7 +83,7 @@ fn painleve_s_rod_has_two_answers() {
     }
 }
 
-/// At `μ s B = C` friction leaves v_n = 0 alone while slip lasts: the limit is the end of that.
+/// At `μ s B = C` v_n stays at 0 while slip lasts: the limit is the end of the slip.
 #[test]
 fn the_threshold_of_the_jam_counts_as_jam() {
     let h = Matrix2::new(2.0, 1.0, 1.0, 1.0);
@@ -91,7 +92,7 @@ fn the_threshold_of_the_jam_counts_as_jam() {
         let limit = branches(law, h, vector![1.0, -1e-9], 0.0, 1.0);
         assert!(all[0].flags.contains(Flags::JAM), "{law}");
         if law == "smith" {
-            // w = 1 is any slip forwards: a range of answers from zero on, of which the limit is the far end.
+            // w = 1 for any slip forwards: a range of solutions from zero on, of which the limit is the other end.
             continue;
         }
         assert_eq!(all.len(), 2, "{law}");
@@ -100,8 +101,8 @@ fn the_threshold_of_the_jam_counts_as_jam() {
     }
 }
 
-/// Of a sliding contact in the plane: one answer or two, by the jam and by nothing else, under every law; and the
-/// second is where the outcome goes as the approach fades.
+/// A contact sliding in the plane has two solutions if and only if it jams, under every law; the second is the limit of
+/// the outcome as the approach velocity tends to 0.
 #[test]
 fn in_the_plane_the_limit_is_the_last_branch() {
     let mut rng = fastrand::Rng::with_seed(71);
@@ -112,7 +113,7 @@ fn in_the_plane_the_limit_is_the_last_branch() {
         let excess = case.friction * s * h[(0, 1)] / h[(1, 1)];
         if (excess - 1.0).abs() < 0.02 {
             skipped += 1;
-            continue; // the closer to the threshold, the slower the approach must be
+            continue; // near the threshold the limit needs a slower approach
         }
         for law in LAW_NAMES {
             let jams = excess > 1.0 && law != "frictionless";
@@ -130,7 +131,7 @@ fn in_the_plane_the_limit_is_the_last_branch() {
     assert!(jammed > 1_500 && free > 10_000 && skipped < 50, "{jammed} {free} {skipped}");
 }
 
-/// What every branch must be, whatever the law.
+/// Conditions that every branch must satisfy, for any law.
 fn assert_lawful<const D: usize>(law: &str, h: &SMatrix<f64, D, D>, mu: f64, hit: &ImpactOutcome<f64, D>) {
     let n = D - 1;
     let (p_n, p_t) = (hit.impulse[n], hit.impulse.rows(0, n).norm());
@@ -144,7 +145,8 @@ fn assert_lawful<const D: usize>(law: &str, h: &SMatrix<f64, D, D>, mu: f64, hit
     assert!(!gains || ["newton", "whittaker"].contains(&law), "{law} {hit:?}");
 }
 
-/// Slip that turns and jams: the laws that follow it have two answers exactly then, and the outcome goes to the second.
+/// Slip that turns and jams: the laws that follow it have two solutions exactly then, and the second is the limit of
+/// the outcome.
 #[test]
 fn in_space_the_limit_is_among_the_branches() {
     let mut rng = fastrand::Rng::with_seed(72);
@@ -184,7 +186,7 @@ fn in_space_the_limit_is_among_the_branches() {
     assert!(jammed[0] == 0 && jammed[1..].iter().all(|&n| n > 150) && turned > 30, "{jammed:?} {turned}");
 }
 
-/// Newton's coefficient and Coulomb's cone on the whole impulse.
+/// Newton's coefficient and Coulomb's cone on the total impulse.
 fn obeys_whittaker(e: f64, mu: f64, hit: &ImpactOutcome<f64, 3>) {
     let (p_t, p_n, slip) = (hit.impulse.xy(), hit.impulse.z, hit.u_plus.xy());
     let size = p_t.norm() + mu * p_n;
@@ -197,9 +199,9 @@ fn obeys_whittaker(e: f64, mu: f64, hit: &ImpactOutcome<f64, 3>) {
     }
 }
 
-/// Whittaker's law in space: as many branches as a scan over the slips finds, each a solution, none twice.
+/// Whittaker's law in space: as many branches as a scan over the slips finds, each a solution, and all different.
 #[test]
-fn whittaker_s_branches_are_all_there_are() {
+fn whittaker_s_branches_are_all_solutions_of_a_scan() {
     let mut rng = fastrand::Rng::with_seed(73);
     let (mut counts, mut smooth) = ([[0; 4]; 2], 0);
     for i in 0..30_000 {
@@ -245,9 +247,10 @@ fn whittaker_s_branches_are_all_there_are() {
     assert!(counts[0][2] > 2 && counts[1][1] > 500 && counts[1][2] + counts[1][3] > 10, "{counts:?}");
 }
 
-/// An approach has one answer, but for Whittaker's in space; without friction everything has.
+/// An approaching contact has one solution, except under Whittaker's law in space; a frictionless contact always has
+/// one.
 #[test]
-fn where_nothing_is_open_there_is_one_branch() {
+fn approaching_contacts_have_one_branch() {
     let mut rng = fastrand::Rng::with_seed(74);
     for i in 0..3_000 {
         let (flat, case) = (any_case(&mut rng, 0.1), any_spatial(&mut rng, 0.1));
@@ -266,8 +269,8 @@ fn where_nothing_is_open_there_is_one_branch() {
     }
 }
 
-/// One joint against a wall that holds it: a range of impulses stops it, under Whittaker's law with e = 0, and its ends
-/// are the branches.
+/// A single joint sticking at a wall: under Whittaker's law with e = 0 a range of impulses stops it, and its ends are
+/// the branches.
 #[test]
 fn a_range_of_impulses_is_given_by_its_ends() {
     let j = vector![0.3, 0.7];
@@ -281,15 +284,15 @@ fn a_range_of_impulses_is_given_by_its_ends() {
     }
 }
 
-/// A point that cannot be moved along its normal, or that no finite impulse would free, has no second answer.
+/// A singular normal direction, and a contact that wedges, have no second solution.
 #[test]
-fn a_branch_that_the_law_refuses_is_none() {
+fn refused_second_solution_is_not_a_branch() {
     let frozen = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 0.0));
     let j = vector![0.3, 0.7];
     for law in LAW_NAMES {
         let all = branches(law, frozen, vector![1.0, 0.0, 0.0], 0.5, 3.0);
         assert_eq!((all.len(), all[0].flags), (1, Flags::NO_APPROACH), "{law}");
-        // Sliding across what the one joint can do: held before v_n has come back, the contact wedges.
+        // Sliding along the null direction of a single joint: it would stick before v_n is back at 0, and wedge.
         let all = branches(law, j * j.transpose(), vector![1.0, 0.0], 0.5, 3.0);
         let flags = Flags::NO_APPROACH | if law == "frictionless" { Flags::NONE } else { Flags::JAM };
         assert_eq!((all.len(), all[0].flags), (1, flags), "{law}");

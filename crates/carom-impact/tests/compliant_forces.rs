@@ -1,5 +1,5 @@
-//! The forces of contacts that give way, one by one: what rebound a damping obtains, what friction does to a block on a
-//! slope, and that none of them gives energy.
+//! The forces of compliant contacts one by one: the rebound that a damping obtains, friction of a block on a slope, and
+//! passivity.
 
 use carom_impact::{
     Bristle, Damping, HuntCrossley, ImpactError, KelvinVoigt, NormalForce, RoundBody, SmoothedCoulomb, WaltonBraun,
@@ -7,10 +7,10 @@ use carom_impact::{
 };
 use nalgebra::{Vector1, Vector2, Vector3, vector};
 
-/// The error chart of the damping formulas, e asked against e obtained, computed apart from this crate by integration to
-/// three digits.
+/// e prescribed and e obtained for the damping formulas, computed independently of this crate by integration to three
+/// digits.
 #[test]
-fn published_damping_formulas_obtain_these_rebounds() {
+fn published_damping_formulas_obtain_the_tabulated_rebounds() {
     let asked = [0.2, 0.35, 0.5, 0.7, 0.8, 0.9];
     let chart = [
         (Damping::Exact, asked),
@@ -31,7 +31,7 @@ fn published_damping_formulas_obtain_these_rebounds() {
             assert!((obtained - expected).abs() < 5.1e-4, "{} asked {e}: {obtained}", formula.name());
         }
         assert!(restitution_obtained(formula.number(1.0).unwrap()) == 1.0, "{}: elastic", formula.name());
-        // e obtained grows with e asked, or the formula would be no damping at all
+        // e obtained grows with e prescribed
         let mut before = 0.0;
         for k in 1..=1000 {
             let obtained = restitution_obtained(formula.number(f64::from(k) / 1000.0).unwrap());
@@ -43,7 +43,7 @@ fn published_damping_formulas_obtain_these_rebounds() {
 }
 
 #[test]
-fn the_rebound_obtained_inverts_the_root() {
+fn rebound_obtained_is_the_inverse_of_the_root() {
     let (mut before, mut worst) = (1.0, 0.0_f64);
     for k in (1..10_000).rev() {
         let e = f64::from(k) / 10_000.0;
@@ -62,7 +62,7 @@ fn the_rebound_obtained_inverts_the_root() {
         let off = restitution_obtained(x) - (1.0 - 2.0 / 3.0 * x + 4.0 / 9.0 * x * x);
         assert!(off.abs() < x * x * x + f64::EPSILON, "{x:e}: {off:e}");
     }
-    // both branches of the iteration meet
+    // both branches of the iteration agree where they meet
     let (below, above) = (restitution_obtained(0.2 - 1e-12), restitution_obtained(0.2 + 1e-12));
     assert!(below > above && below - above < 2e-12);
     assert_eq!(restitution_obtained(f64::INFINITY), 0.0);
@@ -73,9 +73,9 @@ fn the_rebound_obtained_inverts_the_root() {
     }
 }
 
-/// Digits of the two ends at ζ = 0.1 and 0.5, and the closed forms in themselves.
+/// Digits of the two ends at ζ = 0.1 and 0.5, and the closed forms.
 #[test]
-fn a_kelvin_voigt_contact_has_two_ends_and_two_coefficients() {
+fn kelvin_voigt_rebound_depends_on_the_end_of_the_contact() {
     let clipped = KelvinVoigt::new(1e5, 0.5).unwrap();
     let pulling = clipped.pulling();
     let mass = 2.5;
@@ -109,9 +109,9 @@ fn a_kelvin_voigt_contact_has_two_ends_and_two_coefficients() {
     assert!(KelvinVoigt { restitution: 0.0, ..clipped }.damping(mass).is_nan());
 }
 
-/// The spring gives back e² of what it took, and its memory is the deepest point.
+/// The spring returns e² of the work it absorbed, and its memory is the deepest point.
 #[test]
-fn walton_and_brauns_spring_gives_back_its_share() {
+fn walton_and_brauns_spring_returns_e_squared_of_the_work() {
     let (k, e, deepest) = (1e5, 0.6, 2e-3);
     let contact = WaltonBraun::new(k, e).unwrap();
     let n = 100_000;
@@ -125,14 +125,14 @@ fn walton_and_brauns_spring_gives_back_its_share() {
     assert!((given / taken - e * e).abs() < 10.0 / f64::from(n), "{}", given / taken);
     assert_eq!(contact.force((1.0 - e * e) * deepest * 0.999, deepest), 0.0);
     assert_eq!(contact.force(-1.0, 0.0), 0.0);
-    assert_eq!(contact.force(3e-3, deepest), k * 3e-3, "loaded anew beyond its memory");
+    assert_eq!(contact.force(3e-3, deepest), k * 3e-3, "loading line beyond its memory");
     let (a, b) = (contact.force(deepest, deepest), contact.force(deepest * (1.0 - 1e-12), deepest));
-    assert!((a - b).abs() < 1e-9 * a, "continuous where it turns");
+    assert!((a - b).abs() < 1e-9 * a, "continuous at the deepest point");
 }
 
-/// Timoshenko & Goodier's numbers for steel: two equal balls, a ball on a plate; the formula is symmetric.
+/// Steel on steel: two equal balls, a ball on a plate; the formula is symmetric.
 #[test]
-fn hertz_stiffness_of_two_bodies() {
+fn hertz_stiffness_has_its_closed_form() {
     let steel = RoundBody { radius: 0.05, modulus: 210e9, poisson_ratio: 0.3 };
     let equal = hertz_stiffness(steel, steel).unwrap();
     // E √(2R)/(3 (1 − ν²))
@@ -140,7 +140,7 @@ fn hertz_stiffness_of_two_bodies() {
     assert!((equal / closed - 1.0).abs() < 1e-14);
     let plate = RoundBody { radius: f64::INFINITY, ..steel };
     let flat = hertz_stiffness(steel, plate).unwrap();
-    assert!((flat / equal - 2.0_f64.sqrt()).abs() < 1e-14, "no curvature on the other side: √2 stiffer");
+    assert!((flat / equal - 2.0_f64.sqrt()).abs() < 1e-14, "zero curvature on the other side: √2 stiffer");
     let rubber = RoundBody { radius: 0.02, modulus: 5e6, poisson_ratio: 0.5 };
     assert_eq!(hertz_stiffness(steel, rubber).unwrap(), hertz_stiffness(rubber, steel).unwrap());
     let hollow = RoundBody { radius: -0.1, ..steel };
@@ -148,13 +148,13 @@ fn hertz_stiffness_of_two_bodies() {
     let refused = |one, other| hertz_stiffness(one, other).unwrap_err().to_string();
     assert_eq!(
         refused(plate, plate),
-        "1/R is 0: the sum of the curvatures must be positive: two flat bodies, or a ball in a narrower hollow, don't \
-         meet in a point"
+        "1/R is 0: the sum of the curvatures must be positive: two flat bodies, or a ball in a concave body of smaller \
+         radius, do not touch in a point"
     );
     assert!(refused(RoundBody { radius: -0.04, ..steel }, steel).starts_with("1/R is -5"));
     assert_eq!(
         refused(steel, RoundBody { radius: 0.0, ..steel }),
-        "radius is 0: a round body has a radius: inf for a flat one, negative for a hollow"
+        "radius is 0: it must not be 0 or NaN: give inf for a flat body, a negative radius for a concave one"
     );
     assert_eq!(refused(steel, RoundBody { modulus: -1.0, ..steel }), "modulus is -1: it must be finite and above 0");
     assert_eq!(
@@ -163,7 +163,7 @@ fn hertz_stiffness_of_two_bodies() {
     );
 }
 
-/// A block of 1 kg on a slope, pressed on by its weight, from rest: positions, speeds, and the bristle's deflection.
+/// A block of 1 kg on a slope under its weight, from rest: positions, speeds, and the bristle's deflection.
 fn slide(
     tangent: f64,
     force: impl Fn(f64, f64) -> f64,
@@ -184,10 +184,10 @@ fn slide(
     path
 }
 
-/// Below the angle of friction a bristle holds for good, smoothed friction creeps at v_d atanh(tan θ/μ); above it both
+/// Below the friction angle a bristle does not creep, smoothed friction creeps at v_d atanh(tan θ/μ); above it both
 /// slide with Coulomb's acceleration.
 #[test]
-fn a_block_on_a_slope_sticks_on_a_bristle_and_creeps_on_smoothed_friction() {
+fn block_on_a_slope_sticks_on_a_bristle_and_creeps_on_smoothed_friction() {
     let (mu, tangent): (f64, f64) = (0.5, 0.4);
     let pressed = |tangent: f64| 9.81 / tangent.hypot(1.0);
     let smoothed = SmoothedCoulomb::new(mu, 1e-3).unwrap();
@@ -205,30 +205,30 @@ fn a_block_on_a_slope_sticks_on_a_bristle_and_creeps_on_smoothed_friction() {
     };
     let path = on(tangent, 20_000);
     let [place, speed, deflection] = path[20_000];
-    // swings die out as exp(−c t/(2m)); what is left is the rounding of the weight over c
+    // oscillations decay as exp(−c t/(2m)); the rest is the rounding of the weight over c
     assert!(speed.abs() < 1e-15, "it creeps at {speed:e} m/s");
     let bent = pressed(tangent) * tangent / k;
     assert!((deflection / bent - 1.0).abs() < 1e-12 && place >= deflection - 1e-15, "{place} {deflection} {bent}");
-    // the first swing may slip a little, and is over with that
+    // the first oscillation may slip a little; after it there is no motion
     assert!(place < 2.0 * bent && (path[10_000][0] - place).abs() < 1e-15, "{place}");
 
     let steep: f64 = 0.7;
     let [_, speed, deflection] = on(steep, 20_000)[20_000];
     let coulomb = 9.81 * (steep - mu) / steep.hypot(1.0);
     assert!((speed / (2.0 * coulomb) - 1.0).abs() < 0.01, "{speed} after 2 s at {coulomb} m/s²");
-    assert!((deflection * k / (mu * pressed(steep)) - 1.0).abs() < 1e-12, "bent as far as it can");
+    assert!((deflection * k / (mu * pressed(steep)) - 1.0).abs() < 1e-12, "the bristle is at the friction limit");
 }
 
-/// At every state: within the cone, and what is not stored is lost.
+/// In every state: within the cone, and energy that is not stored is dissipated.
 #[test]
-fn friction_never_gives_energy_whatever_the_normal_force_does() {
+fn friction_is_passive_for_any_normal_force() {
     let mut rng = fastrand::Rng::with_seed(17);
     let mut any = |size: f64| size * (2.0 * rng.f64() - 1.0);
     let (mut sticks, mut slides) = (0, 0);
     for _ in 0..100_000 {
         let (mu, k, c) = (any(1.0).abs(), 10.0_f64.powf(4.0 + any(2.0)), 10.0_f64.powf(2.0 + any(2.0)));
         let bristle = Bristle::new(mu, k, c).unwrap();
-        let normal = any(10.0); // pulled contacts among them: they have no friction
+        let normal = any(10.0); // includes negative forces, which have no friction
         let (z, v) = (Vector2::new(any(1e-3), any(1e-3)), Vector2::new(any(0.1), any(0.1)));
         let (force, rate) = (bristle.force(&z, &v, normal), bristle.rate(&z, &v, normal));
         let size = (k * z.norm() + c * v.norm()) * v.norm().max(rate.norm());
@@ -244,7 +244,7 @@ fn friction_never_gives_energy_whatever_the_normal_force_does() {
         assert!(smoothed.dot(&v) <= 0.0 && smoothed.norm() <= mu * normal.max(0.0) * (1.0 + 1e-15));
     }
     assert!(sticks > 1000 && slides > 1000, "{sticks} {slides}");
-    // three rows in the world are two in the plane of contact
+    // three rows in the world frame agree with two in the contact plane
     let bristle = Bristle::new(0.5, 1e4, 10.0).unwrap();
     let flat = bristle.force(&vector![1e-3, 0.0], &vector![0.1, 0.2], 30.0);
     let world: Vector3<f64> = bristle.force(&vector![1e-3, 0.0, 0.0], &vector![0.1, 0.2, 0.0], 30.0);
@@ -252,12 +252,12 @@ fn friction_never_gives_energy_whatever_the_normal_force_does() {
 }
 
 #[test]
-fn what_the_forces_refuse() {
+fn invalid_parameters_are_refused() {
     let message = |refused: Result<(), ImpactError>| refused.unwrap_err().to_string();
     assert_eq!(message(KelvinVoigt::new(-1.0, 0.5).map(drop)), "stiffness is -1: it must be finite and above 0");
     assert_eq!(message(WaltonBraun::new(f64::NAN, 0.5).map(drop)), "stiffness is NaN: it must be finite and above 0");
     for refused in [KelvinVoigt::new(1.0, 0.0).map(drop), WaltonBraun::new(1.0, 0.0).map(drop)] {
-        assert!(message(refused).starts_with("restitution is 0: a compliant contact rebounds with more than 0"));
+        assert!(message(refused).starts_with("restitution is 0: the restitution of a compliant contact is above 0"));
     }
     assert_eq!(message(SmoothedCoulomb::new(0.1, 0.0).map(drop)), "slip speed is 0: it must be finite and above 0");
     assert_eq!(
@@ -266,8 +266,8 @@ fn what_the_forces_refuse() {
     );
     assert_eq!(
         message(Bristle::new(0.1, 1.0, 0.0).map(drop)),
-        "bristle's damping is 0: it must be finite and above 0: the bristle's swinging must die out; 2 √(k m) stops a \
-         mass m without any"
+        "bristle's damping is 0: it must be finite and above 0, to damp the oscillation of the bristle; 2 √(k m) is \
+         critical for a mass m"
     );
     let laws = [
         NormalForce::HuntCrossley(HuntCrossley::new(1.0, 1.5, 0.5).unwrap()),

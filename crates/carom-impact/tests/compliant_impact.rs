@@ -1,5 +1,5 @@
-//! Impacts through contacts that give way, followed from first touch to the end: against closed forms, against the rigid
-//! laws they go to, and against numbers of Newton's cradle.
+//! Impacts through compliant contacts, integrated from first touch to the end: against closed forms, against the rigid
+//! laws that are their limits, and against numbers of Newton's cradle.
 
 mod common;
 
@@ -12,7 +12,7 @@ use carom_impact::{
 use common::{any_case, any_spatial, close};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dmatrix, dvector, matrix, vector};
 
-/// Integrated impacts are this exact, relatively: a kink within a step costs digits.
+/// Relative error of integrated impacts; kinks within a step increase it.
 const EXACT: f64 = 3e-8;
 
 const NO: TangentialForce = TangentialForce::Frictionless;
@@ -51,7 +51,7 @@ fn pendulum() -> ImpactProblem<f64, 2> {
     ImpactProblem::new(j * m.try_inverse().unwrap() * j.transpose(), j * vector![-0.1, -0.2]).unwrap()
 }
 
-/// e in, e out, for every mass, stiffness and speed; the depth is the closed form's; the books close.
+/// The rebound is e for every mass, stiffness and speed; the penetration is the closed form; the energy balance holds.
 #[test]
 fn every_normal_force_rebounds_with_its_coefficient() {
     for (mass, k, v0) in [(1.0, 1.0, 1.0), (0.01, 1e9, 3.0), (300.0, 1e5, 0.02), (2.0, 1e12, 1e-3)] {
@@ -76,9 +76,9 @@ fn every_normal_force_rebounds_with_its_coefficient() {
     }
 }
 
-/// What a published damping obtains by integration is what the closed equation says.
+/// The rebound obtained with a published damping is that of the closed equation.
 #[test]
-fn integrated_rebounds_are_those_of_the_error_chart() {
+fn integrated_rebounds_are_those_of_the_closed_equation() {
     for formula in Damping::ALL {
         for e in [0.2, 0.5, 0.9] {
             let law = HuntCrossley::new(1e6, 1.5, e).unwrap().damped_after(formula);
@@ -116,14 +116,14 @@ fn durations_and_peak_forces_are_the_closed_forms() {
         close("to d = 0", phase, PI, 1e-7);
         let jump = pulling.damping(mass) * v0;
         let peak = ball(NormalForce::KelvinVoigt(pulling), mass, v0).contacts[0].peak_force;
-        assert!(peak >= jump * (1.0 - 1e-9), "the jump at first touch counts: {peak} {jump}");
+        assert!(peak >= jump * (1.0 - 1e-9), "the jump at first touch is included: {peak} {jump}");
     }
 }
 
-/// The bridge between the branches: Walton & Braun's spring with friction smoothed less and less goes to Stronge's
-/// impact, with an error of first order in the smoothing, and to no other law's.
+/// Walton & Braun's spring with friction of decreasing smoothing tends to Stronge's impact, with an error of first
+/// order in the smoothing, and to no other law's.
 #[test]
-fn walton_and_brauns_impact_is_stronges() {
+fn walton_and_brauns_impact_tends_to_stronges() {
     let problem = pendulum();
     let rigid = Energetic { restitution: 0.5, friction: 0.5 }.resolve(&problem).unwrap();
     let speed = problem.u_minus().norm();
@@ -132,8 +132,8 @@ fn walton_and_brauns_impact_is_stronges() {
         let hit = problem.compliant(walton_braun(1e6, 0.5), smoothed(0.5, share * speed)).unwrap();
         errors.push((vector![hit.u_plus[0], hit.u_plus[1]] - rigid.u_plus).norm() / speed);
         close("energetic", hit.contacts[0].energetic().unwrap(), 0.5, EXACT);
-        let books = hit.work() - hit.energy_change;
-        assert!(books.abs() < 1e-9 * rigid.energy_before, "{books:e}");
+        let off = hit.work() - hit.energy_change;
+        assert!(off.abs() < 1e-9 * rigid.energy_before, "{off:e}");
     }
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log10();
@@ -141,13 +141,13 @@ fn walton_and_brauns_impact_is_stronges() {
     }
     assert!(errors[2] < 2e-5, "{errors:?}");
     let poisson = Poisson { restitution: 0.5, friction: 0.5 }.resolve(&problem).unwrap();
-    assert!((poisson.u_plus - rigid.u_plus).norm() > 1e-3 * speed, "a test that could fail");
+    assert!((poisson.u_plus - rigid.u_plus).norm() > 1e-3 * speed, "the two laws differ here");
 }
 
-/// The same by explicit steps in time with Coulomb's friction itself, written here from nothing but the force: it goes to
-/// Stronge's impact at first order in the step, and its extrapolation is there.
+/// The same by explicit time steps with Coulomb's friction, written here from the force alone: they tend to Stronge's
+/// impact at first order in the step, and so does their extrapolation.
 #[test]
-fn explicit_steps_go_to_stronges_impact_at_first_order() {
+fn explicit_steps_tend_to_stronges_impact_at_first_order() {
     let problem = pendulum();
     let (h, mu) = (problem.delassus(), 0.5);
     let force = WaltonBraun::new(1.0, 0.5).unwrap();
@@ -160,7 +160,7 @@ fn explicit_steps_go_to_stronges_impact_at_first_order() {
                 return u;
             }
             let dp = f * dt;
-            // friction that stops the slip within the step, if the cone has it
+            // friction that stops the slip within the step, if it is in the cone
             let stop = -(u.x + h[(0, 1)] * dp) / h[(0, 0)];
             d -= u.y * dt;
             u += h * Vector2::new(stop.clamp(-mu * dp, mu * dp), dp);
@@ -179,7 +179,7 @@ fn explicit_steps_go_to_stronges_impact_at_first_order() {
     assert!((vector![hit.u_plus[0], hit.u_plus[1]] - extrapolated).norm() < 0.2 * errors[2]);
 }
 
-/// Any impact in the plane and in space: passive, in its cone, books closed; and near Stronge's.
+/// Random impacts in the plane and in space: passive, in the cone, with a closed energy balance, and near Stronge's.
 #[test]
 fn random_impacts_are_passive_and_near_stronges() {
     let mut rng = fastrand::Rng::with_seed(5);
@@ -201,16 +201,16 @@ fn random_impacts_are_passive_and_near_stronges() {
         assert!(friction <= mu * hit.impulse[tangents] * (1.0 + 1e-9), "{n}: {friction} {}", hit.impulse[tangents]);
         assert!(hit.energy_change <= 1e-9 * energy && hit.contacts[0].friction_work <= 0.0, "{n}: {hit:?}");
         assert!((hit.work() - hit.energy_change).abs() < 1e-8 * energy, "{n}: {hit:?}");
-        // jams among them: as near as friction is smoothed little
+        // includes jams; the distance is that of the smoothing
         let off = (hit.u_plus - DVector::from_vec(rigid)).norm();
         assert!(off < 20.0 * 1e-3, "{n}: off by {off}");
     }
 }
 
-/// A rolling ball has its tangent and normal uncoupled: with a bristle the outcome is a swing of its own, passive, within
-/// the cone, and with a soft bristle the slip comes back reversed, which no law with a rigid tangent does.
+/// A sphere has its tangent and normal uncoupled: with a bristle the tangential motion is an oscillation of its own,
+/// passive and within the cone, and a soft bristle reverses the slip, which no law with a rigid tangent does.
 #[test]
-fn a_bristle_gives_back_slip() {
+fn soft_bristle_reverses_the_slip() {
     // solid sphere: H = diag(7/2, 1)
     let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![0.2, -1.0]).unwrap();
     let k = 1e6;
@@ -220,14 +220,14 @@ fn a_bristle_gives_back_slip() {
     close("normal", hit.u_plus[1], 1.0, EXACT);
     close("slip", hit.u_plus[0], -0.2, 1e-3);
     assert!((hit.work() - hit.energy_change).abs() < 1e-9);
-    // twice as often: it comes back to where it was
+    // twice the frequency: the slip is the initial one
     let hit = problem.compliant(walton_braun(k, 1.0), bristle(8.0 / 7.0, 1e-3)).unwrap();
     close("slip", hit.u_plus[0], 0.2, 1e-3);
-    // strongly damped it sticks, as Coulomb's friction: P_t = -2/7 u_t
+    // strongly damped it sticks, as with Coulomb's friction: P_t = -2/7 u_t
     let hit = problem.compliant(walton_braun(k, 1.0), bristle(1e3, 1e5)).unwrap();
     close("slip", hit.u_plus[0], 0.0, 1e-3);
     close("impulse", hit.impulse[0], -0.2 * 2.0 / 7.0, 1e-3);
-    // all the way in slip: Coulomb's
+    // slip throughout: Coulomb's friction
     let slow = TangentialForce::Bristle(Bristle::new(0.1, 1e9, 1e3).unwrap());
     let fast = ImpactProblem::new(*problem.delassus(), vector![5.0, -1.0]).unwrap();
     let hit = fast.compliant(walton_braun(k, 0.5), slow).unwrap();
@@ -249,11 +249,11 @@ fn cradle(laws: &[NormalForce]) -> (Vec<f64>, CompliantOutcome) {
     (balls, hit)
 }
 
-/// Springs that are alike, and not: the shares of the blow depend on the exponent and on the ratio of the stiffnesses,
-/// not on the stiffness. Numbers computed apart from this crate; Hertz's three balls agree with the literature's
+/// Springs that are equal, and not: the velocities depend on the exponent and on the ratio of the stiffnesses, not on
+/// the stiffness. Numbers computed independently of this crate; Hertz's three balls agree with the literature's
 /// .9945/.0764/−.0710.
 #[test]
-fn newtons_cradle_shares_the_blow_by_the_ratio_of_stiffnesses() {
+fn newtons_cradle_depends_on_the_ratio_of_stiffnesses() {
     let hertz = |k: f64| hunt_crossley(k, 1.5, 1.0);
     let spring = hunt_crossley(1e5, 1.0, 1.0);
     let cases: [(Vec<NormalForce>, Vec<f64>, f64); 5] = [
@@ -278,15 +278,15 @@ fn newtons_cradle_shares_the_blow_by_the_ratio_of_stiffnesses() {
     assert!(soft.iter().zip(&hard).all(|(a, b)| (a - b).abs() < 1e-9), "{soft:?} {hard:?}");
 }
 
-/// Balls that lose energy where they touch: momentum stays, and e → 1 goes to the elastic cradle.
+/// Balls with dissipative contacts: momentum is conserved, and e → 1 tends to the elastic cradle.
 #[test]
-fn a_cradle_that_dissipates_keeps_its_momentum() {
+fn dissipative_cradle_conserves_momentum() {
     for e in [0.3, 0.9, 0.999] {
         for law in [walton_braun(1e6, e), hunt_crossley(1e6, 1.0, e), kelvin_voigt(1e6, e)] {
             let (balls, hit) = cradle(&[law; 3]);
             close("momentum", balls.iter().sum(), 1.0, 1e-12);
             assert!(hit.energy_change < 0.0 && hit.contacts.iter().all(|it| it.returned < it.absorbed), "{hit:?}");
-            // nothing approaches any more
+            // no contact approaches
             assert!(balls.windows(2).all(|pair| pair[0] <= pair[1] + 1e-9), "{law:?} {balls:?}");
         }
     }
@@ -296,30 +296,30 @@ fn a_cradle_that_dissipates_keeps_its_momentum() {
     assert!(elastic.iter().zip(&nearly).all(|(a, b)| (a - b).abs() < 1e-4), "{elastic:?} {nearly:?}");
 }
 
-/// Two balls that come back together after they had parted: a light one between two heavy ones rattles.
+/// Two contacts that close again after separation: a light ball between two heavy ones.
 #[test]
-fn a_contact_that_has_parted_closes_again() {
+fn separated_contact_closes_again() {
     // masses 1, 0.01, 1: H_ii = 1/m_i + 1/m_(i+1)
     let h = dmatrix![101.0, -100.0; -100.0, 101.0];
     let law = hunt_crossley(1e6, 1.5, 1.0);
-    // the light ball flies at the second heavy one, which rests away: both contacts start closed but free
+    // both contacts touch at the start without force
     let hit = compliant_impact(&h, &dvector![-1.0, 0.0], &[(law, NO); 2]).unwrap();
     let (first, light, last) = (1.0 - hit.impulse[0], 100.0 * (hit.impulse[0] - hit.impulse[1]), hit.impulse[1]);
     close("energy", first * first + 0.01 * light * light + last * last, 1.0, EXACT);
     assert!(first <= light && light <= last, "{first} {light} {last}");
-    // two equal heavy balls exchange their velocities through the light one, but for its own share
+    // two equal heavy balls exchange their velocities through the light one, except for its own momentum
     assert!(last > 0.95, "{last}");
     let one = hit.contacts[0];
     assert!(one.deepest > 0.0 && hit.steps > 100, "{hit:?}");
 }
 
 #[test]
-fn what_a_compliant_impact_refuses() {
+fn invalid_compliant_impacts_are_refused() {
     let law = [(walton_braun(1.0, 0.5), NO)];
     let refused = |h: DMatrix<f64>, u: DVector<f64>| compliant_impact(&h, &u, &law).unwrap_err().to_string();
     assert_eq!(
         refused(DMatrix::identity(4, 4), DVector::zeros(4)),
-        "delassus has 4 rows for 1 compliant contacts: each takes one (its normal), two (in the plane) or three (in \
+        "delassus has 4 rows for 1 compliant contacts: each has one (its normal), two (in the plane) or three (in \
          space), tangents first, normal last"
     );
     assert!(refused(DMatrix::identity(2, 2), DVector::zeros(3)).starts_with("u_minus has 3 rows"));
@@ -327,8 +327,8 @@ fn what_a_compliant_impact_refuses() {
     assert!(refused(dmatrix![-1.0], dvector![-1.0]).contains("not positive"));
     assert!(refused(dmatrix![f64::NAN], dvector![-1.0]).starts_with("delassus[0][0] is NaN"));
     assert!(refused(dmatrix![1.0], dvector![f64::INFINITY]).starts_with("u_minus[0] is inf"));
-    assert!(refused(dmatrix![1.0, 0.0; 0.0, 0.0], dvector![0.0, -1.0]).contains("cannot move along its normal"));
-    // sizes without contacts, and contacts that part
+    assert!(refused(dmatrix![1.0, 0.0; 0.0, 0.0], dvector![0.0, -1.0]).contains("the normal direction is singular"));
+    // no contacts at all, and separating contacts
     let none = compliant_impact(&DMatrix::zeros(0, 0), &DVector::zeros(0), &[]).unwrap();
     assert_eq!((none.impulse.len(), none.duration), (0, 0.0));
     let parting = compliant_impact(&dmatrix![1.0], &dvector![1.0], &law).unwrap();

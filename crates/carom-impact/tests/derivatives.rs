@@ -1,4 +1,4 @@
-//! Derivatives of the laws, boundaries of their modes, and what is on both sides of one.
+//! Derivatives of the laws, mode boundaries, and the derivatives on both sides of a boundary.
 
 mod common;
 
@@ -46,7 +46,7 @@ fn direction<const D: usize>(rng: &mut fastrand::Rng) -> Direction<D> {
     }
 }
 
-/// Away from kinks, derivative and central difference are one. Returns how many were compared.
+/// Away from kinks, derivative and central difference agree. Returns how many were compared.
 fn agrees<const D: usize>(case: &Moving<D>) -> usize {
     let step = 1e-5;
     let safe = |x: f64| {
@@ -63,7 +63,7 @@ fn agrees<const D: usize>(case: &Moving<D>) -> usize {
     assert_eq!(derivative.outcome.impulse, here.impulse);
     let (forward, backward) = (ahead.impulse - here.impulse, here.impulse - behind.impulse);
     if (forward - backward).norm() > 1e-7 * (1.0 + here.impulse.norm()) {
-        return 0; // a boundary, or a stiff spot
+        return 0; // a boundary, or a large curvature
     }
     let size = 1.0 + (forward / step).norm() + here.impulse.norm();
     let off = (derivative.impulse(&case.along) - (forward + backward) / (2.0 * step)).norm() / size;
@@ -75,7 +75,7 @@ fn agrees<const D: usize>(case: &Moving<D>) -> usize {
 }
 
 #[test]
-fn derivatives_are_central_differences() {
+fn derivatives_agree_with_central_differences() {
     let mut rng = fastrand::Rng::with_seed(71);
     let mut compared = [0; 2];
     for k in 0..1_000 {
@@ -95,10 +95,10 @@ fn derivatives_are_central_differences() {
     assert!(compared[0] > 650 && compared[1] > 330, "{compared:?}");
 }
 
-/// Slip that stays in a plane is answered in closed form; a change that leads out of the plane has a derivative all the
-/// same, which differences of the turning slip next to it confirm.
+/// Slip that stays in a plane is resolved in closed form; its derivative in a direction out of the plane agrees with
+/// differences of the turning slip next to it.
 #[test]
-fn a_change_out_of_the_plane_of_slip_has_its_derivative() {
+fn derivatives_out_of_the_plane_of_slip_agree_with_differences() {
     let mut rng = fastrand::Rng::with_seed(72);
     let mut compared = [0; 3];
     for k in 0..900 {
@@ -110,7 +110,7 @@ fn a_change_out_of_the_plane_of_slip_has_its_derivative() {
         let ball = k % 3 == 2;
         let delassus = if ball { Matrix3::from_diagonal(&Vector3::new(3.5, 3.5, 1.0)) } else { delassus };
         let u = Vector3::new(if at_rest { 0.0 } else { u[0] }, 0.0, u[1]);
-        // At rest the impact is smooth where friction holds with something to spare.
+        // Without slip the impact is smooth if μ is larger than μ_stick.
         let friction = if at_rest { 1.5 * h[(0, 1)].abs() / h[(0, 0)] + 0.1 } else { case.friction };
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 0.3 * f64::from(k)).into_inner();
         let (delassus, u) = (turn * delassus * turn.transpose(), turn * u);
@@ -120,16 +120,16 @@ fn a_change_out_of_the_plane_of_slip_has_its_derivative() {
         let (a, b) = if ball { (3.5, 0.0) } else { (h[(0, 0)], h[(0, 1)] * case.u[0].signum()) };
         let decays = friction * if ball { 3.5 } else { across } / (b - friction * a).abs();
         if hit.slip_stop.is_some() && decays < 0.75 {
-            continue; // a change of 1e-5 is then no small one
+            continue; // a change of 1e-5 is then not small
         }
         compared[k as usize % 3] += agrees(&Moving { delassus, u, law, along: direction(&mut rng) });
     }
     assert!(compared.iter().all(|&n| n > 120), "{compared:?}");
 }
 
-/// A ball that falls without slip on a floor, or with it, under friction of zero: to the right of it, friction acts.
+/// At μ = 0 the derivative with respect to μ is that from the right.
 #[test]
-fn at_no_friction_the_derivative_by_friction_is_that_from_the_right() {
+fn derivative_by_friction_at_zero_is_that_from_the_right() {
     let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
     let problem = ImpactProblem::new(h, vector![0.6, -0.2, -1.0]).unwrap();
     for name in ["newton", "poisson", "energetic", "whittaker", "smith", "chatterjee-ruina", "brach"] {
@@ -138,16 +138,16 @@ fn at_no_friction_the_derivative_by_friction_is_that_from_the_right() {
         let ahead = |mu: f64| (law(mu).resolve(&problem).unwrap().impulse - derivative.outcome.impulse) / mu;
         let difference = ahead(1e-5) * 2.0 - ahead(2e-5);
         close(name, (derivative.friction - difference).norm(), 0.0, 1e-7);
-        // Friction does something; Brach's by name acts along the slip only, and so do the others.
+        // Friction changes the impulse.
         assert!(derivative.friction.norm() > 0.1, "{name}");
         let frictionless = problem.differentiate(&AnyLaw::named("frictionless", rough(0.6, 0.0)).unwrap()).unwrap();
         assert_eq!(derivative.velocity, frictionless.velocity, "{name}");
     }
 }
 
-/// Kane & Levinson's pendulum (impact-law reference, case B1): dv⁺/de at e = μ = 0.5, from 30-digit arithmetic.
+/// Kane & Levinson's pendulum: dv⁺/de at e = μ = 0.5, from 30-digit arithmetic.
 #[test]
-fn sensitivities_of_the_double_pendulum() {
+fn sensitivities_of_the_double_pendulum_have_their_reference_values() {
     let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];
     let problem = ImpactProblem::new(h, vector![-0.267174342835, -0.134202014333]).unwrap();
     let (restitution, friction) = (0.5, 0.5);
@@ -163,7 +163,8 @@ fn sensitivities_of_the_double_pendulum() {
     }
 }
 
-/// Walks until the mode changes: there the nearest boundary is at hand, and names the mode beyond.
+/// Moves along the direction until the mode changes: there the nearest boundary has margin 0 and the mode on the other
+/// side.
 fn crosses<const D: usize>(case: &Moving<D>, tally: &mut std::collections::BTreeMap<&'static str, usize>) {
     let class = |x: f64| {
         let problem = case.problem(x).ok()?;
@@ -225,7 +226,7 @@ fn crosses<const D: usize>(case: &Moving<D>, tally: &mut std::collections::BTree
 }
 
 #[test]
-fn where_the_mode_changes_the_margin_is_zero_and_both_sides_have_their_derivative() {
+fn mode_changes_have_zero_margin_and_two_one_sided_derivatives() {
     let mut rng = fastrand::Rng::with_seed(73);
     let mut tally = std::collections::BTreeMap::new();
     for k in 0..4_000 {
@@ -240,9 +241,9 @@ fn where_the_mode_changes_the_margin_is_zero_and_both_sides_have_their_derivativ
     assert!(tally["kink"] > 100 && tally["ahead"] > 150 && tally["behind"] > 150, "{tally:?}");
 }
 
-/// In the plane of Kane & Levinson's pendulum, by hand: e = μ = 0.5, slip stops in restitution and turns round.
+/// Kane & Levinson's pendulum, e = μ = 0.5: slip stops in restitution and reverses.
 #[test]
-fn margins_by_hand() {
+fn margins_of_the_double_pendulum_are_the_closed_forms() {
     let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];
     let u = vector![-0.267174342835, -0.134202014333];
     let problem = ImpactProblem::new(h, u).unwrap();
@@ -256,7 +257,7 @@ fn margins_by_hand() {
     close("slip", margin(Edge::NoSlip), u[0].abs() / u.norm(), 1e-12);
     close("approach", margin(Edge::NoApproach), u[1].abs() / u.norm(), 1e-12);
     assert!(boundaries.is_sorted_by(|a, b| a.margin <= b.margin));
-    // Slip towards the wall of the Painlevé paradox.
+    // Slip in the direction that jams.
     let jamming = ImpactProblem::new(h, vector![0.3, -0.134201]).unwrap();
     let found = jamming.boundaries(&Energetic { restitution: 0.5, friction: 0.8 }).unwrap();
     let jams = found.iter().find(|b| b.edge == Edge::Jams).unwrap();
@@ -265,9 +266,9 @@ fn margins_by_hand() {
     assert!(parting.boundaries(&law).unwrap().is_empty());
 }
 
-/// Brach's ratio has a bound; at it the mode is that of rest, beyond it nothing changes.
+/// Brach's ratio has a bound; at it the contact sticks, and beyond it nothing changes.
 #[test]
-fn clipping_is_a_boundary() {
+fn clipping_of_brach_s_ratio_is_a_boundary() {
     let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![1.0, -1.0]).unwrap();
     // By hand: critical ratio 1/6.3 for e = 0.8.
     for (ratio, beyond) in [(-0.1, Mode::Slip), (-0.5, Mode::Stick)] {
@@ -293,7 +294,7 @@ impl Law<f64, 2> for Foreign {
 }
 
 #[test]
-fn a_law_from_elsewhere_is_refused_by_name() {
+fn user_defined_law_is_refused_by_name() {
     let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -1.0]).unwrap();
     let message = problem.differentiate(&Foreign).unwrap_err().to_string();
     assert!(message.starts_with("foreign has no derivative") && message.contains("energetic"), "{message}");

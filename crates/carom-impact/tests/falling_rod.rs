@@ -1,5 +1,5 @@
-//! A free uniform rod, m = L = 1, at an angle θ from the horizontal, strikes with its lower end.
-//! The classic of jamming: Painlevé's threshold is least, 4/3, at tan θ = 2.
+//! A free uniform rod, m = L = 1, at an angle θ from the horizontal, strikes with its lower end: the standard example
+//! of jamming. Painlevé's threshold has its minimum 4/3 at tan θ = 2.
 
 mod common;
 
@@ -18,7 +18,7 @@ fn strike(law: &str, degrees: f64, u: Vector2<f64>, e: f64, mu: f64) -> ImpactOu
 }
 
 #[test]
-fn thresholds_of_friction() {
+fn stick_and_jam_thresholds_have_their_published_values() {
     for (degrees, jam, stick) in
         [(30.0, 2.50185, 0.74231), (45.0, 1.66667, 0.6), (60.0, 1.34715, 0.39970), (75.0, 1.60128, 0.19742)]
     {
@@ -39,13 +39,13 @@ fn least_friction_that_jams_is_four_thirds_at_slope_two() {
 }
 
 #[test]
-fn dropped_straight_all_coefficients_coincide() {
+fn dropped_vertically_all_coefficients_coincide() {
     for law in ["newton", "poisson", "energetic", "whittaker"] {
         let slips = strike(law, 45.0, vector![0.0, -1.0], 0.5, 0.1);
         close(law, slips.u_plus[0], -0.79787, 5e-6);
         close(law, slips.u_plus[1], 0.5, 1e-15);
         close(law, slips.energy_ratio(), 0.40788, 5e-6);
-        assert_eq!(slips.mode, Mode::Slip, "{law}: starts from rest and never turns");
+        assert_eq!(slips.mode, Mode::Slip, "{law}: slip starts from rest and keeps its direction");
 
         let sticks = strike(law, 45.0, vector![0.0, -1.0], 0.5, 0.6);
         assert_eq!(sticks.u_plus[0], 0.0);
@@ -56,7 +56,7 @@ fn dropped_straight_all_coefficients_coincide() {
 }
 
 #[test]
-fn oblique_they_part() {
+fn in_an_oblique_impact_the_coefficients_differ() {
     for (law, v_n) in [("newton", 0.5), ("poisson", 0.305882), ("energetic", 0.356453)] {
         let hit = strike(law, 45.0, vector![1.0, -1.0], 0.5, 0.6);
         assert_eq!(hit.u_plus[0], 0.0);
@@ -65,10 +65,10 @@ fn oblique_they_part() {
     }
 }
 
-/// Sliding at `v_n = 0` with friction beyond the threshold: no impulse and a finite impulse are
-/// both answers. The zero one is given, the other announced.
+/// Sliding at `v_n = 0` with friction beyond the threshold: no impulse and a finite impulse are both solutions. The
+/// outcome is the zero impulse, flagged as not unique.
 #[test]
-fn impact_without_collision_is_announced() {
+fn impact_without_collision_is_flagged() {
     let jams = Flags::NO_APPROACH | Flags::JAM | Flags::NON_UNIQUE;
     for law in LAW_NAMES {
         let hit = strike(law, 60.0, vector![-1.0, 0.0], 0.5, 1.5);
@@ -76,16 +76,16 @@ fn impact_without_collision_is_announced() {
         assert_eq!((hit.mode, hit.u_plus), (Mode::Open, hit.u_minus));
         assert_eq!(hit.impulse, Vector2::zeros());
 
-        // Less friction, the other way, or parting: an ordinary contact that does not approach.
+        // Less friction, the other direction, or separation: an ordinary contact that does not approach.
         for (u, mu) in [(vector![-1.0, 0.0], 1.3), (vector![1.0, 0.0], 1.5), (vector![-1.0, 0.1], 1.5)] {
             assert_eq!(strike(law, 60.0, u, 0.5, mu).flags, Flags::NO_APPROACH, "{law}");
         }
     }
 }
 
-/// The impact map jumps there: as the approach fades, the impulse does not.
+/// The impact map is discontinuous there: as the approach velocity tends to 0, the impulse does not.
 #[test]
-fn jamming_impulse_outlives_its_approach() {
+fn jamming_impulse_does_not_vanish_with_the_approach() {
     let limit = strike("energetic", 60.0, vector![-1.0, -1e-12], 0.5, 1.5);
     assert_eq!(limit.flags, Flags::JAM | Flags::GRAZING);
     assert!(limit.impulse[1] > 0.3 && limit.u_plus[1] > 0.05, "{limit:?}");

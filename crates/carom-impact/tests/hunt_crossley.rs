@@ -1,9 +1,9 @@
-//! The Hunt–Crossley contact against tables, its own equation, and an integration that knows neither.
+//! The Hunt–Crossley contact against tables, its own equation, and an independent integration.
 
 use carom_impact::{HuntCrossley, damping_root};
 
 #[test]
-fn known_roots() {
+fn roots_have_their_reference_values() {
     let table = [
         (0.1, 9.998159),
         (0.2, 4.919167),
@@ -40,14 +40,14 @@ fn known_roots() {
 }
 
 #[test]
-fn the_root_solves_its_equation() {
+fn root_solves_its_equation() {
     let mut before = f64::INFINITY;
     for k in 1..100_000 {
         let e = f64::from(k) / 100_000.0;
         let x = damping_root(e).unwrap();
         assert!(x > 0.0 && x <= 1.0 / e && x < before, "e {e}: {x}");
         before = x;
-        // the equation without its logarithm, which has no digits left where 1 - e x is next to nothing
+        // the equation without its logarithm, which is inaccurate where 1 - e x is nearly 0
         let off = (1.0 - e * x) - (1.0 + x) * (-x * (1.0 + e)).exp();
         assert!(off.abs() < 1e-14, "e {e}: off by {off:e}");
         if e > 0.3 {
@@ -67,8 +67,8 @@ fn the_root_solves_its_equation() {
     }
 }
 
-/// Rebound speed and greatest penetration by fourth-order Runge–Kutta with `steps` steps to the greatest depth's time
-/// scale; it is told the force, and nothing of where it comes from.
+/// Rebound speed and largest penetration by fourth-order Runge–Kutta with `steps` steps per time scale of the
+/// penetration, from the force alone.
 fn integrate(contact: &HuntCrossley, mass: f64, approach: f64, steps: f64) -> (f64, f64) {
     let damping = contact.damping(approach);
     let acceleration = |d: f64, w: f64| {
@@ -95,7 +95,7 @@ fn integrate(contact: &HuntCrossley, mass: f64, approach: f64, steps: f64) -> (f
 }
 
 #[test]
-fn an_integration_rebounds_with_e() {
+fn integrated_rebound_is_e() {
     let cases = [
         // k, n, e, m, v0
         (1e7, 1.5, 0.5, 0.4, 0.2),
@@ -116,31 +116,31 @@ fn an_integration_rebounds_with_e() {
 }
 
 #[test]
-fn the_force_never_pulls() {
+fn force_never_pulls() {
     let contact = HuntCrossley::new(1e7, 1.5, 0.5).unwrap();
     let damping = contact.damping(0.2);
     for (d, w) in [(-1e-3, 1.0), (0.0, 1.0), (0.0, -1.0), (1e-3, -1.0), (1e-3, -0.5), (-1.0, -1.0)] {
         assert_eq!(contact.force(d, w, damping), 0.0, "at {d} m, {w} m/s");
     }
-    // Hertz where it stands still
+    // Hertz's force at zero rate
     let still = contact.force(1e-4, 0.0, damping);
     assert!((still - 10.0).abs() < 1e-13);
-    // nothing approaches, nothing damps; the slowest approach has a finite damping
+    // no damping without approach; a finite damping for the slowest approach
     assert_eq!(contact.damping(0.0), 0.0);
     assert_eq!(contact.damping(-1.0), 0.0);
     assert_eq!(contact.greatest_penetration(-1.0, 1.0), 0.0);
     assert!(contact.force(1e-4, 0.0, contact.damping(5e-324)) > 0.0);
-    // what is no number stays none
+    // NaN stays NaN
     assert!(contact.force(f64::NAN, 0.0, 0.0).is_nan() && contact.damping(f64::NAN).is_nan());
     assert!(HuntCrossley { restitution: 0.0, ..contact }.damping(1.0).is_nan());
 }
 
 #[test]
-fn what_is_refused() {
+fn invalid_parameters_are_refused() {
     let refused = |k, n, e| HuntCrossley::new(k, n, e).unwrap_err().to_string();
     assert_eq!(refused(0.0, 1.5, 0.5), "stiffness is 0: it must be finite and above 0");
     assert_eq!(refused(f64::INFINITY, 1.5, 0.5), "stiffness is inf: it must be finite and above 0");
-    let rule = "it lies between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
+    let rule = "it must be between 0.1 and 10: 1 for a spring, 1.5 for round bodies (Hertz), 2 for the tip of a cone";
     for (n, shown) in [(f64::NAN, "NaN"), (0.0, "0"), (0.09, "0.09"), (10.1, "10.1"), (1e9, "1000000000")] {
         assert_eq!(refused(1e7, n, 0.5), format!("exponent is {shown}: {rule}"));
     }
@@ -148,8 +148,8 @@ fn what_is_refused() {
         assert_eq!(
             refused(1e7, 1.5, e),
             format!(
-                "restitution is {shown}: a compliant contact rebounds with more than 0 and at most 1, since without any \
-                 rebound its damping would be infinite: take a small one such as 0.01, or a rigid law"
+                "restitution is {shown}: the restitution of a compliant contact is above 0 and at most 1, because at 0 its \
+                 damping would be infinite: give a small one such as 0.01, or use a rigid law"
             )
         );
         assert_eq!(damping_root(e), None);

@@ -1,4 +1,4 @@
-//! The path of an impact and the directions in which slip does not turn, each by a second route.
+//! The path of an impact and the invariant directions of slip, each compared with a second computation.
 
 mod common;
 
@@ -18,13 +18,13 @@ fn last<const D: usize>(path: &ImpulsePath<D>) -> &PathPoint<D> {
     path.points.last().unwrap()
 }
 
-/// In plane and space; a restitution that presses the contact back moves its end of compression, not its path.
+/// In the plane and in space. Recompression moves the end of compression of the outcome, not the path.
 fn ends_with<const D: usize>(problem: &ImpactProblem<f64, D>, e: f64, mu: f64) -> usize {
     let mut stops = 0;
     for law in FOLLOWING {
         let hit = law_by_name::<D>(law, rough(e, mu)).unwrap().resolve(problem).unwrap();
         let path = problem.impulse_path(mu, hit.impulse[D - 1]).unwrap();
-        // Both carry the rounding of some dozens of pieces, amplified by the condition of H, up to 400.
+        // Rounding of some dozens of pieces, amplified by the condition number of H, up to 400.
         let within = 1e-11 * (1.0 + mu).min(10.0);
         close(law, (last(&path).impulse - hit.impulse).norm(), 0.0, within * hit.impulse.norm().max(1.0));
         close(law, (last(&path).velocity - hit.u_plus).norm(), 0.0, within * hit.u_plus.norm().max(1.0));
@@ -38,7 +38,7 @@ fn ends_with<const D: usize>(problem: &ImpactProblem<f64, D>, e: f64, mu: f64) -
 }
 
 #[test]
-fn path_ends_where_the_laws_that_follow_it_end() {
+fn path_ends_at_the_outcome_of_the_laws_that_follow_it() {
     let mut rng = fastrand::Rng::with_seed(61);
     let mut stops = 0;
     for _ in 0..1_000 {
@@ -98,9 +98,9 @@ fn every_point_of_the_path_obeys_momentum_cone_and_phase() {
     assert!(opening > 2_000 && pressed > 100, "{opening} open, {pressed} are pressed back");
 }
 
-/// Runge and Kutta's classical method, which knows neither series nor pieces, from point to point of the path.
+/// The classical Runge–Kutta method, which uses neither series nor pieces, from point to point of the path.
 #[test]
-fn small_steps_follow_the_path() {
+fn runge_kutta_integration_follows_the_path() {
     let mut rng = fastrand::Rng::with_seed(63);
     let (mut compared, mut worst) = (0, 0.0_f64);
     let cases =
@@ -114,7 +114,7 @@ fn small_steps_follow_the_path() {
         };
         let mut v = u;
         for ends in path.points.windows(2).take(path.slip_end.unwrap_or(usize::MAX)) {
-            // Slip that is about to stop turns in no time.
+            // Slip that is about to stop turns within a step.
             if ends[1].velocity.xy().norm() < 0.05 {
                 break;
             }
@@ -136,9 +136,9 @@ fn small_steps_follow_the_path() {
     assert!(worst < 1e-7 && compared > 3_000, "{worst:e} {compared}");
 }
 
-/// After a stop the rates are constant: held, or slipping straight out.
+/// After a stop the rates are constant: stick, or slip straight along the invariant direction of growing slip.
 #[test]
-fn stopped_slip_sticks_or_leaves_along_the_way_out() {
+fn stopped_slip_sticks_or_leaves_along_an_invariant_direction() {
     let mut rng = fastrand::Rng::with_seed(64);
     let (mut held, mut gone) = (0, 0);
     for _ in 0..2_000 {
@@ -154,7 +154,7 @@ fn stopped_slip_sticks_or_leaves_along_the_way_out() {
             assert!(slip == Vector2::zeros() && out.is_empty(), "{slip} {out:?}");
             held += 1;
         } else {
-            assert_eq!(out.len(), 1, "Bhatt and Koechling: exactly one way out");
+            assert_eq!(out.len(), 1, "Bhatt and Koechling: exactly one direction of growing slip");
             let expected = Vector2::new(out[0].angle.cos(), out[0].angle.sin()) * out[0].slip_rate;
             let rate = slip / (last(&path).impulse.z - path.points[stop].impulse.z);
             close("rate", (rate - expected).norm(), 0.0, 1e-9);
@@ -164,7 +164,7 @@ fn stopped_slip_sticks_or_leaves_along_the_way_out() {
     assert!(held > 100 && gone > 20, "{held} {gone}");
 }
 
-/// Zeros of k_φ for this H, computed apart from this crate in double precision, to the digits given.
+/// Zeros of k_φ for this H, computed independently of this crate in double precision, to the digits given.
 #[test]
 fn reference_invariant_directions() {
     let found = reference(vector![0.6, -0.2, -1.0]).invariant_directions(0.3).unwrap();
@@ -174,9 +174,9 @@ fn reference_invariant_directions() {
     assert!(found[0].slip_rate > 0.0 && found[1].slip_rate < 0.0);
 }
 
-/// k_φ = u⊥·(h - μ A u) on a fine circle changes sign where the directions are, and nowhere else.
+/// The turning rate k_φ = u⊥·(h - μ A u) changes sign on a fine circle at the invariant directions and nowhere else.
 #[test]
-fn invariant_directions_are_all_the_zeros_of_turning() {
+fn invariant_directions_are_all_zeros_of_the_turning_rate() {
     let mut rng = fastrand::Rng::with_seed(65);
     let (mut counts, mut merging) = ([0; 5], 0);
     for _ in 0..3_000 {
@@ -195,7 +195,7 @@ fn invariant_directions_are_all_the_zeros_of_turning() {
         let n = 4_000;
         let at = |i: i32| turning(TAU * (f64::from(i) + 0.5) / f64::from(n));
         let changes = (0..n).filter(|&i| (at(i) > 0.0) != (at(i + 1) > 0.0)).count();
-        // Two of four that are about to merge may lie between neighbours on the circle.
+        // Two of four that nearly coincide may lie between neighbouring points of the circle.
         let nearest = found.windows(2).map(|pair| pair[1].angle - pair[0].angle).fold(TAU, f64::min);
         if nearest > 2.0 * TAU / f64::from(n) {
             assert_eq!(changes, found.len(), "{found:?} {h} {mu}");
@@ -245,7 +245,7 @@ fn path_stays_between_invariant_directions() {
     assert!(between > 50_000 && reached > 1_000 && slowed < 50_000, "{between} {reached} {slowed}");
 }
 
-/// Closed forms at the borders: h = 0, equal mobilities, h along an axis, both sides of the astroid.
+/// Closed forms of special cases: h = 0, equal mobilities, h along an axis, both sides of the astroid.
 #[test]
 fn invariant_directions_of_symmetric_bodies() {
     let ways = |a1: f64, a2: f64, h1: f64, h2: f64, mu: f64| {
@@ -276,7 +276,7 @@ fn invariant_directions_of_symmetric_bodies() {
 }
 
 #[test]
-fn path_of_a_contact_that_leaves_or_feels_no_friction() {
+fn path_of_a_separating_or_frictionless_contact() {
     let leaving = reference(vector![0.6, -0.2, 1.0]);
     for mu in [0.0, 0.3] {
         let path = leaving.impulse_path(mu, 0.0).unwrap();
@@ -286,7 +286,7 @@ fn path_of_a_contact_that_leaves_or_feels_no_friction() {
     let path = reference(vector![0.6, -0.2, -1.0]).impulse_path(0.0, 1.5).unwrap();
     let impulses: Vec<f64> = path.points.iter().map(|point| point.impulse.z).collect();
     assert_eq!((impulses, path.compression_end), (vec![0.0, 1.0 / 1.2, 1.5], 1));
-    // At rest along the surface: friction 1 holds it, friction 0.3 does not.
+    // No slip before: it sticks with friction 1 and slips with friction 0.3.
     let still = reference(vector![0.0, 0.0, -1.0]);
     for (mu, mode) in [(1.0, Mode::Stick), (0.3, Mode::Slip)] {
         let hit = Energetic { restitution: 0.5, friction: mu }.resolve(&still).unwrap();
@@ -297,7 +297,7 @@ fn path_of_a_contact_that_leaves_or_feels_no_friction() {
 }
 
 #[test]
-fn what_has_no_path_is_refused() {
+fn problems_without_a_path_are_refused() {
     let problem = reference(vector![0.6, -0.2, -1.0]);
     for bad in [f64::NAN, f64::INFINITY, -0.1] {
         assert!(matches!(problem.impulse_path(bad, 1.0), Err(ImpactError::Friction { .. })), "{bad}");
@@ -308,7 +308,7 @@ fn what_has_no_path_is_refused() {
     }
     let frozen = ImpactProblem::new(Matrix3::from_diagonal(&vector![1.0, 1.0, 0.0]), vector![1.0, 0.0, -1.0]).unwrap();
     assert!(matches!(frozen.impulse_path(0.3, 1.0), Err(ImpactError::SingularNormal { .. })));
-    // One joint, held by friction while it is carried along.
+    // One joint, sticking while its surface moves.
     let row = vector![0.3, 0.0, 0.7];
     let wedged = ImpactProblem::new(row * row.transpose(), vector![0.5, 0.0, -0.7]).unwrap();
     assert!(matches!(wedged.impulse_path(4.0, 1.0), Err(ImpactError::Wedged { .. })));

@@ -1,4 +1,5 @@
-//! What every law owes, over 100 000 random impacts with one seed; and what two of them break.
+//! Properties that every law must have, over 100 000 random planar impacts with one seed; and the energy gains of two
+//! laws.
 
 mod common;
 
@@ -12,8 +13,8 @@ const CASES: usize = 100_000;
 /// Matrices of condition up to 400: rounding in H P is amplified by no more than that.
 const FLAT: f64 = 0.05;
 
-/// Rounding allowed, relative to the terms that make up the number: 64 ε (a walk has some twenty
-/// operations, each good to ε/2) times the amplification by H of 400 at the worst.
+/// Rounding allowed, relative to the terms that make up the number: 64 ε (a path has some twenty operations with an error
+/// of ε/2 each) times the amplification by H, at most 400.
 const TIGHT: f64 = 64.0 * 400.0 * f64::EPSILON;
 
 fn each_case(mut look: impl FnMut(Case)) {
@@ -27,13 +28,13 @@ fn resolve(law: &str, case: &Case) -> ImpactOutcome<f64, 2> {
     law_by_name(law, rough(case.restitution, case.friction)).unwrap().resolve(&case.problem()).unwrap()
 }
 
-/// Size of the energies that passed through the contact: the scale of rounding in their sums.
+/// Sum of the energies exchanged: the scale of rounding in their differences.
 fn passed(hit: &ImpactOutcome<f64, 2>) -> f64 {
     hit.energy_before + 0.5 * hit.impulse.abs().dot(&(hit.u_minus.abs() + hit.u_plus.abs()))
 }
 
 #[test]
-fn contact_pushes_within_the_cone_and_parts() {
+fn impulse_is_in_the_cone_and_contact_separates() {
     each_case(|case| {
         for law in LAW_NAMES {
             let hit = resolve(law, &case);
@@ -43,7 +44,7 @@ fn contact_pushes_within_the_cone_and_parts() {
             // P_t from the velocity (stick), of the velocity over A too.
             let slack = TIGHT * (case.friction * p_n + p_n);
             assert!(p_t.abs() <= case.friction * p_n + slack, "{law} {case:?} {hit:?}");
-            // Exactly: each walk adds to zero.
+            // Exactly: each path starts restitution at zero.
             assert!(hit.u_plus[1] >= 0.0, "{law} {case:?}");
         }
         let problem = case.problem();
@@ -64,7 +65,7 @@ fn velocity_jumps_by_delassus_times_impulse() {
 }
 
 #[test]
-fn energy_books_balance() {
+fn works_and_energies_balance() {
     each_case(|case| {
         for law in LAW_NAMES {
             let hit = resolve(law, &case);
@@ -91,7 +92,7 @@ fn energy_is_gained_by_whittaker_and_newton_only_and_always_flagged() {
 }
 
 #[test]
-fn friction_only_takes_in_the_laws_that_follow_the_slip() {
+fn friction_work_is_never_positive_in_laws_that_follow_the_slip() {
     each_case(|case| {
         for law in ["newton", "poisson", "energetic"] {
             assert!(resolve(law, &case).friction_work <= 0.0, "{law} {case:?}");
@@ -100,7 +101,7 @@ fn friction_only_takes_in_the_laws_that_follow_the_slip() {
 }
 
 #[test]
-fn realised_coefficient_is_the_one_asked() {
+fn realised_coefficient_is_the_prescribed_one() {
     each_case(|case| {
         let e = case.restitution;
         close("newton", resolve("newton", &case).newton.unwrap(), e, 1e-14);
@@ -141,7 +142,7 @@ fn all_six_classes_occur_and_the_laws_agree_where_slip_never_stops() {
 }
 
 #[test]
-fn without_friction_all_laws_are_one() {
+fn without_friction_all_laws_agree() {
     each_case(|case| {
         let case = Case { friction: 0.0, ..case };
         let smooth = Frictionless { restitution: case.restitution }.resolve(&case.problem()).unwrap();
@@ -179,9 +180,9 @@ proptest! {
         }
     }
 
-    /// A mirror swaps the tangent's sign and nothing else.
+    /// Mirroring the tangent changes the sign of tangential components and nothing else.
     #[test]
-    fn mirror_image_has_the_mirror_outcome(seed: u64) {
+    fn mirrored_problem_has_the_mirrored_outcome(seed: u64) {
         let mut rng = fastrand::Rng::with_seed(seed);
         let case = any_case(&mut rng, 1e-3);
         let mut mirror = case;
@@ -196,9 +197,9 @@ proptest! {
         }
     }
 
-    /// Enormous friction has a limit: a million and a billion answer nearly alike.
+    /// The outcomes for friction 1e6 and 1e9 nearly agree.
     #[test]
-    fn enormous_friction_has_a_limit(seed: u64, restitution in 0.0..=1.0f64) {
+    fn outcome_converges_for_large_friction(seed: u64, restitution in 0.0..=1.0f64) {
         let mut rng = fastrand::Rng::with_seed(seed);
         let case = any_case(&mut rng, FLAT);
         for law in LAW_NAMES {

@@ -1,8 +1,7 @@
-//! The double pendulum of Kane and Levinson (*Dynamics*, 1985), the energy paradox, and its jam.
-//!
-//! Two uniform rods, m = l = 1, pinned at the top, at 20° and 30° from the vertical, turning with
-//! -0.1 and -0.2 rad/s; the tip strikes a horizontal floor; e = μ = 0.5. Parameters are theirs;
-//! digits were computed apart from this crate, the Routh laws at 30 digits.
+//! The double pendulum of Kane and Levinson (*Dynamics*, 1985), its energy paradox, and its jam. Two uniform rods, m =
+//! l = 1, pinned at the top, at 20° and 30° from the vertical, with angular velocities -0.1 and -0.2 rad/s; the tip
+//! strikes a horizontal floor; e = μ = 0.5. Parameters are theirs; digits were computed independently of this crate,
+//! those of the laws by Routh's method with 30 digits.
 
 mod common;
 
@@ -39,7 +38,7 @@ fn outcome(law: &str) -> ImpactOutcome<f64, 2> {
 }
 
 #[test]
-fn published_problem() {
+fn problem_has_the_reference_digits() {
     let p = pendulum();
     close("A", p.delassus()[(0, 0)], 2.440338045696, 5e-13);
     close("B", p.delassus()[(0, 1)], 1.521308658011, 5e-13);
@@ -53,7 +52,7 @@ fn published_problem() {
 }
 
 #[test]
-fn published_velocity_and_energy_of_every_law() {
+fn velocities_and_energies_have_the_reference_digits() {
     for (law, v_t, v_n, ratio, digits) in [
         ("frictionless", 0.03616963, 0.06710101, 0.711412702, 5e-9),
         ("whittaker", 0.0, 0.06710101, 1.587494687, 5e-9),
@@ -72,13 +71,13 @@ fn published_velocity_and_energy_of_every_law() {
 }
 
 #[test]
-fn class_is_slip_stops_in_restitution_then_slips_back() {
+fn slip_stops_in_restitution_and_reverses() {
     for law in ["newton", "poisson", "energetic"] {
         let hit = outcome(law);
         assert_eq!((hit.mode, hit.slip_end), (Mode::ReverseSlip, Some(Phase::Restitution)), "{law}");
 
-        // What the outcome tells about the walk: P_n = (1 + e_P) pc, W_n = (1 - e_E²) Wc, and
-        // with s = -1 first and +1 then, P_t = μ p1 - μ (P_n - p1).
+        // The path follows from the outcome: P_n = (1 + e_P) pc, W_n = (1 - e_E²) Wc, and with s = -1 first and +1
+        // then, P_t = μ p1 - μ (P_n - p1).
         let p_n = hit.impulse[1];
         let pc = p_n / (1.0 + hit.poisson.unwrap());
         let wc = hit.normal_work / (1.0 - hit.energetic.unwrap().powi(2));
@@ -90,7 +89,7 @@ fn class_is_slip_stops_in_restitution_then_slips_back() {
 }
 
 #[test]
-fn published_joint_velocities() {
+fn joint_velocities_have_the_reference_digits() {
     for (law, qd) in
         [("poisson", vector![-0.197179706138, 0.219606684404]), ("energetic", vector![-0.198932335971, 0.223136785377])]
     {
@@ -103,7 +102,7 @@ fn published_joint_velocities() {
     }
 }
 
-/// `dv⁺/de` by dual numbers through the real code.
+/// `dv⁺/de` by dual numbers through the law.
 fn slope<L: Law<Dual64, 2>>(law: L) -> Vector2<f64> {
     let p = pendulum();
     let dual = ImpactProblem::new(p.delassus().map(Dual64::from_re), p.u_minus().map(Dual64::from_re)).unwrap();
@@ -111,7 +110,7 @@ fn slope<L: Law<Dual64, 2>>(law: L) -> Vector2<f64> {
 }
 
 #[test]
-fn published_sensitivity_to_restitution() {
+fn sensitivities_to_restitution_have_the_reference_digits() {
     let (restitution, friction) = (Dual64::new(E, 1.0), Dual64::from_re(MU));
     for (law, slope, v_t, v_n) in [
         ("newton", slope(Newton { restitution, friction }), 0.16236472, 0.13420201),
@@ -124,7 +123,7 @@ fn published_sensitivity_to_restitution() {
 }
 
 #[test]
-fn paradox_needs_stick_and_vanishes_without_friction() {
+fn energy_paradox_occurs_with_stick_and_not_without_friction() {
     let problem = pendulum();
     let smooth = Frictionless { restitution: E }.resolve(&problem).unwrap();
     let rough = Whittaker { restitution: E, friction: MU }.resolve(&problem).unwrap();
@@ -132,10 +131,10 @@ fn paradox_needs_stick_and_vanishes_without_friction() {
     assert_eq!(rough.mode, Mode::Stick);
 }
 
-/// Friction beyond `mu_jam` with slip towards `sign B`: the normal velocity first grows more
-/// negative, and the contact parts faster than it came while the energy falls.
+/// Friction beyond `mu_jam` with slip towards `sign B`: the normal velocity first becomes more negative, and the
+/// contact separates faster than it approached while the energy decreases.
 #[test]
-fn jam_rebounds_faster_than_it_came_yet_loses_energy() {
+fn jam_rebounds_faster_than_the_approach_but_loses_energy() {
     let problem = ImpactProblem::new(*pendulum().delassus(), vector![0.3, -0.134201]).unwrap();
     let friction = 0.8;
     assert!(friction > problem.mu_jam().unwrap());
@@ -147,7 +146,7 @@ fn jam_rebounds_faster_than_it_came_yet_loses_energy() {
         assert!(hit.energy_change < 0.0);
         faster += usize::from(hit.newton.unwrap() > 1.0);
     }
-    // The first normal impulse drives the contact deeper: dv = H (-μ, 1) dp.
+    // The first normal impulse lowers v_n: dv = H (-μ, 1) dp.
     let first = problem.delassus() * vector![-friction, 1.0];
     assert!(first[0] < 0.0 && first[1] < 0.0, "slip falls, approach grows: {first:?}");
     assert!(faster >= 2, "{faster} rebounds were faster than the approach");

@@ -1,4 +1,4 @@
-//! What bad input gets: the value, the rule it breaks, what to do. In full.
+//! Error messages of invalid input, in full: each contains the value, the rule it breaks and a remedy.
 
 use carom_impact::{Brach, ChatterjeeRuina, Energetic, ImpactProblem, Law, Poisson, Whittaker};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
@@ -15,7 +15,7 @@ const H: Matrix2<f64> = matrix![2.0, 0.5; 0.5, 1.0];
 const U: Vector2<f64> = vector![1.0, -1.0];
 
 #[test]
-fn not_finite() {
+fn numbers_that_are_not_finite() {
     assert_eq!(
         refused(matrix![2.0, f64::NAN; 0.5, 1.0], U),
         "delassus[0][1] is NaN: every number of an impact problem must be finite; check the pose, the velocity and \
@@ -29,7 +29,7 @@ fn not_finite() {
 }
 
 #[test]
-fn not_symmetric() {
+fn asymmetric_matrix() {
     assert_eq!(
         refused(matrix![2.0, 0.5; 0.25, 1.0], U),
         "delassus[0][1] = 0.5 but delassus[1][0] = 0.25: the matrix must be symmetric within 0.00000002 (1e-8 of its \
@@ -45,7 +45,7 @@ fn slight_asymmetry_is_averaged() {
 }
 
 #[test]
-fn not_positive() {
+fn matrix_that_is_not_positive_semidefinite() {
     assert_eq!(
         refused(matrix![1.0, 2.0; 2.0, 0.5], U),
         "the Delassus matrix is not positive semidefinite: eliminated from the normal upwards, its pivot at [0][0] is \
@@ -55,11 +55,11 @@ fn not_positive() {
 }
 
 #[test]
-fn coefficients() {
+fn coefficients_out_of_range() {
     for (restitution, shown) in [(1.5, "1.5"), (-0.1, "-0.1"), (f64::NAN, "NaN")] {
         assert_eq!(
             unresolved(Energetic { restitution, friction: 0.2 }, H, U),
-            format!("restitution {shown} is outside [0, 1]: 0 is a dead stop, 1 a full rebound")
+            format!("restitution {shown} is outside [0, 1]: 0 is no rebound, 1 a full rebound")
         );
     }
     for (friction, shown) in [(-0.25, "-0.25"), (f64::INFINITY, "inf"), (f64::NAN, "NaN")] {
@@ -71,13 +71,13 @@ fn coefficients() {
 }
 
 #[test]
-fn coefficients_of_one_law() {
+fn coefficients_of_single_laws_out_of_range() {
     for (tangential_restitution, shown) in [(1.5, "1.5"), (-1.25, "-1.25"), (f64::NAN, "NaN")] {
         assert_eq!(
             unresolved(ChatterjeeRuina { restitution: 0.5, tangential_restitution, friction: 0.2 }, H, U),
             format!(
-                "tangential restitution {shown} is outside [-1, 1]: -1 is no tangential blow, 0 one that stops the \
-                 slip, 1 one that turns it round"
+                "tangential restitution {shown} is outside [-1, 1]: -1 is no tangential impulse, 0 one that stops \
+                 the slip, 1 one that reverses it"
             )
         );
     }
@@ -92,21 +92,20 @@ fn coefficients_of_one_law() {
 }
 
 #[test]
-fn singular_normal() {
+fn singular_normal_direction() {
     assert_eq!(
         unresolved(Poisson { restitution: 0.5, friction: 0.2 }, matrix![2.0, 0.0; 0.0, 0.0], U),
-        "the contact cannot move along its normal: H_nn = 0 1/kg is nothing beside the trace 2 1/kg of the Delassus \
-         matrix, so the impulse would be infinite; the structure takes such a blow: leave the singular pose or model \
-         what gives way"
+        "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, beside the trace 2 1/kg of the Delassus \
+         matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure"
     );
 }
 
 #[test]
-fn wedged() {
+fn wedged_contact() {
     assert_eq!(
         unresolved(Whittaker { restitution: 0.5, friction: 2.0 }, matrix![1.0, 1.0; 1.0, 1.0], vector![-1.0, -1.0]),
-        "the contact wedges: friction 2 holds it while it still approaches with u_n = -1 m/s, and held so it cannot \
-         move along its normal (inverse mass 0 1/kg beside H_nn = 1 1/kg), so no finite impulse ends the impact; lower \
-         the friction or leave the singular pose"
+        "the contact wedges: friction 2 makes it stick while it still approaches with u_n = -1 m/s, and while it sticks \
+         its normal direction is singular (inverse mass 0 1/kg beside H_nn = 1 1/kg), so no finite impulse ends the \
+         impact; lower the friction or leave the singular pose"
     );
 }

@@ -1,5 +1,4 @@
-//! In space: contacts whose slip stays in a plane equal the planar problem, turned about the
-//! normal.
+//! Contacts in space whose slip stays in a plane have the outcome of the planar problem, rotated about the normal.
 
 mod common;
 
@@ -12,7 +11,7 @@ fn resolve(law: &str, h: Matrix3<f64>, u: Vector3<f64>, e: f64, mu: f64) -> Impa
 }
 
 #[test]
-fn planar_problem_turned_about_the_normal_has_the_turned_outcome() {
+fn rotated_planar_problem_has_the_rotated_outcome() {
     let mut rng = fastrand::Rng::with_seed(3);
     for i in 0..10_000 {
         let mut case = any_case(&mut rng, 0.1);
@@ -43,9 +42,9 @@ fn planar_problem_turned_about_the_normal_has_the_turned_outcome() {
     }
 }
 
-/// Along an axis nothing is rounded: the lift is bit for bit.
+/// Along an axis nothing is rounded: the outcomes are identical bit by bit.
 #[test]
-fn aligned_plane_gives_the_same_bits() {
+fn aligned_plane_gives_identical_numbers() {
     let mut rng = fastrand::Rng::with_seed(4);
     for _ in 0..1000 {
         let case = any_case(&mut rng, 0.1);
@@ -62,9 +61,9 @@ fn aligned_plane_gives_the_same_bits() {
     }
 }
 
-/// A solid sphere, m = R = 1: `H = diag(7/2, 7/2, 1)`, balanced, so any slip stays in its plane.
+/// A solid sphere, m = R = 1: `H = diag(7/2, 7/2, 1)`, without inertial coupling, so any slip stays in its plane.
 #[test]
-fn solid_sphere() {
+fn solid_sphere_has_its_closed_form() {
     let h = Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]);
     for law in ["newton", "poisson", "energetic", "whittaker"] {
         for direction in [vector![1.0, 0.0], vector![0.6, -0.8], vector![-0.28, 0.96]] {
@@ -78,16 +77,16 @@ fn solid_sphere() {
             close(law, sticks.impulse.xy().norm(), 2.0 / 7.0, 1e-15);
             assert_eq!(sticks.mode, Mode::Stick);
         }
-        // Dropped straight there is no slip direction, and none is needed.
+        // Dropped vertically it has no slip direction, and none is needed.
         let straight = resolve(law, h, vector![0.0, 0.0, -1.0], 0.8, 0.5);
         assert_eq!((straight.u_plus, straight.mode), (vector![0.0, 0.0, 0.8], Mode::Stick));
         assert_eq!(straight.flags, Flags::NONE);
     }
 }
 
-/// Without friction the direction of slip does not matter, whichever couplings turn it.
+/// Without friction the direction of slip does not matter, for any coupling.
 #[test]
-fn smooth_contact_needs_no_direction() {
+fn without_friction_all_laws_agree_in_space() {
     let general = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
     let tangents = matrix![2.0, 0.3, 0.5; 0.3, 1.5, 0.0; 0.5, 0.0, 1.2];
     let normal = matrix![2.0, 0.0, 0.5; 0.0, 1.5, -0.4; 0.5, -0.4, 1.2];
@@ -104,7 +103,7 @@ fn smooth_contact_needs_no_direction() {
     }
 }
 
-/// Slip no larger than the rounding of the approach has no direction worth refusing for.
+/// The direction of a slip that is rounding of the approach is not used.
 #[test]
 fn rounding_in_the_slip_does_not_choose_the_plane() {
     let h = matrix![2.0, 0.0, 0.5; 0.0, 1.5, 0.0; 0.5, 0.0, 1.2];
@@ -116,7 +115,7 @@ fn rounding_in_the_slip_does_not_choose_the_plane() {
 
 /// `Frictionless` needs no plane: any matrix, in space.
 #[test]
-fn frictionless_in_space_is_the_formula() {
+fn frictionless_outcome_in_space_is_the_closed_form() {
     let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
     let u = vector![0.6, -0.2, -1.0];
     let hit = resolve("frictionless", h, u, 0.6, 0.0);

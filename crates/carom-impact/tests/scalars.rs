@@ -1,4 +1,4 @@
-//! One code, several scalars: single precision agrees, dual numbers give the derivative.
+//! The laws with other scalar types: single precision agrees, dual numbers give the derivative.
 
 mod common;
 
@@ -30,14 +30,14 @@ fn in_f64(case: &Case) -> [ImpactOutcome<f64, 2>; 8] {
 }
 
 #[test]
-fn single_precision_agrees() {
+fn single_precision_agrees_with_double() {
     let mut rng = fastrand::Rng::with_seed(5);
     for _ in 0..10_000 {
         let case = any_case(&mut rng, 0.3);
         let problem = ImpactProblem::new(case.delassus.map(|x| x as f32), case.u.map(|x| x as f32)).unwrap();
         let single = all(&problem, case.restitution as f32, case.friction as f32);
         for (double, single) in in_f64(&case).into_iter().zip(single) {
-            // Near a jam the slope of dv/dp = C - μ s B is what its rounding leaves of it.
+            // Near a jam dv_n/dp = C - μ s B is a small difference with a large rounding error.
             let near_jam = (case.delassus[(1, 1)] - case.friction * case.delassus[(0, 1)].abs()).abs() < 1e-2;
             let within = if near_jam { 1e-2 } else { 1e-4 };
             let off = (double.u_plus - single.u_plus.map(f64::from)).norm() / double.u_plus.norm().max(1.0);
@@ -47,7 +47,7 @@ fn single_precision_agrees() {
 }
 
 #[test]
-fn duals_carry_the_value_and_the_derivative() {
+fn dual_numbers_give_the_value_and_the_derivative() {
     let mut rng = fastrand::Rng::with_seed(6);
     let (mut checked, mut drawn_cases, mut receding) = (0, 0, 0);
     for _ in 0..2_000 {
@@ -85,7 +85,7 @@ fn duals_carry_the_value_and_the_derivative() {
             close(here.law, (value(&dual.u_plus) - here.u_plus).norm(), 0.0, 1e-12 * here.u_plus.norm().max(1.0));
             assert!(dual.energy_change.eps.is_finite() && dual.newton.unwrap().eps.is_finite());
 
-            // Skip class boundaries, where one-sided derivatives differ, and stiff spots.
+            // Skips class boundaries, where one-sided derivatives differ, and large curvatures.
             let (forward, backward) = (ahead.u_plus - here.u_plus, here.u_plus - behind.u_plus);
             if (forward - backward).norm() > 1e-9 {
                 continue;
@@ -97,13 +97,13 @@ fn duals_carry_the_value_and_the_derivative() {
             checked += 1;
         }
     }
-    println!("checked {checked} of {drawn_cases}, receding {receding}");
-    assert!(checked > 5_000, "{checked}");
+    println!("{checked} of {drawn_cases} compared, {receding} receding");
+    assert!(checked > 15_000 && receding < 20, "{checked} of {drawn_cases}, {receding} receding");
 }
 
-/// The derivative by e exists at e = 0 too, where a root of the work would have none.
+/// The derivative with respect to e exists at e = 0 too, where the square root of the work has none.
 #[test]
-fn derivative_at_a_dead_stop_is_finite() {
+fn derivative_at_zero_restitution_is_finite() {
     let h = nalgebra::Matrix2::new(2.5, -1.5, -1.5, 2.5).map(convert::<f64, Dual64>);
     let u = nalgebra::Vector2::new(0.1, -1.0).map(convert::<f64, Dual64>);
     let problem = ImpactProblem::new(h, u).unwrap();

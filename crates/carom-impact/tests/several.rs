@@ -1,5 +1,5 @@
-//! Several constraints at once under Moreau's law: against closed forms, against the conditions themselves, and
-//! thousands of random problems.
+//! Moreau's law for several constraints: against closed forms, against its conditions, and for thousands of random
+//! problems.
 
 mod common;
 
@@ -7,7 +7,7 @@ use carom_impact::{Accuracy, Constraint, Flags, Frictionless, ImpactProblem, Law
 use common::close;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, dmatrix, dvector};
 
-/// To the last digits: what rounding leaves of numbers of size one.
+/// Rounding of numbers of size one.
 const EXACT: f64 = 1e-12;
 
 fn contact(restitution: f64, friction: f64) -> Constraint {
@@ -18,7 +18,7 @@ fn solve(h: DMatrix<f64>, u: DVector<f64>, constraints: Vec<Constraint>) -> Seve
     SeveralProblem::new(h, u, constraints).unwrap().simultaneous(&Accuracy::default(), None).unwrap()
 }
 
-/// Ball i's velocity is what the contacts on its two sides push it to.
+/// Velocities of the balls, from the impulses at their contacts.
 fn cradle(n: usize, restitution: f64) -> Vec<f64> {
     let h = DMatrix::from_fn(n - 1, n - 1, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
     let mut u = DVector::zeros(n - 1);
@@ -30,7 +30,7 @@ fn cradle(n: usize, restitution: f64) -> Vec<f64> {
 }
 
 #[test]
-fn newtons_cradle_bounces_back_and_the_rest_leaves_together() {
+fn first_ball_of_newtons_cradle_rebounds_and_the_others_leave_together() {
     let third = 1.0 / 3.0;
     for (n, e, expected) in [
         (3, 1.0, vec![-third, 2.0 * third, 2.0 * third]),
@@ -46,7 +46,7 @@ fn newtons_cradle_bounces_back_and_the_rest_leaves_together() {
 
 /// A rod of unit mass that falls flat on both its ends.
 #[test]
-fn a_rod_on_both_ends_rebounds_at_e_times_its_speed() {
+fn rod_on_both_ends_rebounds_at_e_times_its_speed() {
     let h = dmatrix![4.0, -2.0; -2.0, 4.0];
     let hit = solve(h.clone(), dvector![-1.0, -1.0], vec![Constraint::Stop { restitution: 0.5 }; 2]);
     let energy = |u: &DVector<f64>| 0.5 * u.dot(&(h.clone().try_inverse().unwrap() * u));
@@ -56,9 +56,9 @@ fn a_rod_on_both_ends_rebounds_at_e_times_its_speed() {
     close("energy", (before + hit.energy_change) / before, 0.25, EXACT);
 }
 
-/// A block rocks from one corner to the other: about the new corner its angular momentum is kept (Housner 1963).
+/// A block rocks from one corner to the other: its angular momentum about the new corner is conserved (Housner 1963).
 #[test]
-fn rocking_block_loses_what_housner_says() {
+fn rocking_block_has_housner_s_velocity_ratio() {
     for (alpha, ratio) in [(0.1_f64, 0.985049933), (0.2, 0.940795746), (0.3, 0.869001711)] {
         let (a, b) = (alpha.sin(), alpha.cos());
         let inertia = (a * a + b * b) / 3.0;
@@ -74,7 +74,7 @@ fn rocking_block_loses_what_housner_says() {
         let after = &v + inverse_mass * j.transpose() * &hit.impulse;
         close("formula", 1.0 - 1.5 * a * a, ratio, 1e-9);
         close("angular velocity", after[2] / v[2], ratio, 1e-9);
-        assert!(hit.u_plus[2] > 0.0 && hit.impulse.rows(0, 3).amax() == 0.0, "the old corner lifts off: {hit:?}");
+        assert!(hit.u_plus[2] > 0.0 && hit.impulse.rows(0, 3).amax() == 0.0, "the old corner separates: {hit:?}");
     }
 }
 
@@ -107,7 +107,7 @@ fn one_contact_without_friction_is_the_frictionless_law() {
 }
 
 #[test]
-fn one_rough_contact_is_brought_to_rest() {
+fn one_contact_with_large_friction_is_brought_to_rest() {
     let mut rng = fastrand::Rng::with_seed(2);
     let mut pulled = 0;
     for _ in 0..1000 {
@@ -123,9 +123,9 @@ fn one_rough_contact_is_brought_to_rest() {
     assert!(pulled < 300, "{pulled}");
 }
 
-/// The law's conditions, each in its own words: no other route to the answer is used.
+/// The conditions of the law, checked one by one without another solver.
 #[test]
-fn friction_opposes_the_slip_it_leaves() {
+fn friction_is_opposed_to_the_slip_after_the_impact() {
     let mut rng = fastrand::Rng::with_seed(3);
     let (mut sticks, mut slips) = (0, 0);
     for _ in 0..5000 {
@@ -177,7 +177,7 @@ fn cube_on_slope(angle: f64, mu: f64) -> (DVector<f64>, SeveralOutcome) {
 }
 
 #[test]
-fn a_box_at_rest_stays_and_its_corners_carry_its_weight() {
+fn box_at_rest_stays_and_its_corners_carry_its_weight() {
     let (v, hit) = cube_on_slope(0.0, 0.5);
     close("velocity", v.amax(), 0.0, 1e-14);
     let carried: f64 = (0..4).map(|k| hit.impulse[3 * k + 2]).sum();
@@ -185,7 +185,7 @@ fn a_box_at_rest_stays_and_its_corners_carry_its_weight() {
 }
 
 #[test]
-fn a_box_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
+fn box_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
     let mu = 0.4_f64;
     for (below, above) in [(0.9, 1.1), (0.999, 1.001)] {
         let (v, _) = cube_on_slope(below * mu.atan(), mu);
@@ -198,7 +198,7 @@ fn a_box_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
 }
 
 #[test]
-fn dry_joints_and_held_ones_take_what_they_can() {
+fn dry_joints_use_their_bound_and_held_ones_stay() {
     let h = dmatrix![2.0, 0.5; 0.5, 1.0];
     let dry = |bound| vec![Constraint::Dry { bound }, Constraint::Held];
     let free = solve(h.clone(), dvector![1.0, 1.0], dry(0.1));
@@ -210,9 +210,9 @@ fn dry_joints_and_held_ones_take_what_they_can() {
     assert!(stuck.energy_change < 0.0);
 }
 
-/// Turns normals round, and shrinks tangents, until some motion leaves all contacts at once with
-/// `u_n > friction |u_t|`. Then a solution exists for every velocity and every e (Acary & Cadoux 2013); without, friction
-/// or a grip from all sides may wedge what restitution drives apart.
+/// Flips normals and scales tangents until some motion separates all contacts at once with `u_n > friction |u_t|`. Then
+/// a solution exists for every velocity and every e (Acary & Cadoux 2013); otherwise friction, or obstacles on all
+/// sides, may wedge the contacts.
 fn with_a_way_out(mut j: DMatrix<f64>, rows: usize, friction: f64, rng: &mut fastrand::Rng) -> DMatrix<f64> {
     let out = DVector::from_fn(j.ncols(), |_, _| wide(rng));
     for normal in (rows - 1..j.nrows()).step_by(rows) {
@@ -229,7 +229,8 @@ fn with_a_way_out(mut j: DMatrix<f64>, rows: usize, friction: f64, rng: &mut fas
     j
 }
 
-/// More stops than freedoms: many impulses, one velocity, whatever the order and the guess.
+/// More stops than degrees of freedom: many solutions for the impulses, one for the velocities, for any order and
+/// initial guess.
 #[test]
 fn velocities_are_unique_where_impulses_are_not() {
     let mut rng = fastrand::Rng::with_seed(4);
@@ -289,7 +290,7 @@ fn census(seed: u64, e: impl Fn(&mut fastrand::Rng) -> f64, friction: f64, redun
         }
         books.worst = books.worst.max(hit.residual);
         for k in 0..contacts {
-            assert!(hit.u_plus[3 * k + 2] >= -1e-10 * u.amax(), "nothing goes deeper: {hit:?}");
+            assert!(hit.u_plus[3 * k + 2] >= -1e-10 * u.amax(), "no contact approaches: {hit:?}");
         }
         if restitution == 0.0 {
             assert!(!hit.flags.contains(Flags::ENERGY_GAIN) && hit.energy_change <= 1e-10, "{hit:?}");
@@ -314,28 +315,27 @@ fn count(what: &str, books: &Census, allowed: usize) {
     assert!(books.unsolved <= allowed, "{what}: {} unsolved", books.unsolved);
 }
 
-/// Without restitution the robot may stop, so that nothing need be wedged.
+/// With e = 0 a solution always exists.
 #[test]
-fn census_of_inelastic_contacts() {
+fn inelastic_contacts_are_always_solved() {
     count("independent, e = 0, μ ≤ 1", &census(10, |_| 0.0, 1.0, false, true), 0);
     count("redundant, e = 0, μ ≤ 1", &census(11, |_| 0.0, 1.0, true, true), 0);
     count("independent, e = 0, μ ≤ 5", &census(12, |_| 0.0, 5.0, false, true), 0);
     count("redundant, e = 0, μ ≤ 5", &census(13, |_| 0.0, 5.0, true, true), 0);
 }
 
-/// With restitution and more rows than freedoms the iteration does not find every solution that there is: of 1500
-/// it may miss 5.
+/// With e > 0 and more rows than degrees of freedom the iteration misses some solutions: at most 5 of 1500.
 #[test]
-fn census_of_elastic_contacts() {
+fn elastic_contacts_are_solved_but_for_few() {
     count("independent, e > 0, μ ≤ 1", &census(20, fastrand::Rng::f64, 1.0, false, true), 0);
     count("redundant, e > 0, μ ≤ 0.3", &census(21, fastrand::Rng::f64, 0.3, true, false), 5);
     count("redundant, e > 0, μ ≤ 1", &census(22, fastrand::Rng::f64, 1.0, true, false), 5);
 }
 
-/// What no impulse satisfies gets a residual, not an error and not an impulse without bound: one joint, held by
-/// friction, that restitution is to turn back.
+/// A problem without a solution has a large residual, no error, and bounded impulses: one joint whose contact sticks,
+/// with e > 0.
 #[test]
-fn a_wedged_contact_says_so_by_its_residual() {
+fn wedged_contact_has_a_large_residual() {
     let j = DMatrix::from_row_slice(3, 1, &[0.3, 0.0, 0.7]);
     let hit = solve(&j * j.transpose(), &j * dvector![-1.0], vec![contact(0.5, 3.0)]);
     assert!(hit.residual > 0.01 && hit.impulse.amax() < 10.0, "{hit:?}");
@@ -343,8 +343,8 @@ fn a_wedged_contact_says_so_by_its_residual() {
     close("without restitution it stops", hit.u_plus.amax(), 0.0, 1e-15);
 }
 
-/// Glocker's woodpecker toy, a sleeve with a bird on a pole: beak (1), lower (2) and upper (3) edge of the sleeve.
-/// In Moreau's midpoint steps of 20 µs it hacks down the pole with the period of Glocker's event-driven solution.
+/// Glocker's woodpecker toy, a sleeve with a bird on a pole: beak (1), lower (2) and upper (3) edge of the sleeve. In
+/// Moreau's midpoint steps of 20 µs it descends with the period of Glocker's event-driven solution.
 #[test]
 fn woodpecker_toy_keeps_its_period() {
     let (m_m, j_m, m_s, j_s, c, g) = (0.0003, 5e-9, 0.0045, 7e-7, 0.0056, 9.81);
@@ -405,24 +405,23 @@ fn woodpecker_toy_keeps_its_period() {
     let times = [0.08104, 0.22710, 0.37308, 0.51916, 0.66508];
     assert_eq!(strikes.len(), times.len());
     for (&(t, _), expected) in strikes.iter().zip(times) {
-        // A few steps: which of them an impact falls into moves the next one.
+        // A few steps: the position of an impact within its step shifts the next one.
         close("strike", t, expected, 2e-4);
     }
     for pair in strikes.windows(2) {
         close("period", pair[1].0 - pair[0].0, 0.1460, 1e-4 + dt);
-        // Where a strike falls within its steps moves this by tenths of a millimetre.
+        // The position of a strike within its step changes this by tenths of a millimetre.
         close("fall", pair[0].1 - pair[1].1, 0.0195, 2e-4);
     }
 }
 
 #[test]
-fn wrong_input_is_named() {
+fn error_messages_contain_value_and_rule() {
     let h = || dmatrix![2.0, 0.5; 0.5, 1.0];
     let u = || dvector![1.0, -1.0];
     let stops = || vec![Constraint::Stop { restitution: 0.0 }; 2];
     let refused = |h, u, constraints| SeveralProblem::new(h, u, constraints).unwrap_err().to_string();
-    let rows =
-        "the constraints take 2: a contact takes three (tangents first, normal last), every other constraint one";
+    let rows = "the constraints have 2: a contact has three (tangents first, normal last), every other constraint one";
 
     assert_eq!(
         refused(DMatrix::zeros(2, 3), u(), stops()),
@@ -438,12 +437,12 @@ fn wrong_input_is_named() {
     let one = |constraint| refused(h(), u(), vec![Constraint::Held, constraint]);
     assert_eq!(
         one(Constraint::Stop { restitution: 1.5 }),
-        "constraint 1: restitution 1.5 is outside [0, 1]: 0 is a dead stop, 1 a full rebound"
+        "constraint 1: restitution 1.5 is outside [0, 1]: 0 is no rebound, 1 a full rebound"
     );
     assert_eq!(
         one(Constraint::Dry { bound: -1.0 }),
-        "constraint 1: bound -1 is not a finite number >= 0: give the largest impulse of dry friction, the joint's \
-         friction force times the time it acts; 0 for an impact in no time, `Held` for one without a bound"
+        "constraint 1: bound -1 is not a finite number >= 0: give the largest impulse of dry friction, which is the \
+         joint's friction force times the time it acts; 0 for an instantaneous impact; for no bound use `Held`"
     );
     let rough = SeveralProblem::new(DMatrix::identity(3, 3), DVector::zeros(3), vec![contact(0.0, -0.5)]);
     assert_eq!(

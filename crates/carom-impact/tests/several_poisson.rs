@@ -1,4 +1,4 @@
-//! Poisson's law for several contacts: closed forms, its conditions in their own words, and its energy books.
+//! Poisson's law for several contacts: closed forms, its conditions one by one, and the energy balance.
 
 mod common;
 
@@ -29,7 +29,7 @@ fn wide(rng: &mut fastrand::Rng) -> f64 {
 }
 
 #[test]
-fn newtons_cradle_is_that_of_moreau() {
+fn newtons_cradle_agrees_with_moreaus_law() {
     let third = 1.0 / 3.0;
     for (n, e, expected) in [
         (3, 1.0, vec![-third, 2.0 * third, 2.0 * third]),
@@ -51,7 +51,7 @@ fn newtons_cradle_is_that_of_moreau() {
 }
 
 #[test]
-fn one_contact_without_friction_rebounds_at_e() {
+fn one_contact_without_friction_rebounds_with_e() {
     let hit = poisson(&problem(dmatrix![2.0], dvector![-3.0], vec![stop(0.4)]));
     close("between the phases", hit.u_compressed[0], 0.0, EXACT);
     close("compression", hit.compression[0], 1.5, EXACT);
@@ -62,7 +62,7 @@ fn one_contact_without_friction_rebounds_at_e() {
 /// A rod at 45° strikes obliquely: it slips through compression, and in expansion either slips on or sticks. By hand,
 /// with H = (2.5, -1.5; -1.5, 2.5) and u⁻ = (1, -1).
 #[test]
-fn one_rough_contact_by_hand() {
+fn one_contact_with_friction_has_its_closed_form() {
     let h = dmatrix![2.5, 0.0, -1.5; 0.0, 1.0, 0.0; -1.5, 0.0, 2.5];
     let strike = |mu: f64| poisson(&problem(h.clone(), dvector![1.0, 0.0, -1.0], vec![contact(0.5, mu)]));
     // Compression sticks at p = -H⁻¹ u⁻ = (-1, 1)/4, on the edge of μ = 1; above it, all is symmetric.
@@ -84,7 +84,7 @@ fn one_rough_contact_by_hand() {
 
 /// Every condition of the law on random problems with contacts, stops, dry joints and held directions.
 #[test]
-fn the_conditions_hold() {
+fn conditions_hold_in_1000_random_problems() {
     let mut rng = fastrand::Rng::with_seed(50);
     let (mut excess, mut inside) = (0, 0);
     for _ in 0..1000 {
@@ -139,7 +139,7 @@ fn the_conditions_hold() {
                 ];
                 for (p, most, u) in phases {
                     assert!(p.norm() <= most + tiny, "in the disc");
-                    // Against the slip, and all of it.
+                    // Opposed to the slip, and maximal.
                     close("dissipates most", p.dot(&u), -most * u.norm(), tiny * (1.0 + most));
                     inside += usize::from(p.norm() < most - 1e-6);
                 }
@@ -151,7 +151,7 @@ fn the_conditions_hold() {
 }
 
 #[test]
-fn without_restitution_it_is_moreau() {
+fn without_restitution_it_agrees_with_moreaus_law() {
     let mut rng = fastrand::Rng::with_seed(51);
     for _ in 0..300 {
         let mut constraints: Vec<_> = (0..rng.usize(1..=4)).map(|_| contact(0.0, rng.f64())).collect();
@@ -198,7 +198,7 @@ fn census(seed: u64, freedoms: impl Fn(usize) -> usize, draw: impl Fn(&mut fastr
         let v = DVector::from_fn(freedoms, |_, _| wide(&mut rng));
         let problem = problem(&j * j.transpose(), &j * &v, constraints);
         let hit = poisson(&problem).total;
-        // It need not have a solution: few iterations, then.
+        // It may have no solution, hence few iterations.
         let few = Accuracy { max_iterations: 60, ..Accuracy::default() };
         let moreau = problem.simultaneous(&few, None).unwrap();
         books.iterations.push(hit.iterations);
@@ -254,13 +254,13 @@ fn smooth(rng: &mut fastrand::Rng) -> Constraint {
 }
 
 #[test]
-fn census_without_friction_never_gains_whatever_the_coefficients() {
+fn without_friction_energy_is_never_gained() {
     never_gains("smooth, independent", &census(60, |rows| rows + 1, |rng| many(rng, smooth)), 0);
     never_gains("smooth, redundant", &census(61, |rows| rows.div_ceil(2), |rng| many(rng, smooth)), 0);
 }
 
 #[test]
-fn census_with_friction_and_one_coefficient_never_gains() {
+fn with_one_restitution_energy_is_never_gained() {
     let draw = |rng: &mut fastrand::Rng| {
         let e = rng.f64();
         many(rng, |rng| match rng.u8(0..6) {
@@ -273,26 +273,31 @@ fn census_with_friction_and_one_coefficient_never_gains() {
     never_gains("rough, redundant", &census(63, |rows| rows.div_ceil(3), draw), 0);
 }
 
-/// What the proof leaves out is rare among contacts drawn at random.
+/// With friction and different e energy gains are not excluded by the proof; they are rare in random problems.
 #[test]
-fn census_with_friction_and_different_coefficients() {
+fn with_different_restitutions_energy_gains_are_rare() {
     let draw = |rng: &mut fastrand::Rng| many(rng, |rng| contact(rng.f64(), 2.0 * rng.f64()));
-    report("rough, different e, independent", &census(64, |rows| rows + 1, draw), 0);
-    report("rough, different e, redundant", &census(65, |rows| rows.div_ceil(3), draw), 0);
+    for (what, books) in [
+        ("rough, different e, independent", census(64, |rows| rows + 1, draw)),
+        ("rough, different e, redundant", census(65, |rows| rows.div_ceil(3), draw)),
+    ] {
+        report(what, &books, 0);
+        assert!(books.gains <= 20, "{what}: {} gains of {}", books.gains, books.problems);
+    }
 }
 
-/// It does happen, and is flagged: one contact rough and dead, the other smooth and elastic.
+/// Energy gains occur, and are flagged: one contact with friction and e = 0, the other without friction and e = 1.
 #[test]
-fn rough_contacts_of_different_coefficients_may_gain() {
+fn inelastic_contact_with_friction_beside_an_elastic_one_may_gain_energy() {
     let draw = |rng: &mut fastrand::Rng| vec![contact(0.0, 2.0 * rng.f64()), stop(1.0)];
     let books = census(66, |_| 3, draw);
-    report("one dead and rough, one elastic and smooth", &books, 2);
+    report("one inelastic with friction, one elastic without", &books, 2);
     assert!(books.gains > 0 && books.worst_gain > 0.01);
 }
 
-/// A stop that recedes is pushed back to rest by a lossless one: by hand, u⁺ = (1, 0) and the gain is ½ p₂ u₂⁻.
+/// A separating stop is brought to rest by a lossless one: by hand, u⁺ = (1, 0) and the gain is ½ p₂ u₂⁻.
 #[test]
-fn newton_gains_even_with_one_coefficient() {
+fn newton_s_coefficient_may_gain_energy_even_if_it_is_common() {
     let pushed = problem(dmatrix![1.0, -0.9; -0.9, 1.0], dvector![-1.0, 0.1], vec![stop(1.0); 2]);
     let moreau = pushed.simultaneous(&Accuracy::default(), None).unwrap();
     close("rebound", (&moreau.u_plus - dvector![1.0, 0.0]).amax(), 0.0, EXACT);
@@ -302,7 +307,7 @@ fn newton_gains_even_with_one_coefficient() {
     assert!(!hit.flags.contains(Flags::ENERGY_GAIN) && hit.energy_change <= EXACT, "{hit:?}");
 }
 
-/// Stops of different e that couple, found by search: Newton's e gains energy without friction, Poisson's does not.
+/// Coupled stops with different e, found by search: Newton's e gains energy without friction, Poisson's does not.
 #[test]
 fn newton_gains_without_friction_where_poisson_does_not() {
     let mut rng = fastrand::Rng::with_seed(70);
@@ -319,7 +324,7 @@ fn newton_gains_without_friction_where_poisson_does_not() {
                 continue;
             }
             let gains = moreau.flags.contains(Flags::ENERGY_GAIN);
-            // Where every stop that pushes approached, it can't be.
+            // Impossible if every stop with an impulse approached.
             let pushed_back = (0..n).any(|i| u[i] > 0.0 && moreau.impulse[i] > 0.0);
             assert!(!gains || pushed_back, "{problem:?} {moreau:?}");
             if gains {

@@ -1,4 +1,4 @@
-//! Sequences of single impacts: closed forms, orders, what they leave open, and their energy books.
+//! Sequences of single impacts: closed forms, orders, sets of outcomes, and the energy balance.
 
 mod common;
 
@@ -40,7 +40,7 @@ fn wide(rng: &mut fastrand::Rng) -> f64 {
 }
 
 #[test]
-fn the_end_of_a_rod_that_strikes_first_rebounds_faster() {
+fn rod_end_that_strikes_first_rebounds_faster() {
     for (e, first, second, ratio, tiny) in
         [(0.5, 0.40625, 0.265625, 0.114502, EXACT), (0.8, 0.728, 0.701, 0.510571, EXACT), (1.0, 1.0, 1.0, 1.0, EXACT)]
     {
@@ -69,10 +69,9 @@ fn the_end_of_a_rod_that_strikes_first_rebounds_faster() {
     }
 }
 
-/// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than
-/// 1e-12.
+/// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than 1e-12.
 #[test]
-fn a_rod_without_restitution_takes_42_sub_impacts() {
+fn rod_without_restitution_needs_42_sub_impacts() {
     let hit = run(&rod(0.0), Order::Cycle(vec![0, 1]));
     println!("e = 0: {} sub-impacts, residual {:.1e}", hit.sub_impacts, hit.residual);
     assert!(hit.finished && hit.sub_impacts == 42);
@@ -84,7 +83,7 @@ fn a_rod_without_restitution_takes_42_sub_impacts() {
 }
 
 #[test]
-fn newtons_cradle_sends_the_last_ball_away() {
+fn last_ball_of_newtons_cradle_leaves_alone() {
     for n in [3, 5, 8] {
         let h = DMatrix::from_fn(n - 1, n - 1, |i, j| [2.0, -1.0, 0.0][i.abs_diff(j).min(2)]);
         let mut u = DVector::zeros(n - 1);
@@ -96,7 +95,7 @@ fn newtons_cradle_sends_the_last_ball_away() {
             let hit = run(&cradle, order);
             assert_eq!((hit.sub_impacts, hit.finished), (n - 1, true));
             for i in 0..n - 1 {
-                close("every contact passes all on", hit.impulse[i], 1.0, EXACT);
+                close("every contact transmits the whole impulse", hit.impulse[i], 1.0, EXACT);
             }
         }
         let set = cradle.all_orders(200, &Accuracy::default());
@@ -106,7 +105,7 @@ fn newtons_cradle_sends_the_last_ball_away() {
 }
 
 #[test]
-fn one_contact_is_moreaus() {
+fn one_contact_agrees_with_moreaus_law() {
     let mut rng = fastrand::Rng::with_seed(80);
     for _ in 0..1000 {
         let j = DMatrix::from_fn(3, 4, |_, _| wide(&mut rng));
@@ -118,10 +117,10 @@ fn one_contact_is_moreaus() {
     }
 }
 
-/// Of all velocities after which nothing approaches, Moreau's is the nearest to those before, in the metric of kinetic
-/// energy; a sequence, which never takes an impulse back, goes at least as far.
+/// Of all velocities after which no contact approaches, Moreau's is the nearest to those before in the metric of
+/// kinetic energy; a sequence is at least as far.
 #[test]
-fn without_restitution_moreaus_law_goes_no_farther_than_a_sequence() {
+fn without_restitution_moreaus_law_changes_velocities_least() {
     let mut rng = fastrand::Rng::with_seed(81);
     for _ in 0..200 {
         let n = rng.usize(2..5);
@@ -137,9 +136,9 @@ fn without_restitution_moreaus_law_goes_no_farther_than_a_sequence() {
     }
 }
 
-/// Held directions are rigid throughout; dry friction takes what its bound allows.
+/// Held constraints are satisfied throughout; dry friction uses its bound.
 #[test]
-fn dry_joints_and_held_ones_take_what_they_can() {
+fn dry_joints_use_their_bound_and_held_ones_stay() {
     let h = dmatrix![2.0, 0.5, 0.3; 0.5, 1.0, 0.2; 0.3, 0.2, 1.5];
     let constraints = |bound| vec![Constraint::Dry { bound }, Constraint::Held, stop(0.5)];
     for bound in [0.0, 0.1, 10.0] {
@@ -154,16 +153,16 @@ fn dry_joints_and_held_ones_take_what_they_can() {
             assert_eq!(at_rest, bound == 10.0);
         }
     }
-    // A stop that the held direction leaves nothing to move by.
+    // A stop whose inverse mass is zero while the other constraint is held.
     let locked = problem(dmatrix![1.0, 1.0; 1.0, 1.0], dvector![-1.0, -1.0], vec![Constraint::Held, stop(0.5)]);
     let hit = run(&locked, Order::MostApproaching);
     close("at rest", hit.u_plus.amax(), 0.0, EXACT);
     assert_eq!(hit.sub_impacts, 0);
 }
 
-/// Two walls that close in on a bead have no end at e = 1, and none that this bead could reach.
+/// A bead between two walls that approach each other: with e = 1 the sequence does not end.
 #[test]
-fn what_grips_never_ends_and_says_so() {
+fn sequence_between_two_walls_is_reported_as_unfinished() {
     let gripped = problem(dmatrix![1.0, -1.0; -1.0, 1.0], dvector![-1.0, 0.5], vec![stop(1.0); 2]);
     for order in [Order::MostApproaching, Order::Cycle(vec![1, 0])] {
         let hit = run(&gripped, order);
@@ -171,7 +170,7 @@ fn what_grips_never_ends_and_says_so() {
         assert!(hit.residual > 0.1 && hit.impulse.iter().all(|p| p.is_finite()));
     }
     assert_eq!(gripped.all_orders(10, &Accuracy::default()).unfinished, 2);
-    // Nothing can move it: no impulse without bound, no endless loop.
+    // No inverse mass: no unbounded impulse, no endless loop.
     let fixed = problem(dmatrix![0.0], dvector![-1.0], vec![stop(1.0)]);
     let hit = run(&fixed, Order::Cycle(vec![0]));
     assert_eq!((hit.sub_impacts, hit.finished, hit.residual), (0, false, 1.0));
@@ -190,7 +189,7 @@ fn forces_do_not_rebound() {
 }
 
 #[test]
-fn census_of_sequences() {
+fn conditions_hold_in_4000_random_sequences() {
     let mut rng = fastrand::Rng::with_seed(82);
     let (mut gains, mut unfinished, mut most) = (0, 0, 0);
     for case in 0..4000 {
@@ -228,7 +227,7 @@ fn census_of_sequences() {
             i = n + 1;
         }
         let gain = hit.flags.contains(Flags::ENERGY_GAIN);
-        assert!(rough || !gain, "without friction none gains: {one:?} {hit:?}");
+        assert!(rough || !gain, "energy gain without friction: {one:?} {hit:?}");
         gains += usize::from(gain);
     }
     println!(
@@ -239,7 +238,7 @@ fn census_of_sequences() {
 }
 
 #[test]
-fn sets_are_drawn_the_same_every_time() {
+fn sets_of_orders_are_reproducible() {
     let mut rng = fastrand::Rng::with_seed(83);
     let n = 7;
     let j = DMatrix::from_fn(n, n, |_, _| wide(&mut rng));
@@ -269,14 +268,14 @@ fn sets_are_drawn_the_same_every_time() {
 }
 
 #[test]
-fn wrong_orders_are_named() {
+fn invalid_orders_are_refused() {
     let three =
         problem(DMatrix::identity(3, 3), dvector![-1.0, 0.0, 0.0], vec![stop(0.0), Constraint::Held, stop(0.0)]);
     let refused = |order| three.sequential(&Order::Cycle(order), &Accuracy::default()).unwrap_err().to_string();
-    assert_eq!(refused(vec![0, 3]), "the order names constraint 3, but there are 3, counted from 0");
+    assert_eq!(refused(vec![0, 3]), "the order contains constraint 3, but there are 3, counted from 0");
     assert_eq!(
         refused(vec![0, 1, 0]),
-        "the order leaves out constraint 2: list every constraint that is not held, so that each has its turn"
+        "the order does not contain constraint 2: list every constraint that is not held"
     );
     assert!(run(&three, Order::Cycle(vec![2, 0, 2])).finished);
 }

@@ -1,5 +1,4 @@
-//! Matrices with a null direction: the answer where there is one, an error where there is none,
-//! and never a NaN.
+//! Delassus matrices with a null direction: the outcome if there is one, an error if there is none, and never a NaN.
 
 mod common;
 
@@ -14,10 +13,10 @@ fn single_joint(j: Vector2<f64>, qd: f64) -> ImpactProblem<f64, 2> {
     ImpactProblem::new(j * j.transpose(), j * qd).unwrap()
 }
 
-/// Against a rough wall a single-joint arm slips until it stops in both directions at once; then
-/// it stays: no impulse on it within the cone turns the joint back.
+/// At a wall with large friction a single-joint arm slips until it stops in both directions at once; then it stays: no
+/// impulse in the cone turns the joint back.
 #[test]
-fn single_joint_arm_held_by_friction_stays() {
+fn single_joint_arm_that_sticks_stays_at_rest() {
     for (j, qd) in [(vector![0.3, 0.7], -1.0), (vector![-0.3, 0.7], -1.0), (vector![0.1, -0.9], 2.0)] {
         let ratio = j[0] / j[1];
         let problem = single_joint(j, qd);
@@ -31,7 +30,7 @@ fn single_joint_arm_held_by_friction_stays() {
                     assert!(hit.flags.contains(Flags::SINGULAR) && hit.mode != Mode::Open);
                     assert!(!hit.flags.contains(Flags::ENERGY_GAIN));
                     close(law, hit.energy_change, -hit.energy_before, 1e-15);
-                    // Poisson's impulse is prescribed, and can be given without moving anything.
+                    // Poisson's impulse is prescribed, and does not change the velocity.
                     let returned = if law == "poisson" { e } else { 0.0 };
                     close(law, hit.poisson.unwrap(), returned, 1e-14);
                 }
@@ -40,9 +39,9 @@ fn single_joint_arm_held_by_friction_stays() {
     }
 }
 
-/// With less friction it slips back, and restitution is as usual.
+/// With less friction it slips back, and rebounds as usual.
 #[test]
-fn single_joint_arm_on_a_smoother_wall_rebounds() {
+fn single_joint_arm_with_less_friction_rebounds() {
     let problem = single_joint(vector![0.3, 0.7], -1.0);
     for (law, e) in [("newton", 0.5), ("poisson", 0.5), ("energetic", 0.5), ("whittaker", 0.5), ("frictionless", 0.5)] {
         let hit = law_by_name::<2>(law, rough(e, 0.4)).unwrap().resolve(&problem).unwrap();
@@ -56,7 +55,7 @@ fn single_joint_arm_on_a_smoother_wall_rebounds() {
     close("newton", newton.newton.unwrap(), 0.5, 1e-14);
 }
 
-/// Whittaker's rebound is prescribed: a held arm cannot make it. With e = 0 it can, by a range of
+/// Whittaker's rebound is prescribed, and a sticking single-joint arm cannot make it. With e = 0 it can, by a range of
 /// impulses.
 #[test]
 fn whittaker_wedges_or_is_not_unique() {
@@ -72,17 +71,16 @@ fn whittaker_wedges_or_is_not_unique() {
     assert!(both.impulse[0] > 0.0, "against the first slip, which points to -t");
 }
 
-/// A surface that carries the contact along what H cannot change: slip never matches the joint,
-/// friction holds the contact while it still approaches, and no finite impulse helps.
+/// A surface that moves along the null direction of H: friction makes the contact stick while it still approaches, and
+/// no finite impulse ends the impact.
 #[test]
-fn held_while_approaching_is_a_wedge() {
+fn sticking_while_approaching_is_a_wedge() {
     let j = vector![0.3, 0.7];
     let problem = ImpactProblem::new(j * j.transpose(), vector![0.5, -0.7]).unwrap();
     for law in ["newton", "poisson", "energetic"] {
         let refusal = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&problem).unwrap_err();
         assert!(matches!(refusal, ImpactError::Wedged { normal_velocity, .. } if normal_velocity < -0.7), "{refusal}");
-        // The other way round slip stops in restitution; held, the contact parts as fast as it
-        // does then.
+        // In the opposite direction slip stops in restitution, and the contact sticks with the normal velocity at that time.
         let other = ImpactProblem::new(j * j.transpose(), vector![-0.4, -0.7]).unwrap();
         let hit = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&other).unwrap();
         assert_eq!((hit.u_plus[0], hit.mode), (0.0, Mode::Stick));
@@ -91,9 +89,9 @@ fn held_while_approaching_is_a_wedge() {
     }
 }
 
-/// A slide along the normal: the tangent is frozen, which hurts nobody.
+/// A slide along the normal: the tangent is singular, and every law has an outcome.
 #[test]
-fn frozen_tangent_is_harmless() {
+fn singular_tangent_is_resolved() {
     let h = Matrix2::new(0.0, 0.0, 0.0, 2.0);
     for law in LAW_NAMES {
         for (v_t, mode) in [(0.0, Mode::Stick), (1.0, Mode::Slip), (-1.0, Mode::Slip)] {
@@ -105,9 +103,9 @@ fn frozen_tangent_is_harmless() {
     }
 }
 
-/// Contact axes may be the normal alone.
+/// A contact may have the normal axis alone.
 #[test]
-fn one_dimensional_contact() {
+fn contact_without_tangents_is_resolved() {
     let problem = ImpactProblem::new(nalgebra::matrix![2.0], vector![-1.0]).unwrap();
     for law in LAW_NAMES {
         let hit = law_by_name::<1>(law, rough(0.5, 0.3)).unwrap().resolve(&problem).unwrap();
@@ -117,18 +115,18 @@ fn one_dimensional_contact() {
 }
 
 #[test]
-fn normal_without_mobility_is_refused() {
+fn singular_normal_direction_is_refused() {
     for c in [0.0, 1e-30, -1e-18] {
         let problem = ImpactProblem::new(Matrix2::new(1.0, 0.0, 0.0, c), vector![0.5, -1.0]).unwrap();
         for law in LAW_NAMES {
             let refusal = law_by_name::<2>(law, rough(0.5, 0.3)).unwrap().resolve(&problem).unwrap_err();
             assert!(matches!(refusal, ImpactError::SingularNormal { .. }), "{law} {refusal}");
         }
-        // Parting, nobody asks for an impulse.
+        // A separating contact needs no impulse.
         let parting = ImpactProblem::new(Matrix2::new(1.0, 0.0, 0.0, c), vector![0.5, 1.0]).unwrap();
         assert!(Frictionless { restitution: 0.5 }.resolve(&parting).is_ok());
     }
-    // A normal that may owe its mobility to rounding is answered, with a warning.
+    // An inverse mass that may be rounding is accepted, with a flag.
     let doubtful = ImpactProblem::new(Matrix2::new(1.0, 0.0, 0.0, 1e-15), vector![0.5, -1.0]).unwrap();
     let hit = Frictionless { restitution: 0.5 }.resolve(&doubtful).unwrap();
     assert_eq!(hit.flags, Flags::SINGULAR);
@@ -148,9 +146,9 @@ fn energy_of_a_rank_deficient_matrix() {
     assert_eq!(frozen.kinetic_energy(frozen.u_minus()), 0.0);
 }
 
-/// As det H -> 0 the energetic and kinetic laws tend to the held arm; the kinematic one does not.
+/// As det H -> 0 the energetic and kinetic laws tend to the sticking arm; the kinematic one does not.
 #[test]
-fn near_singular_limit() {
+fn near_singular_matrices_tend_to_the_sticking_arm() {
     let j = vector![0.3, 0.7];
     let near = |det: f64| {
         let across = vector![0.7, -0.3];

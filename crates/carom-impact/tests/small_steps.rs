@@ -1,5 +1,6 @@
-//! The flow in space against an integration that knows nothing of series or invariant directions: Runge and Kutta's
-//! classical method with equal small steps of the normal impulse, and a stop of slip wherever it is nearer than a step.
+//! The flow in space against an independent integration without series and invariant directions: the classical
+//! Runge–Kutta method with equal small steps of the normal impulse, and a stop of slip wherever it is nearer than a
+//! step.
 
 mod common;
 
@@ -10,14 +11,15 @@ use nalgebra::{Vector2, Vector3};
 /// Velocity, and the normal work in the last entry.
 type State = nalgebra::Vector4<f64>;
 
-/// How friction answers per unit of normal impulse where there is slip.
+/// Rates per unit of normal impulse while the contact slips.
 fn rate(case: &Spatial, x: &State) -> State {
     let slip = Vector2::new(x[0], x[1]).normalize() * -case.friction;
     let du = case.delassus * Vector3::new(slip.x, slip.y, 1.0);
     State::new(du.x, du.y, du.z, x[2])
 }
 
-/// After slip has stopped: constant friction that holds, or that meets the slip it causes, found by scanning the circle.
+/// Rates after slip has stopped: constant friction that makes the contact stick, or that is opposed to the slip it
+/// causes, found by scanning the circle.
 fn rate_from_rest(case: &Spatial) -> Vector3<f64> {
     let h = &case.delassus;
     let hold = -h.fixed_view::<2, 2>(0, 0).try_inverse().unwrap() * h.fixed_view::<2, 1>(0, 2);
@@ -42,7 +44,7 @@ fn rate_from_rest(case: &Spatial) -> Vector3<f64> {
             }
         }
     }
-    panic!("no way out: {case:?}");
+    panic!("no direction of growing slip: {case:?}");
 }
 
 fn step(case: &Spatial, x: &State, rest: &Option<Vector3<f64>>, dp: f64) -> State {
@@ -57,7 +59,7 @@ fn step(case: &Spatial, x: &State, rest: &Option<Vector3<f64>>, dp: f64) -> Stat
     x + (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (dp / 6.0)
 }
 
-/// Velocity after, and the least speed of slip.
+/// Velocity after, and the least slip speed.
 fn integrate(law: &str, case: &Spatial, steps: f64) -> (Vector3<f64>, f64) {
     let e = case.restitution;
     let dp = -case.u.z / (case.delassus[(2, 2)] * steps);
@@ -115,7 +117,7 @@ fn integrate(law: &str, case: &Spatial, steps: f64) -> (Vector3<f64>, f64) {
             return (Vector3::new(x[0], x[1], x[2]), slowest);
         }
         if next[2] < 0.0 {
-            pc = None; // pressed back: compression goes on
+            pc = None; // back at v_n = 0: compression goes on
         }
         (x, p) = (next, p + dp);
     }
@@ -133,7 +135,7 @@ fn small_steps_converge_to_the_flow() {
     let mut drawn = Vec::new();
     while drawn.len() < 150 {
         let case = any_spatial(&mut rng, 0.3);
-        // Slip in no time is for the flow alone.
+        // Very slow slip needs smaller steps.
         if case.friction > 0.02 && case.friction < 3.0 && case.u.xy().norm() > 0.1 && case.u.z < -0.1 {
             drawn.push(case);
         }
@@ -144,7 +146,7 @@ fn small_steps_converge_to_the_flow() {
         for law in ["newton", "poisson", "energetic"] {
             let (fine, slowest) = off(law, case, 2000.0);
             if slowest < 0.05 {
-                // First order at a stop: the last of the turning happens within a step.
+                // First order at a stop: the last part of the turning happens within a step.
                 assert!(fine < 2e-2, "{law} {fine:e} {case:?}");
                 for (sum, steps) in sums.iter_mut().zip([500.0, 2000.0, 8000.0]) {
                     *sum += off(law, case, steps).0;
@@ -161,9 +163,9 @@ fn small_steps_converge_to_the_flow() {
     assert!(sums[1] < 0.4 * sums[0] && sums[2] < 0.4 * sums[1], "{sums:?}");
 }
 
-/// With a slow approach, friction that turns into jamming presses the contact back before restitution is over.
+/// With a slow approach, slip that turns into a jam brings the contact back to `v_n = 0` before restitution is over.
 #[test]
-fn contact_pressed_back_is_compressed_on() {
+fn recompression_continues_the_compression() {
     let mut rng = fastrand::Rng::with_seed(52);
     let (mut found, mut checked) = (0, 0);
     for _ in 0..20_000 {

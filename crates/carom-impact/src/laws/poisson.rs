@@ -22,7 +22,9 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// **Parameters.** `restitution` e, kinetic, in \[0, 1\]; `friction` μ >= 0.
 ///
 /// **Guarantee.** One solution for every regular H; `friction_work <= 0`; never gains energy in the plane. In space
-/// this is not proved; POISSON_CENSUS The contact may nevertheless separate faster than it approached (`newton > 1`).
+/// this is not proved; no energy is gained in 200 000 random impacts (test
+/// `poisson_never_gains_energy_in_200_000_impacts_in_space`). The contact may nevertheless separate faster than it
+/// approached (`newton > 1`).
 ///
 /// **Fails** to conserve the kinetic energy at e = 1: if the slip stops, the normal works of the two phases differ.
 ///

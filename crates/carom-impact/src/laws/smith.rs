@@ -31,7 +31,8 @@ const REST: f64 = 32.0;
 /// [`Whittaker`](crate::Whittaker)'s law.
 ///
 /// **Method.** Newton's method within the cone. If it stalls, friction is raised in steps, or the iteration starts from
-/// a point reached along the field itself. SMITH_CENSUS
+/// a point reached along the field itself. It converges for each of 100 000 random problems in space (test
+/// `smith_answers_100_000_impacts_in_space`).
 ///
 /// **Works** are those of the straight path from u⁻ to u⁺, see [`Whittaker`](crate::Whittaker).
 ///

@@ -1,5 +1,5 @@
-//! Shared by the tests: problems drawn at random, and comparisons that say what they compare.
-#![allow(dead_code)] // each test file uses its share
+//! Shared by the tests: random problems, and comparisons whose messages contain the numbers.
+#![allow(dead_code)] // each test file uses some of it
 
 use carom_impact::{Coefficients, ImpactProblem};
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3};
@@ -19,7 +19,7 @@ impl Case {
     }
 }
 
-/// `H = G Gᵀ` with condition number up to about `1/flat²`, a speed of 1 in any approaching
+/// A random planar impact: `H = G Gᵀ` with condition number up to about `1/flat²`, a speed of 1 in any approaching
 /// direction, e in [0, 1] with both ends drawn, friction from 0 to beyond any jam.
 pub fn any_case(rng: &mut fastrand::Rng, flat: f64) -> Case {
     let wide = |rng: &mut fastrand::Rng| 2.0 * rng.f64() - 1.0;
@@ -40,13 +40,13 @@ pub fn any_case(rng: &mut fastrand::Rng, flat: f64) -> Case {
     Case { delassus, u: Vector2::new(angle.cos(), -angle.sin()), restitution, friction }
 }
 
-/// `|x - expected| <= within`, with the numbers in the message.
+/// Asserts `|x - expected| <= within`, with the numbers in the message.
 #[track_caller]
 pub fn close(what: &str, x: f64, expected: f64, within: f64) {
     assert!((x - expected).abs() <= within, "{what}: {x:e} instead of {expected:e}, off by {:e}", x - expected);
 }
 
-/// Restitution and friction alone.
+/// Coefficients of restitution and friction.
 pub fn rough(restitution: f64, friction: f64) -> Coefficients {
     Coefficients { restitution, friction, ..Coefficients::default() }
 }
@@ -66,7 +66,7 @@ impl Spatial {
     }
 }
 
-/// As [`any_case`], in space: axes turned at random, square roots of the eigenvalues from `flat` to 1.
+/// A random impact in space, as [`any_case`]: axes turned at random, square roots of the eigenvalues from `flat` to 1.
 pub fn any_spatial(rng: &mut fastrand::Rng, flat: f64) -> Spatial {
     let Case { restitution, friction, .. } = any_case(rng, flat);
     let mut turn = || std::f64::consts::TAU * rng.f64();
