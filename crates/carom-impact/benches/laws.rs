@@ -1,7 +1,7 @@
-//! What one impact costs under each law: `cargo bench -p carom-impact`.
+//! Time per impact under each law: `cargo bench -p carom-impact`.
 //!
-//! Problems are drawn once, and each sample resolves all of them, so that branches are taken as
-//! they come; divide by `BATCH` or read the items per second.
+//! `BATCH` random problems are drawn once, and each sample resolves all of them, so that branches are not predictable;
+//! the items per second are impacts per second.
 
 use carom_impact::{
     Accuracy, Coefficients, Constraint, ImpactOutcome, ImpactProblem, LAW_NAMES, SeveralProblem, law_by_name,
@@ -35,7 +35,7 @@ fn spatial() -> Vec<(Matrix3<f64>, SVector<f64, 3>)> {
     planar().into_iter().map(lift).collect()
 }
 
-/// Any matrix: slip turns.
+/// Random matrices in space: slip turns.
 fn turning() -> Vec<(Matrix3<f64>, SVector<f64, 3>)> {
     let mut rng = fastrand::Rng::with_seed(2);
     let mut drawn = || 2.0 * rng.f64() - 1.0;
@@ -60,7 +60,7 @@ fn measure<const D: usize>(
     });
 }
 
-/// The checks on entry, without a law.
+/// The checks of `ImpactProblem::new`, without a law.
 #[divan::bench(consts = [2, 3])]
 fn checks<const D: usize>(bencher: Bencher) {
     match D {
@@ -88,7 +88,7 @@ fn in_the_plane(bencher: Bencher, name: &str) {
     measure(bencher, planar(), law(name));
 }
 
-/// Problems of the plane, posed in space.
+/// Planar problems in space.
 #[divan::bench(args = LAW_NAMES)]
 fn in_space_slip_keeps_to_a_plane(bencher: Bencher, name: &str) {
     measure(bencher, spatial(), law(name));
@@ -99,7 +99,7 @@ fn in_space_slip_turns(bencher: Bencher, name: &str) {
     measure(bencher, turning(), law(name));
 }
 
-/// A raft of so many rough points on six freedoms strikes the floor askew.
+/// A body with six degrees of freedom and this number of contacts with friction strikes the floor at an angle.
 #[divan::bench(args = [2, 4, 10, 50])]
 fn several_contacts(bencher: Bencher, count: usize) {
     let mut j = DMatrix::zeros(3 * count, 6);
@@ -118,7 +118,8 @@ fn several_contacts(bencher: Bencher, count: usize) {
     bencher.bench(|| black_box(&problem).simultaneous(&Accuracy::default(), None).unwrap());
 }
 
-/// A cube at rest on its four lower corners, one time step of 1 ms: twelve rows on six freedoms; cold and warm.
+/// A cube at rest on its four lower corners, one time step of 1 ms: twelve rows, six degrees of freedom; without and with
+/// a warm start.
 #[divan::bench(args = [false, true])]
 fn box_on_four_corners(bencher: Bencher, warm: bool) {
     let mut j = DMatrix::zeros(12, 6);

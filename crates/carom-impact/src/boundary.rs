@@ -90,7 +90,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// ```
     /// # use carom_impact::{Edge, Energetic, ImpactProblem, Mode};
     /// # use nalgebra::{matrix, vector};
-    /// // A rod at 45°: friction of 0.6 is what just holds it, 0.61 is 0.01/1.21 above.
+    /// // A rod at 45°: μ_stick is 0.6, so the margin of μ = 0.61 is 0.01/1.21.
     /// let problem = ImpactProblem::new(matrix![2.5, -1.5; -1.5, 2.5], vector![1.0, -1.0])?;
     /// let nearest = problem.boundaries(&Energetic { restitution: 0.5, friction: 0.61 })?[0];
     /// assert_eq!((nearest.edge, nearest.beyond), (Edge::JustHolds, Mode::ReverseSlip));

@@ -203,8 +203,8 @@ pub enum ImpactError {
 
     /// The integration of a compliant impact stopped before the impact ended.
     #[error(
-        "the impact has not ended at {time} s, after {steps} steps: the contact wedges, or the equations are too stiff; \
-         raise the slip speed below which friction is smoothed, or the bristle's damping, or lower the friction"
+        "the impact has not ended at {time} s, after {steps} steps: the contact wedges, or the equations are too \
+         stiff; raise the slip speed below which friction is smoothed, or the bristle's damping, or lower the friction"
     )]
     Unfinished {
         /// Time reached (s).

@@ -1,6 +1,6 @@
 //! Impact laws for rigid contacts, without a robot model: given the **Delassus matrix** H (inverse inertia at the
-//! contact, `J M⁻¹ Jᵀ`) and the contact velocity u⁻, a law returns the impulse P and the velocity after, `u⁺ = u⁻ + H
-//! P`.
+//! contact, `J M⁻¹ Jᵀ`) and the contact velocity u⁻, a law returns the impulse P and the velocity after,
+//! `u⁺ = u⁻ + H P`.
 //!
 //! ```
 //! use carom_impact::{Energetic, ImpactProblem, Law, Mode};

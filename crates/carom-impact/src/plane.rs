@@ -209,8 +209,8 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// Impulse and velocity across the plane, to first order in `H_bt`, `H_bn` and `u_b`, whose values are zero within
     /// rounding, but whose derivatives need not be.
     ///
-    /// While the contact slips at speed r in direction s, friction turns with the slip, `p_b' = -μ w/r`, so that `w' =
-    /// κ - μ H_bb w/r` with `κ = H_bn - μ s H_bt`; r changes at a constant rate ρ. From w = 0:
+    /// While the contact slips at speed r in direction s, friction turns with the slip, `p_b' = -μ w/r`, so that
+    /// `w' = κ - μ H_bb w/r` with `κ = H_bn - μ s H_bt`; r changes at a constant rate ρ. From w = 0:
     ///
     /// ```text
     /// p_b = -μ κ r₀ S² e[0, ρS, -μ H_bb S],   S = ∫ dp/r,   e[…] the divided difference of exp

@@ -21,8 +21,8 @@
 //! | B, jam | in compression, after `v_n` has become more negative (`μ s B >= C`) | sticks |
 //!
 //! A solution exists and is unique for every regular H, `μ >= 0`, `v_n < 0`: after slip has stopped, `dv_n/dp > 0` in
-//! both cases. Stick has `det H/A > 0`; slip back towards `sign B` requires `μ < |B|/A < C/|B|`, so that `C - μ|B| >
-//! 0`. And slip that jams does stop: `μ s B >= C` gives `μ A >= A C/|B| > |B|`, so v_t decreases to zero.
+//! both cases. Stick has `det H/A > 0`; slip back towards `sign B` requires `μ < |B|/A < C/|B|`, so that
+//! `C - μ|B| > 0`. And slip that jams does stop: `μ s B >= C` gives `μ A >= A C/|B| > |B|`, so v_t decreases to zero.
 //!
 //! Symbols: `(a, b, c)` = (H_tt, H_tn, H_nn) in 1/kg; velocities in m/s, impulses in N s, work in J.
 //!
@@ -138,8 +138,8 @@ pub(crate) fn walk<T: RealField + Copy>(
     let (v_t, v_n) = contact.velocity();
     let held = contact.held_inverse_mass();
     let then = after_slip(contact, mu, sign(v_t), held);
-    // Without slip there is only the second segment. If that is stick, a slip of value 0 with a derivative stops at once,
-    // whatever its direction; if not, it has the direction of that segment.
+    // Without slip there is only the second segment. If that is stick, a slip of value 0 with a derivative stops at
+    // once, in any direction; if not, it has the direction of that segment.
     let s = match sign(v_t) {
         s if s != zero => s,
         _ if then.mode == Mode::Stick => T::one(),
@@ -171,7 +171,7 @@ pub(crate) fn walk<T: RealField + Copy>(
     let mut down = Walk::start(v_t, v_n);
     let up;
     let slip_end = match (slip_peaks, slip_stops) {
-        // A: with one rate throughout, every ending is at p = (1 + e) pc.
+        // A: with one rate throughout, all three laws end at p = (1 + e) pc.
         (Some(pc), p1) if p1.is_none_or(|p1| p1 >= pc + e * pc) => {
             down.advance(&first, pc);
             up = down.turn().advanced(&first, e * pc);

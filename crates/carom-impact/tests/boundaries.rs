@@ -2,8 +2,8 @@
 //! mode beyond, and that both sides of a boundary resolve to the two modes.
 //!
 //! Most cases use a uniform rod at 45° (m = L = 1) that strikes obliquely, H = (2.5, -1.5; -1.5, 2.5), u⁻ = (1, -1):
-//! while it slips, `dv_t/dp = -(1.5 + 2.5 μ)` and `dv_n/dp = 2.5 + 1.5 μ`. Without friction it would slip, and once slip
-//! has stopped, `μ_stick = 0.6` holds it.
+//! while it slips, `dv_t/dp = -(1.5 + 2.5 μ)` and `dv_n/dp = 2.5 + 1.5 μ`; after slip has stopped it sticks from
+//! `μ_stick = 0.6` on.
 
 mod common;
 
@@ -102,7 +102,7 @@ fn without_friction_the_only_boundary_is_no_approach() {
 /// Slip stops at `p₁ = 1/(1.5 + 2.5 μ)`; while it lasts the impact would end at `P_n = 1.5 p_c`, `p_c = 1/(2.5 + 1.5 μ)`.
 /// They are equal at μ = 1/9 < μ_stick: less friction lets the rod slip to the end, more makes it slip back.
 #[test]
-fn slip_that_stops_at_the_end_parts_slip_and_reverse_slip() {
+fn stop_at_the_end_separates_slip_and_reverse_slip() {
     let p1 = |mu: f64| 1.0 / (1.5 + 2.5 * mu);
     let pc = |mu: f64| 1.0 / (2.5 + 1.5 * mu);
     let (mut last, threshold) = (f64::INFINITY, 1.0 / 9.0);
@@ -134,7 +134,7 @@ fn slip_that_stops_at_the_end_parts_slip_and_reverse_slip() {
             expect(&found, Edge::NoSlip, Mode::Slip, 0.5_f64.sqrt());
             expect(&found, Edge::JustHolds, Mode::Stick, apart(mu, 0.6));
             expect(&found, Edge::StopsAtTurn, Mode::ReverseSlip, apart(p1(mu), pc(mu)));
-            // The end depends on the law; Poisson's is 1.5 p_c whatever slip does.
+            // The end depends on the law; Poisson's is 1.5 p_c in all modes.
             expect(&found, Edge::StopsAtEnd, Mode::Slip, apart(p1(mu), hit.impulse[1]));
             if name == "poisson" {
                 expect(&found, Edge::StopsAtEnd, Mode::Slip, apart(p1(mu), 1.5 * pc(mu)));
@@ -147,9 +147,9 @@ fn slip_that_stops_at_the_end_parts_slip_and_reverse_slip() {
 }
 
 /// H = (2, -0.2; -0.2, 1), μ_stick = 0.1: `p₁ = 1/(0.2 + 2 μ)` meets `1.5 p_c = 1.5/(1 + 0.2 μ)` at μ = 1/4 > μ_stick, so
-/// that slip which just stops is held: slip on one side, stick on the other.
+/// that the contact sticks after slip has stopped: slip on one side, stick on the other.
 #[test]
-fn slip_that_stops_at_the_end_parts_slip_and_stick() {
+fn stop_at_the_end_separates_slip_and_stick() {
     let problem = ImpactProblem::new(matrix![2.0, -0.2; -0.2, 1.0], vector![1.0, -1.0]).unwrap();
     for (mu, mode, beyond) in [(0.25 - 1e-7, Mode::Slip, Mode::Stick), (0.25 + 1e-7, Mode::Stick, Mode::Slip)] {
         for (law, name) in following(mu) {
@@ -162,9 +162,9 @@ fn slip_that_stops_at_the_end_parts_slip_and_stick() {
 }
 
 /// Slip stops exactly at the end of compression at μ = 1: in restitution below, in compression above, where the rest of
-/// the compression is held, with `dv_n/dp = det H/A = 1.6`. The mode is stick on both sides.
+/// the compression is stick, with `dv_n/dp = det H/A = 1.6`. The mode is stick on both sides.
 #[test]
-fn slip_that_stops_as_compression_ends_changes_its_phase() {
+fn stop_at_the_end_of_compression_separates_the_phases() {
     for mu in [0.7, 0.9, 1.0 - 1e-9, 1.0 + 1e-9, 1.1, 1.6] {
         let p1 = 1.0 / (1.5 + 2.5 * mu);
         let (phase, pc) = if mu < 1.0 {
@@ -179,7 +179,7 @@ fn slip_that_stops_as_compression_ends_changes_its_phase() {
             expect(&found, Edge::StopsAtTurn, Mode::Stick, apart(p1, pc));
             expect(&found, Edge::NoSlip, Mode::Stick, 0.5_f64.sqrt());
             expect(&found, Edge::JustHolds, Mode::ReverseSlip, apart(mu, 0.6));
-            // A stop in compression is not next to the end of restitution.
+            // A stop in compression has no boundary at the end of restitution.
             assert_eq!(found.iter().any(|b| b.edge == Edge::StopsAtEnd), mu < 1.0, "{name} {mu}");
             let on_boundary = (mu - 1.0_f64).abs() < 1e-8;
             assert_eq!(found[0].margin < 1e-8, on_boundary, "{name} {mu} {found:?}");
@@ -188,9 +188,9 @@ fn slip_that_stops_as_compression_ends_changes_its_phase() {
     }
 }
 
-/// Dropped straight, the rod has no slip before: friction 0.6 just holds it. Below it slips away, above it sticks.
+/// Dropped vertically, the rod has no slip before: below `μ_stick = 0.6` it slips, above it sticks.
 #[test]
-fn without_slip_friction_that_just_holds_parts_slip_and_stick() {
+fn without_slip_mu_stick_separates_slip_and_stick() {
     let drop = ImpactProblem::new(*rod().delassus(), vector![0.0, -1.0]).unwrap();
     for (mu, mode, beyond) in
         [(0.2, Mode::Slip, Mode::Stick), (0.59, Mode::Slip, Mode::Stick), (0.61, Mode::Stick, Mode::Slip)]
@@ -226,10 +226,10 @@ fn jam_is_a_boundary_of_slip_towards_the_coupling_only() {
     }
 }
 
-/// Whittaker's law sticks from `|P_t|/P_n = 1/9` on, `P = H⁻¹ (-v_t, -(1 + e) v_n) = (-1, 9)/16`; below, the slip left
-/// is measured beside |u⁻|.
+/// Whittaker's law sticks from `|P_t|/P_n = 1/9` on, `P = H⁻¹ (-v_t, -(1 + e) v_n) = (-1, 9)/16`; below, the
+/// margin is that of the slip after the impact relative to |u⁻|.
 #[test]
-fn whittaker_s_cone_parts_slip_and_stick() {
+fn whittaker_s_cone_separates_slip_and_stick() {
     for mu in [0.02, 0.1, 1.0 / 9.0 - 1e-9, 1.0 / 9.0 + 1e-9, 0.3, 2.0] {
         let law = Whittaker { restitution: E, friction: mu };
         let hit = law.resolve(&rod()).unwrap();
@@ -244,7 +244,7 @@ fn whittaker_s_cone_parts_slip_and_stick() {
             expect(&found, Edge::OnCone, Mode::Stick, slip / (slip + 2.0_f64.sqrt()));
         }
     }
-    // Brought to rest in space: a sphere, whose P_t = -u_t/3.5 takes μ P_n = μ (1 + e).
+    // Stick in space: a sphere with P_t = -u_t/3.5 and μ P_n = μ (1 + e).
     let sphere = ImpactProblem::new(Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]), vector![0.6, 0.8, -1.0]).unwrap();
     let found = boundaries(&sphere, &Whittaker { restitution: E, friction: 0.4 });
     expect(&found, Edge::OnCone, Mode::Slip, apart(1.0 / 3.5, 0.4 * 1.5));
@@ -252,7 +252,7 @@ fn whittaker_s_cone_parts_slip_and_stick() {
 }
 
 /// Chatterjee & Ruina's impulse with e_t = 0.2: `|P_t| = 0.25 (1 + e_t)` and `P_n = 0.4 (1 + e) - 0.15 (1 + e_t)` in the
-/// cone, from μ = 5/7 on; on the cone the impulse is the share `κ = 0.6 μ/(0.25 + 0.15 μ)` of what was asked for.
+/// cone, from μ = 5/7 on; on the cone the tangential impulse is `0.25 κ` with `κ = 0.6 μ/(0.25 + 0.15 μ)`.
 #[test]
 fn chatterjee_and_ruina_s_cone_limits_the_tangential_restitution() {
     for mu in [0.1, 0.5, 5.0 / 7.0 - 1e-9, 5.0 / 7.0 + 1e-9, 0.8, 3.0] {
@@ -283,7 +283,7 @@ fn brach_s_ratio_is_clipped_at_the_critical_one() {
 }
 
 /// A solid sphere, H = diag(7/2, 7/2, 1): slip keeps its direction in space, `p₁ = |u_t|/(3.5 μ)`, `p_c = 1`,
-/// `P_n = 1.5`. Slip stops at the end at μ = 2/10.5, as compression ends at μ = 2/7; any friction holds it.
+/// `P_n = 1.5`. Slip stops at the end at μ = 2/10.5, as compression ends at μ = 2/7; `μ_stick = 0`.
 #[test]
 fn sphere_in_space_has_the_closed_forms_of_the_plane() {
     let sphere = ImpactProblem::new(Matrix3::from_diagonal(&vector![3.5, 3.5, 1.0]), vector![0.6, -0.8, -1.0]).unwrap();

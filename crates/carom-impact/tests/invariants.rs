@@ -13,8 +13,8 @@ const CASES: usize = 100_000;
 /// Matrices of condition up to 400: rounding in H P is amplified by no more than that.
 const FLAT: f64 = 0.05;
 
-/// Rounding allowed, relative to the terms that make up the number: 64 ε (a path has some twenty operations with an error
-/// of ε/2 each) times the amplification by H, at most 400.
+/// Rounding allowed, relative to the terms that make up the number: 64 ε (a path has some twenty operations with an
+/// error of ε/2 each) times the amplification by H, at most 400.
 const TIGHT: f64 = 64.0 * 400.0 * f64::EPSILON;
 
 fn each_case(mut look: impl FnMut(Case)) {

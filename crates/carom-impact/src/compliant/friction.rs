@@ -103,7 +103,8 @@ impl Bristle {
     /// A bristle of `friction` μ, `stiffness` k (N/m) and `damping` c (N s/m).
     ///
     /// # Errors
-    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a stiffness or damping that is not positive and finite.
+    /// [`ImpactError::Friction`]; [`ImpactError::Compliance`] for a stiffness or damping that is not positive and
+    /// finite.
     pub fn new(friction: f64, stiffness: f64, damping: f64) -> Result<Self, ImpactError> {
         check_friction(friction)?;
         check_positive("bristle's stiffness", stiffness, POSITIVE)?;

@@ -108,7 +108,7 @@ impl<T: RealField + Copy> Curve<T> {
             let ((x, dx), (y, dy), (r, dr)) = (self.x.with_slope(t), self.y.with_slope(t), self.r.with_slope(t));
             (contact.normal * r - mu * (h.x * x + h.y * y), contact.normal * dr - mu * (h.x * dx + h.y * dy))
         };
-        // A zero between the ends, whichever way the function crosses it.
+        // A zero between the ends, of either sign change.
         let crossing = |f: &dyn Fn(T) -> (T, T), from: T, to: T| {
             let (first, last) = (f(from).0, f(to).0);
             let sign = if last >= zero { T::one() } else { -T::one() };
@@ -176,7 +176,7 @@ impl<T: RealField + Copy> Curve<T> {
                 to
             };
             if over(last).0 >= zero {
-                // W_n is quadratic where v_n = 0; to first order in e, at e = 0, its root is this.
+                // W_n is quadratic at v_n = 0; this is its root to first order in e, at e = 0.
                 let flat = end.ending == Ending::Work && end.e == zero;
                 return Return::Ends(if flat && self.normal_work.0[2] > zero {
                     end.e * (-end.work / self.normal_work.0[2]).sqrt()

@@ -7,9 +7,9 @@
 //! ```
 //!
 //! With the signs of the axes chosen so that h₁, h₂ >= 0, k_φ has one zero in the first quadrant, where it decreases,
-//! one in the third, where it increases, and none in the fourth. In the second quadrant it has two if `h₁^⅔ + h₂^⅔ < (μ
-//! Δ)^⅔`, on either side of the direction with `tan³ φ = -h₂/h₁`, otherwise none. So there are two invariant directions
-//! or four.
+//! one in the third, where it increases, and none in the fourth. In the second quadrant it has two if
+//! `h₁^⅔ + h₂^⅔ < (μ Δ)^⅔`, on either side of the direction with `tan³ φ = -h₂/h₁`, otherwise none. So there are two
+//! invariant directions or four.
 
 use nalgebra::{SVector, Vector2};
 

@@ -13,7 +13,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// P = (n + r t) P_n,   P_n = -(1 + e) u_n⁻/(C + r B)
 /// ```
 ///
-/// with A, B, C of the plane (t, n). The prescribed ratio is brought between 0 and the first of two bounds:
+/// with A, B, C of the plane (t, n). The prescribed ratio is clipped to the interval from 0 to the nearer of two
+/// bounds:
 ///
 /// ```text
 /// r₀ = -(C v_t - (1 + e) B u_n⁻)/(B v_t - (1 + e) A u_n⁻)   critical: slip ends just at separation

@@ -26,9 +26,9 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// T⁺ - T⁻ = -(1 - e²) (u_n⁻)²/(2 C) - κ (2 - κ) E,   E = ½ (P₂ - P₁)ᵀ H (P₂ - P₁) >= 0,   0 <= κ <= 2
 /// ```
 ///
-/// **Fails** to be Coulomb's law in time: even with e_t = 0 and large friction, a contact with inertial coupling (`H_tn
-/// ≠ 0`) slips after the impact, because only the plastic part sticks. The coefficients have to be fitted; e_t is not a
-/// material constant.
+/// **Fails** to be Coulomb's law in time: even with e_t = 0 and large friction, a contact with inertial coupling
+/// (`H_tn ≠ 0`) slips after the impact, because only the plastic part sticks. The coefficients have to be fitted; e_t
+/// is not a material constant.
 ///
 /// **Singular H.** `P₂ - P₁` is the shortest tangential impulse that stops all slip which H can change; along a null
 /// direction of H no friction acts.

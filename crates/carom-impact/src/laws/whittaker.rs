@@ -27,13 +27,13 @@ use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 /// of three cases holds: λ = 1 with `v_t⁺ >= 0`, λ = -1 with `v_t⁺ <= 0`, or a zero of v_t⁺ between them. This is why
 /// the contact sticks if neither slip is admissible.
 ///
-/// **Fails** to conserve the energy balance. Friction is opposed to the *final* slip, so it may act along the slip
+/// **Fails** to be passive: it can gain energy. Friction is opposed to the *final* slip, so it may act along the slip
 /// during most of the impact. Such an outcome has the flag `energy-gain`. At det H = 0 there may be no solution
 /// ([`ImpactError::Wedged`]), or a range of impulses with one u⁺: then the one whose friction is opposed to the initial
 /// slip is taken, with the flag `non-unique`; [`branches`](Law::branches) returns both ends of the range.
 ///
-/// **Works.** The law has no path in time. The works are those of the straight path from u⁻ to u⁺, `W_n = ½ P_n (v_n⁻ +
-/// v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised coefficients are e.
+/// **Works.** The law has no path in time. The works are those of the straight path from u⁻ to u⁺,
+/// `W_n = ½ P_n (v_n⁻ + v_n⁺)` and `W_t = ½ P_t (v_t⁻ + v_t⁺)`, on which all three realised coefficients are e.
 ///
 /// **In space** friction of size `μ P_n` acts along `-v_t⁺`: with the normal impulse eliminated, `P_t = -(S + s 1)⁻¹ b`
 /// for an s >= 0 that is computed to rounding (`cone.rs`). At least one such s exists for every regular H, and there
@@ -175,7 +175,7 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
     let held = contact.held_inverse_mass();
     let locked = contact.is_locked(held);
 
-    // Slip σ: (P_n, v_t⁺) if it pushes and ends with slip σ.
+    // Slip σ: (P_n, v_t⁺) if P_n > 0 and the final slip is σ.
     let slip = |sigma: T| {
         let p_n = gain / (c - sigma * mu * b);
         let jump = (b - sigma * mu * a) * p_n;
@@ -206,7 +206,7 @@ fn algebraic<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, e: T, mu: T, wh
             (None, Some((sigma, p_n, v_t_plus))) => (-sigma * mu * p_n, p_n, v_t_plus),
             (None, None) if locked => return None,
             (None, None) => {
-                // Stick: A P_t + B P_n = -v_t and B P_t + C P_n = gain; hold, then push.
+                // Stick: A P_t + B P_n = -v_t and B P_t + C P_n = gain.
                 let p_n = (gain + b / a * v_t) / held;
                 (-(v_t + b * p_n) / a, p_n, zero)
             }

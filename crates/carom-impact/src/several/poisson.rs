@@ -60,7 +60,7 @@ impl SeveralProblem {
     /// J(λ_e) ≤ J(σ λ_c) = ½ σ² λ_cᵀH λ_c + σ u_cᵀλ_c ≤ ½ λ_cᵀH λ_c - u_cᵀλ_c = -(work of compression)
     /// ```
     ///
-    /// **Fails** to conserve the energy balance otherwise: beside a contact with friction and a smaller e, an elastic
+    /// **Fails** to be passive otherwise: beside a contact with friction and a smaller e, an elastic
     /// contact may gain several times the initial energy, though rarely
     /// ([`Flags::ENERGY_GAIN`](crate::Flags::ENERGY_GAIN)). Still more rarely the iteration misses a solution;
     /// `residual` is then above the tolerance. If contacts are redundant, λ_c is one of many solutions, and with

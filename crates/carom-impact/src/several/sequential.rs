@@ -73,11 +73,11 @@ impl SeveralProblem {
     /// | Δp | impulse of the sub-impact at one constraint (N s), which changes u to u' |
     ///
     /// ```text
-    /// its turn  u_n < -tolerance · max(|u⁻|, |u_free|)
+    /// turn if   u_n < -tolerance · max(|u⁻|, |u_free|)
     /// stop      u' = -e min(w, 0)
     /// contact   u_n' = -e min(w_n, 0);  |Δp_t| ≤ μ Δp_n, against u_t'
-    /// dry       the p within ± bound that brings it nearest to rest
-    /// held      u = 0 throughout: it yields its impulse within each sub-impact of the others
+    /// dry       the p within ± bound for which |u'| is smallest
+    /// held      u = 0 throughout: its impulse is part of each sub-impact of the others
     /// ```
     ///
     /// **Parameters.** e and μ of each constraint, e as the ratio of velocities in each of its sub-impacts; the order;
@@ -198,7 +198,7 @@ impl Reduced {
         let mut before = &difference + response.tr_mul(&difference.select_rows(&held));
         for i in 0..h.nrows() {
             let is_held = held.binary_search(&i).is_ok();
-            // The held directions leave this row no inverse mass but rounding.
+            // With the `Held` constraints eliminated the inverse mass of this row is rounding.
             if is_held || delassus[(i, i)] <= RANK * h[(i, i)] {
                 delassus.row_mut(i).fill(0.0);
                 delassus.column_mut(i).fill(0.0);
@@ -243,7 +243,7 @@ fn pseudo_inverse(h: DMatrix<f64>) -> DMatrix<f64> {
 
 struct State<'a> {
     reduced: &'a Reduced,
-    /// So far; of what is held, zero.
+    /// Accumulated impulses; zero for `Held` constraints.
     impulse: DVector<f64>,
     /// `u_free + H p`, with the `Held` constraints eliminated.
     u: DVector<f64>,
