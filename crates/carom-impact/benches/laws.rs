@@ -118,8 +118,8 @@ fn several_contacts(bencher: Bencher, count: usize) {
     bencher.bench(|| black_box(&problem).simultaneous(&Accuracy::default(), None).unwrap());
 }
 
-/// A cube at rest on its four lower corners, one time step of 1 ms: twelve rows, six degrees of freedom; without and with
-/// a warm start.
+/// A cube at rest on its four lower corners, one time step of 1 ms: twelve rows, six degrees of freedom; without and
+/// with a warm start.
 #[divan::bench(args = [false, true])]
 fn box_on_four_corners(bencher: Bencher, warm: bool) {
     let mut j = DMatrix::zeros(12, 6);

@@ -104,7 +104,7 @@ pub enum ImpactError {
 
     /// The normal direction is singular (`H_nn = 0`): the impulse would be infinite.
     #[error(
-        "the normal direction is singular: H_nn = {inverse_mass} 1/kg is zero within rounding, beside the trace \
+        "the normal direction is singular: H_nn = {inverse_mass} 1/kg is zero within rounding, relative to the trace \
          {trace} 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the \
          compliance of the structure"
     )]
@@ -120,7 +120,7 @@ pub enum ImpactError {
     #[error(
         "the contact wedges: friction {friction} makes it stick while it still approaches with \
          u_n = {normal_velocity} m/s, and while it sticks its normal direction is singular \
-         (inverse mass {inverse_mass} 1/kg beside H_nn = {free_inverse_mass} 1/kg), so no finite \
+         (inverse mass {inverse_mass} 1/kg, H_nn = {free_inverse_mass} 1/kg), so no finite \
          impulse ends the impact; lower the friction or leave the singular pose"
     )]
     Wedged {

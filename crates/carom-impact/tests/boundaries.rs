@@ -99,8 +99,9 @@ fn without_friction_the_only_boundary_is_no_approach() {
     assert_eq!(edges(&found), ["no-approach", "no-slip"]);
 }
 
-/// Slip stops at `p₁ = 1/(1.5 + 2.5 μ)`; while it lasts the impact would end at `P_n = 1.5 p_c`, `p_c = 1/(2.5 + 1.5 μ)`.
-/// They are equal at μ = 1/9 < μ_stick: less friction lets the rod slip to the end, more makes it slip back.
+/// Slip stops at `p₁ = 1/(1.5 + 2.5 μ)`; while it lasts the impact would end at `P_n = 1.5 p_c`,
+/// `p_c = 1/(2.5 + 1.5 μ)`. They are equal at μ = 1/9 < μ_stick: less friction lets the rod slip to the end, more makes
+/// it slip back.
 #[test]
 fn stop_at_the_end_separates_slip_and_reverse_slip() {
     let p1 = |mu: f64| 1.0 / (1.5 + 2.5 * mu);
@@ -146,8 +147,8 @@ fn stop_at_the_end_separates_slip_and_reverse_slip() {
     }
 }
 
-/// H = (2, -0.2; -0.2, 1), μ_stick = 0.1: `p₁ = 1/(0.2 + 2 μ)` meets `1.5 p_c = 1.5/(1 + 0.2 μ)` at μ = 1/4 > μ_stick, so
-/// that the contact sticks after slip has stopped: slip on one side, stick on the other.
+/// H = (2, -0.2; -0.2, 1), μ_stick = 0.1: `p₁ = 1/(0.2 + 2 μ)` meets `1.5 p_c = 1.5/(1 + 0.2 μ)` at μ = 1/4 > μ_stick,
+/// so that the contact sticks after slip has stopped: slip on one side, stick on the other.
 #[test]
 fn stop_at_the_end_separates_slip_and_stick() {
     let problem = ImpactProblem::new(matrix![2.0, -0.2; -0.2, 1.0], vector![1.0, -1.0]).unwrap();
@@ -251,8 +252,8 @@ fn whittaker_s_cone_separates_slip_and_stick() {
     expect(&found, Edge::NoSlip, Mode::Stick, 0.5_f64.sqrt());
 }
 
-/// Chatterjee & Ruina's impulse with e_t = 0.2: `|P_t| = 0.25 (1 + e_t)` and `P_n = 0.4 (1 + e) - 0.15 (1 + e_t)` in the
-/// cone, from μ = 5/7 on; on the cone the tangential impulse is `0.25 κ` with `κ = 0.6 μ/(0.25 + 0.15 μ)`.
+/// Chatterjee & Ruina's impulse with e_t = 0.2: `|P_t| = 0.25 (1 + e_t)` and `P_n = 0.4 (1 + e) - 0.15 (1 + e_t)` in
+/// the cone, from μ = 5/7 on; on the cone the tangential impulse is `0.25 κ` with `κ = 0.6 μ/(0.25 + 0.15 μ)`.
 #[test]
 fn chatterjee_and_ruina_s_cone_limits_the_tangential_restitution() {
     for mu in [0.1, 0.5, 5.0 / 7.0 - 1e-9, 5.0 / 7.0 + 1e-9, 0.8, 3.0] {

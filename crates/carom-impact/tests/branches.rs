@@ -52,7 +52,8 @@ fn painleve_s_rod_has_two_solutions() {
         let restored = match law {
             "poisson" => e * stop[1],
             "energetic" => {
-                // Slip stops at p1, where v_n is v1; then the contact sticks, and v_n rises. e² of that work is returned.
+                // Slip stops at p1, where v_n is v1; then the contact sticks, and v_n rises. e² of that work is
+                // returned.
                 let p1 = 1.0 / (b + mu * rod()[(0, 0)]);
                 let v1 = (c + mu * b) * p1;
                 let work = 0.5 * v1 * p1 - 0.5 * v1 * v1 / held;

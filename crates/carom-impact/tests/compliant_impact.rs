@@ -215,7 +215,8 @@ fn soft_bristle_reverses_the_slip() {
     let problem = ImpactProblem::new(matrix![3.5, 0.0; 0.0, 1.0], vector![0.2, -1.0]).unwrap();
     let k = 1e6;
     let bristle = |share: f64, c: f64| TangentialForce::Bristle(Bristle::new(2.0, share * k, c).unwrap());
-    // as many half periods along the tangent as along the normal if its stiffness is 2/7 of the normal one: slip reversed
+    // as many half periods along the tangent as along the normal if its stiffness is 2/7 of the normal one: slip
+    // reversed
     let hit = problem.compliant(walton_braun(k, 1.0), bristle(2.0 / 7.0, 1e-3)).unwrap();
     close("normal", hit.u_plus[1], 1.0, EXACT);
     close("slip", hit.u_plus[0], -0.2, 1e-3);

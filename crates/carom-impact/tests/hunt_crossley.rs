@@ -148,8 +148,8 @@ fn invalid_parameters_are_refused() {
         assert_eq!(
             refused(1e7, 1.5, e),
             format!(
-                "restitution is {shown}: the restitution of a compliant contact is above 0 and at most 1, because at 0 its \
-                 damping would be infinite: give a small one such as 0.01, or use a rigid law"
+                "restitution is {shown}: the restitution of a compliant contact is above 0 and at most 1, because at 0 \
+                 its damping would be infinite: give a small one such as 0.01, or use a rigid law"
             )
         );
         assert_eq!(damping_root(e), None);

@@ -95,8 +95,9 @@ fn coefficients_of_single_laws_out_of_range() {
 fn singular_normal_direction() {
     assert_eq!(
         unresolved(Poisson { restitution: 0.5, friction: 0.2 }, matrix![2.0, 0.0; 0.0, 0.0], U),
-        "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, beside the trace 2 1/kg of the Delassus \
-         matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure"
+        "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, relative to the trace 2 1/kg of the \
+         Delassus matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the \
+         structure"
     );
 }
 
@@ -104,8 +105,8 @@ fn singular_normal_direction() {
 fn wedged_contact() {
     assert_eq!(
         unresolved(Whittaker { restitution: 0.5, friction: 2.0 }, matrix![1.0, 1.0; 1.0, 1.0], vector![-1.0, -1.0]),
-        "the contact wedges: friction 2 makes it stick while it still approaches with u_n = -1 m/s, and while it sticks \
-         its normal direction is singular (inverse mass 0 1/kg beside H_nn = 1 1/kg), so no finite impulse ends the \
+        "the contact wedges: friction 2 makes it stick while it still approaches with u_n = -1 m/s, and while it \
+         sticks its normal direction is singular (inverse mass 0 1/kg, H_nn = 1 1/kg), so no finite impulse ends the \
          impact; lower the friction or leave the singular pose"
     );
 }

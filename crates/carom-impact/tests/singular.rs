@@ -80,7 +80,8 @@ fn sticking_while_approaching_is_a_wedge() {
     for law in ["newton", "poisson", "energetic"] {
         let refusal = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&problem).unwrap_err();
         assert!(matches!(refusal, ImpactError::Wedged { normal_velocity, .. } if normal_velocity < -0.7), "{refusal}");
-        // In the opposite direction slip stops in restitution, and the contact sticks with the normal velocity at that time.
+        // In the opposite direction slip stops in restitution, and the contact sticks with the normal velocity at that
+        // time.
         let other = ImpactProblem::new(j * j.transpose(), vector![-0.4, -0.7]).unwrap();
         let hit = law_by_name::<2>(law, rough(0.5, 4.0)).unwrap().resolve(&other).unwrap();
         assert_eq!((hit.u_plus[0], hit.mode), (0.0, Mode::Stick));

@@ -235,9 +235,9 @@ fn planar_arm_keeps_the_slip_across_its_plane() {
 /// Two joints in space whose null direction of H has components along all axes: every law answers within its guarantees
 /// or refuses with `Wedged`.
 ///
-/// Only Whittaker's law refuses, and only where friction jams (`μ |H_tn| >= H_nn`), which leaves the cone unbounded: the
-/// prescribed rebound then may need an infinite impulse. A scan of the slip directions finds no solution in these cases
-/// either, except where it finds a pair of solutions that the search for one root misses (18 of 502 refusals).
+/// Only Whittaker's law refuses, and only where friction jams (`μ |H_tn| >= H_nn`), which leaves the cone unbounded:
+/// the prescribed rebound then may need an infinite impulse. A scan of the slip directions finds no solution in these
+/// cases either, except where it finds a pair of solutions that the search for one root misses (18 of 502 refusals).
 #[test]
 fn rank_deficient_matrices_are_answered_or_refused_as_wedged() {
     let mut rng = fastrand::Rng::with_seed(44);
@@ -412,8 +412,8 @@ fn whittaker_s_outcome_in_space_satisfies_the_law() {
 }
 
 /// Numbers near the ends of the range: a finite outcome, or a refusal because a number overflows on the way
-/// (`NotFinite`) or an inverse mass along the normal is lost in rounding (`Wedged`). Without friction nothing overflows.
-/// With a friction of 1e308 the rates of slip overflow, and an impulse may round to 0.
+/// (`NotFinite`) or an inverse mass along the normal is lost in rounding (`Wedged`). Without friction nothing
+/// overflows. With a friction of 1e308 the rates of slip overflow, and an impulse may round to 0.
 #[test]
 fn numbers_near_overflow_are_answered_or_refused() {
     let (mut refusals, mut vanished) = ([0; LAW_NAMES.len()], 0);

@@ -55,7 +55,7 @@ fn a_problem_with_a_fault_is_refused_with_its_line() {
         ),
         (
             r#"{"delassus":[[1,0],[0,0]],"u":[0,-1]}"#,
-            "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, beside the trace 1 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure",
+            "the normal direction is singular: H_nn = 0 1/kg is zero within rounding, relative to the trace 1 1/kg of the Delassus matrix, so the impulse would be infinite; leave the singular pose or model the compliance of the structure",
         ),
         (r#"{"delassus":[[1,0],[0,1]],"v":[0,-1]}"#, "unknown field `v`, expected `delassus` or `u` at column 29"),
     ] {

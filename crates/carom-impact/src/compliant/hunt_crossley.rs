@@ -151,8 +151,8 @@ pub fn hertz_stiffness(one: RoundBody, other: RoundBody) -> Result<f64, ImpactEr
     }
     let curvature = one.radius.recip() + other.radius.recip();
     if curvature <= 0.0 {
-        let rule = "the sum of the curvatures must be positive: two flat bodies, or a ball in a concave body of smaller \
-                    radius, do not touch in a point";
+        let rule = "the sum of the curvatures must be positive: two flat bodies, or a ball in a concave body of \
+                    smaller radius, do not touch in a point";
         return refuse("1/R", curvature, rule);
     }
     let softness = |body: RoundBody| (1.0 - body.poisson_ratio * body.poisson_ratio) / body.modulus;

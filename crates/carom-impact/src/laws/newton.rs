@@ -24,8 +24,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// **Guarantee.** One solution for every regular H; `u_n⁺ = -e u_n⁻`; `friction_work <= 0`, because friction acts
 /// against the slip at each instant.
 ///
-/// **Fails** to be passive: it can gain energy. If the slip stops, the prescribed velocity can require more normal work in
-/// restitution than compression absorbed. Such an outcome has the flag `energy-gain`. If friction makes the contact
+/// **Fails** to be passive: it can gain energy. If the slip stops, the prescribed velocity can require more normal work
+/// in restitution than compression absorbed. Such an outcome has the flag `energy-gain`. If friction makes the contact
 /// stick, the impulse grows without bound as det H -> 0; at det H = 0 the contact stays at `u_n = 0` instead.
 ///
 ///
