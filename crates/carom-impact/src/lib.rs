@@ -23,8 +23,8 @@
 //!
 //! SI units. Contact axes hold the tangents first and the normal last; the normal `n` is a unit vector **from the
 //! environment to the robot**, so an approaching contact has `u_n < 0`. Impulses act on the robot. `D`, the number of
-//! contact axes, is 2 in the plane and 3 in space. The scalar `T` is any `nalgebra` real field that is `Copy`: `f64`,
-//! `f32`, dual numbers.
+//! contact axes, is 2 in the plane, 3 in space, and 1 without tangents. The scalar `T` is any `nalgebra` real field that
+//! is `Copy`: `f64`, `f32`, dual numbers.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
@@ -47,7 +47,7 @@
 //! | [`Frictionless`] | kinematic, kinetic and energetic at once | – | never gains | exists whenever `C > 0`; unique |
 //! | [`Whittaker`] | a ratio of velocities | against the slip after the impact | **can gain** | exists for regular H; in space not always unique |
 //! | [`Newton`] | a ratio of velocities | against the slip at each instant | **can gain** | exists for regular H; unique |
-//! | [`Poisson`] | a ratio of impulses | against the slip at each instant | never gains in the plane (proved) nor in the tests in space | exists for regular H; unique |
+//! | [`Poisson`] | a ratio of impulses | against the slip at each instant | never gains in the plane, nor in any test in space | exists for regular H; unique |
 //! | [`Energetic`] | square root of a ratio of works | against the slip at each instant | never gains | exists for regular H; unique |
 //! | [`ChatterjeeRuina`] | a ratio of velocities, and a tangential coefficient | towards sticking, within the cone | never gains | exists whenever `C > 0`; unique |
 //! | [`Brach`] | a ratio of velocities | along the initial slip, with a clipped impulse ratio | never gains | exists for regular H; unique |
