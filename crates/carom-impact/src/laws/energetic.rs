@@ -12,12 +12,10 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// ∫_pc^P_n u_n dp = -e² ∫_0^pc u_n dp
 /// ```
 ///
-///
 /// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
 /// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Newton`](crate::Newton),
 /// [`Poisson`](crate::Poisson) and this law share this path and differ in its end; they give the same outcome if the
 /// slip does not stop.
-///
 ///
 /// **Parameters.** `restitution` e, energetic, in \[0, 1\]; `friction` μ >= 0. This e is not the square root of a ratio
 /// of kinetic energies.
@@ -29,10 +27,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// **Fails** only for singular H, as [`Newton`](crate::Newton) and [`Poisson`](crate::Poisson) do; see
 /// [`ImpactError::Wedged`].
 ///
-///
 /// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
 /// plane through the normal, the problem is reduced to that plane exactly.
-///
 ///
 /// **Source.** Stronge, Proc. R. Soc. A 431 (1990) 169.
 ///

@@ -12,12 +12,10 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// u_n⁺ = -e u_n⁻
 /// ```
 ///
-///
 /// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
 /// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Poisson`](crate::Poisson),
 /// [`Energetic`](crate::Energetic) and this law share this path and differ in its end; they give the same outcome if
 /// the slip does not stop.
-///
 ///
 /// **Parameters.** `restitution` e, kinematic, in \[0, 1\]; `friction` μ >= 0.
 ///
@@ -28,10 +26,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// in restitution than compression absorbed. Such an outcome has the flag `energy-gain`. If friction makes the contact
 /// stick, the impulse grows without bound as det H -> 0; at det H = 0 the contact stays at `u_n = 0` instead.
 ///
-///
 /// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
 /// plane through the normal, the problem is reduced to that plane exactly.
-///
 ///
 /// **Source.** Keller, J. Appl. Mech. 53 (1986) 1, on Routh's method, ended by Newton's coefficient; compare Wang and
 /// Mason, J. Appl. Mech. 59 (1992) 635.

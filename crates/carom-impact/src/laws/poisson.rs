@@ -12,12 +12,10 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 /// P_n = (1 + e) pc
 /// ```
 ///
-///
 /// While the contact slips, friction acts against the slip of each instant; when the slip stops, the contact sticks if
 /// friction is large enough (`μ >= μ_stick`), otherwise it slips back (Coulomb). [`Newton`](crate::Newton),
 /// [`Energetic`](crate::Energetic) and this law share this path and differ in its end; they give the same outcome if
 /// the slip does not stop.
-///
 ///
 /// **Parameters.** `restitution` e, kinetic, in \[0, 1\]; `friction` μ >= 0.
 ///
@@ -28,10 +26,8 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Fails** to conserve the kinetic energy at e = 1: if the slip stops, the normal works of the two phases differ.
 ///
-///
 /// **In space** the slip turns while it lasts. It is integrated by power series to rounding. If the slip stays in one
 /// plane through the normal, the problem is reduced to that plane exactly.
-///
 ///
 /// **Source.** Poisson (1811); Routh (1860); Wang and Mason, J. Appl. Mech. 59 (1992) 635.
 ///

@@ -77,7 +77,7 @@ impl SeveralProblem {
     /// use carom_impact::{Accuracy, Constraint, SeveralProblem};
     /// use nalgebra::{dmatrix, dvector};
     ///
-    /// // A rod falls flat on a hard end (e = 1) and a soft one (e = 0): the soft end is not driven into the floor.
+    /// // A rod falls flat on an end with e = 1 and one with e = 0; the latter does not approach after the impact.
     /// let ends = vec![Constraint::Stop { restitution: 1.0 }, Constraint::Stop { restitution: 0.0 }];
     /// let rod = SeveralProblem::new(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![-1.0, -1.0], ends)?;
     /// let hit = rod.poisson(&Accuracy::default());
