@@ -1,10 +1,10 @@
-//! The best poses and approaches of a map under a wish, and for redundant arms what the self-motion adds.
+//! Optimal rows of a map under the criterion and constraints of `[advise]`, refined along the self-motion of redundant arms.
 //!
-//! The best rows of a grid lie next to one another, and five neighbours are one piece of advice: given are the rows that
-//! no neighbour on an axis of numbers betters. For an arm with more joints than its tip has coordinates the pose is then led
-//! along the self-motion (the tip stays where it is): walks that turn each joint either way look for the best valley, and from
-//! there it goes down the criterion's gradient, projected on the null space of J. Each step is brought back to the tip's
-//! place by Newton's method.
+//! Only local optima of the grid are returned: rows without a better neighbour on any axis of numbers. For an arm with more
+//! joints than its tip has coordinates, each of them is then improved along the self-motion, which leaves the tip in place.
+//! First, walks of fixed length along the null space of J, one in each direction of each joint, look for the best starting
+//! point; then the criterion is minimised by gradient descent projected on the null space of J. After each step, Newton's
+//! method returns the tip to its position.
 
 use super::arm::Worker;
 use super::axis::{Axis, places};
@@ -12,67 +12,67 @@ use super::quantity::Class;
 use super::{CLASSES, Study, StudyError};
 use rayon::prelude::*;
 
-/// Most rows of a map that is advised on: a number for each is held.
+/// Greatest number of rows: one number for each is held in memory.
 const MOST: u64 = 1 << 24;
-/// Central differences, rad or m: beside a value of size 1 their error is about 1e-10.
+/// Step of the central differences, rad or m; for values of size 1 their error is about 1e-10.
 const DIFFERENCE: f64 = 1e-5;
-/// A walk's step, rad, and how many: half a turn and more of each joint.
+/// Step of a walk, rad, and number of steps: more than half a turn of each joint.
 const WALK_STEP: f64 = 0.08;
 const WALK: usize = 50;
-/// First and last step along a self-motion, rad, and how many.
+/// Initial and smallest step of the descent, rad, and greatest number of steps.
 const FIRST_STEP: f64 = 0.1;
 const LAST_STEP: f64 = 1e-7;
 const STEPS: usize = 400;
 
-/// What is wished for, in columns.
+/// Criterion and constraints, as indices of columns.
 pub(super) struct Wish {
     pub column: usize,
     pub maximise: bool,
-    /// Codes of the classes that will do; all with numbers if empty.
+    /// Codes of the admissible classes; if empty, all classes with numbers.
     pub classes: Vec<f64>,
-    /// (column, at least, at most).
+    /// (column, lower bound, upper bound).
     pub bounds: Vec<(usize, f64, f64)>,
     pub best: usize,
 }
 
-/// What a study advises.
+/// Result of [`Study::advise`].
 #[derive(Debug, Clone)]
 pub struct Advice {
-    /// The column that was to be small, or great.
+    /// The column that is minimised or maximised.
     pub column: String,
-    /// Whether great is good.
+    /// Whether it is maximised.
     pub maximise: bool,
-    /// Rows that fulfil the wish's conditions, of all.
+    /// Number of rows that fulfil the constraints.
     pub fulfil: u64,
-    /// Best, median and worst value among them.
+    /// Best, median and worst value of the column among these rows; `None` if there are none.
     pub spread: Option<[f64; 3]>,
-    /// Best first; none of them has a better neighbour.
+    /// Local optima of the grid, the best first, at most `[advise] best` of them.
     pub best: Vec<Advised>,
 }
 
-/// One piece of advice.
+/// A local optimum of the map.
 #[derive(Debug, Clone)]
 pub struct Advised {
     /// Number of the row.
     pub index: u64,
     /// The row: a number for each of [`Study::columns`].
     pub row: Vec<f64>,
-    /// Its configuration.
+    /// Configuration of the row, rad or m.
     pub q: Vec<f64>,
-    /// For a redundant arm, if it betters the row: the configuration at the end of the self-motion, and its row (whose
-    /// pose columns are still those of `row`).
+    /// For a redundant arm, if the self-motion improves the criterion: the configuration at its end, and the row computed
+    /// there. The columns of axes, and the columns `q.*` of that row, are still those of `row`.
     pub self_motion: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 impl Wish {
-    /// Small is good; infinite where the row does not do.
+    /// The cost to minimise; infinite if the row violates a constraint.
     fn cost(&self, row: &[f64], class: usize) -> f64 {
         let does = if self.classes.is_empty() {
             row[class] > Class::NoImpact.code()
         } else {
             self.classes.contains(&row[class])
         };
-        // a NaN is within no bounds
+        // false for NaN
         let within = |&(k, low, high): &(usize, f64, f64)| (low..=high).contains(&row[k]);
         let value = if self.maximise { -row[self.column] } else { row[self.column] };
         if does && value.is_finite() && self.bounds.iter().all(within) { value } else { f64::INFINITY }
@@ -80,17 +80,17 @@ impl Wish {
 }
 
 impl Study {
-    /// The best rows under the wish of `[advise]`.
+    /// Computes the whole map and returns its local optima under the criterion and constraints of `[advise]`.
     ///
     /// # Errors
-    /// [`StudyError::File`]: a study without `[advise]`, or too many rows.
+    /// [`StudyError::File`]: the study has no `[advise]`, or more than 2²⁴ rows.
     pub fn advise(&self) -> Result<Advice, StudyError> {
         let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
         let wish = self.wish.as_ref();
-        let wish = wish.ok_or_else(|| refuse("it has no [advise]: say there what to minimise or maximise".into()))?;
+        let wish = wish.ok_or_else(|| refuse("[advise] is missing: add it with minimise or maximise".into()))?;
         if self.rows > MOST {
             return Err(refuse(format!(
-                "advice on {} rows: {MOST} is the most, give the axes fewer values",
+                "the map has {} rows, and --advise allows at most {MOST}: give the axes fewer values",
                 self.rows
             )));
         }
@@ -138,7 +138,7 @@ impl Study {
         self.columns.iter().position(|column| column.words == CLASSES).unwrap_or_default()
     }
 
-    /// Along the self-motion from `q` to where the criterion is best. `None` if it is so at `q`.
+    /// Improves the criterion along the self-motion from `q`: the configuration found and its row. `None` without improvement.
     fn descend(&self, worker: &mut dyn Worker, wish: &Wish, index: u64, q: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let class = self.class_column();
         let mut row = vec![0.0; self.columns.len()];
@@ -155,7 +155,7 @@ impl Study {
             along[joint] = sign;
             let mut here = from.clone();
             for _ in 0..WALK {
-                // on in the direction of the step before
+                // continue in the direction of the previous step
                 let direction = worker.self_motion(&here, &along)?;
                 let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
                 let mut next: Vec<f64> = here.iter().zip(&direction).map(|(x, d)| x + WALK_STEP * d / length).collect();
@@ -179,7 +179,7 @@ impl Study {
                     cost_at(worker, &moved)
                 };
                 let (ahead, behind) = (side(DIFFERENCE), side(-DIFFERENCE));
-                // beyond a bound there is no slope: only the other side counts
+                // where one side violates a constraint: the one-sided difference of the other
                 *slope = match (ahead.is_finite(), behind.is_finite()) {
                     (true, true) => (behind - ahead) / (2.0 * DIFFERENCE),
                     (true, false) => (cost - ahead) / DIFFERENCE,
@@ -217,7 +217,7 @@ impl Study {
     }
 }
 
-/// Whether no neighbour on an axis of numbers is better; of equals the first counts.
+/// Whether no neighbour on an axis of numbers is better. Of equal neighbours only the first is an optimum.
 fn is_top(axes: &[Axis], costs: &[f64], index: u64) -> bool {
     let cost = costs[index as usize];
     if !cost.is_finite() {

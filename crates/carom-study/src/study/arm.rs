@@ -1,17 +1,17 @@
-//! From a row's places to its numbers: one arm, in the plane or in space.
+//! Computes the rows of a study for an arm in the plane (D = 2) or in space (D = 3).
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | D | 1 | 2 in the plane, 3 in space | – |
-//! | R | D×D | contact axes as columns: along the approach, (sideways,) normal | `axes` |
-//! | J | D×nv | Jacobian of the tip, the chain's own axes | `jacobian` |
-//! | H | D×D | J M⁻¹ Jᵀ | `delassus` |
-//! | M⁻¹Jᵀ | nv×D | joint velocities that unit impulses give | `response` |
-//! | u⁻ | D | contact velocity before, contact axes: speed · (cos α, (0,) −sin α) | `u` |
-//! | qd⁻ | nv | M⁻¹Jᵀ H⁻¹ u⁻: the joint velocities of least kinetic energy that move the tip so | `qd_minus` |
+//! | R | D×D | contact axes as columns: tangent of the approach, (second tangent,) normal | `axes` |
+//! | J | D×nv | Jacobian of the contact point, axes of the chain | `jacobian` |
+//! | H | D×D | Delassus matrix J M⁻¹ Jᵀ | `delassus` |
+//! | M⁻¹Jᵀ | nv×D | change of the joint velocities per unit impulse | `response` |
+//! | u⁻ | D | contact velocity before the impact, contact axes: speed · (cos α, (0,) −sin α) | `u` |
+//! | qd⁻ | nv | M⁻¹Jᵀ H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻ | `qd_minus` |
 //!
-//! A row with an ordinary pose allocates nothing but its law. Where H is nearly singular, the careful and slower route
-//! of [`carom_chain::ContactInertia`] decides, which works on a factor of H and not on H.
+//! A row at a regular pose allocates no memory except for its law. Where H is nearly singular,
+//! [`carom_chain::ContactInertia`] is used instead, which is slower and works on a factor of H.
 
 use super::axis::{Axis, advance, places};
 use super::quantity::{Class, Quantity};
@@ -22,73 +22,74 @@ use carom_chain::{Chain, ChainError, ContactInertia, Point, Workspace};
 use carom_impact::AnyLaw;
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
-/// Below this share of the largest, a pivot of H has lost too many digits for the quick route.
+/// A pivot of H below this fraction of the largest is treated as nearly singular.
 pub(super) const DOUBTFUL: f64 = 1e-9;
 
-/// A joint that has a velocity limit.
+/// A joint with a velocity limit.
 #[derive(Debug, Clone)]
 pub(super) struct Limit {
-    /// Its entry of qd, and its ratio to it.
+    /// Index of qd, and the ratio of the joint's velocity to that entry (mimic joints).
     pub v: usize,
     pub ratio: f64,
     /// rad/s or m/s.
     pub velocity: f64,
 }
 
-/// Where the poses come from.
+/// How the poses are given.
 pub(super) enum Poses<const D: usize> {
     /// The pose axes are the entries of q.
     Joints,
-    /// The pose axes are the tip's coordinates, and then the branch.
+    /// The pose axes are coordinates of the contact point, then the branch of the inverse kinematics.
     Tip { reach: Box<Reach<D>>, branches: Vec<usize> },
 }
 
-/// Everything that a row is computed from.
+/// The data that rows are computed from.
 pub(super) struct Arm<A: Algebra, const D: usize> {
     pub chain: Chain<A>,
     pub point: Point<A>,
-    /// The chain's own axes in the world, as columns; its origin there.
+    /// Axes of the chain in the world frame, as columns, and its origin there, m.
     pub basis: SMatrix<f64, 3, D>,
     pub origin: Vector3<f64>,
-    /// Contact axes in the chain's own, for each normal.
+    /// Contact axes for each normal, in the axes of the chain.
     pub surfaces: Vec<SMatrix<f64, D, D>>,
     pub poses: Poses<D>,
-    /// (lower, upper) of every moving joint: entry of q, ratio, shift, limits. Empty if limits don't count.
+    /// Joints with position limits: index of q, ratio, shift, lower and upper limit. Empty with `limits = false`.
     pub ranges: Vec<(usize, f64, f64, f64, f64)>,
     pub limits: Vec<Limit>,
     pub tangential_restitution: bool,
     /// All axes: those of the pose, then normal, approach, speed, restitution, tangential restitution, friction, law.
     pub axes: Vec<Axis>,
-    /// Those of the last axis; their coefficients are a row's.
+    /// The laws of the last axis; a row sets their coefficients.
     pub laws: Vec<AnyLaw>,
     pub quantities: Vec<Quantity>,
 }
 
-/// How many axes follow those of the pose.
+/// Number of axes after those of the pose.
 pub(super) const CONDITIONS: usize = 7;
 
-/// Answers rows, one after another, in memory of its own.
+/// Computes rows in memory of its own.
 pub(super) trait Worker {
-    /// Fills a row: a number for each column.
+    /// Computes row `index` into `out`, a number for each column.
     fn row(&mut self, index: u64, out: &mut [f64]);
-    /// The configuration of a row, if there is one.
+    /// The configuration of a row, if it has one.
     fn pose(&mut self, index: u64) -> Option<Vec<f64>>;
-    /// The row of a configuration of one's own, under the conditions of row `index`.
+    /// Computes the row of configuration `q` under the conditions of row `index`.
     fn row_at(&mut self, index: u64, q: &[f64], out: &mut [f64]);
-    /// World position of the tip.
+    /// World position of the contact point, m.
     fn tip(&mut self, q: &[f64]) -> Option<Vector3<f64>>;
-    /// Motion of the joints that leaves the tip where it is, nearest to `along`: its part in the null space of J.
+    /// The part of the joint motion `along` that lies in the null space of J.
     fn self_motion(&mut self, q: &[f64], along: &[f64]) -> Option<Vec<f64>>;
-    /// Brings the tip to a world position by Newton's steps from `q`, within the joints' ranges. Whether it came there.
+    /// Moves the contact point to world position `tip` by Newton's method from `q`. Returns whether it converged within the
+    /// position limits.
     fn hold(&mut self, q: &mut [f64], tip: Vector3<f64>) -> bool;
 }
 
-/// An arm of either kind.
+/// An arm in the plane or in space.
 pub(super) trait Engine: Send + Sync {
     fn worker(&self) -> Box<dyn Worker + '_>;
     fn axes(&self) -> &[Axis];
     fn nv(&self) -> usize;
-    /// How many coordinates of the tip there are: joints beyond them make an arm redundant.
+    /// Dimension of the contact point's position. An arm with more joints is redundant.
     fn dimension(&self) -> usize;
 }
 
@@ -133,34 +134,34 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
     }
 }
 
-/// What does not depend on how the surface is met. Kept from row to row, as it depends on the row's number alone.
+/// Configuration, kinematics and inertia, which do not depend on the impact conditions. Kept for the following rows.
 pub(super) struct Pose<const D: usize> {
-    /// Why there is none.
+    /// Why the row has no numbers; `None` if the pose is valid.
     class: Option<Class>,
     pub q: Vec<f64>,
-    /// The tip, the chain's own coordinates.
+    /// The contact point, coordinates of the chain.
     pub tip: SVector<f64, D>,
     pub jacobian: DMatrix<f64>,
     pub delassus: SMatrix<f64, D, D>,
     pub response: DMatrix<f64>,
-    /// The careful route, once it was needed.
+    /// The factorised contact inertia, computed on demand.
     careful: Option<ContactInertia>,
 }
 
-/// Computes rows: the pose here, the impact in `strike.rs`.
+/// Computes rows: poses in this file, impacts in `strike.rs`.
 pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     pub arm: &'a Arm<A, D>,
     pub workspace: Workspace<A>,
-    /// The row whose places and pose these are.
+    /// The row that `places` and `pose` belong to.
     at: Option<u64>,
     pub places: Vec<u64>,
-    /// The axes that vary, in their order.
+    /// Indices of the axes that vary, in their order.
     varying: Vec<usize>,
-    /// Each axis' value at its place.
+    /// Value of each axis at its place.
     pub values: Vec<f64>,
-    /// How the surface is met at these places, once it was needed.
+    /// The impact conditions at these places, computed on demand.
     pub condition: Option<Condition<'a, D>>,
-    /// The last angle of approach, with its sine and cosine.
+    /// The last approach angle, with its sine and cosine.
     pub approach: (f64, (f64, f64)),
     pub pose: Pose<D>,
     row: Vec<f64>,
@@ -199,7 +200,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
         let mut jacobian = DMatrix::zeros(D, self.arm.chain.nv());
         self.workspace.update(&self.arm.chain, q).ok()?.point_jacobian_into(self.arm.point, &mut jacobian);
         let along = nalgebra::DVector::from_column_slice(along);
-        // the minimum-norm joint motion that moves the tip as `along` does, taken away
+        // subtract the minimum-norm joint motion with the same tip velocity
         let tip = &jacobian * &along;
         let moves = jacobian.svd(true, true).solve(&tip, 1e-12).ok()?;
         Some((along - moves).as_slice().to_vec())
@@ -227,7 +228,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Arm<A, D> {
-    /// How many axes the pose has.
+    /// Number of axes of the pose.
     pub(super) fn pose_axes(&self) -> usize {
         self.axes.len() - CONDITIONS
     }
@@ -241,7 +242,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Arm<A, 
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_, A, D> {
-    /// Moves to the places of a row; the first axis that moved, the number of axes if none did.
+    /// Sets the places and values of a row. Returns the first axis that changed, the number of axes if none did.
     fn take_places(&mut self, index: u64) -> usize {
         let axes = &self.arm.axes;
         let moved = match self.at.replace(index) {
@@ -261,7 +262,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         moved
     }
 
-    /// Moves to the pose of a row, unless it is there already.
+    /// Computes the pose of a row unless it is the present one.
     fn take_pose(&mut self, index: u64) {
         let arm = self.arm;
         if self.take_places(index) >= arm.pose_axes() {
@@ -290,7 +291,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         self.weigh_pose();
     }
 
-    /// J, H and M⁻¹Jᵀ at the pose's q.
+    /// Checks the limits and computes J, H and M⁻¹Jᵀ at the pose's q.
     fn weigh_pose(&mut self) {
         self.pose.careful = None;
         self.pose.class = if self.arm.in_range(&self.pose.q) { None } else { Some(Class::OutsideLimits) };
@@ -324,7 +325,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         Ok(())
     }
 
-    /// The careful route at this pose.
+    /// The factorised contact inertia at this pose.
     pub(super) fn careful(&mut self) -> Result<&ContactInertia, ChainError> {
         if self.pose.careful.is_none() {
             let mut kin = self.workspace.update(&self.arm.chain, &self.pose.q)?;
@@ -333,7 +334,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         self.pose.careful.as_ref().ok_or(ChainError::NoLockedInertia)
     }
 
-    /// Writes the row of the present places and pose.
+    /// Computes the row of the present places and pose into `out`.
     fn tell(&mut self, out: &mut [f64]) {
         let arm = self.arm;
         out.fill(f64::NAN);

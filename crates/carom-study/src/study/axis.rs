@@ -1,13 +1,13 @@
-//! What varies: each axis of a map, and how a row's number is read as one place on each of them.
+//! The axes of a map, and the conversion between a row number and its places on the axes.
 
 use super::file::Values;
 
-/// Something that varies over a map, or is held at one value.
+/// An axis of a map: a name and its values, numbers or words.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// Its name, which is that of its column.
+    /// The name, which is also that of its column.
     pub name: String,
-    /// Unit of its values, for people: `rad`, `m/s`, empty for numbers without.
+    /// Unit of the values, for labels: `rad`, `m`, `m/s`, `°`; empty for dimensionless numbers and words.
     pub unit: &'static str,
     points: Points,
 }
@@ -29,16 +29,16 @@ impl Axis {
             &Values::Range { from, to, count, degrees } => {
                 if count < 2 {
                     return Err(format!(
-                        "count = {count}: a range has 2 values or more; write the number itself for one"
+                        "count = {count}: a range has at least 2 values; for one value write the number itself"
                     ));
                 }
                 if from == to {
                     return Err(format!(
-                        "from = {from} and to = {to}: a range needs two ends; write the number itself"
+                        "from = {from} and to = {to}: the ends of a range must differ; for one value write the number itself"
                     ));
                 }
                 if degrees && unit != "rad" {
-                    return Err("unit = \"deg\": only a hinge's range may be given in degrees".into());
+                    return Err("unit = \"deg\": only the range of a revolute joint may be given in degrees".into());
                 }
                 let scale = |x: f64| if degrees { x.to_radians() } else { x };
                 Points::Range { from: scale(from), to: scale(to), count }
@@ -46,7 +46,7 @@ impl Axis {
         };
         let numbers = match &points {
             Points::Range { from, to, .. } => vec![*from, *to, to - from],
-            Points::List(list) if list.is_empty() => return Err("the list is empty: give a value".into()),
+            Points::List(list) if list.is_empty() => return Err("the list is empty: give at least one value".into()),
             Points::List(list) => list.clone(),
             Points::Words(_) => Vec::new(),
         };
@@ -60,7 +60,7 @@ impl Axis {
         Self { name: name.into(), unit: "", points: Points::Words(words) }
     }
 
-    /// How many values it takes.
+    /// Number of values.
     pub fn count(&self) -> u64 {
         match &self.points {
             Points::Range { count, .. } => *count,
@@ -69,17 +69,20 @@ impl Axis {
         }
     }
 
-    /// Whether it takes more than one value.
+    /// Whether the axis has more than one value.
     pub fn varies(&self) -> bool {
         self.count() > 1
     }
 
-    /// Its value number `k`, SI units (degrees where its name ends in `_deg`); for an axis of words, `k`.
+    /// Value number `k`, counted from 0, in SI units (degrees if the name ends in `_deg`); for an axis of words, `k`.
+    ///
+    /// # Panics
+    /// If the values are a list and `k` is not below [`Axis::count`].
     pub fn value(&self, k: u64) -> f64 {
         match &self.points {
             Points::Range { from, .. } if k == 0 => *from,
             Points::Range { to, count, .. } if k + 1 == *count => *to,
-            // a middle comes out exactly
+            // symmetric in both ends: exact at the middle
             Points::Range { from, to, count } => {
                 let last = (count - 1) as f64;
                 (from * (last - k as f64) + to * k as f64) / last
@@ -89,7 +92,7 @@ impl Axis {
         }
     }
 
-    /// The words of an axis of words.
+    /// The words of an axis of words; empty for an axis of numbers.
     pub fn names(&self) -> &[String] {
         match &self.points {
             Points::Words(words) => words,
@@ -108,7 +111,7 @@ impl Axis {
     }
 }
 
-/// The product of the counts, if it can be counted.
+/// The product of the counts; `None` if it overflows.
 pub(super) fn total(axes: &[Axis]) -> Option<u64> {
     axes.iter().try_fold(1_u64, |n, axis| n.checked_mul(axis.count()))
 }
@@ -122,7 +125,8 @@ pub(super) fn places(axes: &[Axis], mut index: u64, places: &mut [u64]) {
     }
 }
 
-/// Moves the places on to the next row; the first axis that moved. `varying` are the axes that do, in their order.
+/// Advances the places to the next row and returns the first axis that changed. `varying` are the axes with more than one
+/// value, in their order.
 pub(super) fn advance(axes: &[Axis], varying: &[usize], places: &mut [u64]) -> usize {
     for &k in varying.iter().rev() {
         places[k] += 1;
@@ -143,13 +147,13 @@ mod tests {
     }
 
     #[test]
-    fn a_range_has_both_its_ends_and_its_middle_exactly() {
+    fn a_range_has_exact_ends_and_an_exact_middle() {
         let axis = range(-0.3, 0.3, 7);
         assert_eq!((axis.value(0), axis.value(6), axis.value(3)), (-0.3, 0.3, 0.0));
         assert!((1..7).all(|k| axis.value(k) > axis.value(k - 1)));
     }
 
-    /// Every combination of places comes once, in the order of the rows.
+    /// Each combination of places occurs once, in the order of the rows.
     #[test]
     fn row_numbers_and_places_are_one_to_one() {
         let one = Axis::new("one".into(), "", &Values::One(0.5)).unwrap();
@@ -171,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_product_beyond_counting_is_none() {
+    fn a_row_count_that_overflows_is_none() {
         let axes = [range(0.0, 1.0, u64::MAX), range(0.0, 1.0, 2)];
         assert_eq!(total(&axes), None);
     }

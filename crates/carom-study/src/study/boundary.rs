@@ -1,23 +1,23 @@
-//! How far a row is from where its mode changes, in what varies: friction, restitution, angle of approach.
+//! Distance of a row to the nearest change of its mode, in friction, restitution or approach angle.
 //!
-//! [`carom_impact::Boundary`] says how near a boundary is on a scale without units, and which one. Here one thing is changed
-//! and all else held, and the law itself is asked for its mode: outwards on both sides in steps, and where two neighbours
-//! differ, by bisection to rounding. No law's formulas are needed, and every law, in the plane and in space, is treated
-//! alike. A stretch of another mode that lies between two of the own one and is shorter than a step may be passed over.
+//! [`carom_impact::Boundary`] gives a normalised distance to a boundary. Here one parameter is changed with all others held,
+//! and the law is evaluated for its mode: in steps outwards in both directions, then by bisection to rounding between two
+//! steps with different modes. The method uses no formulas of a law, so it is the same for every law in the plane and in
+//! space. An interval of another mode that is shorter than a step can be missed.
 
 use carom_impact::{Edge, Mode};
 
-/// Steps from one end of what may vary to the other.
+/// Number of steps over the range of a parameter.
 const STEPS: i32 = 128;
 
-/// What is changed.
+/// The parameter that is changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Along {
-    /// The coefficient of friction, from 0 to that of a friction angle one step below 90°, about 81.
+    /// Coefficient of friction, from 0 to about 81 (the friction angle one step below 90°).
     Friction,
-    /// The coefficient of restitution, 0 to 1.
+    /// Coefficient of restitution, 0 to 1.
     Restitution,
-    /// The angle of approach, degrees, 0 to 180.
+    /// Approach angle, degrees, 0 to 180.
     Approach,
 }
 
@@ -39,7 +39,7 @@ impl Along {
         }
     }
 
-    /// The scale of the steps: of friction its angle, degrees.
+    /// Value on the scale of the steps: for friction the friction angle, degrees.
     fn scaled(self, x: f64) -> f64 {
         if self == Self::Friction { x.atan().to_degrees() } else { x }
     }
@@ -53,7 +53,7 @@ impl Along {
 pub(super) fn nearest_change(along: Along, at: f64, own: Mode, mode: impl Fn(f64) -> Option<Mode>) -> f64 {
     let differs = |x: f64| mode(x) != Some(own);
     let begin = along.scaled(at);
-    // the last value on either side that was of the own mode, until the end is there
+    // the last value on either side with mode `own`; `None` beyond the end of the range
     let mut sides = [(1.0, Some(at)), (-1.0, Some(at))];
     for k in 1..=STEPS {
         let mut found: Option<f64> = None;
@@ -62,7 +62,7 @@ pub(super) fn nearest_change(along: Along, at: f64, own: Mode, mode: impl Fn(f64
             let to = begin + *sign * along.step() * f64::from(k);
             let ended = !(0.0..=along.end()).contains(&to);
             let far = along.value(to.clamp(0.0, along.end()));
-            // what begins beyond the end has nothing on that side
+            // `at` lies beyond the end of the range
             if (far - near) * *sign <= 0.0 {
                 *last = None;
                 continue;
@@ -82,8 +82,8 @@ pub(super) fn nearest_change(along: Along, at: f64, own: Mode, mode: impl Fn(f64
     f64::NAN
 }
 
-/// Where `differs` turns true between `near`, where it is false, and `far`: the last value where it is false, to rounding
-/// beside `at` or its distance from it.
+/// The last value, between `near` (where `differs` is false) and `far` (where it is true), at which `differs` is false; to
+/// rounding relative to `at` or to the distance from it.
 fn bisect(at: f64, mut near: f64, mut far: f64, differs: &impl Fn(f64) -> bool) -> f64 {
     let enough = f64::EPSILON * at.abs().max((far - at).abs());
     loop {
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_nearer_of_two_changes_is_found_to_rounding() {
+    fn the_nearer_of_two_mode_changes_is_found_to_rounding() {
         let between =
             |low: f64, high: f64| move |x: f64| Some(if (low..high).contains(&x) { Mode::Slip } else { Mode::Stick });
         for (low, at, high, expected) in [(0.2, 0.3, 0.9, -0.1), (0.2, 0.8, 0.9, 0.1), (-1.0, 0.3, 0.31, 0.01)] {
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_changes_there_is_no_distance() {
+    fn distance_is_nan_if_the_mode_never_changes() {
         for (along, at) in
             [(Along::Friction, 0.0), (Along::Friction, 300.0), (Along::Restitution, 1.0), (Along::Approach, 0.0)]
         {
@@ -140,9 +140,9 @@ mod tests {
         }
     }
 
-    /// Bisection towards zero ends with the digits of what it started from, not with the smallest number.
+    /// The tolerance of the bisection is relative to the starting value, so a change at 0 needs no more evaluations.
     #[test]
-    fn a_change_at_zero_is_found_as_soon_as_any_other() {
+    fn a_change_at_zero_needs_no_more_evaluations_than_another() {
         let asked = std::cell::Cell::new(0);
         let mode = |x: f64| {
             asked.set(asked.get() + 1);
@@ -152,9 +152,9 @@ mod tests {
         assert!((found + 45.0).abs() < 1e-13 && asked.get() < 150, "{found} after {}", asked.get());
     }
 
-    /// A law that has no answer beyond is a change too; and a change at the very end is seen.
+    /// An error of the law counts as a change of mode, also at the end of the range.
     #[test]
-    fn no_answer_is_no_mode() {
+    fn an_error_of_the_law_counts_as_a_mode_change() {
         let found = nearest_change(Along::Restitution, 0.75, Mode::Slip, |x| (x < 1.0).then_some(Mode::Slip));
         assert!((found - 0.25).abs() < 1e-15);
     }

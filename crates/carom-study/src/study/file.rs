@@ -1,4 +1,4 @@
-//! The keys of a study file, as `mod.rs` documents them.
+//! Deserialisation of a study file; `mod.rs` documents the keys.
 
 use serde::de::{Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -89,7 +89,7 @@ pub(super) struct Normals(pub Vec<[f64; 3]>);
 /// One word or several.
 pub(super) struct Words(pub Vec<String>);
 
-/// What one quantity takes: a number, a list, or a range.
+/// The values of one axis: a number, a list, or a range.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Values {
     One(f64),
@@ -97,7 +97,7 @@ pub(super) enum Values {
     Range { from: f64, to: f64, count: u64, degrees: bool },
 }
 
-/// As in a scene file.
+/// Default of `[robot] tip`, the same as in a scene file.
 fn tip() -> String {
     "tip".into()
 }
@@ -111,7 +111,7 @@ fn five() -> usize {
     5
 }
 
-/// serde's own untagged enums say only that nothing matched; these say what is expected.
+/// Written by hand, because the error of an untagged enum of serde does not name what is expected.
 impl<'de> Deserialize<'de> for Values {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         struct Reader;

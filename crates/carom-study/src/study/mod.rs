@@ -1,18 +1,21 @@
-//! Impact maps from a study file: what varies, and what is wanted, written in TOML.
+//! Impact maps from study files.
+//!
+//! A study is a TOML file that names a robot, a set of poses, the impact conditions and the quantities wanted. Its impact map
+//! is the table of one impact for each combination of pose and condition.
 //!
 //! ```toml
 //! [robot]
 //! urdf = "../robots/planar2.urdf"          # relative to the study file
 //!
-//! [joints]                                  # where the arm is: a grid of joint positions …
+//! [joints]                                  # grid of joint positions
 //! shoulder = { from = -90, to = 90, count = 181, unit = "deg" }
 //! elbow = { from = -170, to = 170, count = 341, unit = "deg" }
 //!
 //! [impact]
-//! normal = [-1, 0, 0]                       # world, from the environment to the robot
+//! normal = [-1, 0, 0]                       # world frame, from the environment to the robot
 //! along = [0, -1, 0]
 //! approach_deg = 45
-//! speed = 0.2
+//! speed = 0.2                               # m/s
 //! law = "energetic"
 //! restitution = 0.35
 //! friction = 0.2
@@ -21,46 +24,108 @@
 //! quantities = ["tangential_jump", "impulse"]
 //! ```
 //!
-//! | table | keys, with what they are without being given |
-//! | --- | --- |
-//! | `[robot]` | `urdf`, `tip = "tip"`, `point = [0, 0, 0]` (from the tip's origin, in its axes), `limits = true`: poses outside the joints' limits are rows without numbers |
-//! | `[joints]` | every moving joint, rad or m |
-//! | `[tip]` | instead of `[joints]`: the tip's world `x`, `y`, `z`, m (those left out are free); for two links in the plane `elbow = "both"`, `"up"` or `"down"`; for other arms `seeds = [[q …], …]` from which poses are sought, one row each |
-//! | `[impact]` | `normal` (one, or a list) or `normal_deg` (in the plane's axes); `along`: the direction that the tangential quantities count along (in the plane it may be left out: then the normal turned by +90°); `approach_deg`: angle between the tip's path and the surface, 90 straight on, above 90 against `along`; `speed` m/s; `law` (one, or a list); `restitution`, `friction = 0`, `tangential_restitution` |
-//! | `[map]` | `quantities`, see below |
-//! | `[advise]` | `minimise` or `maximise` (a quantity), `class = […]`, `at_most = { quantity = x }`, `at_least`, `best = 5` |
+//! # Keys
 //!
-//! Numbers may be a number, a list, or `{ from, to, count }` with both ends included. The joint velocities before the impact
-//! are those of least kinetic energy that move the tip as asked.
+//! Unknown keys are errors. Numbers are SI; angles of joints are rad unless their range has `unit = "deg"`; keys and columns
+//! whose name ends in `_deg` are in degrees. *Values* stands for a number, a list of numbers, or an evenly spaced range
+//! `{ from, to, count }` with both ends included (`count` ≥ 2). Each of the keys marked *values*, and each list of normals
+//! or laws, is an axis of the map; an axis varies if it has more than one value. An arm is computed in the plane if all of its
+//! joints move in one plane and every normal and `along` lie in it, otherwise in space.
 //!
-//! | quantity | meaning |
-//! | --- | --- |
-//! | `class` | always there: what became of the row (below) |
-//! | `tangential_jump`, `tangential_after`, `tangential_ratio` | along the surface: u_t⁺ − u_t⁻, u_t⁺ (m/s), u_t⁺/u_t⁻ |
-//! | `normal_after` | u_n⁺, m/s |
-//! | `impulse`, `normal_impulse`, `tangential_impulse` | its size and its parts on the robot, N s |
-//! | `effective_mass`, `locked_mass` | 1/(nᵀHn) of the free chain, and with its joints locked, kg |
-//! | `coupling` | h = −H_tn/H_nn: without friction the tangential jump is −(1+e) h times the approach speed |
-//! | `energy_loss`, `energy_ratio` | T⁻ − T⁺, J, and T⁺/T⁻ of the whole chain |
-//! | `joint_jump` | greatest \|Δqd\|, rad/s or m/s |
-//! | `limit_share`, `limit_joint` | greatest \|Δqd\| as a share of the URDF's velocity limit, and whose it is |
-//! | `impact_ellipse` | semi-axes of the impulses with \|Δqd\| = 1 (Walker 1994): `.long`, `.short`, `.angle_deg` of the long one in the plane; `.long`, `.middle`, `.short` in space |
-//! | `mode`, `flags` | as the law says |
-//! | `mode_margin`, `mode_edge`, `mode_beyond` | how near the nearest boundary of the mode is, from 0 on it to 1; which one, and the mode beyond: [`carom_impact::Boundary`], as `carom impact --derivatives` says |
-//! | `boundary_friction`, `boundary_restitution`, `boundary_approach_deg` | by how much μ, e or the approach angle (degrees) alone would have to change until the mode is another: signed, the nearest of both sides; NaN if it never is (μ up to 81). Found by asking the law in steps of a 128th of the range (of μ: of the friction angle) and bisection; costs some hundred impacts each |
-//! | `position` | the tip in the world, m |
-//! | `qd_minus`, `qd_plus` | joint velocities, a column for each joint |
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `[robot] urdf` | path | required | URDF of the robot, relative to the study file; fixed base, joints with one coordinate each |
+//! | `[robot] tip` | link or frame name | `"tip"` | link that carries the contact point |
+//! | `[robot] point` | `[x, y, z]`, m | `[0, 0, 0]` | contact point, in the axes of the tip's frame, from its origin |
+//! | `[robot] limits` | boolean | `true` | whether position limits of the joints hold: poses beyond them have class `outside-limits` and no numbers |
+//! | `[joints] <joint>` | values, rad or m | required for every moving joint | positions; the poses are the grid of all combinations. Fixed and mimic joints are left out. A range may have `unit = "deg"` |
+//! | `[tip] x`, `y`, `z` | values, m | unconstrained | instead of `[joints]`: world position of the contact point; at least one of the three. The poses are computed by inverse kinematics |
+//! | `[tip] elbow` | `"both"`, `"up"`, `"down"` | `"both"` | two revolute links in a plane only: which of the two solutions; up is to the left of the line from the base to the tip |
+//! | `[tip] seeds` | list of configurations | two: `q = 0.6` and `q = −0.6` for every revolute joint, clamped to its limits, and the middle of the range for a prismatic joint | all other arms: start configurations of the inverse kinematics; one pose for each seed. If a seed fails, 12 fixed start configurations are tried after it |
+//! | `[impact] normal` | `[x, y, z]`, or a list of them | required, or `normal_deg` | contact normal in the world frame, from the environment to the robot; normalised on reading |
+//! | `[impact] normal_deg` | values, degrees | – | planar arms only, instead of `normal`: direction of the normal, counted from the first axis of the arm's plane towards the second |
+//! | `[impact] along` | `[x, y, z]` | planar arms: the normal turned by +90° in the plane; in space required unless `approach_deg = 90` | direction of positive tangential velocity, in the world frame; its part perpendicular to the normal is used, normalised |
+//! | `[impact] approach_deg` | values, degrees, 0 to 180 | required | angle α between the surface and the velocity of the tip before the impact: u_t⁻ = speed · cos α along `along`, u_n⁻ = −speed · sin α |
+//! | `[impact] speed` | values, m/s, > 0 | required | speed of the contact point before the impact |
+//! | `[impact] law` | law name, or a list of names | required | impact laws, see [`carom_impact::LAW_NAMES`] |
+//! | `[impact] restitution` | values, 0 to 1 | required | coefficient of restitution, as the law defines it |
+//! | `[impact] friction` | values, ≥ 0 | `0` | coefficient of friction |
+//! | `[impact] tangential_restitution` | values, −1 to 1 | `0` | tangential coefficient of restitution; an error unless `chatterjee-ruina` is among the laws, the others do not use it |
+//! | `[map] quantities` | list of names | required | columns to compute, from the table of quantities below |
+//! | `[advise] minimise`, `maximise` | column name | one of the two is required | criterion of [`Study::advise`]: an axis that varies or a quantity, numbers only |
+//! | `[advise] class` | list of classes | every class with numbers | admissible classes |
+//! | `[advise] at_most`, `at_least` | `{ column = x, … }`, unit of the column | no bounds | bounds on columns of numbers |
+//! | `[advise] best` | count ≥ 1 | `5` | how many rows are returned at most |
 //!
-//! | class | the row |
-//! | --- | --- |
-//! | `unreachable`, `outside-limits` | has no pose, or one that the joints' limits forbid |
-//! | `singular` | has a pose in which no joint motion moves the tip so, or along the normal |
-//! | `refused`, `no-impact` | the law has no answer; the tip does not approach |
-//! | `stick`, `starts` | the tip ends without slip; begins to slip out of a straight approach |
-//! | `shrinks`, `keeps`, `grows`, `reverses` | tangential velocity |
+//! # Rows
 //!
-//! A row without numbers holds NaN. A row is a function of its number alone: [`Study::evaluator`] gives any row at any time,
-//! so shards, threads and interruptions change no digit.
+//! The axes are nested in the order joints (or tip coordinates, then elbow or seed), normal, approach, speed, restitution,
+//! tangential restitution, friction, law; the last varies fastest. A row is a function of its number alone:
+//! [`Study::evaluator`] computes any row at any time, so shards, threads and interruptions do not change a digit.
+//!
+//! The joint velocities before the impact are those of least kinetic energy that give the contact point the velocity asked
+//! for: q̇⁻ = M⁻¹Jᵀ H⁻¹ u⁻ with H = J M⁻¹ Jᵀ.
+//!
+//! # Columns
+//!
+//! In this order; joints are named as in the URDF, in the order of q.
+//!
+//! | columns | unit | meaning |
+//! | --- | --- | --- |
+//! | axes that vary: `q.<joint>`; `tip.x`, `tip.y`, `tip.z`, then `elbow` or `seed`; `normal.x`, `normal.y`, `normal.z` or `normal_deg`; `approach_deg`, `speed`, `restitution`, `tangential_restitution`, `friction`, `law` | of the key; the normal without unit | value of the axis; `normal.*` is the unit normal; `elbow` (`up`, `down`), `seed` (1, 2, …) and `law` are words |
+//! | `q.<joint>` | rad or m | with `[tip]` only: the configuration that was found |
+//! | `class` | word | result of the row, see the table of classes |
+//! | the quantities, in the order of `[map] quantities` | see below | NaN, in columns of words the empty word, where the class has no numbers |
+//!
+//! Let u⁻ and u⁺ be the velocity of the contact point before and after the impact, p the impulse on the robot, n the contact
+//! normal and t the direction `along`.
+//!
+//! | quantity | unit | meaning |
+//! | --- | --- | --- |
+//! | `mode` | word | contact mode at the end of the impact: `open`, `stick`, `slip`, `reverse-slip` |
+//! | `flags` | word | flags of the law, joined by `+`: `energy-gain`, `jam`, `singular`, `grazing`, `non-unique`, `no-approach`; empty if there are none |
+//! | `tangential_jump` | m/s | u_t⁺ − u_t⁻ |
+//! | `tangential_ratio` | – | u_t⁺/u_t⁻; not finite at `approach_deg = 90` |
+//! | `tangential_after` | m/s | u_t⁺ |
+//! | `normal_after` | m/s | u_n⁺ |
+//! | `impulse` | N s | ‖p‖ |
+//! | `normal_impulse` | N s | p · n, ≥ 0 |
+//! | `tangential_impulse` | N s | p · t |
+//! | `effective_mass` | kg | 1/(nᵀHn) |
+//! | `locked_mass` | kg | the same for the robot as one rigid body that nothing holds (joints locked, base released); NaN if its inertia is singular |
+//! | `coupling` | – | h = −H_tn/H_nn; without friction u_t⁺ − u_t⁻ = (1+e) h u_n⁻ |
+//! | `energy_loss` | J | T⁻ − T⁺, kinetic energy of the robot |
+//! | `energy_ratio` | – | T⁺/T⁻ |
+//! | `joint_jump` | rad/s or m/s | max \|Δq̇ᵢ\| over the entries of q̇ |
+//! | `limit_share` | – | max \|Δq̇ᵢ\|/q̇ᵢ,max over the joints with a velocity limit in the URDF (mimic joints included); an error if no joint has one |
+//! | `limit_joint` | word | the joint at which this maximum is attained |
+//! | `impact_ellipse.long`, `.short`, `.angle_deg` | N s, N s, degrees | planar arms: semi-axes of the ellipse of impulses with ‖Δq̇‖ = 1, pᵀ(J M⁻² Jᵀ)p = 1 (Walker 1994), and the direction of the longer one from the first axis of the arm's plane, in (−90, 90] |
+//! | `impact_ellipse.long`, `.middle`, `.short` | N s | arms in space: semi-axes of that ellipsoid |
+//! | `mode_margin` | – | normalised distance to the nearest boundary of the mode, from 0 (on it) to 1: [`carom_impact::Boundary`], as printed by `carom impact --derivatives` |
+//! | `mode_edge` | word | which boundary that is: `no-approach`, `no-slip`, `stops-at-turn`, `stops-at-end`, `just-holds`, `jams`, `on-cone`, `clipped` ([`carom_impact::Edge`]) |
+//! | `mode_beyond` | word | the mode on the other side of it |
+//! | `boundary_friction` | – | signed change of μ alone that changes the mode, the smaller of both directions; NaN if no μ from 0 to 81 does |
+//! | `boundary_restitution` | – | the same for e, from 0 to 1 |
+//! | `boundary_approach_deg` | degrees | the same for the approach angle, from 0° to 180° |
+//! | `position.x`, `.y`, `.z` | m | contact point in the world frame |
+//! | `qd_minus.<joint>`, `qd_plus.<joint>` | rad/s or m/s | joint velocities before and after |
+//!
+//! `boundary_*` are found by evaluating the law in steps of a 128th of the range (for μ: of the friction angle) and bisection,
+//! at the cost of some hundred impacts each. An interval of another mode that is shorter than a step can be missed.
+//!
+//! | class | numbers | meaning |
+//! | --- | --- | --- |
+//! | `unreachable` | no | inverse kinematics found no pose |
+//! | `outside-limits` | no | the pose violates a position limit of a joint |
+//! | `singular` | no | no joint velocity gives the contact point the velocity asked for, or H_nn = 0 |
+//! | `refused` | no | the law or the dynamics returned an error |
+//! | `no-impact` | no | the contact point does not approach the surface |
+//! | `stick` | yes | no tangential velocity after the impact (at most 1e-12 of the speed) |
+//! | `starts` | yes | slip after an approach along the normal |
+//! | `shrinks`, `keeps`, `grows` | yes | ‖u_t⁺‖ is smaller than, equal to (within 1e-9) or greater than ‖u_t⁻‖, without reversal |
+//! | `reverses` | yes | u_t⁻ · u_t⁺ < 0 |
+//!
+//! # Reference
 //!
 //! I. D. Walker, *Impact configurations and measures for kinematically redundant and multiple armed robot systems*, IEEE
 //! Trans. Robotics and Automation 10 (1994) 670.
@@ -92,43 +157,43 @@ use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// What is wrong with a study, or with what it writes.
+/// Error in a study file, or while reading or writing the files of a map.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StudyError {
-    /// The study file breaks a rule.
+    /// The study file breaks a rule, or the request does not fit the study.
     #[error("{file}: {rule}")]
     File {
-        /// The file.
+        /// The study file.
         file: String,
-        /// Key, value, rule, and what to do.
+        /// Key, value, the rule that is broken, and what to do.
         rule: String,
     },
-    /// The robot's file, which names itself.
+    /// The robot's URDF is invalid; the message names the file.
     #[error(transparent)]
     Robot(carom_chain::ChainError),
-    /// The map can't be written.
+    /// The map cannot be written.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// What an interrupted run left can't be gone on with.
-    #[error("{}: the interrupted run can't be resumed: {reason}", file.display())]
+    /// The partial map of an interrupted run cannot be resumed.
+    #[error("{}: the interrupted run cannot be resumed: {reason}", file.display())]
     Resume {
-        /// The file that was looked at.
+        /// The partial table or its metadata file.
         file: PathBuf,
-        /// Why not, and what to do.
+        /// Why, and what to do.
         reason: String,
     },
-    /// A file beside the map can't be written or read.
-    #[error("{}: {reason}", file.display())]
+    /// The metadata file of a partial map cannot be written.
+    #[error("{}: cannot be written: {reason}", file.display())]
     Beside {
         /// The file.
         file: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         reason: io::Error,
     },
 }
 
-/// A study, with everything it names loaded.
+/// A study with its robot loaded and all of its keys checked.
 pub struct Study {
     file: String,
     text: String,
@@ -138,20 +203,20 @@ pub struct Study {
     engine: Box<dyn Engine>,
     rows: u64,
     columns: Vec<Column>,
-    /// Every file that was read: the study's own, the robot's.
+    /// The files that were read: the study file and the robot's URDF.
     pub files: Vec<PathBuf>,
-    /// What looks odd.
+    /// Warnings: joint positions of the study that lie beyond the joint's limits.
     pub warnings: Vec<String>,
 }
 
 impl Study {
-    /// How many rows the whole map has.
+    /// Number of rows of the whole map.
     pub fn rows(&self) -> u64 {
         self.rows
     }
 
-    /// The rows of part `part` of `parts` (counted from 1): the parts lie end to end and differ by a row at most.
-    /// `None` unless `1 ≤ part ≤ parts`.
+    /// Row numbers of part `part` of `parts`, counted from 1. The parts are consecutive, and their lengths differ by at most
+    /// one row. `None` unless `1 ≤ part ≤ parts`.
     pub fn shard(&self, part: u64, parts: u64) -> Option<Range<u64>> {
         if part == 0 || part > parts {
             return None;
@@ -160,53 +225,55 @@ impl Study {
         Some(until(part - 1)..until(part))
     }
 
-    /// The columns of a row: axes that vary, the pose where it was sought, `class`, quantities.
+    /// The columns of a row: axes that vary, the configuration if poses come from inverse kinematics, `class`, quantities.
     pub fn columns(&self) -> &[Column] {
         &self.columns
     }
 
-    /// Everything that may vary; the last varies fastest from row to row.
+    /// All axes, also those with one value; the last varies fastest from row to row.
     pub fn axes(&self) -> &[Axis] {
         self.engine.axes()
     }
 
-    /// Unit of a column of numbers.
+    /// Unit of a column; empty for words, dimensionless numbers and unknown names.
     pub fn unit(&self, column: &str) -> &'static str {
         let axis = self.axes().iter().find(|axis| axis.name == column);
         axis.map_or_else(|| quantity::unit_of(column), |axis| axis.unit)
     }
 
-    /// The robot.
+    /// The robot's kinematic chain.
     pub fn chain(&self) -> &Chain {
         &self.chain
     }
 
-    /// Something to compute rows with, one for each thread.
+    /// A new evaluator of rows. Each thread needs its own.
     pub fn evaluator(&self) -> Evaluator<'_> {
         Evaluator { worker: self.engine.worker() }
     }
 }
 
-/// Computes rows of a study.
+/// Computes rows of a study in memory of its own.
 pub struct Evaluator<'a> {
     worker: Box<dyn Worker + 'a>,
 }
 
 impl Evaluator<'_> {
-    /// Row `index`, below [`Study::rows`]: a number for each of [`Study::columns`]; in a column of words the word's place.
+    /// Computes row `index` (below [`Study::rows`]) into `out`: a number for each of [`Study::columns`]. In a column of words
+    /// the number is the index of the word in [`Column::words`].
     ///
     /// # Panics
-    /// If `out` is not as long as the columns are many.
+    /// If the length of `out` is not the number of columns.
     pub fn row(&mut self, index: u64, out: &mut [f64]) {
         self.worker.row(index, out);
     }
 
-    /// The configuration of a row, if there is one.
+    /// Configuration of a row, rad or m; `None` for the classes `unreachable` and `outside-limits`, or if the dynamics cannot
+    /// be computed there.
     pub fn pose(&mut self, index: u64) -> Option<Vec<f64>> {
         self.worker.pose(index)
     }
 
-    /// Where the tip is at a configuration, world, m.
+    /// Position of the contact point at configuration `q`, world frame, m; `None` if `q` has the wrong length or is not finite.
     pub fn tip(&mut self, q: &[f64]) -> Option<Vector3<f64>> {
         self.worker.tip(q)
     }

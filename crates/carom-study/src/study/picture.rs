@@ -1,8 +1,7 @@
-//! A map as a picture: a curve over one axis, a heat map over two, a row of heat maps over a third of few values.
+//! Pictures of a map: a curve over one axis, a heat map over two, a row of heat maps over three.
 //!
-//! The heat maps are pixel images (PNG) inside the SVG, one pixel for each row of the map, so that a picture of a million
-//! rows stays small; axes, colour bar and legend are lines and text. Classes and other words have colours of their own and
-//! a legend.
+//! A heat map is a PNG image inside the SVG with one pixel for each row of the map, which keeps a picture of a million rows
+//! small. Axes, colour bar and legend are lines and text. Words (such as classes) have one colour each and a legend.
 
 use super::{Axis, CLASSES, Study, StudyError};
 use base64::Engine as _;
@@ -11,48 +10,49 @@ use plotters::prelude::*;
 use rayon::prelude::*;
 use std::fmt::Write as _;
 
-/// Most rows of a picture: their values are held in memory.
+/// Greatest number of rows of a picture: their values are held in memory.
 const MOST: u64 = 1 << 24;
-/// Most values of the axis that makes a row of pictures.
+/// Greatest number of values of the axis over which heat maps stand side by side.
 const PANELS: u64 = 8;
 const PANEL: (u32, u32) = (420, 400);
 const LEGEND: u32 = 150;
 
-/// One quantity of a whole map, by the axes that vary.
+/// One column of a whole map, arranged by the axes that vary.
 pub struct Values {
-    /// The axes: across, up, and from picture to picture, where they vary.
+    /// The axes that vary: horizontal, vertical, and the axis over which heat maps stand side by side.
     pub axes: Vec<Axis>,
-    /// Number of the row at each place, across fastest, then up, then from picture to picture.
+    /// Row number at each place; the horizontal axis varies fastest, then the vertical one.
     pub rows: Vec<u64>,
-    /// The quantity there; NaN where there is none.
+    /// Value at each place; NaN where the row has none. In a column of words, the index of the word.
     pub values: Vec<f64>,
-    /// What the quantity is called, with its unit.
+    /// Name of the column, with its unit.
     pub label: String,
-    /// The words that the values stand for, if it has words.
+    /// The words of a column of words; empty for a column of numbers.
     pub words: Vec<String>,
 }
 
 impl Study {
-    /// One column of the whole map, arranged for a picture.
+    /// Computes one column of the whole map, arranged for a picture.
     ///
     /// # Errors
-    /// [`StudyError::File`]: no such column; none or too many axes that vary; too many rows.
+    /// [`StudyError::File`]: no such column; no axis or too many axes vary; unevenly spaced values on an axis of a heat map;
+    /// more than 2²⁴ rows.
     pub fn values(&self, column: &str) -> Result<Values, StudyError> {
         let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
         let names: Vec<&str> = self.columns.iter().map(|column| column.name.as_str()).collect();
         let at = names.iter().position(|name| *name == column);
         let at = at.ok_or_else(|| {
-            refuse(format!("no column is called '{column}': {}", super::read::nearest(column, &names)))
+            refuse(format!("the map has no column '{column}': {}", super::read::nearest(column, &names)))
         })?;
         if self.rows > MOST {
             return Err(refuse(format!(
-                "a picture of {} rows: {MOST} is the most, give the axes fewer values",
+                "the map has {} rows, and a picture allows at most {MOST}: give the axes fewer values",
                 self.rows
             )));
         }
         let axes = self.axes();
         let mut chosen: Vec<usize> = (0..axes.len()).filter(|k| axes[*k].varies()).collect();
-        // A row of pictures is made by words, or else by the axis of fewest values; the others keep their order.
+        // panels: the axis of words, else the one with fewest values; the other axes keep their order
         if chosen.len() == 3 || (chosen.len() == 2 && chosen.iter().any(|k| !axes[*k].names().is_empty())) {
             let by = |k: &&usize| (axes[**k].names().is_empty(), axes[**k].count());
             if let Some(panels) = chosen.iter().min_by_key(by).copied() {
@@ -62,14 +62,14 @@ impl Study {
         }
         let drawn: Vec<&str> = chosen.iter().map(|k| axes[*k].name.as_str()).collect();
         let panels = match chosen.as_slice() {
-            [] => return Err(refuse("nothing varies: a picture needs an axis of more than one value".into())),
+            [] => return Err(refuse("no axis varies: a picture needs an axis with more than one value".into())),
             [_] | [_, _] => chosen.get(1).filter(|k| !axes[**k].names().is_empty()).map_or(1, |k| axes[*k].count()),
             [_, _, k] => axes[*k].count(),
             _ => PANELS + 1,
         };
         if panels > PANELS {
             return Err(refuse(format!(
-                "{} axes vary ({}): a picture shows one, or two, and a third of at most {PANELS} values; hold the others at one value",
+                "{} axes vary ({}): a picture shows one or two, and a third with at most {PANELS} values; give the others one value",
                 drawn.len(),
                 drawn.join(", ")
             )));
@@ -78,16 +78,16 @@ impl Study {
         let drawn = if curve { &chosen[..1] } else { &chosen[..2] };
         for axis in drawn.iter().map(|k| &axes[*k]) {
             if !axis.names().is_empty() {
-                return Err(refuse(format!("{} has no numbers to draw along: let another axis vary", axis.name)));
+                return Err(refuse(format!("the axis {} has words, not numbers: let another axis vary", axis.name)));
             }
             if !curve && !is_even(axis) {
                 return Err(refuse(format!(
-                    "the values of {} are not evenly spaced: a heat map needs that",
+                    "the values of {} are not evenly spaced, as a heat map requires: give a range {{ from, to, count }}",
                     axis.name
                 )));
             }
         }
-        // how far apart two rows are that differ by one place on an axis
+        // difference in row number of neighbours on an axis
         let stride = |k: usize| axes[k + 1..].iter().map(Axis::count).product::<u64>();
         let mut rows = vec![0];
         for k in &chosen {
@@ -111,17 +111,17 @@ impl Study {
         })
     }
 
-    /// One column of the whole map as SVG.
+    /// One column of the whole map as an SVG picture.
     ///
     /// # Errors
-    /// As [`Study::values`].
+    /// As [`Study::values`], and if the picture cannot be drawn.
     pub fn picture(&self, column: &str) -> Result<String, StudyError> {
         let values = self.values(column)?;
         let mut svg = String::new();
         let drawn = if values.is_curve() { curve(&mut svg, &values) } else { heat_maps(&mut svg, &values) };
         drawn.map_err(|e| StudyError::File {
             file: self.file.clone(),
-            rule: format!("the picture can't be drawn: {e}"),
+            rule: format!("the picture cannot be drawn: {e}"),
         })?;
         Ok(svg)
     }
@@ -136,12 +136,12 @@ fn is_even(axis: &Axis) -> bool {
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 impl Values {
-    /// One axis of numbers, and perhaps one of words: curves.
+    /// Whether the picture consists of curves: one axis of numbers, and possibly one of words.
     pub fn is_curve(&self) -> bool {
         self.axes.len() == 1 || (self.axes.len() == 2 && !self.axes[1].names().is_empty())
     }
 
-    /// Smallest and greatest finite value; without any, or of one value, a range around it.
+    /// Smallest and greatest finite value. If both are equal, an interval around the value; without finite values (0, 1).
     pub fn range(&self) -> (f64, f64) {
         let finite = self.values.iter().filter(|x| x.is_finite());
         let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
@@ -152,8 +152,8 @@ impl Values {
         }
     }
 
-    /// What a colour bar spans: the values but for the outermost hundredth at either end, where a map runs to a singular
-    /// pose and would leave all the rest one colour.
+    /// Range of the colour bar: the 1st to the 99th percentile of the finite values, so that large values near a singular
+    /// pose do not compress the rest of the scale. [`Values::range`] if the two percentiles are equal.
     pub fn colour_range(&self) -> (f64, f64) {
         let mut finite: Vec<f64> = self.values.iter().copied().filter(|x| x.is_finite()).collect();
         finite.sort_by(f64::total_cmp);
@@ -164,7 +164,8 @@ impl Values {
         }
     }
 
-    /// The colour of a value.
+    /// Colour (RGB) of a value for a colour bar over `(low, high)`. Values beyond the bar have the colour of its end, NaN is
+    /// grey, words have one colour each.
     pub fn colour(&self, value: f64, (low, high): (f64, f64)) -> [u8; 3] {
         if !self.words.is_empty() {
             return word_colour(&self.words, value);
@@ -172,10 +173,9 @@ impl Values {
         if value.is_nan() {
             return NOTHING;
         }
-        // What lies beyond the bar has the colour of its end, not one that the bar doesn't show.
         let value = value.clamp(low, high);
         if low < 0.0 && high > 0.0 {
-            // white at zero: a sign is what the map is about
+            // signed values: white at zero
             let size = low.abs().max(high);
             return mix(&DIVERGING, (value / size + 1.0) / 2.0);
         }
@@ -183,9 +183,9 @@ impl Values {
     }
 }
 
-/// No value.
+/// Colour of NaN.
 const NOTHING: [u8; 3] = [236, 236, 236];
-/// Dark blue to yellow, of evenly rising lightness.
+/// Dark blue to yellow, with linearly increasing lightness.
 const SEQUENTIAL: [[u8; 3]; 6] =
     [[33, 24, 82], [45, 75, 140], [36, 122, 142], [53, 168, 128], [138, 207, 85], [250, 231, 60]];
 /// Blue over white to red.
@@ -310,7 +310,7 @@ fn curve(svg: &mut String, values: &Values) -> Drawn {
     Ok(())
 }
 
-/// A number with as many digits as tell ticks of a span apart.
+/// A number with enough digits to distinguish the ticks of an axis of length `span`.
 fn tick(x: f64, span: f64) -> String {
     let digits = (1.0 - span.abs().max(1e-300).log10().floor()).clamp(0.0, 12.0) as usize;
     let text = format!("{x:.digits$}");
@@ -351,7 +351,7 @@ fn heat_maps(svg: &mut String, values: &Values) -> Drawn {
     Ok(())
 }
 
-/// Axes of one heat map; where its pixels go: x, y, width, height.
+/// Draws the axes of one heat map. Returns the area of its image: x, y, width, height.
 fn panel(
     area: &DrawingArea<SVGBackend, Shift>,
     title: Option<&str>,
@@ -429,7 +429,7 @@ fn colour_bar(area: &DrawingArea<SVGBackend, Shift>, values: &Values, (low, high
     Ok(())
 }
 
-/// The words that there are, each with its colour and its share of the map.
+/// Legend of the words that occur, each with its colour and its percentage of the rows.
 fn word_legend(area: &DrawingArea<SVGBackend, Shift>, values: &Values) -> Drawn {
     area.draw(&Text::new(values.label.clone(), (4, 16), TEXT))?;
     let mut line = 0;

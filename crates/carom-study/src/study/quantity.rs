@@ -1,10 +1,10 @@
-//! What a map may hold, and what its columns are called.
+//! The quantities of a map, with their names, units and columns.
 
 use super::boundary::EDGES;
 use crate::Column;
 use carom_impact::Edge;
 
-/// What became of a row: whether there is an answer, and what the tip does along the surface.
+/// Result of a row: why it has no numbers, or how the tangential velocity of the contact point changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Class {
     Unreachable,
@@ -20,7 +20,7 @@ pub(super) enum Class {
     Reverses,
 }
 
-/// The words of the column `class`: what became of a row.
+/// The words of the column `class`, the result of a row. [`crate::study`] defines them.
 pub const CLASSES: [&str; 11] = [
     "unreachable",
     "outside-limits",
@@ -75,7 +75,7 @@ pub(super) enum Quantity {
 
 use Quantity as Q;
 
-/// Every quantity by the name it has in a study, with its unit.
+/// Name of each quantity in a study file, and its unit.
 const KNOWN: [(&str, &str, Quantity); 27] = [
     ("mode", "", Q::Mode),
     ("flags", "", Q::Flags),
@@ -106,10 +106,10 @@ const KNOWN: [(&str, &str, Quantity); 27] = [
     ("qd_plus", "", Q::QdPlus),
 ];
 
-/// The modes in which a contact ends, in the order of their codes.
+/// Contact modes at the end of an impact, in the order of their codes.
 pub(super) const MODES: [&str; 4] = ["open", "stick", "slip", "reverse-slip"];
 
-/// Every name that `quantities` knows.
+/// The names that `[map] quantities` accepts.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     KNOWN.iter().map(|(name, ..)| *name)
 }
@@ -146,7 +146,8 @@ pub(super) fn flag_code(flags: carom_impact::Flags) -> f64 {
 }
 
 impl Quantity {
-    /// Its columns. `joints` are the chain's moving joints, `limited` those with a velocity limit.
+    /// The columns of this quantity. `joints` are the chain's joints with coordinates of their own, `limited` the joints with a
+    /// velocity limit.
     pub(super) fn columns(self, dimension: usize, joints: &[String], limited: &[String]) -> Vec<Column> {
         let name = KNOWN.iter().find(|(.., quantity)| *quantity == self).map_or("", |(name, ..)| name);
         let each = |parts: &[&str]| parts.iter().map(|part| Column::number(format!("{name}.{part}"))).collect();
@@ -170,7 +171,7 @@ mod tests {
     use carom_impact::Flags;
 
     #[test]
-    fn every_quantity_is_found_by_its_name_and_has_columns_of_its_own() {
+    fn every_quantity_is_found_by_name_and_has_unique_columns() {
         let joints = ["a".to_owned(), "b".to_owned()];
         let mut seen = std::collections::HashSet::new();
         for name in names() {
@@ -181,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_of_flags_is_spelt_with_its_own_names() {
+    fn a_set_of_flags_has_the_names_of_its_flags() {
         let column = &Q::Flags.columns(2, &[], &[])[0];
         for flags in [Flags::NONE, Flags::JAM, Flags::ENERGY_GAIN | Flags::GRAZING | Flags::NO_APPROACH] {
             assert_eq!(column.spell(flag_code(flags)), flags.to_string().replace(", ", "+"));
@@ -189,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_class_is_spelt_in_its_own_word() {
+    fn class_codes_are_indices_of_their_words() {
         assert_eq!(CLASSES[Class::Reverses.code() as usize], "reverses");
         assert_eq!(CLASSES[Class::Unreachable.code() as usize], "unreachable");
         assert_eq!(CLASSES[Class::Stick.code() as usize], "stick");

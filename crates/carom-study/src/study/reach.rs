@@ -1,41 +1,42 @@
-//! Inverse kinematics: the poses that put the tip where a study wants it.
+//! Inverse kinematics: configurations with the contact point at a given position.
 //!
-//! Two hinges in the plane have a closed form, both elbows. All other arms are led there by damped Newton steps
-//! (Levenberg–Marquardt: `δq = Jᵀ (J Jᵀ + λ tr(J Jᵀ)/m)⁻¹ r`) from fixed starts, so that a row depends on nothing but its
-//! number; the first pose within the joints' limits is taken. A redundant arm ends at one of its many poses, near the start it came from.
+//! Two revolute links in the plane are solved in closed form, with both elbows. All other arms are solved by damped Newton
+//! steps (Levenberg–Marquardt: `δq = Jᵀ (J Jᵀ + λ tr(J Jᵀ)/m)⁻¹ r`) from fixed start configurations, so that a row depends on
+//! its number alone. The first solution within the position limits is returned. For a redundant arm this is one of many
+//! solutions, near its start configuration.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | m | 1 | how many of the tip's world coordinates are asked for, 1 to 3 | `rows.len()` |
-//! | r | m | what is still missing, m | `missing` |
-//! | J | m×nv | Jacobian of those coordinates | `j` |
-//! | λ | 1 | damping, as a share of the mean of J Jᵀ's diagonal | `damping` |
+//! | m | 1 | number of prescribed world coordinates, 1 to 3 | `rows.len()` |
+//! | r | m | residual, m | `missing` |
+//! | J | m×nv | Jacobian of the prescribed coordinates | `j` |
+//! | λ | 1 | damping relative to the mean of the diagonal of J Jᵀ | `damping` |
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, Point, Workspace};
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
-/// Steps from one start; convergence is quadratic, so those that get there need about ten.
+/// Greatest number of steps from one start; convergence is quadratic and usually needs about ten.
 const STEPS: usize = 60;
-/// Starts tried after a seed has failed.
+/// Number of starts tried after a seed has failed.
 const MORE_STARTS: usize = 12;
-/// A target is reached within this share of the arm's length: rounding.
+/// Residual at which the iteration ends, relative to the arm's length: rounding.
 const REACHED: f64 = 1e-13;
-/// Progress may end in rounding just above; a map tells its positions to this share.
+/// Residual that is accepted if rounding ends the iteration earlier, relative to the arm's length.
 const NEARLY: f64 = 1e-10;
-/// No joint moves further in one step, rad or m.
+/// Greatest change of a joint in one step, rad or m.
 const LONGEST_STEP: f64 = 0.7;
 
-/// How the tip of a chain is put where it is wanted.
+/// Inverse kinematics of a point of a chain.
 pub(super) struct Reach<const D: usize> {
-    /// The world coordinates asked for, as rows over the chain's own coordinates, and each one's origin.
+    /// For each prescribed world coordinate: its row over the coordinates of the chain, and its origin.
     rows: Vec<(SVector<f64, D>, f64)>,
-    /// From the world coordinates, less their origins, to the chain's own, where all are asked for: the rows' inverse.
+    /// Inverse of the rows if all D coordinates are prescribed: from world coordinates, less their origins, to the chain's.
     back: Option<SMatrix<f64, D, D>>,
     closed: Option<TwoLinks>,
     seeds: Vec<Vec<f64>>,
     more: Vec<Vec<f64>>,
-    /// Where the first hinge is, and the length of all that follows, if every mover is a hinge.
+    /// Position of the first joint and the total length of the links after it, if all joints are revolute.
     within: Option<(SVector<f64, D>, f64)>,
     size: f64,
     /// (lower, upper) of each entry of q.
@@ -43,30 +44,30 @@ pub(super) struct Reach<const D: usize> {
     hinges: Vec<bool>,
 }
 
-/// Two hinges in the plane.
+/// Two revolute links in the plane.
 struct TwoLinks {
     base: [f64; 2],
     lengths: [f64; 2],
-    /// Direction of the first link, and bend between the two, while both joints are at zero.
+    /// Direction of the first link, and angle from the first to the second, with both joints at zero; rad.
     zero: [f64; 2],
-    /// ±1: which way the joints count.
+    /// ±1: sense of rotation of each joint.
     sense: [f64; 2],
 }
 
-/// What an arm tells of itself.
+/// Placement and limits of an arm.
 pub(super) struct About<'a, const D: usize> {
-    /// The chain's own axes in the world, as columns.
+    /// Axes of the chain in the world frame, as columns.
     pub basis: &'a SMatrix<f64, 3, D>,
-    /// World position of the chain's own origin.
+    /// World position of the chain's origin, m.
     pub origin: Vector3<f64>,
-    /// (lower, upper) of each entry of q, infinite where there is none.
+    /// (lower, upper) limit of each entry of q, infinite where there is none.
     pub limits: Vec<(f64, f64)>,
     /// Whether each entry of q is an angle.
     pub hinges: Vec<bool>,
 }
 
 impl<const D: usize> Reach<D> {
-    /// `coordinates`: which of the world's x, y, z (0, 1, 2) are asked for.
+    /// `coordinates`: which of the world's x, y, z (0, 1, 2) are prescribed.
     pub fn new<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
         chain: &Chain<A>,
         point: Point<A>,
@@ -114,18 +115,18 @@ impl<const D: usize> Reach<D> {
         })
     }
 
-    /// Whether the two elbows of a closed form are what branches mean.
+    /// Whether the solution is in closed form, so that the branches are the two elbows.
     pub fn is_closed(&self) -> bool {
         self.closed.is_some()
     }
 
-    /// How many starts there are.
+    /// Number of seeds.
     pub fn seeds(&self) -> usize {
         self.seeds.len()
     }
 
-    /// Puts the tip at `target` (the coordinates asked for, world, m) by branch `branch` (0 elbow up and 1 down, or the
-    /// number of a seed). Whether it got there.
+    /// Computes `q` with the point at `target` (the prescribed world coordinates, m). `branch` is 0 for elbow up and 1 for
+    /// elbow down, or the number of a seed. Returns whether a solution was found.
     pub fn solve<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
         &self,
         chain: &Chain<A>,
@@ -162,17 +163,17 @@ impl<const D: usize> Reach<D> {
                 beyond.get_or_insert_with(|| q.to_vec());
             }
         }
-        // if limits forbid every pose that was found, the first tells so
+        // no solution within the limits: return the first one, which the caller classifies
         Ok(beyond.map(|pose| q.copy_from_slice(&pose)).is_some())
     }
 
-    /// The target in the chain's own coordinates, if all of them are asked for.
+    /// The target in the coordinates of the chain, if all of them are prescribed.
     fn own(&self, target: &[f64]) -> Option<SVector<f64, D>> {
         let back = self.back?;
         Some(back * SVector::<f64, D>::from_fn(|i, _| target[i] - self.rows[i].1))
     }
 
-    /// Newton's steps from `q`. Whether they led to the target.
+    /// Damped Newton steps from `q`. Returns whether they converged.
     fn lead<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
         &self,
         chain: &Chain<A>,
@@ -232,7 +233,7 @@ impl<const D: usize> Reach<D> {
         Ok(r.norm() <= NEARLY * self.size)
     }
 
-    /// Turns each hinge by whole turns to within a half turn of the middle of its limits, or of 0.
+    /// Shifts each revolute joint by whole turns to within half a turn of the middle of its limits, or of 0.
     fn unwind(&self, q: &mut [f64]) {
         for ((x, &(lower, upper)), hinge) in q.iter_mut().zip(&self.limits).zip(&self.hinges) {
             if *hinge {
@@ -243,14 +244,14 @@ impl<const D: usize> Reach<D> {
     }
 }
 
-/// The middle of a joint's range, 0 where it has none.
+/// The middle of a joint's range; for an unbounded range the value nearest to 0.
 fn middle(lower: f64, upper: f64) -> f64 {
     let middle = lower / 2.0 + upper / 2.0;
     if middle.is_finite() { middle } else { 0.0_f64.clamp(lower, upper) }
 }
 
-/// Start number `k`: spread evenly over the joints' ranges, entry i by the fraction of k times the root of the i-th prime
-/// (Weyl's sequence).
+/// Start configuration number `k`: a Weyl sequence over the joint ranges, entry i from the fractional part of k times the
+/// square root of the i-th prime.
 fn start<const D: usize>(k: usize, about: &About<D>) -> Vec<f64> {
     let primes = (2_u32..).filter(|n| (2..*n).all(|d| n % d != 0));
     let each = about.limits.iter().zip(&about.hinges).zip(primes);
@@ -264,8 +265,7 @@ fn start<const D: usize>(k: usize, about: &About<D>) -> Vec<f64> {
 }
 
 impl TwoLinks {
-    /// The two links of a chain whose movers on the way to the point are `path`, from the tip down; `None` if it has
-    /// others.
+    /// The two links of a chain whose bodies from the point to the root are `path`; `None` if the chain is not of this kind.
     fn of<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
         chain: &Chain<A>,
         point: Point<A>,
@@ -276,7 +276,7 @@ impl TwoLinks {
             return Ok(None);
         }
         let mut workspace = chain.workspace();
-        // How the tip and the elbow turn: each joint's sense, by its own Jacobian.
+        // sense of rotation of each joint, from the velocities of elbow and tip
         let elbow = Point { body: Some(first), position: chain.bodies()[second].placement.translation };
         let kin = workspace.update(chain, &[0.0, 0.0])?;
         let pair = |v: SVector<f64, D>| [v[0], v[1]];
@@ -298,7 +298,7 @@ impl TwoLinks {
         Ok(Some(Self { base, lengths, zero, sense: senses }))
     }
 
-    /// By the law of cosines, up to whole turns; `elbow` +1: above the line from base to tip.
+    /// The solution by the law of cosines, up to whole turns; `elbow` = +1: left of the line from base to tip.
     fn pose(&self, target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
         let from_base = [target[0] - self.base[0], target[1] - self.base[1]];
         let [first, bend] = crate::self_motion::two_link_turns(self.lengths, from_base, elbow)?;

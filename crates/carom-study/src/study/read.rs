@@ -1,4 +1,4 @@
-//! From a study file to a [`Study`]: everything is checked before the first row.
+//! Reads a study file into a [`Study`]. All keys and values are checked here, before the first row is computed.
 
 use super::advise::Wish;
 use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
@@ -17,10 +17,10 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
 
 impl Study {
-    /// Reads a study file.
+    /// Reads a study file and the robot that it names. [`crate::study`] documents the keys.
     ///
     /// # Errors
-    /// [`StudyError`] with file, key, value and rule.
+    /// [`StudyError::File`] with key, value and rule; [`StudyError::Robot`] for an invalid URDF.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, StudyError> {
         let path = path.as_ref();
         let name = path.display().to_string();
@@ -28,28 +28,27 @@ impl Study {
         let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
         let urdf = path.parent().unwrap_or(Path::new(".")).join(&file.robot.urdf);
-        // no quantity of a map asks for shapes
+        // collision shapes are not used
         let options = LoadOptions { floating_base: false, meshes: Meshes::Ignored };
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
         let files = vec![path.to_owned(), urdf.clone()];
         let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
         let (engine, columns, warnings) = read.all().map_err(refuse)?;
-        let rows = total(engine.axes()).ok_or_else(|| {
-            refuse("the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into())
-        })?;
+        let rows = total(engine.axes())
+            .ok_or_else(|| refuse("the map has 2⁶⁴ rows or more: give the axes fewer values".into()))?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;
         Ok(Self { file: name.clone(), text, urdf, wish, chain, engine, rows, columns, files, warnings })
     }
 }
 
-/// What is read in, on its way.
+/// A parsed study file and its robot.
 struct Reading<'a> {
     file: &'a File,
     chain: &'a Chain,
 }
 
-/// A chain with its tip, and the place of its own axes in the world.
+/// A chain with its contact point, and the pose of its own axes in the world frame.
 struct Placed<A: Algebra, const D: usize> {
     chain: Chain<A>,
     point: Point<A>,
@@ -70,13 +69,13 @@ impl Reading<'_> {
         let point = chain.point(frame, offset);
         if point.body.is_none() {
             return Err(format!(
-                "[robot] tip = \"{}\": this link is fixed to the world, choose one that a joint moves",
+                "[robot] tip = \"{}\": this link is fixed to the world; choose a link that a joint moves",
                 robot.tip
             ));
         }
         if let Some(joint) = own(chain).find(|joint| matches!(joint.kind, JointType::Planar | JointType::Floating)) {
             return Err(format!(
-                "[robot] joint '{}' is {}: a map's joints are hinges and sliders, one number each",
+                "[robot] joint '{}' is {}: every joint of a study must be revolute, continuous or prismatic",
                 joint.name,
                 joint.kind.name()
             ));
@@ -88,7 +87,7 @@ impl Reading<'_> {
             kin.contact_inertia(point).map_err(|e| format!("[robot] {e}"))?;
             kin.position(point)
         };
-        // In the plane only if the surface stands square to it.
+        // planar only if all normals lie in the plane
         match chain.to_planar() {
             Ok(flat) if self.stands_in(&flat.plane.normal) => {
                 let own = flat.point(frame, offset);
@@ -101,7 +100,7 @@ impl Reading<'_> {
             }
             _ => {
                 if self.file.impact.normal_deg.is_some() {
-                    return Err("[impact] normal_deg is for arms that keep to a plane: give normal = [x, y, z]".into());
+                    return Err("[impact] normal_deg needs a planar arm: give normal = [x, y, z]".into());
                 }
                 let placed =
                     Placed { chain: chain.clone(), point, basis: SMatrix::identity(), origin: Vector3::zeros() };
@@ -130,7 +129,7 @@ impl Reading<'_> {
         let Placed { chain, point, basis, origin } = placed;
         let impact = &self.file.impact;
         let approach = axis("impact", "approach_deg", "°", &impact.approach_deg)?;
-        within("impact", &approach, 0.0, 180.0, "an angle between path and surface lies between 0 and 180")?;
+        within("impact", &approach, 0.0, 180.0, "the angle must lie between 0 and 180 degrees")?;
         let straight = approach.outside(90.0, 90.0).is_none();
         let (normal, surfaces) = normals(impact, straight, surface)?;
         let (poses, pose_axes) = match (&self.file.joints, &self.file.tip) {
@@ -140,26 +139,28 @@ impl Reading<'_> {
                 self.tip_axes(tip, &made, frame)?
             }
             (None, None) => {
-                return Err("it says nothing about poses: give [joints] or [tip]".into());
+                return Err("no poses are given: add [joints] or [tip]".into());
             }
-            (Some(_), Some(_)) => return Err("it has both [joints] and [tip]: give one of them".into()),
+            (Some(_), Some(_)) => return Err("both [joints] and [tip] are given: keep one of them".into()),
         };
         let sought = matches!(poses, Poses::Tip { .. });
         let mut axes = pose_axes;
         axes.extend([normal, approach]);
         let speed = axis("impact", "speed", "m/s", &impact.speed)?;
-        within("impact", &speed, f64::MIN_POSITIVE, f64::MAX, "a speed is positive")?;
+        within("impact", &speed, f64::MIN_POSITIVE, f64::MAX, "the speed must be above 0")?;
         let restitution = axis("impact", "restitution", "", &impact.restitution)?;
-        within("impact", &restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
+        within("impact", &restitution, 0.0, 1.0, "the coefficient of restitution must lie between 0 and 1")?;
         let tangential = impact.tangential_restitution.clone();
         let tangential = axis("impact", "tangential_restitution", "", &tangential.unwrap_or(Values::One(0.0)))?;
-        let rule = "a coefficient of tangential restitution lies between -1 and 1";
+        let rule = "the tangential coefficient of restitution must lie between -1 and 1";
         within("impact", &tangential, -1.0, 1.0, rule)?;
         let friction = axis("impact", "friction", "", &impact.friction)?;
-        within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
+        within("impact", &friction, 0.0, f64::MAX, "the coefficient of friction must not be negative")?;
         axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
         if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(|law| law == "chatterjee-ruina") {
-            return Err("[impact] tangential_restitution is read by law = \"chatterjee-ruina\" only".into());
+            return Err(
+                "[impact] tangential_restitution is used by law = \"chatterjee-ruina\" only: leave it out".into()
+            );
         }
 
         let joints: Vec<String> = own(self.chain).map(|joint| joint.name.clone()).collect();
@@ -197,7 +198,7 @@ impl Reading<'_> {
         Ok((engine, columns, warnings))
     }
 
-    /// One axis for each moving joint, in the order of q.
+    /// One axis for each joint with coordinates of its own, in the order of q.
     fn joint_axes(&self, warnings: &mut Vec<String>) -> Result<Vec<Axis>, String> {
         let given = self.file.joints.as_ref();
         let get = |name: &str| given.and_then(|given| given.get(name));
@@ -221,8 +222,8 @@ impl Reading<'_> {
                 let (lower, upper) = limits_of(joint);
                 if let Some(at) = axis.outside(lower, upper).filter(|_| self.file.robot.limits) {
                     warnings.push(format!(
-                        "[joints] {name} reaches {at} {unit}, beyond its limits {lower} to {upper}: such rows have no numbers \
-                         ([robot] limits = false computes them)"
+                        "[joints] {name} = {at} {unit} is beyond the joint's limits, {lower} to {upper}: such rows have no \
+                         numbers; set [robot] limits = false to compute them"
                     ));
                 }
                 Ok(axis)
@@ -230,7 +231,7 @@ impl Reading<'_> {
             .collect()
     }
 
-    /// The tip's coordinates, and the branch.
+    /// Axes of the tip's coordinates and of the branch (elbow or seed).
     fn tip_axes<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
         &self,
         tip: &Tip,
@@ -243,17 +244,17 @@ impl Reading<'_> {
             let Some(values) = values else { continue };
             if basis.row(k).norm() < 1e-9 {
                 let link = self.chain.frame_name(frame);
-                return Err(format!("[tip] {name}: no joint moves '{link}' along {name}, leave it out"));
+                return Err(format!("[tip] {name}: no joint moves '{link}' along {name}: leave it out"));
             }
             coordinates.push(k);
             axes.push(Axis::new(format!("tip.{name}"), "m", values).map_err(|why| format!("[tip] {name}: {why}"))?);
         }
         if coordinates.is_empty() {
-            return Err("[tip] names no coordinate: give x, y, z, or two of them".into());
+            return Err("[tip] has no coordinate: give at least one of x, y and z".into());
         }
         if let Some(seeds) = &tip.seeds {
             if seeds.is_empty() {
-                return Err("[tip] seeds is empty: give a configuration".into());
+                return Err("[tip] seeds is empty: give at least one configuration".into());
             }
             for seed in seeds {
                 self.chain.check_state(seed, &vec![0.0; self.chain.nv()]).map_err(|e| format!("[tip] seeds: {e}"))?;
@@ -270,7 +271,8 @@ impl Reading<'_> {
         let (branches, names): (Vec<usize>, Vec<String>) = if reach.is_closed() {
             if tip.seeds.is_some() {
                 return Err(
-                    "[tip] seeds: two links in the plane have a closed form, give elbow = \"both\" instead".into()
+                    "[tip] seeds: two revolute links in a plane have a closed form: give elbow = \"both\" instead"
+                        .into(),
                 );
             }
             match tip.elbow.unwrap_or(Elbow::Both) {
@@ -280,7 +282,7 @@ impl Reading<'_> {
             }
         } else {
             if tip.elbow.is_some() {
-                return Err("[tip] elbow is for two links in the plane: give seeds = [[q …], …] instead".into());
+                return Err("[tip] elbow needs two revolute links in a plane: give seeds = [[q …], …] instead".into());
             }
             (0..reach.seeds()).map(|k| (k, (k + 1).to_string())).unzip()
         };
@@ -299,7 +301,7 @@ impl Reading<'_> {
             }
             if matches!(quantity, Quantity::LimitShare | Quantity::LimitJoint) && limited.is_empty() {
                 return Err(format!(
-                    "[map] quantities holds \"{name}\": no joint of '{}' has a velocity limit; joint_jump needs none",
+                    "[map] quantities holds \"{name}\", but no joint of '{}' has a velocity limit: use joint_jump instead",
                     self.chain.name()
                 ));
             }
@@ -309,14 +311,14 @@ impl Reading<'_> {
     }
 }
 
-/// What `[advise]` wishes for, in the map's columns.
+/// The criterion and constraints of `[advise]`, as indices of columns.
 fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
     let numbers: Vec<&str> = columns.iter().filter(|c| c.words.is_empty()).map(|c| c.name.as_str()).collect();
     let column = |key: &str, name: &str| {
         let found = columns.iter().position(|c| c.name == name && c.words.is_empty());
         found.ok_or_else(|| {
             format!(
-                "[advise] {key}: the map has no column of numbers '{name}', add it to quantities: {}",
+                "[advise] {key}: the map has no column of numbers '{name}': add it to quantities; {}",
                 nearest(name, &numbers)
             )
         })
@@ -324,7 +326,7 @@ fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
     let (name, maximise) = match (&advise.minimise, &advise.maximise) {
         (Some(name), None) => (column("minimise", name)?, false),
         (None, Some(name)) => (column("maximise", name)?, true),
-        _ => return Err("[advise] needs one of minimise and maximise".into()),
+        _ => return Err("[advise] needs exactly one of minimise and maximise".into()),
     };
     let classes = advise.class.iter().map(|class| {
         let found = CLASSES.iter().position(|known| known == class);
@@ -339,15 +341,15 @@ fn wish(advise: &Advise, columns: &[Column]) -> Result<Wish, String> {
         bounds.push((column("at_least", name)?, *least, f64::INFINITY));
     }
     if let Some((k, low, high)) = bounds.iter().find(|(_, low, high)| low.is_nan() || high.is_nan()) {
-        return Err(format!("[advise] the bound on {} is {}: it must be a number", columns[*k].name, low + high));
+        return Err(format!("[advise] the bound on {} is {}: it must not be NaN", columns[*k].name, low + high));
     }
     if advise.best == 0 {
-        return Err("[advise] best = 0: ask for one row or more".into());
+        return Err("[advise] best = 0: it must be at least 1".into());
     }
     Ok(Wish { column: name, maximise, classes, bounds, best: advise.best })
 }
 
-/// The joints with numbers of their own, in the order of q.
+/// The joints with coordinates of their own (neither fixed nor mimic), in the order of q.
 fn own(chain: &Chain) -> impl Iterator<Item = &JointInfo> {
     chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
 }
@@ -358,7 +360,7 @@ fn limits_of(joint: &JointInfo) -> (f64, f64) {
     (lower.unwrap_or(f64::NEG_INFINITY), upper.unwrap_or(f64::INFINITY))
 }
 
-/// Every moving joint's position as ratio · q + shift, and its range.
+/// Every joint with a position limit: index of q, ratio and shift (position = ratio · q + shift), lower and upper limit.
 fn ranges(chain: &Chain) -> Vec<(usize, f64, f64, f64, f64)> {
     let range = |joint: &JointInfo| {
         let (lower, upper) = limits_of(joint);
@@ -375,7 +377,7 @@ fn ranges(chain: &Chain) -> Vec<(usize, f64, f64, f64, f64)> {
     limited.filter(|(.., lower, upper)| lower.is_finite() || upper.is_finite()).collect()
 }
 
-/// The joints with a velocity limit, by name.
+/// Names and velocity limits of the joints that have one.
 fn velocity_limits(chain: &Chain) -> (Vec<String>, Vec<Limit>) {
     let limit = |joint: &JointInfo| {
         let velocity = joint.limits.velocity.filter(|limit| *limit > 0.0)?;
@@ -405,7 +407,7 @@ fn within(table: &str, axis: &Axis, low: f64, high: f64, rule: &str) -> Result<(
 
 fn laws(words: &Words) -> Result<Axis, String> {
     if words.0.is_empty() {
-        return Err("[impact] law: the list is empty, give a law".into());
+        return Err("[impact] law is empty: give at least one law".into());
     }
     for (k, law) in words.0.iter().enumerate() {
         if !LAW_NAMES.contains(&law.as_str()) {
@@ -418,12 +420,12 @@ fn laws(words: &Words) -> Result<Axis, String> {
     Ok(Axis::words("law", words.0.clone()))
 }
 
-/// The names there are, and the nearest.
+/// A hint for an unknown name: the most similar known name, and all known names.
 pub(super) fn nearest(name: &str, known: &[&str]) -> String {
     let near = known.iter().map(|k| (strsim::jaro_winkler(name, k), k)).max_by(|a, b| a.0.total_cmp(&b.0));
     let list = known.join(", ");
     match near {
-        Some((likeness, near)) if likeness > 0.7 => format!("did you mean \"{near}\"? There are {list}"),
-        _ => format!("there are {list}"),
+        Some((likeness, near)) if likeness > 0.7 => format!("did you mean \"{near}\"? Known names: {list}"),
+        _ => format!("known names: {list}"),
     }
 }

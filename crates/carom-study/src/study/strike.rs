@@ -1,4 +1,4 @@
-//! From a pose and the way its surface is met to the impact and what a row tells of it. Symbols as in `arm.rs`.
+//! Computes the impact of a row and its quantities from a pose and the impact conditions. Symbols as in `arm.rs`.
 
 use super::arm::{DOUBTFUL, Hand, Limit};
 use super::boundary::{Along, edge_code, nearest_change};
@@ -8,30 +8,30 @@ use carom_chain::algebra::Algebra;
 use carom_impact::{AnyLaw, Boundary, Coefficients, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
-/// A tip velocity is attained within this share of its speed.
+/// Relative tolerance of the contact velocity that qd⁻ attains.
 const ATTAINED: f64 = 1e-9;
-/// Tangential velocities are alike within this share: a jump that symmetry forbids is rounding.
+/// Relative tolerance of equal tangential velocities: a jump that is zero by symmetry has rounding errors.
 const ALIKE: f64 = 1e-9;
 
-/// How the surface is met.
+/// Impact conditions.
 #[derive(Clone, Copy)]
 pub(super) struct Condition<'a, const D: usize> {
     axes: &'a SMatrix<f64, D, D>,
-    /// Angle of approach, degrees, and speed, m/s: together u.
+    /// Approach angle, degrees, and speed, m/s; `u` is computed from both.
     approach: f64,
     speed: f64,
     u: SVector<f64, D>,
     law: AnyLaw,
 }
 
-/// What a row tells once there is an impact.
+/// The impact of a row.
 struct Told<'a, const D: usize> {
     condition: &'a Condition<'a, D>,
     problem: ImpactProblem<f64, D>,
     hit: ImpactOutcome<f64, D>,
 }
 
-/// Sine and cosine of an angle of approach, degrees; straight on and along the surface exactly.
+/// Sine and cosine of an approach angle, degrees; exact at 90° and 180°.
 pub(super) fn sin_cos(approach: f64) -> (f64, f64) {
     match approach {
         90.0 => (1.0, 0.0),
@@ -40,7 +40,7 @@ pub(super) fn sin_cos(approach: f64) -> (f64, f64) {
     }
 }
 
-/// The velocity of the tip, contact axes.
+/// Velocity of the contact point, contact axes.
 pub(super) fn velocity<const D: usize>(speed: f64, (sin, cos): (f64, f64)) -> SVector<f64, D> {
     let mut u = SVector::zeros();
     u[0] = speed * cos;
@@ -49,7 +49,7 @@ pub(super) fn velocity<const D: usize>(speed: f64, (sin, cos): (f64, f64)) -> SV
 }
 
 impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'a, A, D> {
-    /// The impact at the present pose; fills the quantities.
+    /// Computes the impact at the present pose, and its quantities into `out`. Returns the class of the row.
     pub(super) fn strike(&mut self, out: &mut [f64]) -> Result<Class, ChainError> {
         let condition = self.condition();
         let mut h = in_contact_axes(&self.pose.delassus, condition.axes);
@@ -81,7 +81,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         Ok(class(&told.hit, condition.speed))
     }
 
-    /// How the surface is met at the present places.
+    /// The impact conditions at the present places.
     fn condition(&mut self) -> Condition<'a, D> {
         if let Some(condition) = self.condition {
             return condition;
@@ -100,7 +100,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         })
     }
 
-    /// Rows one after another often share the angle.
+    /// Keeps the last angle, as consecutive rows often share it.
     fn sin_cos(&mut self, approach: f64) -> (f64, f64) {
         if self.approach.0 != approach {
             self.approach = (approach, sin_cos(approach));
@@ -108,7 +108,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         self.approach.1
     }
 
-    /// Joint velocities that move the tip as asked, with the least kinetic energy; whether there are any.
+    /// Computes the joint velocities of least kinetic energy with contact velocity u⁻ into `qd_minus`. Returns whether such
+    /// velocities exist.
     fn attain(&mut self, h: &SMatrix<f64, D, D>, condition: &Condition<D>) -> Result<bool, ChainError> {
         let u = condition.axes * condition.u;
         let regular = h.cholesky().filter(|factor| {
@@ -133,7 +134,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         let reached = SVector::<f64, D>::from_fn(|k, _| {
             self.qd_minus.iter().enumerate().map(|(v, qd)| self.pose.jacobian[(k, v)] * qd).sum()
         });
-        // false for what is not finite, too
+        // also false for non-finite values
         Ok((reached - u).norm() <= ATTAINED * condition.u.norm())
     }
 
@@ -158,7 +159,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
                 Q::LockedMass => (self.locked_mass(condition)?, 1),
                 Q::Coupling => (-coupling / normal, 1),
                 Q::EnergyLoss => (-hit.energy_change, 1),
-                // of the joint velocities of least kinetic energy, all of it is the contact's
+                // exact, as T⁻ = ½ u⁻ᵀH⁻¹u⁻ for the velocities of least kinetic energy
                 Q::EnergyRatio => (1.0 + hit.energy_change / hit.energy_before, 1),
                 Q::JointJump => (self.jump.iter().fold(0.0, |worst, x| x.abs().max(worst)), 1),
                 Q::LimitShare => (self.worst().1, 1),
@@ -195,14 +196,14 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         Ok(())
     }
 
-    /// The joint whose velocity jumps by the greatest share of its limit, and that share.
+    /// The joint with the greatest velocity jump relative to its limit, and that ratio.
     fn worst(&self) -> (usize, f64) {
         let share = |limit: &Limit| (self.jump[limit.v] * limit.ratio).abs() / limit.velocity;
         let shares = self.arm.limits.iter().map(share).enumerate();
         shares.fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
     }
 
-    /// 1/(nᵀH_locked n): the mass that the locked arm shows. NaN where the locked arm has none.
+    /// 1/(nᵀ H_locked n): effective mass with locked joints and released base, kg. NaN if the locked inertia is singular.
     fn locked_mass(&mut self, condition: &Condition<D>) -> Result<f64, ChainError> {
         let mut kin = self.workspace.update(&self.arm.chain, &self.pose.q)?;
         match kin.locked_delassus(self.arm.point) {
@@ -216,8 +217,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         }
     }
 
-    /// Semi-axes of the impulses that make |Δqd| = 1: pᵀ(J M⁻² Jᵀ)p = 1. In the plane the two and the direction of the
-    /// longer (degrees from the plane's first axis, −90 to 90); in space the three.
+    /// Semi-axes of the ellipsoid of impulses with |Δqd| = 1: pᵀ(J M⁻² Jᵀ)p = 1. In the plane two semi-axes and the direction
+    /// of the longer one (degrees from the plane's first axis, −90 to 90); in space three semi-axes.
     fn ellipse(&self) -> [f64; 3] {
         let g = |i: usize, j: usize| self.pose.response.column(i).dot(&self.pose.response.column(j));
         let axis = |eigenvalue: f64| 1.0 / eigenvalue.max(0.0).sqrt();
@@ -225,9 +226,9 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
             let (a, b, c) = (g(0, 0), g(0, 1), g(1, 1));
             let (mean, radius) = ((a + c) / 2.0, ((a - c) / 2.0).hypot(b));
             let large = mean + radius;
-            // det/large: the small one without the difference of near equals
+            // det/large avoids the cancellation of mean - radius
             let small = ((a * c - b * b) / large).max(0.0);
-            // the large eigenvalue's direction, a right angle from the long axis
+            // the eigenvector of `large` is perpendicular to the long axis
             let turn = (0.5 * (2.0 * b).atan2(a - c)).to_degrees() + 90.0;
             [axis(small), axis(large), if turn > 90.0 { turn - 180.0 } else { turn }]
         } else {
@@ -240,13 +241,13 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
 }
 
 impl<const D: usize> Told<'_, D> {
-    /// The nearest boundary of the mode, looked for once.
+    /// The nearest boundary of the mode, computed once.
     fn nearest(&self, found: &mut Option<Option<Boundary>>) -> Option<Boundary> {
         let look = || self.problem.boundaries(&self.condition.law).ok()?.into_iter().next();
         *found.get_or_insert_with(look)
     }
 
-    /// How far the nearest change of the mode is along something that varies, all else held; NaN if there is none.
+    /// Signed distance to the nearest change of the mode in one parameter, all others held; NaN if there is none.
     fn change(&self, along: Along) -> f64 {
         let Condition { law, approach, speed, .. } = *self.condition;
         let with = law.coefficients();
@@ -274,7 +275,7 @@ fn in_contact_axes<const D: usize>(h: &SMatrix<f64, D, D>, axes: &SMatrix<f64, D
     axes.tr_mul(&(h * axes))
 }
 
-/// What the tip does along the surface.
+/// Class of an impact by its tangential velocities.
 fn class<const D: usize>(hit: &ImpactOutcome<f64, D>, speed: f64) -> Class {
     let n = D - 1;
     let (mut before, mut after) = (hit.u_minus, hit.u_plus);

@@ -1,4 +1,4 @@
-//! The surfaces of a study: from the normals that its file gives to contact axes, in the plane and in space.
+//! Contact axes of a study's surfaces: tangents and normal, computed from `normal` or `normal_deg` and `along`.
 
 use super::axis::Axis;
 use super::file::Impact;
@@ -6,10 +6,10 @@ use super::read::axis;
 use carom_chain::algebra::z_onto;
 use nalgebra::{SMatrix, Vector2, Vector3};
 
-/// A normal as the file gives it.
+/// A normal as written in the study file.
 pub(super) enum Normal {
     Vector(Vector3<f64>),
-    /// Direction in the plane's own axes, degrees.
+    /// Angle from the first axis of the arm's plane, degrees.
     Degrees(f64),
 }
 
@@ -21,14 +21,14 @@ pub(super) fn normals<const D: usize>(
 ) -> Result<(Axis, Vec<SMatrix<f64, D, D>>), String> {
     let along = impact.along.map(Vector3::from);
     if let Some(along) = along.filter(|along| along.iter().any(|x| !x.is_finite()) || along.norm() == 0.0) {
-        return Err(format!("[impact] along = {:?}: a direction needs a finite length above 0", along.as_slice()));
+        return Err(format!("[impact] along = {:?}: its length must be finite and above 0", along.as_slice()));
     }
     match (&impact.normal, &impact.normal_deg) {
         (Some(normals), None) => {
             let made = normals.0.iter().map(|given| {
                 let normal = Vector3::from(*given);
                 if !(normal.norm() > 0.0 && normal.norm().is_finite()) {
-                    return Err(format!("[impact] normal = {given:?}: a normal needs a finite length above 0"));
+                    return Err(format!("[impact] normal = {given:?}: its length must be finite and above 0"));
                 }
                 surface(Normal::Vector(normal), along, straight)
             });
@@ -39,7 +39,11 @@ pub(super) fn normals<const D: usize>(
         (None, Some(values)) => {
             let axis = axis("impact", "normal_deg", "°", values)?;
             if axis.count() > 1 << 20 {
-                return Err(format!("[impact] normal_deg: {} values, a million is the most", axis.count()));
+                return Err(format!(
+                    "[impact] normal_deg has {} values: at most {} are allowed",
+                    axis.count(),
+                    1 << 20
+                ));
             }
             let each = (0..axis.count()).map(|k| surface(Normal::Degrees(axis.value(k)), along, straight));
             let made = each.collect::<Result<_, _>>()?;
@@ -48,16 +52,16 @@ pub(super) fn normals<const D: usize>(
         (None, None) => {
             Err("[impact] has no normal: give normal = [x, y, z], from the environment to the robot".into())
         }
-        (Some(_), Some(_)) => Err("[impact] has both normal and normal_deg: give one of them".into()),
+        (Some(_), Some(_)) => Err("[impact] has both normal and normal_deg: keep one of them".into()),
     }
 }
 
-fn no_shadow(along: &Vector3<f64>) -> String {
+fn no_tangential_part(along: &Vector3<f64>) -> String {
     let [x, y, z] = (*along).into();
-    format!("[impact] along = [{x}, {y}, {z}] has no part along the surface: give a direction on it")
+    format!("[impact] along = [{x}, {y}, {z}] is parallel to the normal: give a direction along the surface")
 }
 
-/// Contact axes in the plane: tangent, normal.
+/// Contact axes of a planar arm as columns: tangent, normal.
 pub(super) fn surface_in_plane(
     basis: &SMatrix<f64, 3, 2>,
     normal: Normal,
@@ -77,7 +81,7 @@ pub(super) fn surface_in_plane(
         Some(along) => {
             let part = basis.tr_mul(&along).dot(&left);
             if part.abs() <= 1e-9 * along.norm() {
-                return Err(no_shadow(&along));
+                return Err(no_tangential_part(&along));
             }
             left * part.signum()
         }
@@ -85,28 +89,28 @@ pub(super) fn surface_in_plane(
     Ok(SMatrix::from_columns(&[t, n]))
 }
 
-/// Contact axes in space: along the approach, sideways, normal.
+/// Contact axes in space as columns: tangent in the direction of the approach, second tangent, normal.
 pub(super) fn surface_in_space(
     normal: Normal,
     along: Option<Vector3<f64>>,
     straight: bool,
 ) -> Result<SMatrix<f64, 3, 3>, String> {
     let Normal::Vector(n) = normal else {
-        return Err("[impact] normal_deg is for arms that keep to a plane: give normal = [x, y, z]".into());
+        return Err("[impact] normal_deg needs a planar arm: give normal = [x, y, z]".into());
     };
     let n = n.normalize();
     let t = match along {
         Some(along) => {
             let part = along - n * n.dot(&along);
             if part.norm() <= 1e-9 * along.norm() {
-                return Err(no_shadow(&along));
+                return Err(no_tangential_part(&along));
             }
             part.normalize()
         }
         None if straight => z_onto(n).column(0).into_owned(),
         None => {
             return Err(
-                "[impact] has no along: give the direction of the approach along the surface (approach_deg is not 90)"
+                "[impact] has no along: give the tangential direction of the approach, as approach_deg is not 90"
                     .into(),
             );
         }

@@ -1,13 +1,13 @@
-//! A map on its way into a file: computed by all threads, written in the order of its rows, in constant memory.
+//! Writes a map to a file: computed in parallel, written in the order of the rows, in constant memory.
 //!
-//! The threads of rayon's current pool do all of it: while rows of a group are computed, the group before is encoded, column
-//! by column, and the one before that is written. Rows are computed in blocks whose length follows the time that they
-//! take, so that an interruption is heeded soon; the file's bytes don't depend on it, since rows are a function of their
-//! number and groups are counted by the table.
+//! All work runs on the threads of rayon's current pool. While the rows of one group are computed, the previous group is
+//! encoded, column by column, and the one before that is written. Rows are computed in blocks whose length adapts to their
+//! computing time, so that an interruption takes effect soon. The bytes of the file do not depend on the blocks, because
+//! a row is a function of its number and the table determines the groups.
 //!
-//! An interrupted run leaves `X.partial.parquet`, a whole table of the rows that are done, and a note beside it,
-//! `X.partial.parquet.json`, which says of what. To resume, whole groups are copied as bytes (of CSV everything), the rows of
-//! the last group are read back, and the rest is computed: the result has the bytes of a run that was never interrupted.
+//! An interrupted run leaves `X.partial.parquet`, a valid table of the rows computed so far, and the metadata needed to resume
+//! in `X.partial.parquet.json`. To resume, complete groups are copied as bytes (of a CSV file everything), the rows of the last
+//! group are decoded, and the remaining rows are computed. The result is byte-identical to that of an uninterrupted run.
 
 use super::{Study, StudyError};
 use crate::Table;
@@ -20,37 +20,37 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-/// A block takes about this time.
+/// Target computing time of a block.
 const BLOCK_TIME: Duration = Duration::from_millis(100);
-/// Most chunks that one thread computes before others may help it.
+/// Greatest number of chunks in one task of rayon.
 const MOST_CHUNKS: usize = 4;
 
-/// Where a map goes.
+/// Output file of a map.
 #[derive(Debug, Clone)]
 pub struct MapFile {
-    /// `.csv` or `.parquet`.
+    /// Path of the table; the extension, `.csv` or `.parquet`, selects the format.
     pub path: PathBuf,
-    /// The rows wanted: all, or a shard.
+    /// Row numbers to write: all, or a shard.
     pub rows: Range<u64>,
-    /// Go on with what an interrupted run left, if it left something.
+    /// Resume from the partial table of an interrupted run, if there is one.
     pub resume: bool,
 }
 
-/// How a run ended.
+/// How [`Study::write`] ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Written {
-    /// All rows are there.
+    /// All rows were written.
     Whole,
-    /// It was stopped.
+    /// The run was stopped.
     Interrupted {
-        /// How many rows are there.
+        /// Number of rows in the partial table.
         rows: u64,
-        /// Where.
+        /// Path of the partial table.
         partial: PathBuf,
     },
 }
 
-/// Of what an interrupted run is the beginning.
+/// Metadata of an interrupted run, compared on resuming.
 #[derive(Serialize, Deserialize, PartialEq)]
 struct Note {
     carom: String,
@@ -58,14 +58,14 @@ struct Note {
     urdf: String,
     first: u64,
     end: u64,
-    /// Rows that are done.
+    /// Number of rows in the partial table.
     rows: u64,
-    /// Length of the table that holds them.
+    /// Length of the partial table, bytes.
     bytes: u64,
 }
 
 impl MapFile {
-    /// Where an interrupted run leaves what is done: `X.partial.parquet` for `X.parquet`.
+    /// Path of the partial table that an interrupted run leaves: `X.partial.parquet` for `X.parquet`.
     pub fn partial(&self) -> PathBuf {
         let ending = self.path.extension().unwrap_or_default().to_string_lossy().into_owned();
         self.path.with_extension(format!("partial.{ending}"))
@@ -79,14 +79,14 @@ impl MapFile {
 }
 
 impl Study {
-    /// Writes the map, or the part of it that `file.rows` says. `progress` hears of rows as they are done (from several
-    /// threads), `stop` ends the run early.
+    /// Computes and writes the rows `file.rows` of the map. `progress` is called with the number of rows that have been
+    /// computed since its last call, from several threads; setting `stop` ends the run early and leaves a partial table.
     ///
     /// # Errors
-    /// [`StudyError`]: a file that can't be written, or not resumed. Nothing is left behind then.
+    /// [`StudyError`]: a file cannot be written, or the partial table cannot be resumed. No output is left then.
     ///
     /// # Panics
-    /// If `file.rows` goes beyond [`Study::rows`].
+    /// If `file.rows` ends beyond [`Study::rows`].
     pub fn write(
         &self,
         file: &MapFile,
@@ -104,14 +104,14 @@ impl Study {
         }
         table.finish()?;
         if file.resume {
-            // What they hold is in the map now.
+            // their rows are in the map now
             let _ = std::fs::remove_file(file.partial());
             let _ = std::fs::remove_file(file.note());
         }
         Ok(Written::Whole)
     }
 
-    /// Computes rows from `next` on and writes them.
+    /// Computes and writes the rows from `next` on.
     fn go_on(
         &self,
         table: &mut Table,
@@ -126,7 +126,7 @@ impl Study {
         let mut length = CHUNK;
         loop {
             let ready = std::mem::replace(&mut pieces, Ok(Vec::new()));
-            // Rows last: they come in small parts, so that whoever is free first takes of them, and all end together.
+            // rows last: their tasks are small and balance the load
             let ((written, encoded), ()) = rayon::join(
                 || rayon::join(|| table.append(ready), || encoder.encode(&full)),
                 || self.fill(&mut filling, next, end, &mut length, progress, stop),
@@ -141,8 +141,8 @@ impl Study {
         }
     }
 
-    /// Computes rows from `next` on until the group is full, or the end is there, or a stop. Blocks of about `length` rows
-    /// are there as a whole or not at all.
+    /// Computes rows from `next` on until the group is full, the last row is reached, or `stop` is set. Blocks of about
+    /// `length` rows are kept completely or discarded.
     fn fill(
         &self,
         rows: &mut Rows,
@@ -162,7 +162,7 @@ impl Study {
                 || (self.evaluator(), vec![0.0; width]),
                 |(evaluator, row), (k, chunk)| {
                     if stop.load(Ordering::Relaxed) {
-                        return; // this block is thrown away
+                        return; // the block is discarded
                     }
                     let here = CHUNK.min(count - k * CHUNK);
                     for r in 0..here {
@@ -196,7 +196,7 @@ impl Study {
         }
     }
 
-    /// Leaves what is done, and the note of what it is.
+    /// Writes the partial table and its metadata.
     fn leave(&self, file: &MapFile, table: Table, rows: u64) -> Result<Written, StudyError> {
         let (partial, beside) = (file.partial(), file.note());
         table.finish_at(&partial)?;
@@ -207,14 +207,14 @@ impl Study {
         Ok(Written::Interrupted { rows, partial })
     }
 
-    /// Copies what an interrupted run left; how many rows that were.
+    /// Copies the partial table of an interrupted run. Returns its number of rows.
     fn take_over(&self, file: &MapFile, table: &mut Table) -> Result<u64, StudyError> {
         let (partial, beside) = (file.partial(), file.note());
         if !partial.exists() {
             return Ok(0);
         }
         let refuse = |file: &Path, reason: String| StudyError::Resume { file: file.to_owned(), reason };
-        let again = "run without --resume to begin again";
+        let again = "run without --resume to start again";
         let text = std::fs::read_to_string(&beside).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
         let left: Note = serde_json::from_str(&text).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
         let ours = self.note(file, left.rows, left.bytes);
@@ -228,24 +228,25 @@ impl Study {
             } else {
                 "the shard"
             };
-            return Err(refuse(&beside, format!("{what} is not what it was; {again}")));
+            return Err(refuse(&beside, format!("{what} has changed since; {again}")));
         }
         let length = std::fs::metadata(&partial).map_err(|e| refuse(&partial, e.to_string()))?.len();
         if length != left.bytes {
-            let reason = format!("it has {length} bytes, and its note says {}; {again}", left.bytes);
+            let reason = format!("it has {length} bytes instead of the {} that were written; {again}", left.bytes);
             return Err(refuse(&partial, reason));
         }
         match table.take_over(&partial) {
             Err(error) => Err(refuse(&partial, format!("{error}; {again}"))),
-            Ok(Some(rows)) if rows != left.rows => {
-                Err(refuse(&partial, format!("it holds {rows} rows, and its note says {}; {again}", left.rows)))
-            }
+            Ok(Some(rows)) if rows != left.rows => Err(refuse(
+                &partial,
+                format!("it has {rows} rows instead of the {} that were written; {again}", left.rows),
+            )),
             Ok(_) => Ok(left.rows),
         }
     }
 }
 
-/// Writes a file beside its place and moves it there.
+/// Writes a file under a temporary name and renames it.
 fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");
