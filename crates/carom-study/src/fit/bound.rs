@@ -1,15 +1,15 @@
-//! The residual below which no point contact can go: the least over all impulses, whatever law picks them.
+//! Lower bound of the residual of a point contact: the minimum over all admissible impulses, independent of the law.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | b | m | measured jump | `jump` |
-//! | A | m×D | jump for each impulse | `reach` |
+//! | A | m×D | jump per unit impulse | `reach` |
 //! | p | D | impulse, contact axes, tangents first | – |
-//! | μ | 1 | friction | `friction` |
+//! | μ | 1 | coefficient of friction | `friction` |
 //!
-//! min ‖b − A p‖ over pₙ ≥ 0 and |p_t| ≤ μ pₙ. The problem is convex. If the free least-squares solution is outside, the
-//! least is on the cone, p = λ (μ cos θ, μ sin θ, 1), where λ ≥ 0 has a closed form and θ is searched: values every 5°,
-//! then Brent's method around the best.
+//! min ‖b − A p‖ over pₙ ≥ 0 and |p_t| ≤ μ pₙ. The problem is convex. If the unconstrained least-squares solution is
+//! inadmissible, the minimum is on the cone, p = λ (μ cos θ, μ sin θ, 1), where λ ≥ 0 has a closed form and θ is searched:
+//! values every 5°, then Brent's method around the best.
 
 use argmin::core::{CostFunction, Error, Executor};
 use argmin::solver::brent::BrentOpt;
@@ -17,10 +17,10 @@ use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
-/// Pivots below this share of the largest are none: directions that no joint moves.
+/// Relative tolerance of the rank: smaller pivots belong to directions that no joint moves.
 const RANK: f64 = 1e-12;
 
-/// The least residual of any impulse in the cone of `friction`; infinite friction: of any that does not pull.
+/// The least residual norm of all impulses in the friction cone; with infinite friction, of all with pₙ ≥ 0.
 pub(crate) fn least_residual(reach: &DMatrix<f64>, jump: &DVector<f64>, friction: f64) -> f64 {
     let n = reach.ncols() - 1;
     let free = least_norm(reach, jump, RANK);
@@ -30,7 +30,7 @@ pub(crate) fn least_residual(reach: &DMatrix<f64>, jump: &DVector<f64>, friction
         return (jump - reach * free).norm();
     }
     if friction.is_infinite() {
-        // On the half-space's rim nothing presses.
+        // on the boundary of the half-space p_n = 0
         let flat = reach.columns(0, n).into_owned();
         return (jump - &flat * least_norm(&flat, jump, RANK)).norm();
     }
@@ -70,7 +70,7 @@ impl CostFunction for Ray<'_> {
 mod tests {
     use super::*;
 
-    /// Projected gradient descent with the exact projection onto the cone: another road to the same least.
+    /// Reference solution: projected gradient descent with the exact projection onto the cone.
     fn by_descent(a: &DMatrix<f64>, b: &DVector<f64>, mu: f64) -> f64 {
         let n = a.ncols() - 1;
         let gram = a.transpose() * a;
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_residual_is_that_of_a_projected_descent() {
+    fn least_residual_equals_that_of_projected_gradient_descent() {
         let mut rng = fastrand::Rng::with_seed(1);
         let mut outside = 0;
         for k in 0..60 {
@@ -99,13 +99,13 @@ mod tests {
             let b = DVector::from_fn(rows, |_, _| rng.f64() - 0.5);
             let mu = 0.1 + rng.f64();
             let (ours, theirs) = (least_residual(&a, &b, mu), by_descent(&a, &b, mu));
-            // The descent's error falls as 1/steps at worst.
+            // the error of the descent is O(1/steps)
             assert!((ours - theirs).abs() < 1e-5 * b.norm(), "{k}: {ours} against {theirs}");
             assert!(ours <= theirs + 1e-12 * b.norm(), "{k}: {ours} above {theirs}");
             let any = least_residual(&a, &b, f64::INFINITY);
-            assert!(any <= ours + 1e-12, "{k}: more friction can't leave more");
+            assert!(any <= ours + 1e-12, "{k}: more friction must not increase the residual");
             outside += usize::from(ours > any + 1e-6);
         }
-        assert!(outside > 20, "the cone must matter: {outside}");
+        assert!(outside > 20, "too few cases in which the cone is active: {outside}");
     }
 }

@@ -1,40 +1,43 @@
-//! How well a coefficient is known.
+//! Confidence intervals: profile likelihood with a leverage-corrected sandwich covariance.
 //!
 //! | symbol | size | meaning |
 //! | --- | --- | --- |
-//! | rᵢ, Jᵢ | m, m×p | residual of impact i and its derivative by the coefficients |
+//! | rᵢ, Jᵢ | m, m×p | residual of impact i and its derivative with respect to the coefficients |
 //! | wᵢ, ρ | 1 | weight and loss, see `loss.rs` |
-//! | gᵢ = wᵢ Jᵢᵀ rᵢ | p | what impact i pulls the coefficients by |
-//! | Aᵢ = wᵢ JᵢᵀJᵢ + 2ρ'' Jᵢᵀrᵢ rᵢᵀJᵢ, A = Σ Aᵢ | p×p | curvature of the loss (Gauss & Newton's part; ρ'' by r²) |
-//! | Bᵢ = A^-½ Aᵢ A^-½, Σ Bᵢ = 1 | p×p | leverage: the share of what is known that impact i tells |
-//! | z, ν | p, 1 | A^-½ eₖ; degrees of freedom of coefficient k's variance |
+//! | gᵢ = wᵢ Jᵢᵀ rᵢ | p | contribution of impact i to the gradient of the loss (score) |
+//! | Aᵢ = wᵢ JᵢᵀJᵢ + 2ρ'' Jᵢᵀrᵢ rᵢᵀJᵢ, A = Σ Aᵢ | p×p | Gauss–Newton Hessian of the loss (ρ'' with respect to r²) |
+//! | Bᵢ = A^-½ Aᵢ A^-½, Σ Bᵢ = 1 | p×p | leverage of impact i: its share of the information |
+//! | z, ν | p, 1 | A^-½ eₖ; degrees of freedom of the variance of coefficient k |
 //!
-//! The pulls would give the covariance A⁻¹ (Σ gᵢ gᵢᵀ) A⁻¹ (P. J. Huber 1967; H. White, Econometrica 48 (1980) 817): impacts
-//! are taken for independent of one another, and nothing is assumed of the noise's size or direction within one. But a fit
-//! follows the impacts that tell most, so their pulls are too small; and friction is often told by a handful, as what
-//! sticks says nothing of it: with a quarter of thirty impacts slipping, such intervals of 95 % hold it in 84 %. So each
-//! pull is divided by √(1 − Bᵢ), which frees the variance from bias where noise is alike everywhere, and Student's
-//! quantile has ν = (Σᵢ Mᵢᵢ)²/Σᵢⱼ Mᵢⱼ², Mᵢⱼ = δᵢⱼ zᵀ(1 − Bᵢ)⁻¹Bᵢ z − yᵢᵀyⱼ, yᵢ = Bᵢ(1 − Bᵢ)^-½ z (R. M. Bell & D. F.
-//! McCaffrey, Survey Methodology 28 (2002) 169; here by matrices of p×p). It lies between 1 and n − p.
+//! The sandwich covariance is A⁻¹ (Σ gᵢ gᵢᵀ) A⁻¹ (P. J. Huber 1967; H. White, Econometrica 48 (1980) 817). It assumes that
+//! the impacts are independent, and nothing about the size or direction of the noise within an impact. It is biased low for
+//! impacts with high leverage, whose residuals the fit makes small. This matters for friction, which only slipping impacts
+//! identify: with a quarter of thirty impacts slipping, its 95 % intervals contain the true value in 84 % of the cases.
+//! Each score is therefore multiplied by (1 − Bᵢ)^-½, which makes the variance unbiased for homogeneous noise, and Student's
+//! quantile is taken for ν = (Σᵢ Mᵢᵢ)²/Σᵢⱼ Mᵢⱼ² degrees of freedom, Mᵢⱼ = δᵢⱼ zᵀ(1 − Bᵢ)⁻¹Bᵢ z − yᵢᵀyⱼ,
+//! yᵢ = Bᵢ(1 − Bᵢ)^-½ z (R. M. Bell & D. F. McCaffrey, Survey Methodology 28 (2002) 169; here with p×p matrices), which lies
+//! between 1 and n − p.
 //!
-//! The half-width so found is turned into a rise of the loss, and the interval reaches to where the loss, the other
-//! coefficients fitted anew, has risen by it: the same where the loss is a parabola, and an honest answer beyond a kink,
-//! behind which impacts stick and the loss is flat, or at the end of the search.
+//! The half-width of this interval is converted into an increase of the loss. The ends of the profile interval are the values
+//! at which the loss, minimised over the other coefficients, has increased by this amount. Both intervals are equal where the
+//! loss is quadratic. The profile interval remains valid beyond a kink, where impacts stick and the loss is flat, and at the
+//! bounds of the search.
 
 use super::loss::Cost;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// How far a coefficient may go.
+/// Size of the interval of a coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Reach {
-    /// Half the width of its interval, were the loss a parabola.
+    /// Half-width of the interval for a quadratic loss.
     pub width: f64,
-    /// By how much the loss may rise.
+    /// Increase of the loss at the ends of the interval.
     pub rise: f64,
 }
 
-/// Of each coefficient, `None` where one impact alone tells of it. `None` for all where the curvature is singular.
+/// The size of each coefficient's interval; `None` for a coefficient that one impact alone identifies. `None` for all if the
+/// Hessian is singular.
 pub(crate) fn reaches(
     residuals: &[DVector<f64>],
     jacobians: &[DMatrix<f64>],
@@ -63,7 +66,7 @@ pub(crate) fn reaches(
     let mut outer = vec![DMatrix::<f64>::zeros(p, p); p];
     for (curvature, pull) in &each {
         let leverage = &root * curvature * &root;
-        // Where an impact tells all, it leaves no residual to judge its noise by.
+        // an impact with leverage 1 has no residual from which its noise could be estimated
         let freed = function(&leverage, |b| if 1.0 - b > ALL { 1.0 / (1.0 - b).sqrt() } else { 0.0 });
         let moved = &root * &freed * &root * pull;
         variances += moved.component_mul(&moved);
@@ -91,10 +94,10 @@ pub(crate) fn reaches(
     Some((0..p).map(of).collect())
 }
 
-/// An impact with a leverage this near to 1 is the only one that tells.
+/// A leverage within this of 1 counts as 1.
 const ALL: f64 = 1e-9;
 
-/// A function of a symmetric matrix, by its eigenvalues.
+/// A function of a symmetric matrix, computed from its eigenvalues.
 fn function(matrix: &DMatrix<f64>, of: impl Fn(f64) -> f64) -> DMatrix<f64> {
     let eigen = matrix.clone().symmetric_eigen();
     &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues.map(of)) * eigen.eigenvectors.transpose()
@@ -112,7 +115,7 @@ pub(crate) fn resample(n: usize, rng: &mut fastrand::Rng) -> Vec<f64> {
     counts
 }
 
-/// The interval that holds the middle `confidence` of the drawn values.
+/// The central interval with a fraction `confidence` of the values.
 pub(crate) fn percentiles(mut values: Vec<f64>, confidence: f64) -> (f64, f64) {
     values.sort_by(f64::total_cmp);
     let last = (values.len() - 1) as f64;

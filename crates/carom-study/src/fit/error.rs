@@ -1,131 +1,132 @@
-//! What a fit is refused for.
+//! Errors of a fit.
 
 use carom_chain::ChainError;
 use carom_impact::ImpactError;
 use carom_sim::SimError;
 
-/// Why coefficients can't be fitted.
+/// Reason why coefficients cannot be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FitError {
-    /// No law of that name.
-    #[error("no law is named '{name}': the laws are {known}")]
+    /// There is no law of that name.
+    #[error("there is no law '{name}': choose one of {known}")]
     UnknownLaw {
-        /// The name asked for.
+        /// The name given.
         name: String,
-        /// The names there are.
+        /// The known names, separated by commas.
         known: String,
     },
-    /// The law knows no friction.
-    #[error("the law '{name}' knows no friction, so there is none to fit: choose one of {known}")]
+    /// The law has no coefficient of friction.
+    #[error("the law '{name}' has no coefficient of friction to fit: choose one of {known}")]
     NoFriction {
         /// The law.
         name: String,
-        /// Laws with friction.
+        /// The laws with a coefficient of friction, separated by commas.
         known: String,
     },
-    /// A number breaks its rule.
+    /// An option is out of its range.
     #[error("{what} is {value}: {rule}")]
     Setting {
-        /// What it is.
+        /// The option.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The rule.
+        /// The rule that the value breaks.
         rule: &'static str,
     },
     /// Too few measurements.
     #[error(
-        "{found} of {all} {of} are there to fit {parameters} coefficients, and at least {needed} are needed: record more, \
-         or fit on a larger share of them"
+        "{found} of {all} {of} are selected to fit {parameters} coefficients, but at least {needed} are needed: record \
+         more, or train on a larger share of them"
     )]
     TooFew {
-        /// Measurements to fit on.
+        /// Number of measurements to fit to.
         found: usize,
-        /// Measurements in all.
+        /// Number of all measurements.
         all: usize,
-        /// What they are.
+        /// What the measurements are: `impacts` or `tosses`.
         of: &'static str,
-        /// How many coefficients.
+        /// Number of coefficients.
         parameters: usize,
-        /// How many measurements are needed.
+        /// Number of measurements that are needed.
         needed: usize,
     },
-    /// A jump is no impact.
+    /// The contact point does not approach the surface.
     #[error(
-        "the contact does not approach: its normal velocity before is {normal_velocity} m/s, and in an impact it is \
-         negative; leave this one out, or check the normal (from the environment to the robot)"
+        "the contact does not approach: its normal velocity before the impact is {normal_velocity} m/s and must be \
+         negative; leave this measurement out, or check the normal (from the environment to the robot)"
     )]
     NoApproach {
         /// u_n⁻, m/s.
         normal_velocity: f64,
     },
-    /// Vectors of one measurement do not fit one another.
-    #[error("{what}: {found} where {needed} are needed")]
+    /// The vectors of one measurement have different lengths.
+    #[error("{what}: {found}, but {needed} are needed")]
     Sizes {
-        /// What has the wrong size.
+        /// What has the wrong length.
         what: &'static str,
-        /// How many there are.
+        /// Its length.
         found: usize,
-        /// How many there should be.
+        /// The required length.
         needed: usize,
     },
-    /// A number that is not one.
-    #[error("{what} holds {value}: every number must be finite")]
+    /// A number is NaN or infinite.
+    #[error("{what} contains {value}: every number must be finite")]
     NotFinite {
-        /// Where.
+        /// The vector.
         what: &'static str,
         /// The value.
         value: f64,
     },
-    /// The times of a flight are out of order.
-    #[error("the times of the flight {which} the impact do not ascend: {time} s follows {before} s")]
+    /// The times of a flight are not ascending.
+    #[error("the times of the flight {which} the impact must ascend: {time} s follows {before} s")]
     Times {
         /// `before` or `after`.
         which: &'static str,
-        /// The time that comes too early, s.
+        /// The time that is not later than its predecessor, s.
         time: f64,
-        /// The time before it, s.
+        /// The preceding time, s.
         before: f64,
     },
-    /// The flight after begins before the flight before ends.
+    /// The flight after the impact begins before the flight before it ends.
     #[error(
-        "the flight before the impact ends at {end} s, and the one after it begins at {start} s: it must begin later"
+        "the flight before the impact ends at {end} s and the flight after it begins at {start} s: it must begin later"
     )]
     Overlap {
-        /// Last sample before, s.
+        /// Last sample before the impact, s.
         end: f64,
-        /// First sample after, s.
+        /// First sample after the impact, s.
         start: f64,
     },
-    /// Two flights that don't meet.
+    /// The fit of the two flights did not converge.
     #[error(
-        "no impact joins the two flights: the fit of pose, velocities and time ended after {steps} steps at {rest} m"
+        "no impact joins the two flights: the fit of pose, velocities and time did not converge in {steps} steps; its \
+         residual is {rest} m"
     )]
     NotJoined {
-        /// Steps taken.
+        /// Number of steps.
         steps: usize,
-        /// Root mean square of what is left, m.
+        /// Root mean square of the residual, m.
         rest: f64,
     },
-    /// A robot without shapes, and no point said.
-    #[error("the robot has no collision shape to find the touching point by: say which point touches")]
+    /// The robot has no collision shape, and no contact point is given.
+    #[error("the robot has no collision shape to compute the contact point from: give the contact point")]
     NoShape,
-    /// Nothing carries the inertia that is to be scaled.
+    /// The scale of inertia needs a robot.
     #[error(
-        "the scale of inertia can't be fitted to plain numbers: a Delassus matrix is all there is, give a robot and q"
+        "the scale of inertia cannot be fitted to impacts given by a Delassus matrix: give a robot and the configurations q"
     )]
     NoInertia,
-    /// Every set of coefficients was refused.
-    #[error("the law refuses these impacts at every trial: {0}")]
+    /// The law or the simulation returned an error at the fitted coefficients.
+    #[error("the law returns an error for these impacts: {0}")]
     Refused(String),
-    /// Something about the robot or its states.
+    /// Error of the robot or its state.
     #[error(transparent)]
     Chain(#[from] ChainError),
-    /// What the law refuses.
+    /// Error of the law.
     #[error(transparent)]
     Impact(#[from] ImpactError),
-    /// What the simulation refuses.
+    /// Error of the simulation.
     #[error(transparent)]
     Simulation(#[from] SimError),
 }

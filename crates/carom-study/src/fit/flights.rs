@@ -1,8 +1,8 @@
-//! The states on both sides of an impact, from poses recorded in the flights before and after it.
+//! Estimates the states before and after an impact from poses recorded in the flights before and after it.
 //!
-//! An impact lasts less than a sample, and the difference of the samples around it is a velocity of neither flight. So
-//! both flights are fitted at once, as free motions that meet in one pose q* at one time t*, in the least squares of all
-//! samples: the unknowns are q*, qd⁻, qd⁺ and t*. The time is what joins them: it is well known where the jump is large.
+//! An impact is shorter than a sampling interval, so the difference quotient across it is the velocity of neither flight. Both
+//! flights are therefore fitted together, as free motions that share the pose q* at the time t*, by least squares over all
+//! samples. The unknowns are q*, qd⁻, qd⁺ and t*. The larger the velocity jump, the better t* is determined.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -10,8 +10,8 @@
 //! | S | m×(3nv+1) | d(residual)/dz, forward differences | `slopes` |
 //! | L, m | nv×nv, 1 | M = L Lᵀ at the reference pose, total mass | `metric` = Lᵀ/√m |
 //!
-//! Residuals are differences of poses in that metric, m. Levenberg & Marquardt's steps; written out here as the crate for
-//! them is tied to another version of nalgebra.
+//! Residuals are differences of poses in that metric, m. The solver is Levenberg–Marquardt, implemented here because the crate
+//! for it depends on another version of nalgebra.
 
 use super::error::FitError;
 use crate::tosses::{TossError, Tosses};
@@ -22,45 +22,46 @@ use carom_sim::{SimError, free_motion_at};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::f64::consts::TAU;
 
-/// Poses of one free flight.
+/// Sampled poses of one free flight.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Flight {
-    /// Ascending, s.
+    /// Times of the samples, ascending, s.
     pub times: Vec<f64>,
-    /// A configuration for each time.
+    /// Configuration q at each time, rad or m.
     pub poses: Vec<Vec<f64>>,
 }
 
-/// Two flights, joined by an impact.
+/// The impact between two flights, estimated by [`join_flights`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joined {
     /// Time of the impact, s.
     pub time: f64,
-    /// Configuration at the impact.
+    /// Configuration at the impact, rad or m.
     pub q: Vec<f64>,
-    /// Joint velocities before.
+    /// Joint velocities before the impact, rad/s or m/s.
     pub qd_minus: Vec<f64>,
-    /// Joint velocities after.
+    /// Joint velocities after the impact, rad/s or m/s.
     pub qd_plus: Vec<f64>,
-    /// Root mean square of what the two flights miss the samples by, m.
+    /// Root mean square of the residuals of all samples, m.
     pub rest: f64,
-    /// Standard deviation of the jump qd⁺ − qd⁻ that such samples give it, m/s, in the metric of
-    /// [`MeasuredImpact`](super::MeasuredImpact).
+    /// Standard deviation of the estimated jump qd⁺ − qd⁻, m/s, in the metric of [`MeasuredImpact`](super::MeasuredImpact).
     pub deviation: f64,
 }
 
-/// Steps after which the fit of the flights gives up; it needs 4 to 12.
+/// Greatest number of steps; 4 to 12 are usual.
 const MOST_STEPS: usize = 60;
-/// A step this small, relative, is the last: the next would be smaller by the numerical derivative's error, 1e-5 or less.
+/// The iteration ends with a relative step below this: the next one is smaller by the relative error of the numerical
+/// derivative, at most 1e-5.
 const SETTLED: f64 = 1e-9;
 /// Step of the numerical derivative: m, rad, m/s, rad/s, s.
 const STEP: f64 = 1e-6;
 
-/// The impact between two free flights (motors off, no damping, under `gravity`), at least two samples each. Continuous
-/// joints may wrap at ±π.
+/// Estimates time, pose and velocities of the impact between two free flights: no motor torques, no damping, under `gravity`
+/// (world frame, m/s²). Each flight has at least two samples. Positions of continuous joints may wrap at ±π.
 ///
 /// # Errors
-/// [`FitError`]: samples that are too few, out of order or do not fit the chain; flights that no impact joins.
+/// [`FitError::Sizes`], [`FitError::NotFinite`], [`FitError::Times`], [`FitError::Overlap`]: too few, non-finite or unordered
+/// samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotJoined`]: no convergence.
 pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Joined, FitError> {
     let pair = Pair::new(chain, gravity, before, after)?;
     let mut z = pair.start()?;
@@ -81,7 +82,7 @@ pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after
                 continue;
             };
             let next = pair.inside(&z - factor.solve(&pull));
-            // Trials far off may turn faster than the integration can follow.
+            // the integration can fail at trial velocities that are far too large
             let tried = pair.residual(&next).ok().filter(|r| r.norm_squared() < rest.norm_squared());
             if let Some(tried) = tried {
                 moved = (&next - &z).norm() / (1.0 + z.norm());
@@ -102,7 +103,7 @@ pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after
 struct Pair<'a> {
     chain: &'a Chain,
     gravity: Vector3<f64>,
-    /// From the impact backwards.
+    /// In reverse order, from the impact backwards.
     before: Flight,
     after: Flight,
     reference: Vec<f64>,
@@ -156,7 +157,7 @@ impl<'a> Pair<'a> {
         Ok(Self { chain, gravity, before, after, reference, metric })
     }
 
-    /// From straight lines through each flight's samples; t* midway.
+    /// Initial values: a straight line through the samples of each flight, and t* midway between them.
     fn start(&self) -> Result<DVector<f64>, FitError> {
         let time = 0.5 * (self.before.times[0] + self.after.times[0]);
         let nv = self.chain.nv();
@@ -183,7 +184,7 @@ impl<'a> Pair<'a> {
         Ok(z)
     }
 
-    /// With t* between the flights.
+    /// Clamps t* to the interval between the flights.
     fn inside(&self, mut z: DVector<f64>) -> DVector<f64> {
         let last = z.len() - 1;
         z[last] = z[last].clamp(self.before.times[0], self.after.times[0]);
@@ -214,7 +215,7 @@ impl<'a> Pair<'a> {
         let mut slopes = DMatrix::zeros(rest.len(), z.len());
         for k in 0..z.len() {
             let mut moved = z.clone();
-            // The time stays between the flights.
+            // t* stays between the flights
             let back = k == z.len() - 1 && z[k] + STEP > self.after.times[0];
             let step = if back { -STEP } else { STEP };
             moved[k] += step;
@@ -228,7 +229,7 @@ impl<'a> Pair<'a> {
         let slopes = self.slopes(z, rest)?;
         let degrees = rest.len().saturating_sub(z.len()).max(1);
         let variance = rest.norm_squared() / degrees as f64;
-        // The jump, in the metric, as a linear function of z.
+        // the jump in the metric as a linear function of z
         let mut jump = DMatrix::zeros(nv, z.len());
         jump.columns_mut(2 * nv, nv).copy_from(&self.metric);
         jump.columns_mut(nv, nv).copy_from(&-&self.metric);
@@ -249,7 +250,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// Continuous joints turn on where their samples wrap.
+/// Removes the wraps at ±π from the positions of continuous joints.
 fn unwrap(chain: &Chain, poses: &mut [Vec<f64>]) {
     for joint in chain.joints() {
         let (JointType::Continuous, Coordinates::Own { q, .. }) = (joint.kind, &joint.coordinates) else { continue };
@@ -260,10 +261,12 @@ fn unwrap(chain: &Chain, poses: &mut [Vec<f64>]) {
     }
 }
 
-/// The point of the robot's shapes that is lowest along `normal`: the link's frame, and the point in its axes, m.
+/// The lowest point of the robot's collision shapes along `normal` (world frame) at configuration `q`: the frame of its link,
+/// and the point in the axes of that frame, m.
 ///
 /// # Errors
-/// A robot without shapes, a shape that can't be made, a configuration that does not fit.
+/// [`FitError::NoShape`] for a robot without shapes; [`FitError::Simulation`] for an invalid shape or normal;
+/// [`FitError::Chain`] for a configuration that does not fit the chain.
 pub fn lowest_point(chain: &Chain, q: &[f64], normal: Vector3<f64>) -> Result<(FrameId, [f64; 3]), FitError> {
     let plane = Obstacle::half_space(Vector3::zeros(), normal).map_err(SimError::from)?;
     let mut workspace = chain.workspace();
@@ -278,17 +281,19 @@ pub fn lowest_point(chain: &Chain, q: &[f64], normal: Vector3<f64>) -> Result<(F
     Ok((frame, pose.inverse().point(gap.on_robot).into()))
 }
 
-/// How near to the floor the lowest point of a toss must come in a sample for the first impact to be there, m.
+/// Greatest gap to the floor at the sample of an impact, m.
 const NEAR: f64 = 0.005;
-/// Samples of each flight: no more than these nearest to the impact, no fewer than those.
+/// Least and greatest number of samples of a flight, those nearest to the impact.
 const SAMPLES: (usize, usize) = (4, 12);
 
-/// The flights before and after the first impact of each toss, with the toss's number. The impact is where the lowest
-/// point of the sampled poses is lowest for the first time, within 5 mm of the floor; that sample belongs to neither
-/// flight. Tosses with fewer than 4 samples before or after it (until they are lowest again) are left out.
+/// The flights before and after the first impact of each toss, with the number of the toss.
+///
+/// The impact is at the first local minimum of the gap between the lowest point of the robot and the floor that is below
+/// 5 mm; that sample belongs to neither flight. The flight after it ends before the next such minimum. A flight has the at
+/// most 12 samples nearest to the impact. Tosses with fewer than 4 samples before or after the impact are left out.
 ///
 /// # Errors
-/// A pose that does not fit the robot.
+/// [`TossError::Simulation`] for a pose that does not fit the robot.
 pub fn toss_flights(tosses: &Tosses) -> Result<Vec<(i64, Flight, Flight)>, TossError> {
     let mut all = Vec::new();
     for toss in &tosses.tosses {

@@ -1,4 +1,4 @@
-//! Measured velocity jumps, and what a law leaves of them.
+//! Measured velocity jumps, and their residuals under a law.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -6,10 +6,10 @@
 //! | H | D×D | Delassus matrix, 1/kg | `delassus` |
 //! | L, m | nv×nv, 1 | M = L Lᵀ at the impact, total mass | `metric` = Lᵀ/√m |
 //! | b | m | measured jump: u⁺ − u⁻, or Lᵀ(qd⁺ − qd⁻)/√m, m/s | `jump` |
-//! | A | m×D | the same for unit impulses: H, or Lᵀ M⁻¹ Jᵀ/√m | `reach` |
+//! | A | m×D | jump per unit impulse: H, or Lᵀ M⁻¹ Jᵀ/√m | `reach` |
 //!
-//! A residual is b − A p, with p the law's impulse: all in m/s. For a chain its norm is √(2T/m), with T the kinetic energy
-//! of the joint velocities that are missed: no choice of coordinates or units of rotation enters.
+//! The residual is b − A p, m/s, with p the impulse of the law. For a chain its norm is √(2T/m), with T the kinetic energy of
+//! the error of the joint velocities. It does not depend on the choice of coordinates or on units of rotation.
 
 use super::bound::least_residual;
 use super::error::FitError;
@@ -18,30 +18,30 @@ use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law
 use carom_sim::Impacts;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
-/// One impact as a chain's joints saw it.
+/// One impact measured at the joints of a chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChainJump {
-    /// Configuration at the impact.
+    /// Configuration at the impact, rad or m.
     pub q: Vec<f64>,
-    /// Joint velocities before.
+    /// Joint velocities before the impact, rad/s or m/s.
     pub qd_minus: Vec<f64>,
-    /// Joint velocities after.
+    /// Joint velocities after the impact, rad/s or m/s.
     pub qd_plus: Vec<f64>,
-    /// The link that touches.
+    /// Frame of the link in contact.
     pub frame: FrameId,
-    /// The touching point in the link's axes, m.
+    /// Contact point in the axes of that frame, from its origin, m.
     pub offset: [f64; 3],
-    /// Surface normal, world, from the environment to the robot.
+    /// Contact normal, world frame, from the environment to the robot; need not have length 1.
     pub normal: [f64; 3],
 }
 
-/// One measured impact, ready for any law.
+/// One measured impact, as the input of a fit.
 #[derive(Debug, Clone)]
 pub struct MeasuredImpact {
     problem: Problem,
     reach: DMatrix<f64>,
     jump: DVector<f64>,
-    /// With which robot it was measured, to do it over with another inertia.
+    /// The measurement at the joints and its metric, to recompute H for another inertia.
     chain: Option<(ChainJump, DMatrix<f64>)>,
 }
 
@@ -52,10 +52,12 @@ enum Problem {
 }
 
 impl MeasuredImpact {
-    /// From plain numbers in the plane: contact axes, tangent first.
+    /// An impact in the plane, given by its Delassus matrix (1/kg) and the contact velocities before and after (m/s), in
+    /// contact axes (tangent, normal).
     ///
     /// # Errors
-    /// Numbers that no impact has; a contact that does not approach.
+    /// [`FitError::Impact`] for an invalid matrix or velocity, [`FitError::NotFinite`], and [`FitError::NoApproach`] if
+    /// u_n⁻ ≥ 0.
     pub fn in_plane(
         delassus: SMatrix<f64, 2, 2>,
         u_minus: SVector<f64, 2>,
@@ -65,7 +67,8 @@ impl MeasuredImpact {
         Self::of_numbers(&problem, u_plus, Problem::Plane(problem))
     }
 
-    /// From plain numbers in space: contact axes, tangents first.
+    /// An impact in space, given by its Delassus matrix (1/kg) and the contact velocities before and after (m/s), in contact
+    /// axes (two tangents, then the normal).
     ///
     /// # Errors
     /// As [`MeasuredImpact::in_plane`].
@@ -91,10 +94,10 @@ impl MeasuredImpact {
         Self { problem, reach, jump, chain: None }.approaching()
     }
 
-    /// From a chain's joint velocities on both sides.
+    /// An impact of a chain, given by its joint velocities before and after.
     ///
     /// # Errors
-    /// A state that does not fit the chain; a point that can't move along the normal; a contact that does not approach.
+    /// A state that does not fit the chain, a singular normal direction (H_nn = 0), and [`FitError::NoApproach`] if u_n⁻ ≥ 0.
     pub fn of_chain(chain: &Chain, measured: &ChainJump) -> Result<Self, FitError> {
         let mut workspace = chain.workspace();
         let mass_matrix = workspace.update(chain, &measured.q)?.mass_matrix();
@@ -130,12 +133,12 @@ impl MeasuredImpact {
         }
     }
 
-    /// Whether a robot stands behind it, whose inertia could be scaled.
+    /// Whether the impact was measured at a chain, so that its inertia can be scaled.
     pub(crate) fn has_robot(&self) -> bool {
         self.chain.is_some()
     }
 
-    /// The same measurement on a robot with other inertia, residuals measured as before.
+    /// The same measurement for a chain with other inertia. The metric of the residuals is unchanged.
     pub(crate) fn on(&self, chain: &Chain) -> Result<Self, FitError> {
         match &self.chain {
             None => Err(FitError::NoInertia),
@@ -148,11 +151,11 @@ impl MeasuredImpact {
         self.jump.norm()
     }
 
-    /// What a law leaves of the jump, m/s: u⁺ measured less computed, or, for a chain, the same of its joint velocities in
-    /// the metric of its kinetic energy.
+    /// Residual under a law, m/s: measured minus computed u⁺ or, for a chain, measured minus computed joint velocities in the
+    /// metric of the kinetic energy.
     ///
     /// # Errors
-    /// What the law refuses.
+    /// Error of the law.
     pub fn residual(&self, laws: &LawPair) -> Result<DVector<f64>, ImpactError> {
         let impulse = match &self.problem {
             Problem::Plane(problem) => DVector::from_column_slice(laws.plane.resolve(problem)?.impulse.as_slice()),
@@ -161,9 +164,8 @@ impl MeasuredImpact {
         Ok(&self.jump - &self.reach * impulse)
     }
 
-    /// The least norm of residual, m/s, that any impulse at the contact leaves which does not pull and keeps to the cone
-    /// of `friction` (`f64::INFINITY`: any impulse that does not pull). No law with that friction can do better, as none
-    /// leaves the cone.
+    /// Lower bound of the residual norm, m/s, over all impulses in the cone of the coefficient `friction`; with
+    /// `f64::INFINITY` over all impulses with p_n ≥ 0. The impulse of every law with that friction lies in the cone.
     pub fn least_residual(&self, friction: f64) -> f64 {
         least_residual(&self.reach, &self.jump, friction)
     }
@@ -176,10 +178,10 @@ pub struct LawPair {
 }
 
 impl LawPair {
-    /// The law called `name`, one of [`LAW_NAMES`].
+    /// The law `name`, one of [`LAW_NAMES`], with the given coefficients.
     ///
     /// # Errors
-    /// [`FitError::UnknownLaw`].
+    /// [`FitError::UnknownLaw`] for any other name.
     pub fn new(name: &str, restitution: f64, friction: f64) -> Result<Self, FitError> {
         let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
         let both = (law_by_name::<2>(name, coefficients), law_by_name::<3>(name, coefficients));

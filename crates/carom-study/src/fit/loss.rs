@@ -1,25 +1,26 @@
-//! What a residual costs.
+//! Loss functions.
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
 //! | r | norm of one measurement's residual | `norm` |
-//! | δ | from here on the cost grows in proportion | `threshold` |
+//! | δ | threshold beyond which the loss grows linearly | `threshold` |
 //! | ρ(r) | r², or 2 δ r − δ² beyond δ (P. J. Huber, Ann. Math. Statist. 35 (1964) 73) | `cost` |
 //! | w(r) | ρ'(r)/(2 r): 1, or δ/r beyond δ | `weight` |
 
-/// How much a residual counts.
+/// Loss as a function of the norm of a measurement's residual.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Loss {
-    /// Its square: best for noise alone, at the mercy of one wrong measurement.
+    /// Least squares: efficient for Gaussian noise, not robust against outliers.
     Squares,
-    /// Huber's: squares up to twice the median residual (of the fit that minimises the sum of the residuals' norms), in
-    /// proportion beyond. It is the norm of the whole residual that counts, so that a wrong impact is wrong as a whole.
+    /// Huber's loss: quadratic up to a threshold, linear beyond. The threshold is twice the median residual of the fit that
+    /// minimises the sum of the residual norms. The argument is the norm of the whole residual, so an outlier is an impact,
+    /// not a component of one.
     #[default]
     Huber,
 }
 
 impl Loss {
-    /// `squares` or `huber`.
+    /// Name of the loss: `squares` or `huber`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Squares => "squares",
@@ -31,12 +32,12 @@ impl Loss {
 /// A loss with its threshold.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Cost {
-    /// δ; infinite for squares, 0 for the norm itself (times 2).
+    /// δ; infinite for squares, 0 for the norm itself.
     pub threshold: f64,
 }
 
 impl Cost {
-    /// The sum of norms, whose fit gives the scale.
+    /// Sum of the norms; its minimiser determines the scale of the residuals.
     pub const NORMS: Self = Self { threshold: 0.0 };
     pub const SQUARES: Self = Self { threshold: f64::INFINITY };
 
@@ -62,7 +63,7 @@ impl Cost {
     }
 }
 
-/// The middle one (of an even number, the mean of the middle two); 0 of none.
+/// Median (of an even number of values, the mean of the middle two); 0 without values.
 pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);

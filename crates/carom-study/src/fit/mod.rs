@@ -1,21 +1,22 @@
-//! Coefficients from recorded impacts: restitution, friction and, if asked, the scale of rotational inertia.
+//! Fits the coefficients of an impact law to recorded impacts: restitution, friction and, optionally, the scale of rotational
+//! inertia.
 //!
-//! Impacts are recorded in one of three ways, and they give different coefficients, so a [`Fit`] says which it is of:
+//! There are three kinds of recordings. They give different coefficients, so a [`Fit`] states which kind it is for:
 //!
-//! | recorded | fitted | what is missed is |
+//! | recording | function | residual |
 //! | --- | --- | --- |
-//! | velocities before and after, as numbers or of a chain's joints | [`fit_velocities`] of [`MeasuredImpact`]s | a velocity, m/s |
-//! | poses of the flights before and after | the same, after [`join_flights`] has estimated velocities, pose and time | a velocity, m/s |
-//! | whole tosses | [`fit_trajectories`] | the pose over the whole roll-out, [`RollOut::pose_error`](crate::RollOut::pose_error) |
+//! | velocities before and after, at the contact or of a chain's joints | [`fit_velocities`] of [`MeasuredImpact`]s | velocity, m/s |
+//! | poses of the flights before and after | [`join_flights`] estimates velocities, pose and time, then [`fit_velocities`] | velocity, m/s |
+//! | whole tosses | [`fit_trajectories`] | pose error over the whole roll-out, [`RollOut::pose_error`](crate::RollOut::pose_error) |
 //!
-//! The first two speak of one impact at a time and can be held against [`MeasuredImpact::least_residual`], the bound below
-//! which no point contact can go, whatever its law. The third adds up everything that happens in a toss.
+//! The residual of a single impact has the lower bound [`MeasuredImpact::least_residual`], which no law with a point contact
+//! can go below. The error of a roll-out accumulates over all impacts and contacts of a toss.
 //!
-//! **Method.** The least of a robust loss ([`Loss`]) over a box, by a grid and Nelder & Mead's search (`search.rs`);
-//! intervals from the loss itself, which may rise by what a covariance allows that assumes nothing of the noise
-//! (`confidence.rs`); for roll-outs, from a seeded bootstrap over the tosses. Noise in the velocities *before* an impact is
-//! not modelled: it is taken for noise of the jump. That is no matter while it is some hundredths of them, and then biases
-//! restitution low and, where many impacts are near sticking, friction high. The same numbers in give the same numbers out.
+//! **Method.** A robust loss ([`Loss`]) is minimised over a box by a grid and the Nelder–Mead method (`search.rs`). Intervals
+//! for velocities are profile-likelihood intervals with a leverage-corrected sandwich covariance (`confidence.rs`); intervals
+//! for roll-outs come from a seeded bootstrap over the tosses. Noise in the velocities *before* an impact is not modelled but
+//! treated as noise of the jump. Its effect is negligible up to a few per cent of these velocities; larger noise biases
+//! restitution low and, where many impacts are close to sticking, friction high. Results are deterministic.
 
 mod bound;
 mod confidence;
@@ -37,28 +38,28 @@ pub use velocities::fit_velocities;
 use carom_impact::LAW_NAMES;
 use loss::median;
 
-/// How to fit.
+/// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FitOptions<'a> {
-    /// The law, one of [`LAW_NAMES`] with friction.
+    /// The law, one of [`LAW_NAMES`] except `frictionless`.
     pub law: &'a str,
-    /// What a residual costs.
+    /// The loss.
     pub loss: Loss,
-    /// Fit the scale of rotational inertia too: all bodies' inertias about their centres of mass times one number, while
-    /// masses stay. Searched from 1/2 to 2.
+    /// Whether to fit the scale of rotational inertia too: one factor for the inertias of all bodies about their centres of
+    /// mass, with the masses unchanged; searched from 1/2 to 2.
     pub inertia: bool,
-    /// Upper end of the search for friction.
+    /// Upper bound of the coefficient of friction, above 0 and at most 100. The lower bound is 0.
     pub max_friction: f64,
-    /// Share of the measurements that are fitted on; the rest is for the test. 1: all, and no test.
+    /// Share of the measurements used for training, above 0 and at most 1; the others form the test set.
     pub train: f64,
-    /// Seed of the split and of the bootstrap.
+    /// Seed of the split into training and test set, and of the bootstrap.
     pub seed: u64,
-    /// Of the intervals.
+    /// Confidence level of the intervals, at least 0.5 and below 1.
     pub confidence: f64,
 }
 
 impl Default for FitOptions<'_> {
-    /// Stronge's law, Huber's loss, friction up to 1, half for training, 95 %.
+    /// Stronge's law, Huber's loss, no scale of inertia, friction up to 1, half for training, seed 0, 95 %.
     fn default() -> Self {
         Self {
             law: "energetic",
@@ -72,7 +73,7 @@ impl Default for FitOptions<'_> {
     }
 }
 
-/// What was fitted.
+/// The kind of recording that was fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FittedTo {
     /// Velocity jumps.
@@ -82,7 +83,7 @@ pub enum FittedTo {
 }
 
 impl FittedTo {
-    /// `velocities` or `trajectories`.
+    /// Name of the kind: `velocities` or `trajectories`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Velocities => "velocities",
@@ -91,28 +92,28 @@ impl FittedTo {
     }
 }
 
-/// The outcome of a fit.
+/// Result of a fit.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// What was fitted.
+    /// The kind of recording that was fitted.
     pub to: FittedTo,
-    /// The law's name.
+    /// Name of the law.
     pub law: String,
     /// The loss.
     pub loss: Loss,
-    /// Beyond this error the loss grows in proportion; `None` for squares.
+    /// Error beyond which the loss grows linearly, in the unit of [`Misfit::error`]; `None` for least squares.
     pub threshold: Option<f64>,
-    /// Restitution, friction and, if asked, the inertia's scale.
+    /// Restitution, friction and, if requested, the scale of inertia.
     pub coefficients: Vec<Coefficient>,
-    /// On what was fitted.
+    /// Errors of the training set.
     pub train: Score,
-    /// On what was not; `None` if everything was fitted.
+    /// Errors of the test set; `None` if it is empty.
     pub test: Option<Score>,
-    /// Each measurement, in its order.
+    /// Error of each measurement, in the order of the input.
     pub each: Vec<Misfit>,
-    /// What a reader has to know, in sentences.
+    /// Notes for the reader, one sentence each: identifiability, active bounds, origin of the intervals.
     pub notes: Vec<String>,
-    /// How many sets of coefficients were tried.
+    /// Number of sets of coefficients that were evaluated.
     pub trials: usize,
 }
 
@@ -123,28 +124,29 @@ pub struct Coefficient {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// Lower end of its interval.
+    /// Lower end of its confidence interval.
     pub low: f64,
-    /// Upper end of its interval.
+    /// Upper end of its confidence interval.
     pub high: f64,
-    /// Where the interval comes from.
+    /// Method of the interval.
     pub interval: Interval,
 }
 
-/// Where an interval comes from.
+/// Method of a confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interval {
-    /// The values at which the loss, with the other coefficients fitted anew, has risen by no more than the scatter of
-    /// what each measurement pulls by allows.
+    /// Profile likelihood with a leverage-corrected sandwich covariance: the values at which the loss, minimised over the
+    /// other coefficients, exceeds its minimum by no more than this covariance allows.
     Profile,
-    /// Fits to measurements drawn anew.
+    /// Bootstrap over the tosses.
     Bootstrap,
-    /// One measurement or none tells of it, which leaves no scatter: the values that fit as well, if noise is alike in all.
+    /// Profile likelihood with homogeneous noise: at most one measurement identifies the coefficient, so the covariance
+    /// cannot be estimated.
     Alike,
 }
 
 impl Interval {
-    /// `jacobian`, `bootstrap` or `flat`.
+    /// Name of the method: `profile`, `bootstrap` or `alike`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Profile => "profile",
@@ -154,35 +156,35 @@ impl Interval {
     }
 }
 
-/// How well one measurement is met.
+/// Error of one measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misfit {
-    /// Its place, counted from 0, or the toss's number.
+    /// Velocities: index of the impact, from 0. Trajectories: number of the toss.
     pub number: i64,
-    /// It was fitted, not tested on.
+    /// Whether the measurement belongs to the training set.
     pub trained: bool,
-    /// Velocities: norm of the residual, m/s. Trajectories: the pose error.
+    /// Velocities: norm of the residual, m/s. Trajectories: [`RollOut::pose_error`](crate::RollOut::pose_error).
     pub error: f64,
-    /// The least residual of any impulse that does not pull, m/s (velocities).
+    /// Velocities: lower bound of the residual over all impulses with p_n ≥ 0, m/s.
     pub least: Option<f64>,
-    /// The least residual within the cone of the fitted friction, m/s (velocities).
+    /// Velocities: lower bound of the residual over all impulses in the cone of the fitted friction, m/s.
     pub least_in_cone: Option<f64>,
 }
 
-/// How well several are met.
+/// Statistics of the errors of several measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
-    /// How many.
+    /// Number of measurements.
     pub count: usize,
-    /// Mean of the errors.
+    /// Mean of [`Misfit::error`].
     pub mean: f64,
-    /// Their median.
+    /// Median of [`Misfit::error`].
     pub median: f64,
-    /// Share of errors below 0.5 (trajectories).
+    /// Trajectories: share of errors below 0.5.
     pub below_half: Option<f64>,
-    /// Mean of the least residuals of any impulse that does not pull (velocities).
+    /// Velocities: mean of [`Misfit::least`], m/s.
     pub least: Option<f64>,
-    /// Mean of those within the cone of the fitted friction (velocities).
+    /// Velocities: mean of [`Misfit::least_in_cone`], m/s.
     pub least_in_cone: Option<f64>,
 }
 
@@ -221,17 +223,13 @@ impl FitOptions<'_> {
         }
         let refuse = |what, value, rule| Err(FitError::Setting { what, value, rule });
         if !(self.max_friction > 0.0 && self.max_friction <= 100.0) {
-            return refuse("largest friction", self.max_friction, "the search ends above 0 and at 100 at most");
+            return refuse("largest friction", self.max_friction, "it must be above 0 and at most 100");
         }
         if !(self.train > 0.0 && self.train <= 1.0) {
-            return refuse("training share", self.train, "it lies above 0, and 1 is all");
+            return refuse("training share", self.train, "it must be above 0 and at most 1");
         }
         if !(self.confidence >= 0.5 && self.confidence < 1.0) {
-            return refuse(
-                "confidence",
-                self.confidence,
-                "give at least 0.5 and less than 1, as only the whole range is sure to hold the truth",
-            );
+            return refuse("confidence", self.confidence, "it must be at least 0.5 and below 1");
         }
         Ok(())
     }
@@ -240,7 +238,7 @@ impl FitOptions<'_> {
         if self.inertia { 3 } else { 2 }
     }
 
-    /// Which of `all` measurements are fitted (ascending), by a seeded shuffle.
+    /// Indices of the training set among `all` measurements, ascending, by a seeded shuffle.
     fn split(&self, all: usize, of: &'static str) -> Result<Vec<usize>, FitError> {
         let parameters = self.parameters();
         let found = ((all as f64 * self.train).round() as usize).min(all);
@@ -255,7 +253,7 @@ impl FitOptions<'_> {
         Ok(order)
     }
 
-    /// Sides of the box that is searched.
+    /// Bounds of each coefficient.
     fn bounds(&self) -> Vec<(f64, f64)> {
         let mut bounds = vec![(0.0, 1.0), (0.0, self.max_friction)];
         if self.inertia {
@@ -265,5 +263,5 @@ impl FitOptions<'_> {
     }
 }
 
-/// The scales of inertia that are searched.
+/// Bounds of the scale of inertia.
 const INERTIA: (f64, f64) = (0.5, 2.0);

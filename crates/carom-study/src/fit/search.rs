@@ -1,12 +1,12 @@
-//! The least cost in a box: a grid, then Nelder & Mead's search from its best points.
+//! Minimises a cost over a box: a grid, then the Nelder–Mead method from the best grid points.
 //!
-//! Outcomes are piecewise smooth in the coefficients, with kinks where an impact goes from slip to stick and, in
-//! roll-outs, jumps: a search by values is at home there, a gradient is not. The search itself is argmin's.
+//! The cost is piecewise smooth in the coefficients, with kinks where an impact changes from slip to stick and, in roll-outs,
+//! discontinuities. A method without derivatives is robust against both. The Nelder–Mead implementation is that of argmin.
 
 use argmin::core::{CostFunction, Error, Executor, State};
 use argmin::solver::neldermead::NelderMead;
 
-/// Where the search goes, and from which points it starts.
+/// The box that is searched, and the grid of starting points.
 #[derive(Debug, Clone)]
 pub(crate) struct Region {
     /// Lowest and highest value of each coefficient.
@@ -21,7 +21,7 @@ impl Region {
         x.iter().zip(&self.bounds).map(|(x, &(low, high))| x.clamp(low, high)).collect()
     }
 
-    /// The same without coefficient `k`.
+    /// The region without coefficient `k`.
     pub fn without(&self, k: usize) -> Self {
         let mut rest = self.clone();
         rest.bounds.remove(k);
@@ -29,7 +29,7 @@ impl Region {
         rest
     }
 
-    /// All points of the grid, the first coefficient slowest.
+    /// All points of the grid; the first coefficient varies slowest.
     pub fn points(&self) -> Vec<Vec<f64>> {
         let mut points = vec![Vec::new()];
         for values in &self.grid {
@@ -38,9 +38,9 @@ impl Region {
         points
     }
 
-    /// Nelder & Mead's search from `start` over `cost`, with edges of the first simplex of `share` of each side of the
-    /// box. The cost counts relative to its value at the start; the spread of the simplex's costs at which the search
-    /// ends is `spread` of that. Returns the least point seen and its cost.
+    /// Minimises `cost` from `start` by the Nelder–Mead method. The edges of the first simplex are `share` of the sides of the
+    /// box. The search ends when the standard deviation of the costs of the simplex is below `spread` times the cost at
+    /// `start`, or after `steps` iterations. Returns the best point and its cost.
     pub fn descend(
         &self,
         start: &[f64],
@@ -62,7 +62,7 @@ impl Region {
         let search = NelderMead::new(simplex).with_sd_tolerance(spread);
         let ran =
             search.and_then(|search| Executor::new(inside, search).configure(|state| state.max_iters(steps)).run());
-        // The search itself can't fail: its cost has no error, and its settings are ours.
+        // no error occurs: the cost returns none, and the settings are valid
         let best = ran.ok().and_then(|done| done.state().get_best_param().cloned());
         let best = best.map(|x| self.clamp(&x)).map(|x| (cost(&x), x));
         match best {
@@ -72,7 +72,7 @@ impl Region {
     }
 }
 
-/// The cost at the nearest point of the box, and more the farther away that is.
+/// The cost at the nearest point of the box, with a penalty that grows with the distance to the box.
 struct Inside<'a> {
     all: &'a Region,
     scale: f64,

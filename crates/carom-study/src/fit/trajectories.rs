@@ -1,8 +1,9 @@
 //! Fits to whole roll-outs.
 //!
-//! The error of a roll-out jumps where a toss tips onto another face, so there is no Jacobian worth the name. The search
-//! is a grid, a finer one around its best point, and a few of Nelder & Mead's steps; every trial keeps each toss's error.
-//! The bootstrap draws tosses anew and asks which trial is then best: an interval is as fine as the trials are dense.
+//! The error of a roll-out is discontinuous where a toss tips onto another face, so no derivatives are used. The search is
+//! a grid, a finer grid around its best point, and a few Nelder–Mead steps. The error of each toss is stored for each trial.
+//! The bootstrap resamples the tosses and selects the best of the stored trials, so the resolution of an interval is the
+//! spacing of the trials.
 
 use super::confidence::{percentiles, resample};
 use super::error::FitError;
@@ -15,33 +16,34 @@ use carom_sim::ContactRule;
 use rayon::prelude::*;
 use std::cell::RefCell;
 
-/// How tosses are rolled out, and how their error is measured.
+/// Options of the roll-outs and of their error measure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RollOutOptions {
     /// Relative tolerance of the integration.
     pub tolerance: f64,
-    /// Step while several contacts last, s.
+    /// Time step while several contacts are closed, s.
     pub contact_step: f64,
-    /// What a distance is divided by in [`RollOut::pose_error`](crate::RollOut::pose_error), m.
+    /// Length that the position error is divided by in [`RollOut::pose_error`](crate::RollOut::pose_error), m.
     pub length: f64,
 }
 
 impl Default for RollOutOptions {
-    /// 1e-6, 1 ms, and half the width of ContactNets' cube.
+    /// 1e-6, 1 ms, and 0.0524 m, half the width of the cube of ContactNets.
     fn default() -> Self {
         Self { tolerance: 1e-6, contact_step: 1e-3, length: 0.0524 }
     }
 }
 
-/// Nelder & Mead's steps at the end.
+/// Number of Nelder–Mead steps.
 const STEPS: u64 = 20;
-/// Bootstrap samples: they cost no roll-out.
+/// Number of bootstrap samples, which need no roll-outs.
 const DRAWN: usize = 2000;
 
-/// Fits a law's coefficients to whole tosses. `progress` is told how many trials of how many are done.
+/// Fits the coefficients of a law to whole tosses. `progress` is called with the number of finished trials and the estimated
+/// number of all trials.
 ///
 /// # Errors
-/// [`FitError`]: options out of their range, too few tosses, tosses that can't be rolled out.
+/// [`FitError`]: options out of their range, too few tosses, or an error of a roll-out.
 pub fn fit_trajectories(
     tosses: &Tosses,
     options: &FitOptions,
@@ -50,7 +52,7 @@ pub fn fit_trajectories(
 ) -> Result<Fit, FitError> {
     options.check()?;
     let positive = |what, value: f64| {
-        let rule = "it is positive and finite";
+        let rule = "it must be positive and finite";
         if value > 0.0 && value.is_finite() { Ok(()) } else { Err(FitError::Setting { what, value, rule }) }
     };
     positive("length of the error measure", roll.length)?;
@@ -63,7 +65,7 @@ pub fn fit_trajectories(
 
 struct Trial {
     x: Vec<f64>,
-    /// Root of each training toss's error.
+    /// Square root of the error of each training toss.
     norms: Vec<f64>,
 }
 
@@ -77,7 +79,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// The errors of some tosses at the coefficients `x`.
+    /// Errors of the tosses `which` at the coefficients `x`.
     fn errors(&self, x: &[f64], which: &[usize]) -> Result<Vec<f64>, FitError> {
         let scale = if self.inertia { x[2] } else { 1.0 };
         let chain = self.tosses.chain.with_inertia_scaled(scale)?;
@@ -90,7 +92,7 @@ impl Work<'_> {
         which.par_iter().map(one).collect()
     }
 
-    /// The loss of a trial, made if it is a new one.
+    /// Square roots of the training errors at `x`; computed and stored if the trial is new.
     fn norms(&self, x: &[f64], progress: &dyn Fn(usize)) -> Result<Vec<f64>, FitError> {
         if let Some(seen) = self.trials.borrow().iter().find(|trial| trial.x == x) {
             return Ok(seen.norms.clone());
@@ -118,7 +120,7 @@ impl Work<'_> {
         }
         let region = Region { bounds, grid };
         let points = region.points();
-        // A finer grid of five values a side, some of them seen, and the last search.
+        // coarse grid, finer grid of five values per coefficient (some of them known), and the final search
         let total = points.len() + 4 * 5_usize.pow(region.bounds.len() as u32) / 5 + STEPS as usize;
         let tell = |done: usize| progress(done.min(total - 1), total);
         for x in &points {
@@ -151,7 +153,7 @@ impl Work<'_> {
             self.norms(&x, &tell)?;
         }
         let start = self.best(&by_cost);
-        // A trial that can't be rolled out is no candidate.
+        // a trial with an error in a roll-out has infinite cost
         region.descend(&start, 0.02, 1e-6, STEPS, &|x| self.norms(x, &tell).map_or(f64::MAX, |norms| by_cost(&norms)));
         let x = self.best(&by_cost);
 
@@ -171,7 +173,10 @@ impl Work<'_> {
         let Some(train) = of(true) else { unreachable!("the split has tosses to fit") };
         let test = of(false);
         let trials = self.trials.borrow();
-        let mut notes = vec!["fitted to trajectories, all that happens in a toss at once: coefficients fitted to velocities come out different".to_owned()];
+        let mut notes = vec![
+            "fitted to whole trajectories: a fit to velocities of single impacts gives different coefficients"
+                .to_owned(),
+        ];
         let coefficients = intervals(&trials, &x, cost, &region, options, &mut notes);
         progress(total, total);
         Ok(Fit {
@@ -214,15 +219,19 @@ fn intervals(
         all.push(Coefficient { name: NAMES[k], value, low, high, interval: Interval::Bootstrap });
         let (lower, upper) = region.bounds[k];
         if let Some(end) = [lower, upper].into_iter().find(|end| (value - end).abs() < 1e-6 * (upper - lower)) {
-            let more = if k == 1 && end > 0.0 { ", the end of the search: raise the largest friction" } else { "" };
-            notes.push(format!("{} is on its bound {end}{more}", NAMES[k]));
+            let more = if k == 1 && end > 0.0 { ": raise the largest friction" } else { "" };
+            notes.push(format!("{} is at its bound {end}{more}", NAMES[k]));
         }
         if high - low > 0.9 * (upper - lower) {
-            notes.push(format!("{}'s interval covers nearly all that was searched: it is hardly determined", NAMES[k]));
+            notes.push(format!(
+                "the interval of {} covers more than 90 % of the range searched: it is poorly identified",
+                NAMES[k]
+            ));
         }
     }
     notes.push(format!(
-        "intervals are from {DRAWN} draws of the tosses among the {} sets of coefficients tried, and as fine as these are dense",
+        "the intervals are from {DRAWN} bootstrap samples of the tosses over the {} sets of coefficients that were tried; \
+         their resolution is the spacing of these sets",
         trials.len()
     ));
     all

@@ -11,11 +11,13 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Fits a law's coefficients to measured velocity jumps. `chain` is the robot of the impacts that have one; it is needed
-/// for the scale of inertia only. `progress` is told how many of how many parts of the work are done.
+/// Fits the coefficients of a law to measured velocity jumps. `chain` is the robot of the impacts made by
+/// [`MeasuredImpact::of_chain`]; it is needed for the scale of inertia only. `progress` is called with the number of finished
+/// steps and the number of all steps.
 ///
 /// # Errors
-/// [`FitError`]: options out of their range, too few impacts, a law that refuses every trial.
+/// [`FitError`]: options out of their range, too few impacts, no robot for the scale of inertia, or an error of the law at the
+/// fitted coefficients.
 pub fn fit_velocities(
     impacts: &[MeasuredImpact],
     chain: Option<&Chain>,
@@ -43,23 +45,22 @@ struct Work<'a> {
     trials: AtomicUsize,
 }
 
-/// A search is through where the costs of its simplex differ by less than this of what they were at its start: while it is
-/// still about where to search, and at last.
+/// Relative spread of the costs of a simplex at which a search ends: of the first searches, and of the last ones.
 const ROUGH: f64 = 1e-5;
 const FINE: f64 = 1e-13;
-/// Steps of one search at most; it needs 20 to 100.
+/// Greatest number of steps of one search; 20 to 100 are usual.
 const MOST_STEPS: u64 = 300;
-/// More impacts than this are worth the way to another core.
+/// With more impacts than this the residuals are computed in parallel.
 const MANY: usize = 200;
-/// Residuals that change by less than this share of the jumps over the whole range of a coefficient don't tell of it.
+/// A coefficient is unidentified if the residuals change by less than this share of the jumps over its whole range.
 const FLAT: f64 = 1e-7;
-/// A coefficient this near (share of its range) to its bound is on it.
+/// A coefficient within this share of its range of a bound is set to the bound.
 const ON_BOUND: f64 = 1e-7;
-/// Step of the numerical derivative, share of the range.
+/// Step of the numerical derivative, relative to the range.
 const STEP: f64 = 1e-6;
 
 impl Work<'_> {
-    /// What the law at the coefficients `x` leaves of some impacts.
+    /// Residuals of the impacts `which` at the coefficients `x`.
     fn residuals(&self, x: &[f64], which: &[usize]) -> Result<Vec<DVector<f64>>, FitError> {
         self.trials.fetch_add(1, Ordering::Relaxed);
         let law = LawPair::new(self.law, x[0], x[1])?;
@@ -74,7 +75,7 @@ impl Work<'_> {
         if which.len() > MANY { which.par_iter().map(one).collect() } else { which.iter().map(one).collect() }
     }
 
-    /// Norms of the training residuals. What the law refuses is worse than anything it answers.
+    /// Norms of the training residuals. An error of the law counts as a residual larger than any other.
     fn norms(&self, x: &[f64]) -> Vec<f64> {
         match self.residuals(x, &self.train) {
             Ok(residuals) => residuals.iter().map(|r| r.norm()).collect(),
@@ -100,7 +101,7 @@ impl Work<'_> {
             let norms = self.norms(&x);
             seen.push((x, norms));
         }
-        // The best point of the grid, under a cost.
+        // the best point of the grid
         let start = |cost: Cost| -> Vec<f64> {
             let ranked = seen.iter().map(|(x, norms)| (cost.sum(norms), x));
             ranked.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, x)| x.clone())
@@ -112,7 +113,7 @@ impl Work<'_> {
             Loss::Squares => (Cost::SQUARES, Vec::new()),
             Loss::Huber => {
                 let robust = descend(&start(Cost::NORMS), 0.1, ROUGH, Cost::NORMS).0;
-                // Exact measurements leave nothing but rounding, which is no scale.
+                // the residuals of exact data are rounding errors, which give no scale
                 let threshold = (2.0 * median(self.norms(&robust))).max(1e-9 * self.size);
                 (Cost { threshold }, vec![robust])
             }
@@ -121,7 +122,7 @@ impl Work<'_> {
         progress(total - 2, total);
         let rough = from.iter().map(|start| descend(start, 0.1, ROUGH, cost)).min_by(|a, b| a.1.total_cmp(&b.1));
         let mut x = rough.map_or_else(Vec::new, |(x, _)| x);
-        // Anew from there, and once more: a simplex may have collapsed onto a kink.
+        // restart twice: a simplex may have collapsed onto a kink
         for share in [0.03, 0.003] {
             x = descend(&x, share, FINE, cost).0;
         }
@@ -139,7 +140,7 @@ impl Work<'_> {
         let residuals = self.residuals(&x, &self.train).map_err(|e| FitError::Refused(e.to_string()))?;
 
         let mut notes = vec![
-            "fitted to velocities, one impact at a time: coefficients fitted to whole trajectories come out different"
+            "fitted to velocities of single impacts: a fit to whole trajectories gives different coefficients"
                 .to_owned(),
         ];
         let coefficients = self.coefficients(&region, &x, value, cost, &residuals, options, &mut notes)?;
@@ -163,7 +164,7 @@ impl Work<'_> {
         })
     }
 
-    /// All impacts at the fitted coefficients. One that the law refuses there is refused.
+    /// Errors of all impacts at the fitted coefficients.
     fn each(&self, x: &[f64]) -> Result<Vec<Misfit>, FitError> {
         let all: Vec<usize> = (0..self.impacts.len()).collect();
         let scaled = match self.chain {
@@ -187,7 +188,7 @@ impl Work<'_> {
         all.par_iter().map(|&k| one(k)).collect()
     }
 
-    /// d(residual)/dx of every training impact: central differences, one-sided at a bound.
+    /// d(residual)/dx of each training impact: central differences, one-sided at a bound.
     fn jacobians(&self, region: &Region, x: &[f64]) -> Result<Vec<DMatrix<f64>>, FitError> {
         let mut columns = Vec::new();
         for (k, &(low, high)) in region.bounds.iter().enumerate() {
@@ -228,7 +229,7 @@ impl Work<'_> {
         };
         let columns: Vec<DMatrix<f64>> = jacobians.iter().map(|j| j.select_columns(&known)).collect();
         let told = reaches(residuals, &columns, cost, options.confidence).unwrap_or_else(|| vec![None; known.len()]);
-        // What exact measurements leave is rounding.
+        // loss of the rounding errors of exact data
         let rounding = n as f64 * cost.of(1e-9 * self.size);
         let degrees = (n - x.len()) as f64;
         let alike = value * (quantile(degrees, options.confidence).unwrap_or(2.0).powi(2) / degrees);
@@ -237,7 +238,7 @@ impl Work<'_> {
             let reach = known.iter().position(|&other| other == k).and_then(|place| told[place]);
             let interval = if reach.is_some() { Interval::Profile } else { Interval::Alike };
             let Reach { width, rise } = reach.unwrap_or(Reach { width: 0.05 * side(k), rise: alike });
-            // Measurements that are met exactly allow no step at all.
+            // exact data give a width of 0
             let reach = Reach { width: width.max(ON_BOUND * side(k)), rise: rise + rounding };
             let (low, high) = region.bounds[k];
             let [low, high] = [low, high].map(|end| self.edge(region, (x, k), end, reach, (cost, value)));
@@ -246,31 +247,34 @@ impl Work<'_> {
         for (k, one) in all.iter().enumerate() {
             let name = NAMES[k];
             if !known.contains(&k) {
-                let more = if k == 1 { ": where they all stick, more friction changes nothing" } else { "" };
+                let more = if k == 1 { " (sticking impacts are independent of friction)" } else { "" };
                 notes.push(format!(
-                    "{name} is not determined: the impacts don't depend on it here{more}; all from {} to {} fits as well",
+                    "{name} is not identified: the residuals do not depend on it{more}; all values from {} to {} fit equally \
+                     well",
                     one.low, one.high
                 ));
                 continue;
             }
             if let Some(end) = bound(k) {
-                let more = if k == 1 && end > 0.0 { ", the end of the search: raise the largest friction" } else { "" };
-                notes.push(format!("{name} is on its bound {end}{more}"));
+                let more = if k == 1 && end > 0.0 { ": raise the largest friction" } else { "" };
+                notes.push(format!("{name} is at its bound {end}{more}"));
             }
             if one.interval == Interval::Alike {
                 notes.push(format!(
-                    "only one impact tells of {name}: its interval takes the noise for alike in all impacts"
+                    "only one impact identifies {name}: its interval assumes the same noise in all impacts"
                 ));
             }
             if one.high - one.low > 0.9 * side(k) {
-                notes.push(format!("{name}'s interval covers nearly all that was searched: it is hardly determined"));
+                notes.push(format!(
+                    "the interval of {name} covers more than 90 % of the range searched: it is poorly identified"
+                ));
             }
         }
         Ok(all)
     }
 
-    /// How far towards `end` coefficient `k` may go from the least, `value`, at `x` until the loss, with the others fitted
-    /// anew, has risen as far as `reach` says.
+    /// End of the profile interval of coefficient `k` towards the bound `end`: where the loss, minimised over the other
+    /// coefficients, exceeds its minimum `value` at `x` by `rise`.
     fn edge(
         &self,
         region: &Region,
@@ -282,7 +286,7 @@ impl Work<'_> {
         let others = region.without(k);
         let mut rest = [&x[..k], &x[k + 1..]].concat();
         let spread = (1e-4 * rise / value.max(rise)).max(FINE);
-        // Positive where it has risen too far; in straight proportion to the distance on a parabola.
+        // positive outside the interval; linear in the distance for a quadratic loss
         let mut over = |at: f64| {
             let with = |rest: &[f64]| [&rest[..k], &[at], &rest[k..]].concat();
             let (best, least) = others.descend(&rest, 0.01, spread, 40, &|rest| cost.sum(&self.norms(&with(rest))));
@@ -303,7 +307,7 @@ impl Work<'_> {
             (inside, f_inside) = (at, f);
             step *= 1.5;
         };
-        // False position, an end that stays counting half (Illinois).
+        // false position (Illinois method)
         let mut stayed = None;
         for _ in 0..60 {
             let middle = inside + (outside - inside) * (f_inside / (f_inside - f_outside));
