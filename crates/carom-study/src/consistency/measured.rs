@@ -1,31 +1,31 @@
-//! Measured coefficients from a CSV file.
+//! Reads measured coefficients from a CSV file.
 
 use super::Range;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Most measurements of a row.
+/// Greatest number of measurements of a row.
 const MOST: usize = 200;
 const COLUMNS: [&str; 5] = ["row", "angle_deg", "newton", "energy_root", "tangential"];
 
-/// Why measurements can't be read.
+/// Reason why measurements cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasuredError {
-    /// The file system says no.
+    /// The file cannot be read.
     #[error("{file}: cannot be read: {reason}")]
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// What was said.
+        /// Error of the operating system.
         reason: io::Error,
     },
-    /// The file is no such table.
+    /// The file does not have the form of a table of measurements.
     #[error("{file}: {rule}")]
     Shape {
         /// The file.
         file: PathBuf,
-        /// The rule, and what to do.
+        /// The rule that is broken, and what to do.
         rule: String,
     },
     /// A value breaks its rule.
@@ -39,33 +39,33 @@ pub enum MeasuredError {
         row: String,
         /// The column.
         column: &'static str,
-        /// What is written there.
+        /// The text of the cell.
         value: String,
-        /// The rule, and what to do.
+        /// The rule that is broken, and what to do.
         rule: String,
     },
 }
 
-/// A number that was rounded.
+/// A rounded number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rounded {
-    /// As written.
+    /// The printed value.
     pub value: f64,
-    /// How far off the true value may be.
+    /// Greatest rounding error: half a unit of the last printed digit, or the rounding given.
     pub half_unit: f64,
 }
 
 impl Rounded {
-    /// No half unit is less: below it the arithmetic of `f64` would decide.
+    /// Least `half_unit`; smaller errors are below the resolution of the `f64` arithmetic.
     pub const FINEST: f64 = 1e-12;
 
-    /// All that rounds to it, with the half unit `factor` times as large; between 0 and 1.
+    /// The values that round to this one, with `half_unit` multiplied by `factor`; clamped to 0 to 1.
     pub(super) fn range(&self, factor: f64) -> Range {
         let half = self.half_unit * factor;
         Range { least: (self.value - half).max(0.0), most: (self.value + half).min(1.0) }
     }
 
-    /// From digits: half a unit of the last one.
+    /// Parses a number; `half_unit` is half a unit of its last digit.
     fn from_digits(text: &str) -> Option<Self> {
         let value: f64 = text.parse().ok()?;
         let (digits, exponent) = text.split_once(['e', 'E']).unwrap_or((text, "0"));
@@ -76,25 +76,25 @@ impl Rounded {
     }
 }
 
-/// What was seen of the tangential velocity.
+/// Observed change of the tangential velocity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Seen {
-    /// Larger than before, in the same direction.
+    /// Greater after the impact, in the same direction.
     Grows,
-    /// Smaller than before, in the same direction.
+    /// Smaller after the impact, in the same direction.
     Shrinks,
-    /// The other direction.
+    /// In the opposite direction after the impact.
     Reverses,
-    /// Not larger in the same direction.
+    /// `Shrinks` or `Reverses`.
     ShrinksOrReverses,
-    /// The same direction.
+    /// `Grows` or `Shrinks`: the same direction after the impact.
     GrowsOrShrinks,
 }
 
 impl Seen {
     const ALL: [Self; 5] = [Self::Grows, Self::Shrinks, Self::Reverses, Self::ShrinksOrReverses, Self::GrowsOrShrinks];
 
-    /// As in the file.
+    /// Word for it in the file.
     pub fn name(self) -> &'static str {
         match self {
             Self::Grows => "grows",
@@ -105,7 +105,7 @@ impl Seen {
         }
     }
 
-    /// The jump h (1+e) as a share of cot α: v_t⁺/v_t⁻ = 1 − jump.
+    /// Range of the jump h (1+e)/cot α; v_t⁺/v_t⁻ = 1 − jump.
     pub(super) fn jump(self) -> Range {
         let (least, most) = match self {
             Self::Grows => (f64::NEG_INFINITY, 0.0),
@@ -121,13 +121,14 @@ impl Seen {
 /// One measured impact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
-    /// Angle between the path and the surface, degrees, between 0 and 180; 90 is a normal impact.
+    /// Angle between the tip's velocity before the impact and the surface, degrees, between 0 and 180 (exclusive); 90 is a
+    /// normal impact.
     pub angle_deg: f64,
-    /// Newton's coefficient e, between 0 and 1.
+    /// Newton's coefficient of restitution e, between 0 and 1.
     pub newton: Rounded,
     /// E = √(T⁺/T⁻), between 0 and 1.
     pub energy_root: Rounded,
-    /// What was seen of the tangential velocity.
+    /// Observed change of the tangential velocity, if any.
     pub seen: Option<Seen>,
 }
 
@@ -142,34 +143,34 @@ impl Entry {
 /// The measurements of one pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeasuredRow {
-    /// Its name.
+    /// Name of the pose.
     pub name: String,
-    /// Its measurements, in the order of the file.
+    /// The measurements, in the order of the file.
     pub entries: Vec<Entry>,
 }
 
-/// Reads a CSV file with a header and the columns, in any order,
+/// Reads measurements from a CSV file with a header and these columns, in any order:
 ///
 /// | column | meaning |
 /// | --- | --- |
-/// | `row` | name of the pose; lines of one name are one row |
+/// | `row` | name of the pose; lines with the same name form one row |
 /// | `angle_deg` | α, degrees |
 /// | `newton` | e |
 /// | `energy_root` | E = √(T⁺/T⁻) |
-/// | `tangential` | may be left out, or empty: `grows`, `shrinks`, `reverses`, `shrinks or reverses`, `grows or shrinks` |
+/// | `tangential` | optional, may be empty: `grows`, `shrinks`, `reverses`, `shrinks or reverses`, `grows or shrinks` |
 ///
-/// Lines that begin with `#` are remarks. A number is taken to be rounded to its last printed digit (`0.30` is not `0.3`),
-/// or to be off by at most `rounding` if that is given.
+/// Lines that begin with `#` are comments. The rounding error of a number is half a unit of its last printed digit (so `0.30`
+/// differs from `0.3`), or `rounding` if that is given, from 1e-12 to 1.
 ///
 /// # Errors
-/// [`MeasuredError`]: what file, line, row, column and value break which rule.
+/// [`MeasuredError`] with file, line, row, column, value and rule.
 pub fn read_measured(path: &Path, rounding: Option<f64>) -> Result<Vec<MeasuredRow>, MeasuredError> {
     let unreadable = |reason| MeasuredError::Unreadable { file: path.to_owned(), reason };
     let text = std::fs::read_to_string(path).map_err(unreadable)?;
     measured_from(&text, path, rounding)
 }
 
-/// The same from text; `path` is its name in messages.
+/// As [`read_measured`], from text; `path` is the file name in messages.
 ///
 /// # Errors
 /// As [`read_measured`].
@@ -179,7 +180,7 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         && !(Rounded::FINEST..=1.0).contains(&rounding)
     {
         return Err(shape(format!(
-            "the rounding is {rounding}: it lies between {:e}, which f64 still resolves, and 1",
+            "the rounding is {rounding}: it must lie between {:e} (the resolution of the arithmetic) and 1",
             Rounded::FINEST
         )));
     }
@@ -191,12 +192,12 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
     let mut rows: Vec<MeasuredRow> = Vec::new();
     let mut record = csv::StringRecord::new();
     while reader.read_record(&mut record).map_err(|e| shape(e.to_string()))? {
-        // where it ends: its beginning is counted from before the remarks above it
+        // the end of the record, as its start is counted from before the comments above it
         let end = usize::try_from(reader.position().byte()).unwrap_or(usize::MAX).min(text.len());
         let line = || 1 + text.as_bytes()[..end].trim_ascii_end().iter().filter(|byte| **byte == b'\n').count() as u64;
         if record.len() != header.len() {
             return Err(shape(format!(
-                "line {} has {} values for {} columns: write a point in decimals, and quote what holds a comma",
+                "line {} has {} values for {} columns: use a decimal point, and quote values that contain a comma",
                 line(),
                 record.len(),
                 header.len()
@@ -213,12 +214,12 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
             rule: rule.to_owned(),
         };
         if name.is_empty() {
-            return Err(refuse(0, "a measurement belongs to a row: name its pose"));
+            return Err(refuse(0, "it is empty: give the name of the pose"));
         }
         let number = |column: usize| -> Result<Rounded, MeasuredError> {
-            let found = Rounded::from_digits(cell(column)).ok_or_else(|| refuse(column, "write a number"))?;
+            let found = Rounded::from_digits(cell(column)).ok_or_else(|| refuse(column, "it is not a number"))?;
             if !found.value.is_finite() {
-                return Err(refuse(column, "a measurement is finite"));
+                return Err(refuse(column, "it must be finite"));
             }
             let half_unit = rounding.unwrap_or(found.half_unit);
             Ok(Rounded { half_unit, ..found })
@@ -227,28 +228,28 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         if !(0.0 < angle && angle < 180.0) {
             return Err(refuse(
                 1,
-                "an impact angle lies between 0 and 180 degrees, both left out; 90 is a normal impact",
+                "the impact angle must be above 0 and below 180 degrees; 90 is a normal impact",
             ));
         }
         let newton = number(2)?;
         if !(0.0..=1.0).contains(&newton.value) {
-            return Err(refuse(2, "a coefficient of restitution lies between 0 and 1"));
+            return Err(refuse(2, "the coefficient of restitution must lie between 0 and 1"));
         }
         let energy_root = number(3)?;
         if !(0.0..=1.0).contains(&energy_root.value) {
-            let rule = "the root of a ratio of kinetic energies lies between 0 and 1: a frictionless impact gains none";
+            let rule = "the square root of T+/T- must lie between 0 and 1: a frictionless impact gains no energy";
             return Err(refuse(3, rule));
         }
         let seen = match cell(4) {
             "" => None,
             word => Some(Seen::ALL.into_iter().find(|seen| seen.name() == word).ok_or_else(|| {
                 let known = Seen::ALL.map(|seen| format!("'{}'", seen.name())).join(", ");
-                refuse(4, &format!("write nothing or one of {known}"))
+                refuse(4, &format!("leave it empty, or give one of {known}"))
             })?),
         };
         let entry = Entry { angle_deg: angle, newton, energy_root, seen };
         if seen.is_some() && entry.cot() == 0.0 {
-            return Err(refuse(4, "a normal impact has no tangential velocity that could change: leave it empty"));
+            return Err(refuse(4, "a normal impact has no tangential velocity before it: leave the cell empty"));
         }
         let row = match rows.iter_mut().position(|row| row.name == name) {
             Some(k) => &mut rows[k],
@@ -260,30 +261,30 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         };
         row.entries.push(entry);
         if row.entries.len() > MOST {
-            return Err(refuse(0, &format!("a row has at most {MOST} measurements: split it")));
+            return Err(refuse(0, &format!("the row has more than {MOST} measurements: split it into several rows")));
         }
     }
     if rows.is_empty() {
-        return Err(shape("there is no measurement in it: a line for each, below the header".into()));
+        return Err(shape("it has no measurements: write one line for each below the header".into()));
     }
     Ok(rows)
 }
 
-/// Where each of [`COLUMNS`] stands.
+/// Position of each of [`COLUMNS`] in the header.
 fn columns(header: &csv::StringRecord) -> Result<[Option<usize>; 5], String> {
     let known = COLUMNS.join(", ");
     let mut place = [None; 5];
     for (k, name) in header.iter().enumerate() {
         let Some(column) = COLUMNS.iter().position(|column| *column == name) else {
-            return Err(format!("column '{name}' is not known: the columns are {known}"));
+            return Err(format!("unknown column '{name}': the columns are {known}"));
         };
         if place[column].replace(k).is_some() {
-            return Err(format!("there are two columns '{name}': keep one"));
+            return Err(format!("column '{name}' occurs twice: keep one"));
         }
     }
     match COLUMNS[..4].iter().zip(place).find(|(_, place)| place.is_none()) {
         Some((missing, _)) => {
-            Err(format!("column '{missing}' is missing: the header names {known} (the last may be left out)"))
+            Err(format!("column '{missing}' is missing: the columns are {known} (the last is optional)"))
         }
         None => Ok(place),
     }

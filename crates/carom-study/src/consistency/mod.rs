@@ -1,29 +1,31 @@
-//! Are measured restitutions and energies consistent with one frictionless rigid impact? The inverse of eqs. (10) to (16).
+//! Tests whether measured restitution coefficients and energy ratios are consistent with frictionless rigid impacts in one
+//! pose. This is the inverse problem of eqs. (10) to (16) of the paper.
 //!
 //! | symbol | meaning | here |
 //! | --- | --- | --- |
-//! | α | angle between the tip's path and the surface | [`Entry::angle_deg`] |
-//! | e | Newton's coefficient, eq. (11) | [`Entry::newton`] |
+//! | α | angle between the tip's velocity before the impact and the surface | [`Entry::angle_deg`] |
+//! | e | Newton's coefficient of restitution, eq. (11) | [`Entry::newton`] |
 //! | E | √(T⁺/T⁻), eq. (16); a ratio of kinetic energies, not Stronge's coefficient | [`Entry::energy_root`] |
 //! | h | tᵀHn / nᵀHn, with n into the surface and t along the approach | [`Branch::h`] |
 //! | D | det H / (nᵀHn)² > 0 | [`Branch::d`] |
 //! | Y | √((1−e²)/(1−E²) − 1) | [`Point::y`] |
 //!
-//! With v⁻ = V (cos α, sin α) in (t, n) and `T = ½ vᵀH⁻¹v`, the frictionless impact with Newton's coefficient leaves
+//! With v⁻ = V (cos α, sin α) in (t, n) and `T = ½ vᵀH⁻¹v`, a frictionless impact with Newton's coefficient gives
 //!
 //! ```text
 //! T⁺/T⁻ = 1 − (1−e²) / (1 + (cot α − h)²/D)      so that      Y = |cot α − h| / √D
 //! ```
 //!
-//! Over cot α, Y is a V of slopes ±1/√D with its foot at h: two numbers of the pose for all angles, whatever the speed.
-//! Every (h, D) with D > 0 is that of some symmetric positive definite H (nᵀHn = 1, tᵀHn = h, tᵀHt = D + h²), so a row
-//! of measurements comes from a frictionless impact if and only if a V passes through all its intervals of Y.
+//! As a function of cot α, Y is V-shaped with slopes ±1/√D and its minimum, 0, at cot α = h. The parameters h and D depend on
+//! the pose only, not on angle or speed. Each (h, D) with D > 0 belongs to a symmetric positive definite H (nᵀHn = 1,
+//! tᵀHn = h, tᵀHt = D + h²). So a row of measurements is consistent with frictionless impacts if and only if one such
+//! V-shaped function passes through all its intervals of Y.
 //!
-//! In (a, b) = (1/√D, h/√D) each interval is a pair of strips `|a cot α − b| ∈ [Y₁, Y₂]`, and which of the two is told by
-//! the side of the foot on which the angle lies: n angles have n + 1 such choices, the [`Branch`]es, each a convex polygon.
-//! Clipping them is exact up to rounding of `f64`; nothing is searched or sampled.
+//! In (a, b) = (1/√D, h/√D) each interval is a pair of strips `|a cot α − b| ∈ [Y₁, Y₂]`, one for each side of the minimum.
+//! For n angles there are n + 1 assignments of the angles to the two sides, the [`Branch`]es. The admissible set of each is
+//! a convex polygon, computed by clipping, which is exact up to rounding of `f64`.
 //!
-//! The same (h, e) fixes the tangential velocity after, `v_t⁺ = V (cos α − h (1+e) sin α)`, eq. (15).
+//! The same h and e determine the tangential velocity after the impact, `v_t⁺ = V (cos α − h (1+e) sin α)`, eq. (15).
 
 mod measured;
 mod region;
@@ -37,7 +39,7 @@ use crate::paper::Tangential;
 use nalgebra::Vector3;
 use region::Region;
 
-/// What lies between two numbers; infinite where nothing bounds it.
+/// A closed interval; an end without bound is infinite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Range {
     /// The lower end.
@@ -52,54 +54,54 @@ impl Range {
         numbers.fold(none, |r, x| Self { least: r.least.min(x), most: r.most.max(x) })
     }
 
-    /// Whether it holds the number.
+    /// Whether the interval contains `x`.
     pub fn holds(&self, x: f64) -> bool {
         (self.least..=self.most).contains(&x)
     }
 }
 
-/// One measurement, as a point of the V.
+/// One measurement in the coordinates (cot α, Y).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// cot α.
     pub cot: f64,
-    /// Y of the printed digits; `None` where they have E < e, or E = 1.
+    /// Y of the printed values; `None` if they have E < e, or E = 1.
     pub y: Option<f64>,
-    /// Y of everything that rounds to the printed digits; `None` where all of it has E < e, which no H gives.
+    /// Y of all values that round to the printed ones; `None` if all of them have E < e, which no H gives.
     pub range: Option<Range>,
 }
 
-/// (h, D) on one choice of sides: so many angles have their cot α below h.
+/// The admissible (h, D) of one assignment of the angles to the two sides of h.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Branch {
-    /// How many of the row's angles have cot α < h.
+    /// Number of the row's angles with cot α < h.
     pub below: usize,
-    /// All h that are compatible with the rounding.
+    /// Range of h compatible with the rounding.
     pub h: Range,
-    /// All D that are.
+    /// Range of D compatible with the rounding.
     pub d: Range,
 }
 
-/// The V that needs the least rounding.
+/// The (h, D) that needs the least rounding.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fit {
-    /// By how much the printed half units would have to be multiplied for this V to pass through: at most 1 if the row is
-    /// consistent.
+    /// The least factor on the rounding errors (half units of the last digit) with which the row is consistent; at most 1 for
+    /// a consistent row.
     pub factor: f64,
-    /// (h, D); `None` if the V that is sought has no foot: h and D without bound.
+    /// (h, D) at this factor; `None` if h and D have no bound there.
     pub h_and_d: Option<(f64, f64)>,
 }
 
-/// What a V implies for the tangential velocity of one measurement, eq. (15).
+/// Tangential velocity after one measured impact by eq. (15).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Implied {
-    /// v_t⁺/V. An outer bound: h and e are taken as if independent within their ranges.
+    /// v_t⁺/V. An outer bound: the ranges of h and e are treated as independent.
     pub velocity: Range,
-    /// All that it may do; one if the rounding leaves no choice.
+    /// All changes of the tangential velocity that are compatible with this range.
     pub changes: Vec<Tangential>,
 }
 
-/// A number of the table.
+/// A measured quantity of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Column {
     /// e.
@@ -109,7 +111,7 @@ pub enum Column {
 }
 
 impl Column {
-    /// Its name in the file.
+    /// Name of the column in the file.
     pub fn name(self) -> &'static str {
         match self {
             Self::Newton => "newton",
@@ -117,7 +119,7 @@ impl Column {
         }
     }
 
-    /// Its number in a measurement.
+    /// Value of the column in a measurement.
     pub fn of(self, entry: &Entry) -> Rounded {
         match self {
             Self::Newton => entry.newton,
@@ -126,53 +128,54 @@ impl Column {
     }
 }
 
-/// One number whose change alone would make the row consistent.
+/// A single value whose change alone makes the row consistent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
-    /// Index of its measurement in the row.
+    /// Index of the measurement in the row.
     pub entry: usize,
-    /// Which number.
+    /// Column of the value.
     pub column: Column,
-    /// The values that would do, all others staying within their rounding.
+    /// The values that make the row consistent, with all others within their rounding.
     pub to: Vec<Range>,
 }
 
-/// Whether energies and observed directions of the tangential velocity are those of one H.
+/// Consistency of the energies with the observed directions of the tangential velocity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Directions {
-    /// h by the directions alone; `None` if they contradict one another.
+    /// Range of h by the directions alone; `None` if they contradict one another.
     pub h: Option<Range>,
-    /// As [`Fit::factor`] for energies and directions together; `None` where the directions contradict one another.
+    /// As [`Fit::factor`], for energies and directions together; `None` if the directions contradict one another, or if no
+    /// factor makes both consistent.
     pub factor: Option<f64>,
 }
 
 impl Directions {
-    /// Whether one H gives both.
+    /// Whether one H gives both within the rounding.
     pub fn agree(&self) -> bool {
         self.factor.is_some_and(|factor| factor <= 1.0)
     }
 }
 
-/// What the arithmetic says of one row.
+/// Results of the consistency test of one row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Findings {
-    /// The measurements as points of the V, in the row's order.
+    /// The measurements in the coordinates (cot α, Y), in the order of the row.
     pub points: Vec<Point>,
-    /// (h, D) compatible with the rounding; empty if no symmetric positive definite H gives the row.
+    /// The (h, D) compatible with the rounding; empty if no symmetric positive definite H gives the row.
     pub branches: Vec<Branch>,
-    /// The V that needs the least rounding.
+    /// The (h, D) that needs the least rounding.
     pub fit: Fit,
-    /// The tangential velocities of all compatible (h, D), or of the fit where there are none; in the row's order, empty if
-    /// there is no V at all.
+    /// Tangential velocities of all compatible (h, D), or of `fit` if there are none; in the order of the row, empty if
+    /// neither exists.
     pub implied: Vec<Implied>,
-    /// The single numbers whose change would make an inconsistent row consistent.
+    /// For an inconsistent row: the single values whose change alone makes it consistent.
     pub changes: Vec<Change>,
-    /// What was seen of the tangential velocities, if anything.
+    /// Consistency with the observed directions of the tangential velocity; `None` if none were observed.
     pub directions: Option<Directions>,
 }
 
 impl Findings {
-    /// Whether some H gives the row within its rounding.
+    /// Whether a symmetric positive definite H gives the row within its rounding.
     pub fn consistent(&self) -> bool {
         !self.branches.is_empty()
     }
@@ -209,7 +212,7 @@ impl Point {
     }
 }
 
-/// Y of ranges of e and E; it grows with E and falls with e.
+/// Range of Y for ranges of e and E. Y increases with E and decreases with e.
 fn y_range(e: Range, root: Range) -> Option<Range> {
     let y = |e: f64, root: f64| ((root - e) * (root + e) / ((1.0 - root) * (1.0 + root))).sqrt();
     (root.most >= e.least).then(|| Range {
@@ -218,8 +221,8 @@ fn y_range(e: Range, root: Range) -> Option<Range> {
     })
 }
 
-/// The regions of (a, b) compatible with the row, roundings multiplied by `factor`, without the entry `without`, and with
-/// further conditions `form` · (a, b, w) ≥ 0; each with the number of cotangents below h.
+/// The regions of (a, b) compatible with the row, with the rounding errors multiplied by `factor`, without the entries
+/// `without`, and with further conditions `form` · (a, b, w) ≥ 0; each with the number of cotangents below h.
 fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f64>]) -> Vec<(usize, Region)> {
     let base = more.iter().fold(Region::all(), |region, form| region.clip(*form));
     let mut strips = Vec::new();
@@ -233,7 +236,7 @@ fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f6
     let mut found = Vec::new();
     for below in 0..=strips.len() {
         if below > 0 && strips.get(below).is_some_and(|next| next.0 == strips[below - 1].0) {
-            continue; // one angle is on one side
+            continue; // equal angles are on the same side
         }
         let mut region = base.clone();
         for (k, (cot, y)) in strips.iter().enumerate() {
@@ -249,13 +252,13 @@ fn regions(row: &MeasuredRow, factor: f64, without: &[usize], more: &[Vector3<f6
     found
 }
 
-/// The least multiple of the rounding with which the row is consistent, by bisection (the regions are nested), and a region
-/// of it. `None` where no rounding helps.
+/// The least factor on the rounding errors with which the row is consistent, by bisection (the regions are nested), and a
+/// region at this factor. `None` if there is no such factor.
 fn least_factor(row: &MeasuredRow, more: &[Vector3<f64>]) -> (f64, Option<Region>) {
     let halves = || row.entries.iter().flat_map(|e| [e.newton.half_unit, e.energy_root.half_unit]);
     let finest = halves().fold(f64::INFINITY, f64::min);
     let first = |factor: f64| regions(row, factor, &[], more).into_iter().next().map(|(_, region)| region);
-    // from where f64 still tells the ends of the ranges apart, to where they are all of 0 to 1
+    // from the resolution of f64 to ranges that cover 0 to 1
     let (mut low, mut high) = (Rounded::FINEST / finest, 1.0 / finest);
     let Some(mut region) = first(high) else { return (f64::INFINITY, None) };
     if let Some(sharp) = first(low) {
@@ -306,7 +309,7 @@ fn implied(entry: &Entry, spans: &[Range], rounded: bool) -> Implied {
     Implied { velocity, changes }
 }
 
-/// Each number alone: the values with which the row would be consistent.
+/// For each value: the values with which it alone would make the row consistent.
 fn changes(row: &MeasuredRow) -> Vec<Change> {
     let mut found = Vec::new();
     for (k, entry) in row.entries.iter().enumerate() {
@@ -332,7 +335,7 @@ fn changes(row: &MeasuredRow) -> Vec<Change> {
     found
 }
 
-/// Ranges in order, those that meet as one.
+/// The ranges in ascending order, with overlapping ones merged.
 fn merged(ranges: impl Iterator<Item = Range>) -> Vec<Range> {
     let mut all: Vec<Range> = ranges.collect();
     all.sort_by(|a, b| a.least.total_cmp(&b.least));
@@ -346,13 +349,13 @@ fn merged(ranges: impl Iterator<Item = Range>) -> Vec<Range> {
     kept
 }
 
-/// What was seen of the tangential velocity, as conditions on (a, b), at the most permissive e.
+/// The observed directions of the tangential velocity as conditions on (a, b), for the most permissive e.
 fn directions(row: &MeasuredRow) -> Option<Directions> {
     let mut forms = Vec::new();
     for entry in &row.entries {
         let Some(seen) = entry.seen else { continue };
         let (cot, e) = (entry.cot(), entry.newton.range(1.0));
-        // in the direction of the approach: h(1+e)/|cot α| in `seen`
+        // along the tangential approach: h(1+e)/|cot α| must lie in `seen.jump()`
         let b = Vector3::y() * cot.signum();
         let a = Vector3::x() * cot.abs();
         let reach = seen.jump();

@@ -1,29 +1,29 @@
-//! Measurements over cot α, and the V that comes nearest to them.
+//! Plot of the measurements over cot α with the best V-shaped function.
 
 use super::{Findings, MeasuredRow, Point};
 use crate::line_chart::{COLOURS, Curve, svg};
 
-/// cot 0.0057°: beyond it the other angles would fall onto one another.
+/// cot 0.0057°: with larger values the other angles would coincide in the plot.
 const FAR: f64 = 1e4;
 
-/// The rows over cot α as SVG: dots are the printed digits, bars what rounds to them, and the V of each row is the one that
-/// needs the least rounding: dashed where even that one needs more than was printed.
+/// Plots Y over cot α for the rows, as SVG. Dots are the printed values, bars their rounding intervals, and the line of each
+/// row is the function |cot α − h|/√D that needs the least rounding, dashed if it exceeds the rounding.
 ///
 /// # Errors
-/// An angle too near to 0 or 180° for a picture, or what the drawing says.
+/// A message if an angle is too close to 0° or 180°, if no measurement has E ≥ e, or if the plot cannot be drawn.
 pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
     let points = || rows.iter().flat_map(|(_, found)| &found.points);
     let cots = || points().map(|p| p.cot);
     for (row, found) in rows {
         if let Some(far) = found.points.iter().find(|point| point.cot.abs() > FAR) {
             return Err(format!(
-                "row '{}': no picture holds cot α = {:.1e}: leave angles within 0.01° of 0 and 180 out of it",
+                "row '{}': cot α = {:.1e} is too large for a plot: leave out angles within 0.01° of 0° and 180°",
                 row.name, far.cot
             ));
         }
     }
     if points().filter_map(height).next().is_none() {
-        return Err("no entry has an E above its e: there is no Y to draw, leave the picture out".to_owned());
+        return Err("no measurement has E above e, so there is no Y to plot: leave out the picture".to_owned());
     }
     let top = 1.3 * points().filter_map(height).fold(0.0, f64::max).max(0.1);
     let (left, right) = (cots().fold(0.0, f64::min), cots().fold(0.0, f64::max));
@@ -38,9 +38,9 @@ pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
         }
         curves.push(measured);
         let Some((h, d)) = found.fit.h_and_d else { continue };
-        let name = if found.consistent() { "a V within its rounding" } else { "the nearest V" };
+        let name = if found.consistent() { "fit within rounding" } else { "best fit" };
         let mut v = Curve { dashed: !found.consistent(), ..Curve::new(format!("{}: {name}", row.name), colour) };
-        // the foot belongs to the picture if it is not far off
+        // extend the plot to the minimum at h if it is not far away
         let reach = |x: f64| (left - 1.5 * (right - left)..right + 1.5 * (right - left)).contains(&x);
         let (from, to) = if reach(h) { (left.min(h) - room, right.max(h) + room) } else { (left - room, right + room) };
         let mut ends = vec![from, to];
@@ -50,10 +50,10 @@ pub fn v_plot(rows: &[(MeasuredRow, Findings)]) -> Result<String, String> {
         v.line = ends.into_iter().map(|c| (c, (c - h).abs() / d.sqrt())).collect();
         curves.push(v);
     }
-    svg("Energies over angles: Y = |cot α − h| / √D", ["cot α", "Y = √((1 − e²)/(1 − E²) − 1)"], &curves)
+    svg("Consistency of energies: Y = |cot α − h| / √D", ["cot α", "Y = √((1 − e²)/(1 − E²) − 1)"], &curves)
 }
 
-/// What of a point is to be seen.
+/// Greatest finite Y of a point.
 fn height(point: &Point) -> Option<f64> {
     let most = point.range.map(|y| y.most).filter(|y| y.is_finite());
     most.or(point.y).or(point.range.map(|y| y.least))

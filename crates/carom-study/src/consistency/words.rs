@@ -1,8 +1,8 @@
-//! The findings in words that stay with the arithmetic.
+//! The findings as sentences.
 
 use super::{Entry, Findings, MeasuredRow, Range};
 
-/// Four digits.
+/// A number with four significant digits.
 pub(crate) fn digits(x: f64) -> String {
     let size = x.abs();
     if x == 0.0 {
@@ -21,7 +21,7 @@ fn angle(entry: &Entry) -> String {
 }
 
 impl Range {
-    /// `name` within it, in words.
+    /// The range of a quantity `name` as text.
     pub(crate) fn words(&self, name: &str) -> String {
         match (self.least.is_finite(), self.most.is_finite()) {
             (true, true) => format!("{name} from {} to {}", digits(self.least), digits(self.most)),
@@ -33,7 +33,7 @@ impl Range {
 }
 
 impl Findings {
-    /// What the arithmetic says of the row, one sentence each.
+    /// The verdict on the row, one clause for each finding.
     pub fn verdict(&self, row: &MeasuredRow) -> Vec<String> {
         let mut said = Vec::new();
         let few = self.points.iter().map(|p| p.cot).fold(Vec::new(), |mut all: Vec<f64>, cot| {
@@ -43,62 +43,62 @@ impl Findings {
             all
         });
         if self.consistent() {
-            said.push("some symmetric positive definite H gives these entries within their rounding".into());
+            said.push("consistent: a symmetric positive definite H gives these values within their rounding".into());
             for branch in &self.branches {
                 let sides = match (branch.below, self.points.len() - branch.below) {
                     (_, 0) => "all cot α below h".into(),
                     (0, _) => "all cot α above h".into(),
                     (below, above) => format!("{below} cot α below h, {above} above"),
                 };
-                said.push(format!("it has {}, {} ({sides})", branch.h.words("h"), branch.d.words("D")));
+                said.push(format!("{}, {} ({sides})", branch.h.words("h"), branch.d.words("D")));
             }
             if few.len() <= 2 {
-                said.push("a V passes through any two points: it takes three angles to contradict one another".into());
+                said.push("two angles can always be fitted: the test needs at least three different angles".into());
             } else {
-                said.push(format!("{} of the rounding would be enough", digits(self.fit.factor)));
+                said.push(format!("the rounding errors needed are {} times those allowed", digits(self.fit.factor)));
             }
         } else {
             for (entry, _) in row.entries.iter().zip(&self.points).filter(|(_, point)| point.range.is_none()) {
                 said.push(format!(
-                    "at {}° the energy_root {} is less than the newton {} beyond their rounding: no H gives E < e",
+                    "at {}° energy_root {} is below newton {} by more than their rounding: no H gives E < e",
                     angle(entry),
                     entry.energy_root.value,
                     entry.newton.value
                 ));
             }
             said.push(
-                "no symmetric positive definite H gives these entries, whatever h and D, within the rounding".into(),
+                "inconsistent: no symmetric positive definite H gives these values within their rounding".into(),
             );
             let nearest = match self.fit.h_and_d {
-                Some((h, d)) => format!("the nearest V, h = {} and D = {}", digits(h), digits(d)),
-                None => "the nearest V, which is flat (h and D without bound)".into(),
+                Some((h, d)) => format!("the best fit, h = {} and D = {},", digits(h), digits(d)),
+                None => "the best fit (h and D unbounded)".into(),
             };
-            said.push(format!("{nearest}, would need {} times the rounding", digits(self.fit.factor)));
+            said.push(format!("{nearest} needs {} times the rounding errors allowed", digits(self.fit.factor)));
             for change in &self.changes {
                 let entry = &row.entries[change.entry];
                 let ranges = change.to.iter().map(|r| format!("{} … {}", digits(r.least), digits(r.most)));
                 said.push(format!(
-                    "changing {} at {}° to {} would do",
+                    "consistent if {} at {}° were {}",
                     change.column.name(),
                     angle(entry),
                     ranges.collect::<Vec<_>>().join(" or ")
                 ));
             }
             if self.changes.is_empty() {
-                said.push("no change of a single entry would do".into());
+                said.push("no change of a single value makes the row consistent".into());
             }
         }
         said.extend(self.directions.and_then(|seen| {
             let Some(h) = seen.h else {
-                return Some("what was seen of the tangential velocity contradicts itself: no h gives it".to_owned());
+                return Some("the observed changes of tangential velocity contradict each other: no h gives all".to_owned());
             };
-            let needs = format!("what was seen of the tangential velocity needs {}", h.words("h"));
+            let needs = format!("the observed changes of tangential velocity require {}", h.words("h"));
             let factor = digits(seen.factor?);
             Some(if seen.agree() {
-                format!("{needs}; an H gives it together with the energies, with {factor} of the rounding")
+                format!("{needs}; together with the energies this is consistent, with {factor} times the rounding errors")
             } else {
                 format!(
-                    "{needs}; no H gives it together with the energies: that would need {factor} times the rounding"
+                    "{needs}; together with the energies this is inconsistent: it needs {factor} times the rounding errors"
                 )
             })
         }));

@@ -1,4 +1,4 @@
-//! The paper's claims, held against the model: each verdict is computed from numbers.
+//! Comparison of the paper's claims with the model. Each verdict is computed.
 
 use super::report::{Paper, PaperError, Row};
 use super::simulated::{FRICTION, Forces, forces};
@@ -6,20 +6,20 @@ use super::{ANGLES_DEG, Elbow, Run, Tangential, strike};
 use carom_chain::Chain;
 use carom_sim::SimError;
 
-/// A statement of the paper, and whether the model says so too.
+/// A claim of the paper, and whether the model confirms it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Claim {
-    /// Where the paper says it.
+    /// Section, figure or equation of the paper.
     pub place: &'static str,
-    /// The statement, in our words.
+    /// The claim, paraphrased.
     pub statement: String,
-    /// Whether the model agrees.
+    /// Whether the model confirms the claim.
     pub holds: bool,
-    /// The numbers that decide.
+    /// The numbers that the verdict is computed from.
     pub evidence: String,
 }
 
-/// Holds the paper's claims against the model.
+/// Compares the paper's claims about single impacts with the model. `runs` are the impacts of [`super::experiment`].
 ///
 /// # Errors
 /// As [`strike`].
@@ -52,7 +52,7 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
         evidence: each.join(", "),
     });
 
-    // Reversal at e for every e: does the direction after depend on the coefficient?
+    // does the direction after the impact depend on e?
     let mut signs = Vec::new();
     for angle in [45.0, 60.0] {
         let mut after = Vec::new();
@@ -63,7 +63,7 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
     }
     claims.push(Claim {
         place: "Sec. IV (Fig. 9), V",
-        statement: "the reversal does not depend on the coefficient's value (e from 0.2 to 0.93)".into(),
+        statement: "the reversal does not depend on the value of the coefficient (e from 0.2 to 0.93)".into(),
         holds: signs.iter().all(|(_, most)| *most < 0.0),
         evidence: format!(
             "down-elbow v_t+ from {:.3} to {:.3} m/s at 45 deg, {:.3} to {:.3} at 60 deg",
@@ -78,10 +78,10 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
     claims.push(Claim {
         place: "Sec. IV, eq. (11)",
         statement:
-            "the normal velocity after depends on e alone, not on the configuration (eq. 11; by construction here)"
+            "the normal velocity after the impact depends on e alone, not on the configuration (eq. 11; true by construction)"
                 .into(),
         holds: off < 1e-12,
-        evidence: format!("v_n+ is -e v_n- to {off:.0e} of v_n-"),
+        evidence: format!("v_n+ = -e v_n- within {off:.0e} of v_n-"),
     });
 
     let per_square = |elbow: Elbow, angle: f64| -> Vec<f64> {
@@ -92,10 +92,11 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
     let uneven = uneven.map(|(least, most)| (most - least) / most).fold(0.0, f64::max);
     claims.push(Claim {
         place: "Sec. IV (Fig. 8)",
-        statement: "the kinetic energy loss grows with the square of the speed (by construction: the law is linear)"
-            .into(),
+        statement:
+            "the kinetic energy loss is proportional to the square of the speed (true by construction: the law is linear)"
+                .into(),
         holds: uneven < 1e-10,
-        evidence: format!("loss/speed^2 is the same at all speeds to {uneven:.0e}"),
+        evidence: format!("loss/speed^2 is equal at all speeds within {uneven:.0e}"),
     });
 
     let mut worst: (f64, String) = (0.0, String::new());
@@ -106,7 +107,7 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
                 let model = run.hit.energy_ratio().sqrt();
                 if (model - measured).abs() > worst.0 {
                     let text = format!(
-                        "{}-elbow {:.0} deg: {measured} measured, {model:.4} here",
+                        "{}-elbow {:.0} deg: {measured} measured, {model:.4} computed",
                         elbow.name(),
                         run.angle_deg
                     );
@@ -117,9 +118,9 @@ pub fn claims(chain: &Chain, runs: &[Run]) -> Result<Vec<Claim>, SimError> {
     }
     claims.push(Claim {
         place: "Table I, eq. (16)",
-        statement: "Table I's kinetic-energy ratios sqrt(T+/T-) come out within 0.05 (with this stand-in arm)".into(),
+        statement: "Table I: the measured sqrt(T+/T-) are reproduced within 0.05 (with this stand-in arm)".into(),
         holds: worst.0 <= 0.05,
-        evidence: format!("worst: {}", worst.1),
+        evidence: format!("largest difference: {}", worst.1),
     });
     Ok(claims)
 }
@@ -128,7 +129,7 @@ fn bounds(numbers: &[f64]) -> (f64, f64) {
     numbers.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-/// What can be held against the figures and Table I, beyond [`claims`].
+/// Compares the claims about the figures and Table I with the model.
 ///
 /// # Errors
 /// As [`Paper::of`].
@@ -144,12 +145,12 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         .collect();
     claims.push(Claim {
         place: "Sec. IV (Fig. 9)",
-        statement: "eq. (15) says the same of the tangential velocity with either of Table I's coefficients".into(),
+        statement: "eq. (15) gives the same change of tangential velocity with either of Table I's coefficients".into(),
         holds: other.is_empty(),
         evidence: if other.is_empty() {
-            format!("grows, shrinks or reverses alike in {} of {}", oblique().count(), oblique().count())
+            format!("the same change (grows, shrinks or reverses) in {} of {}", oblique().count(), oblique().count())
         } else {
-            format!("otherwise at {}", other.join(", "))
+            format!("different at {}", other.join(", "))
         },
     });
 
@@ -160,7 +161,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
     }
     claims.push(Claim {
         place: "Sec. II, eq. (15)",
-        statement: "the sign of tᵀHn is that of the jump (with the paper's normals the jump is against it; by construction here)".into(),
+        statement: "the sign of tᵀHn determines that of the tangential jump (opposite, with the paper's normal; true by construction)".into(),
         holds: against == 0,
         evidence: format!("in {} of {} impacts", paper.runs.len() - against, paper.runs.len()),
     });
@@ -184,7 +185,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
             percent(uneven),
             percent(with_table),
             if uneven < 1e-9 {
-                ": the two poses of this arm mirror each other, so that nᵀHn is the same"
+                "; the two poses of this arm are mirror images, with the same nᵀHn"
             } else {
                 ""
             }
@@ -201,7 +202,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         ),
         holds: difference > 0.05,
         evidence: format!(
-            "normal force up to {up:.1} N up, {down:.1} N down: {} apart; {} without friction",
+            "peak normal force {up:.1} N (up), {down:.1} N (down), a difference of {}; without friction {}",
             percent(difference),
             percent(without)
         ),
@@ -210,7 +211,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
     let share = paper.forces.iter().map(|forces| (forces.impulse()[1] / forces.impulse()[0]).abs()).fold(0.0, f64::max);
     claims.push(Claim {
         place: "Sec. II",
-        statement: "the tangential impulse is small beside the normal one (at most a fifth; it can't be more than the friction times it)".into(),
+        statement: "the tangential impulse is small compared with the normal one (at most a fifth; friction bounds the ratio)".into(),
         holds: share <= 0.2,
         evidence: format!("at most {} with a friction of {FRICTION}", percent(share)),
     });
@@ -221,7 +222,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a });
     claims.push(Claim {
         place: "Sec. IV, eq. (11)",
-        statement: "the measured normal velocity after does not depend on the configuration (Table I's e of both elbows alike within rounding)".into(),
+        statement: "the measured normal velocity after the impact does not depend on the configuration (Table I's e of both elbows equal within rounding)".into(),
         holds: most.0 <= 0.01,
         evidence: format!("they differ by up to {:.2}, at {:.0} deg", most.0, most.1),
     });
@@ -231,27 +232,27 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
         let (least, most) = bounds(&rows.map(Row::overshoot).collect::<Vec<_>>());
         claims.push(Claim {
             place: "Sec. IV (Figs. 9, 10)",
-            statement: format!("{}-elbow: eq. (11) with the energetic coefficient is the measured normal velocity times one constant (to 10 %)", elbow.name()),
+            statement: format!("{}-elbow: eq. (11) with the energetic coefficient is proportional to the measured normal velocity (within 10 %)", elbow.name()),
             holds: most <= 1.1 * least,
-            evidence: format!("the ratio of Table I's coefficients is {least:.2} to {most:.2}"),
+            evidence: format!("the ratio of Table I's coefficients lies between {least:.2} and {most:.2}"),
         });
     }
 
     for (row, found) in &paper.table {
         let together = found.directions.is_none_or(|seen| seen.agree());
         let directions = match found.directions.and_then(|seen| seen.factor) {
-            Some(factor) => format!("{factor:.3} times with the directions seen"),
-            None => "no rounding helps with the directions seen".into(),
+            Some(factor) => format!("{factor:.3} times with the observed directions"),
+            None => "no multiple suffices with the observed directions".into(),
         };
         claims.push(Claim {
             place: "Sec. IV (Table I)",
             statement: format!(
-                "Table I is not consistent, {}: no H gives its coefficients together with the directions seen",
+                "Table I is not consistent, {}: no H gives its coefficients together with the observed directions",
                 row.name
             ),
             holds: !(found.consistent() && together),
             evidence: format!(
-                "coefficients alone need {:.3} times their rounding, {directions} (1 would be consistent)",
+                "the coefficients alone need {:.3} times their rounding errors, {directions} (consistent up to 1)",
                 found.fit.factor
             ),
         });

@@ -1,4 +1,4 @@
-//! The paper's figures: the numbers behind each, and the curves that are drawn of them.
+//! The paper's figures: the data of each figure and its curves.
 
 use super::report::{Paper, PaperError, Row};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS};
@@ -9,7 +9,7 @@ use crate::line_chart::{COLOURS, Curve, GREY, PALE, svg};
 type Columns = (Vec<&'static str>, Vec<Vec<f64>>);
 
 impl Paper {
-    /// The numbers behind a figure, SI.
+    /// The data of a figure, SI units.
     pub(super) fn numbers(&self, figure: &str) -> Columns {
         let [up, down] = &self.motions;
         let pairs = || up.states.iter().zip(&down.states);
@@ -85,7 +85,7 @@ impl Paper {
         }
     }
 
-    /// Angle, speed, then e and energy loss of both elbows.
+    /// Rows of angle (degrees), speed (m/s), and e and energy loss (J) of both elbows.
     fn losses(&self) -> Vec<Vec<f64>> {
         let mut rows = Vec::new();
         for speed in SPEEDS {
@@ -102,7 +102,7 @@ impl Paper {
     pub(super) fn figure(&self, name: &str) -> Result<String, PaperError> {
         let label = |k: usize, what: &str| format!("{}-elbow: {what}", Elbow::BOTH[k].name());
         let (_, numbers) = self.numbers(name);
-        // a curve of two columns of the numbers, in other units
+        // a curve of two columns, each scaled to the unit of its axis
         let curve = |name: String, colour, x: (usize, f64), y: (usize, f64)| Curve {
             line: numbers.iter().map(|row| (row[x.0] * x.1, row[y.0] * y.1)).collect(),
             ..Curve::new(name, colour)
@@ -153,7 +153,7 @@ impl Paper {
                         let speeds = SPEEDS.map(|speed| speed.to_string()).join(", ");
                         let name = if j == 0 { label(k, &format!("{speeds} m/s")) } else { String::new() };
                         let one = Curve { line, ..Curve::new(name, COLOURS[k]) };
-                        // the elbows lie on one another where their e is the same
+                        // dashed, as the curves of both elbows coincide where e is equal
                         curves.push(marked(if k == 0 { one } else { dashed(one) }));
                     }
                 }
@@ -161,7 +161,7 @@ impl Paper {
             _ if name == "table1" => return v_plot(&self.table).map_err(PaperError::Figure),
             _ => {
                 curves.push(marked(curve("before, both elbows".into(), GREY, (0, 1.0), (1, 1.0))));
-                let first = if name == "fig9" { "after, with e" } else { "after, as measured" };
+                let first = if name == "fig9" { "after, with e" } else { "after, measured" };
                 for k in [0, 1] {
                     curves.push(marked(curve(label(k, first), COLOURS[k], (0, 1.0), (2 + 3 * k, 1.0))));
                     let with_root = curve(label(k, "after, with E"), PALE[k], (0, 1.0), (3 + 3 * k, 1.0));
@@ -173,14 +173,14 @@ impl Paper {
     }
 }
 
-/// What a figure is called.
+/// Title of a figure.
 pub(super) fn title(figure: &str) -> &'static str {
     match figure {
         "fig4" => "Fig. 4: velocity of the tip",
         "fig5" => "Fig. 5: force on the wall, compliant contact",
         "fig6" => "Fig. 6: path of the tip",
-        "fig7" => "Fig. 7: map of velocities",
-        "fig8" => "Fig. 8: kinetic energy lost",
+        "fig7" => "Fig. 7: normal over tangential velocity",
+        "fig8" => "Fig. 8: kinetic energy loss",
         "fig9" => "Fig. 9: tangential velocity before and after",
         _ => "Fig. 10: normal velocity before and after",
     }
@@ -190,10 +190,10 @@ fn axes(figure: &str) -> [&'static str; 2] {
     match figure {
         "fig4" => ["time, ms", "velocity, m/s"],
         "fig5" => ["time from contact, ms", "force, N"],
-        "fig6" => ["down along the wall, mm", "to the wall, mm"],
-        "fig7" => ["along the wall, m/s", "into the wall, m/s"],
-        "fig8" => ["angle of impact, degrees", "energy, mJ"],
+        "fig6" => ["position down the wall, mm", "position towards the wall, mm"],
+        "fig7" => ["velocity along the wall, m/s", "velocity into the wall, m/s"],
+        "fig8" => ["angle of impact, degrees", "energy loss, mJ"],
         "fig9" => ["angle of impact, degrees", "velocity along the wall, m/s"],
-        _ => ["angle of impact, degrees", "velocity off the wall, m/s"],
+        _ => ["angle of impact, degrees", "velocity away from the wall, m/s"],
     }
 }

@@ -1,14 +1,15 @@
-//! The paper's experiment: two elbows × four angles × three speeds, frictionless, with the Newton coefficients of Table I.
+//! Model of the experiment of Pagilla and Yu (2004): two elbows × four angles × three speeds, frictionless impacts with
+//! Newton's coefficients of Table I.
 //!
 //! | symbol | meaning | here |
 //! | --- | --- | --- |
-//! | α | angle between the tip's path and the surface; 90° is a normal impact | `angle_deg` |
-//! | n | the paper's normal, *into* the surface; ours is −n, from the surface to the robot | [`NORMAL`] |
+//! | α | angle between the tip's velocity before the impact and the surface; 90° is a normal impact | `angle_deg` |
+//! | n | the paper's normal, *into* the surface; [`NORMAL`] is −n, from the surface to the robot | [`NORMAL`] |
 //! | t | tangent, down the wall | [`TANGENT`] |
 //! | h | tᵀHn / nᵀHn with the paper's n: reversal if h(1+e) > cot α, growth if h < 0 | [`Run::coupling`] |
 //!
-//! The tip meets a wall at x = 0.6364 m. The paper prints no geometry, no joint angles and no inertia; poses and arm are
-//! the stand-in of `robots/planar2.urdf`, in which the base–tip line is the surface normal.
+//! The tip meets a wall at x = 0.6364 m. The paper gives no geometry, joint angles or inertia. Arm and poses are those of
+//! the stand-in `robots/planar2.urdf`, with the line from base to tip along the surface normal.
 
 mod claims;
 mod figures;
@@ -24,9 +25,9 @@ use carom_impact::Frictionless;
 use carom_sim::{ChainImpact, Impacts, SimError};
 use nalgebra::{DVector, Matrix2, Vector3};
 
-/// Surface normal from the wall to the robot (the paper's is the opposite).
+/// Contact normal, world frame, from the wall to the robot (the paper's has the opposite sign).
 pub const NORMAL: [f64; 3] = [-1.0, 0.0, 0.0];
-/// Tangent along which the tip comes in: down the wall.
+/// Tangential direction of the approach, world frame: down the wall.
 pub const TANGENT: [f64; 3] = [0.0, -1.0, 0.0];
 /// Impact angles, degrees.
 pub const ANGLES_DEG: [f64; 4] = [30.0, 45.0, 60.0, 90.0];
@@ -43,15 +44,15 @@ pub enum Elbow {
 }
 
 impl Elbow {
-    /// Both.
+    /// Both configurations, up first.
     pub const BOTH: [Self; 2] = [Self::Up, Self::Down];
 
-    /// +1 where the elbow is above the line from base to tip, −1 below.
+    /// +1 if the elbow is above the line from base to tip, −1 if it is below.
     pub(crate) fn side(self) -> f64 {
         if self == Self::Up { 1.0 } else { -1.0 }
     }
 
-    /// `up` or `down`.
+    /// Name: `up` or `down`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Up => "up",
@@ -65,7 +66,7 @@ impl Elbow {
         [sign * 45_f64.to_radians(), -sign * 90_f64.to_radians()]
     }
 
-    /// Table I, Newton's coefficient, measured at 0.2 m/s for [`ANGLES_DEG`].
+    /// Newton's coefficients of Table I, measured at 0.2 m/s, for [`ANGLES_DEG`].
     pub fn newton(self) -> [f64; 4] {
         match self {
             Self::Up => [0.40, 0.35, 0.28, 0.35],
@@ -73,7 +74,7 @@ impl Elbow {
         }
     }
 
-    /// Table I, "energetic coefficient": the square root of the ratio of kinetic energies, eq. (16).
+    /// "Energetic coefficients" of Table I for [`ANGLES_DEG`]: √(T⁺/T⁻), eq. (16).
     pub fn measured_energy_root(self) -> [f64; 4] {
         match self {
             Self::Up => [0.49, 0.59, 0.62, 0.73],
@@ -82,21 +83,21 @@ impl Elbow {
     }
 }
 
-/// What the tangential velocity does.
+/// Change of the tangential velocity in an impact.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Tangential {
-    /// Larger than before, in the same direction.
+    /// Greater after the impact, in the same direction.
     Grows,
-    /// Smaller than before, in the same direction.
+    /// Not greater after the impact, in the same direction.
     Shrinks,
-    /// Changes direction.
+    /// In the opposite direction after the impact.
     Reverses,
-    /// There was none before: normal impact.
+    /// Zero before the impact (normal impact).
     Appears,
 }
 
 impl Tangential {
-    /// One word.
+    /// Name: `grows`, `shrinks`, `reverses` or `appears`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Grows => "grows",
@@ -106,7 +107,7 @@ impl Tangential {
         }
     }
 
-    /// From the velocities before and after; below 1e-12 of the other, `before` counts as none.
+    /// The change from velocity `before` to `after`; `before` counts as zero up to 1e-12 of `after`.
     pub fn of(before: f64, after: f64) -> Self {
         if before.abs() <= 1e-12 * after.abs() {
             Self::Appears
@@ -123,19 +124,19 @@ impl Tangential {
 /// One impact of the experiment.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Configuration.
+    /// Configuration of the arm.
     pub elbow: Elbow,
-    /// Angle between path and surface, degrees.
+    /// Angle between the tip's velocity before the impact and the surface, degrees.
     pub angle_deg: f64,
-    /// Tip speed before, m/s.
+    /// Speed of the tip before the impact, m/s.
     pub speed: f64,
-    /// Newton's coefficient of Table I.
+    /// Newton's coefficient of restitution.
     pub restitution: f64,
-    /// Joint velocities before, rad/s.
+    /// Joint velocities before the impact, rad/s.
     pub qd_minus: [f64; 2],
     /// The impact.
     pub hit: ChainImpact,
-    /// The paper's h = tᵀHn/nᵀHn.
+    /// h = tᵀHn/nᵀHn with the paper's normal.
     pub coupling: f64,
 }
 
@@ -152,22 +153,23 @@ impl Run {
         (n.dot(&self.hit.u_minus), n.dot(&self.hit.u_plus))
     }
 
-    /// What the tangential velocity does.
+    /// Change of the tangential velocity.
     pub fn tangential_change(&self) -> Tangential {
         let (before, after) = self.tangential();
         Tangential::of(before, after)
     }
 }
 
-/// One impact of the arm: the tip comes down the wall under `angle_deg` with `speed`.
+/// Computes one impact of the arm in the pose of [`Elbow::pose`]. Before the impact the tip has `speed` (m/s), towards and
+/// down the wall, at `angle_deg` (degrees) to it.
 ///
 /// # Errors
-/// A chain that is not a two-link arm with a frame `tip`, a singular pose, a coefficient out of range.
+/// [`SimError`]: the chain is not a two-link arm with a frame `tip`, the pose is singular, or the coefficient is out of range.
 pub fn strike(chain: &Chain, elbow: Elbow, angle_deg: f64, speed: f64, restitution: f64) -> Result<Run, SimError> {
     let tip = chain.frame("tip")?;
     let (n, t) = (Vector3::from(NORMAL), Vector3::from(TANGENT));
     let alpha = angle_deg.to_radians();
-    // cos 90° is not zero in f64, but the paper's normal impact is normal
+    // exactly 0 at 90°, where the cosine in f64 is not
     let along = if angle_deg == 90.0 { 0.0 } else { alpha.cos() };
     let u_minus = t * (speed * along) - n * (speed * alpha.sin());
     let q = elbow.pose();
@@ -192,12 +194,12 @@ fn velocities_for(chain: &Chain, q: &[f64; 2], u: Vector3<f64>) -> Result<[f64; 
     Ok(qd.into())
 }
 
-/// The Jacobian, if the tip can move in all directions of the plane by more than rounding.
+/// The Jacobian if it is regular beyond rounding.
 pub(crate) fn regular(jacobian: Matrix2<f64>) -> Option<Matrix2<f64>> {
     (jacobian.determinant().abs() > 1e-12 * jacobian.norm_squared()).then_some(jacobian)
 }
 
-/// All twenty-four impacts, in the order elbow, speed, angle.
+/// Computes all twenty-four impacts of the experiment, in the order elbow, speed, angle.
 ///
 /// # Errors
 /// As [`strike`].

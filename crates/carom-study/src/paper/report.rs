@@ -1,4 +1,4 @@
-//! The paper's figures and table as a folder: SVG, the numbers behind as CSV, and a report that ties them together.
+//! Writes the paper's figures and table into a folder: SVG, CSV with the data, and a report.
 
 use super::claims::{Claim, claims, claims_of_figures};
 use super::figures::title;
@@ -13,43 +13,43 @@ use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Why there are no figures.
+/// Reason why the figures cannot be computed or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PaperError {
-    /// The arm can't be struck as the paper's was.
+    /// Error of the arm or of the simulation.
     #[error(transparent)]
     Sim(#[from] SimError),
-    /// The simulated arm does not do what the figures show.
+    /// The simulation has no impact followed by separation.
     #[error(
-        "{elbow}-elbow: the tip of this arm does not meet the wall and leave it: give an arm like robots/planar2.urdf"
+        "{elbow}-elbow: the tip of this arm does not hit the wall and separate from it: give an arm like robots/planar2.urdf"
     )]
     Missed {
-        /// Which elbow.
+        /// The configuration: `up` or `down`.
         elbow: &'static str,
     },
-    /// A table can't be written.
+    /// A table cannot be written.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// A figure can't be drawn.
+    /// A figure cannot be drawn.
     #[error("{0}")]
     Figure(String),
-    /// The folder holds something else.
+    /// The folder contains other files.
     #[error(
-        "{folder}: there is '{found}' in it, which is none of this report's files: choose a new or empty folder, or one of an earlier report, which is replaced"
+        "{folder}: it contains '{found}', which is not a file of this report: give a new or empty folder, or the folder of an earlier report, which is replaced"
     )]
     Occupied {
         /// The folder.
         folder: PathBuf,
-        /// What is in it.
+        /// Name of a file in it that is not part of a report.
         found: String,
     },
-    /// The file system says no.
+    /// A file or folder cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {
-        /// File or folder.
+        /// The file or folder.
         file: PathBuf,
-        /// What was said.
+        /// Error of the operating system.
         reason: io::Error,
     },
 }
@@ -60,22 +60,22 @@ impl From<ChainError> for PaperError {
     }
 }
 
-/// The preset: a stand-in, not the authors' arm (`robots/planar2.urdf`).
+/// The default arm, `robots/planar2.urdf`: a stand-in, not the authors' arm.
 ///
 /// # Errors
-/// None: the file is part of the program and tested.
+/// Does not occur: the file is compiled into the program and tested.
 pub fn stand_in() -> Result<Chain, ChainError> {
     Chain::from_urdf_str(include_str!("../../../../robots/planar2.urdf"), &LoadOptions::default())
 }
 
-/// One angle of one elbow at 0.2 m/s.
+/// Impacts at one angle of one elbow at 0.2 m/s.
 #[derive(Debug, Clone)]
 pub struct Row {
-    /// With Table I's Newton coefficient.
+    /// The impact with Newton's coefficient of Table I.
     pub newton: Run,
-    /// With Table I's "energetic" one in its place, as the paper's Figs. 9 and 10 do.
+    /// The impact with the "energetic coefficient" of Table I in place of Newton's, as in the paper's Figs. 9 and 10.
     pub energy: Run,
-    /// √(T⁺/T⁻) as Table I has it.
+    /// √(T⁺/T⁻) of Table I.
     pub measured: f64,
 }
 
@@ -85,29 +85,29 @@ impl Row {
         self.newton.hit.energy_ratio().sqrt()
     }
 
-    /// What eq. (11) with the energetic coefficient predicts, over what was measured: v_n⁺ is −e v_n⁻ by the definition of
-    /// Table I's e.
+    /// v_n⁺ by eq. (11) with the energetic coefficient, divided by the measured v_n⁺ (−e v_n⁻ by the definition of Table I's
+    /// e).
     pub(super) fn overshoot(&self) -> f64 {
         self.energy.restitution / self.newton.restitution
     }
 }
 
-/// Everything that the paper shows, computed.
+/// The model's results for the paper's figures, table and claims.
 #[derive(Debug, Clone)]
 pub struct Paper {
     /// Name of the arm.
     pub arm: String,
-    /// All impacts, elbow by speed by angle.
+    /// All impacts of the experiment, in the order elbow, speed, angle.
     pub runs: Vec<Run>,
-    /// Table I, up first.
+    /// Impacts for Table I, in the order elbow (up first), angle.
     pub rows: Vec<Row>,
-    /// Figs. 4, 6, 7: up and down.
+    /// Figs. 4, 6, 7: motion of the tip, elbow up and down.
     pub motions: [TipMotion; 2],
-    /// Fig. 5: up and down.
+    /// Fig. 5: contact forces, elbow up and down.
     pub forces: [Forces; 2],
-    /// Table I and what the inverse problem says of it.
+    /// Rows of Table I with the results of [`consistency`].
     pub table: Vec<(MeasuredRow, Findings)>,
-    /// Claim by claim.
+    /// The claims with their verdicts.
     pub claims: Vec<Claim>,
 }
 
@@ -115,10 +115,11 @@ const FIGURES: [&str; 8] = ["fig4", "fig5", "fig6", "fig7", "fig8", "fig9", "fig
 const REPORT: &str = "report.md";
 
 impl Paper {
-    /// Strikes and simulates the arm: two links and a frame `tip`, reaching 0.6364 m in the poses of [`Elbow::pose`].
+    /// Computes all impacts and simulations for an arm with two links and a frame `tip`, whose tip is 0.6364 m from the base in
+    /// the poses of [`Elbow::pose`].
     ///
     /// # Errors
-    /// [`PaperError`]: an arm that is none such.
+    /// [`PaperError::Sim`] and [`PaperError::Missed`] for any other arm.
     pub fn of(arm: &Chain) -> Result<Self, PaperError> {
         let [up, down] = Elbow::BOTH;
         let mut rows = Vec::new();
@@ -145,37 +146,37 @@ impl Paper {
         Ok(paper)
     }
 
-    /// The row of an elbow and an angle.
+    /// The row of an elbow and an angle of [`ANGLES_DEG`].
     pub fn row(&self, elbow: Elbow, angle_deg: f64) -> Option<&Row> {
         self.rows.iter().find(|row| row.newton.elbow == elbow && row.newton.angle_deg == angle_deg)
     }
 
-    /// Names of all files of a report.
+    /// The names of the files of a report.
     pub fn files() -> Vec<String> {
         let of = |name: &&str| [format!("{name}.svg"), format!("{name}.csv")];
         FIGURES.iter().flat_map(of).chain([REPORT.to_owned()]).collect()
     }
 
-    /// Writes figures (SVG), the numbers behind them (CSV) and `report.md` into a folder. It is filled beside its place and
-    /// moved there whole. A folder that is there already must be empty or hold an earlier report and nothing else, which
-    /// is replaced.
+    /// Writes the figures (SVG), their data (CSV) and `report.md` into a folder. The files are written to a temporary folder
+    /// beside it, which is then renamed. An existing folder must be empty or contain an earlier report only, which is
+    /// replaced.
     ///
     /// # Errors
-    /// [`PaperError`]: a folder with something else in it, or that can't be written. What was there before stays then.
+    /// [`PaperError`]: the folder contains other files or cannot be written. Its contents are unchanged then.
     pub fn write(&self, folder: &Path) -> Result<(), PaperError> {
         let unwritable = |file: &Path| {
             let file = file.to_owned();
             move |reason| PaperError::Unwritable { file, reason }
         };
         let named = folder;
-        // the folder itself, where the name is a link to it
+        // resolve symbolic links
         let folder =
             if folder.exists() { folder.canonicalize().map_err(unwritable(named))? } else { folder.to_owned() };
         if let Some(found) = occupied(&folder).map_err(unwritable(named))? {
             return Err(PaperError::Occupied { folder: named.to_owned(), found });
         }
         if std::env::current_dir().is_ok_and(|here| here == folder) {
-            let reason = io::Error::other("it is the working directory, which can't be replaced: name a folder in it");
+            let reason = io::Error::other("it is the working directory, which cannot be replaced: give a folder in it");
             return Err(unwritable(named)(reason));
         }
         let beside = |ending: &str| {
@@ -213,26 +214,26 @@ impl Paper {
     /// The report, Markdown.
     fn report(&self) -> String {
         let mut text = format!(
-            "# What a model says of Pagilla & Yu (2004)\n\n\
+            "# Comparison of a model with Pagilla & Yu (2004)\n\n\
              *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Trans. Mechatronics 9 (2004), \
-             doi 10.1109/TMECH.2004.823888. Written by `carom paper`; every number and verdict here is computed.\n\n\
-             The arm is `{}`, a **stand-in, not the authors' arm**: no geometry, inertia or joint angle of theirs is \
-             published. Base and tip lie on the wall's normal, and the two elbows mirror each other. The impact is rigid and \
-             frictionless, eqs. (10) to (15), with Newton's coefficient e of Table I (measured at {SPEED} m/s, used at all \
-             speeds). E is what the paper calls the energetic coefficient, √(T⁺/T⁻) of eq. (16): a ratio of kinetic \
+             doi 10.1109/TMECH.2004.823888. Written by `carom paper`; all numbers and verdicts are computed.\n\n\
+             The arm is `{}`, a **stand-in, not the authors' arm**, whose geometry, inertia and joint angles are not \
+             published. Base and tip lie on the normal of the wall, and the two elbows are mirror images. The impact is rigid \
+             and frictionless, eqs. (10) to (15), with Newton's coefficient e of Table I (measured at {SPEED} m/s, used at all \
+             speeds). E is the energetic coefficient of the paper, √(T⁺/T⁻) of eq. (16): the root of a ratio of kinetic \
              energies, not Stronge's coefficient.\n\n",
             self.arm
         );
         let confirmed = self.claims.iter().filter(|claim| claim.holds).count();
-        let _ = writeln!(text, "## Claim by claim: {confirmed} of {} confirmed\n", self.claims.len());
-        text += "| what the paper says | where | this model | numbers |\n| --- | --- | --- | --- |\n";
+        let _ = writeln!(text, "## Claims: {confirmed} of {} confirmed\n", self.claims.len());
+        text += "| claim of the paper | source | model | numbers |\n| --- | --- | --- | --- |\n";
         for Claim { place, statement, holds, evidence } in &self.claims {
             let verdict = if *holds { "confirmed" } else { "**not confirmed**" };
             let cells = [statement, *place, verdict, evidence].map(|cell| cell.replace('|', "\\|"));
             let _ = writeln!(text, "| {} |", cells.join(" | "));
         }
-        text += "\nThe sizes in Figs. 4 to 10 can't be compared: the text of the paper prints no velocity, force, path or \
-                 energy, and Table I is all that it prints of its measurements.\n\n";
+        text += "\nThe magnitudes in Figs. 4 to 10 cannot be compared: the paper gives no velocities, forces, paths or energies \
+                 as numbers. Table I has its only printed measurements.\n\n";
         for name in &FIGURES[..7] {
             let _ = writeln!(
                 text,
@@ -245,7 +246,7 @@ impl Paper {
         text
     }
 
-    /// What there is to say below a figure.
+    /// Caption of a figure.
     fn caption(&self, figure: &str) -> String {
         let [up, down] = &self.motions;
         let sides = |m: &TipMotion| {
@@ -256,8 +257,8 @@ impl Paper {
         let jump = |name: &str, before: f64, after: f64| format!("{name} from {before:.5} to {after:.5} m/s");
         match figure {
             "fig4" => format!(
-                "{SPEED} m/s, {ANGLE}°, e = {RESTITUTION}. Lines are the model, dots every 4 ms, the paper's clock. Along the \
-                 wall {} and {}; into the wall {}.",
+                "{SPEED} m/s, {ANGLE}°, e = {RESTITUTION}. Lines: model; dots: model at the paper's sampling interval of 4 ms. \
+                 Velocity along the wall: {} and {}; into the wall: {}.",
                 jump("up-elbow", up_before.tangential, up_after.tangential),
                 jump("down-elbow", down_before.tangential, down_after.tangential),
                 jump("both", up_before.normal, up_after.normal)
@@ -266,23 +267,24 @@ impl Paper {
                 let of = |forces: &Forces| {
                     let [normal, tangential] = forces.impulse();
                     format!(
-                        "{}-elbow: {:.1} N at most, for {:.3} ms, impulses {normal:.5} and {tangential:.5} N s",
+                        "{}-elbow: peak {:.1} N, duration {:.3} ms, normal and tangential impulse {normal:.5} and \
+                         {tangential:.5} N s",
                         forces.elbow.name(),
                         forces.peak(),
                         forces.duration() * 1e3
                     )
                 };
                 format!(
-                    "A rigid impact has no force, so here the contact gives way: Hunt & Crossley, {STIFFNESS:e} N/m^1.5, damped \
-                     so that Stronge's coefficient is {RESTITUTION}, friction {FRICTION}; stiffness, and with it duration and \
-                     peak, and friction are our choice. {}; {}. At one sample in 4 ms such a force would be seen once or not \
-                     at all.",
+                    "Compliant contact, as a rigid impact has no finite force: Hunt and Crossley, {STIFFNESS:e} N/m^1.5, with \
+                     the damping that gives Stronge's coefficient {RESTITUTION}, friction {FRICTION}. The stiffness, which \
+                     determines duration and peak, and the friction are chosen here, not taken from the paper. {}; {}. With a \
+                     sampling interval of 4 ms such a force appears in one sample at most.",
                     of(&self.forces[0]),
                     of(&self.forces[1])
                 )
             }
-            "fig6" => "The place where the tip hits is the origin; dots every 4 ms.".into(),
-            "fig7" => format!("{} samples, 4 ms apart, around the impact; the lines are the model.", up.samples.len()),
+            "fig6" => "The origin is the point of impact; dots every 4 ms.".into(),
+            "fig7" => format!("Dots: {} samples around the impact, 4 ms apart; lines: model.", up.samples.len()),
             "fig8" => {
                 let lost = |speed: f64| {
                     let of = self.runs.iter().filter(|run| run.speed == speed).map(|run| run.hit.energy_loss() * 1e3);
@@ -292,18 +294,18 @@ impl Paper {
                     let (least, most) = lost(speed);
                     format!("{least:.3} to {most:.3} mJ at {speed} m/s")
                 });
-                format!("{}. With Table I's e of {SPEED} m/s at every speed.", each.join(", "))
+                format!("Energy loss {}; with e of Table I, measured at {SPEED} m/s, at all speeds.", each.join(", "))
             }
-            "fig9" => "Along the wall, before and after, by eq. (15) with e and with E in its place. The measured velocities \
-                       are not printed in the paper."
+            "fig9" => "Velocity along the wall by eq. (15), with e and with E in place of e. The paper does not print the \
+                       measured velocities."
                 .into(),
-            _ => "Away from the wall. Measured is −e v_n⁻, by the definition of Table I's e, eq. (11); the other is eq. (11) \
-                  with E in its place, as in the paper."
+            _ => "Velocity away from the wall. \"Measured\" is −e v_n⁻, the definition of e in Table I, eq. (11); \"with E\" is \
+                  eq. (11) with E in place of e, as in the paper."
                 .into(),
         }
     }
 
-    /// Table I, beside the model, and the inverse problem.
+    /// Section on Table I: comparison with the model, and the consistency test.
     fn table1(&self) -> String {
         let mut text = "## Table I\n\n".to_owned();
         text += "| elbow | angle | e | E of Table I | E of the model | difference |\n| --- | --- | --- | --- | --- | --- |\n";
@@ -319,9 +321,10 @@ impl Paper {
                 model - row.measured
             );
         }
-        text += "\n### Could any arm give it?\n\nUnder eqs. (10) to (16) Y = √((1−e²)/(1−E²) − 1) is |cot α − h|/√D, with h = \
-                 tᵀHn/nᵀHn and D = det H/(nᵀHn)²: a V over cot α, whatever the arm. `carom consistency docs/table1.csv`:\n\n\
-                 ![Energies over angles](table1.svg)\n\n";
+        text += "\n### Consistency with any arm\n\nBy eqs. (10) to (16), Y = √((1−e²)/(1−E²) − 1) equals |cot α − h|/√D for \
+                 every arm, with h = tᵀHn/nᵀHn and D = det H/(nᵀHn)², so Y is a V-shaped function of cot α. Result of `carom \
+                 consistency docs/table1.csv`:\n\n\
+                 ![Consistency of energies](table1.svg)\n\n";
         for (row, found) in &self.table {
             let _ = writeln!(text, "**{}**\n", row.name);
             for sentence in found.verdict(row) {
@@ -329,13 +332,13 @@ impl Paper {
             }
             text.push('\n');
         }
-        text += "This is arithmetic about the table under rigid, frictionless impact with Newton's coefficient. The authors \
-                 themselves call its values not consistent.\n";
+        text += "The test assumes rigid, frictionless impacts with Newton's coefficient. The authors themselves call the values \
+                 of the table not consistent.\n";
         text
     }
 }
 
-/// What stands in a folder that is no file of a report.
+/// Name of an entry of the folder that is not a file of a report, if there is one.
 fn occupied(folder: &Path) -> io::Result<Option<String>> {
     let entries = match std::fs::read_dir(folder) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -352,7 +355,7 @@ fn occupied(folder: &Path) -> io::Result<Option<String>> {
     Ok(None)
 }
 
-/// A folder that goes unless it was moved away.
+/// A temporary folder, removed on drop unless it was renamed.
 struct Part(PathBuf);
 
 impl Drop for Part {

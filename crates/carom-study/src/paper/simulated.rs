@@ -1,4 +1,4 @@
-//! What Figs. 4 to 7 show: the tip before, through and after one impact at 0.2 m/s under 45°, simulated.
+//! Simulations for Figs. 4 to 7: the tip before, during and after one impact at 0.2 m/s and 45°.
 
 use super::{Elbow, NORMAL, PaperError, TANGENT, strike};
 use carom_chain::Chain;
@@ -12,22 +12,22 @@ use nalgebra::Vector3;
 /// Angle and speed of Figs. 4 to 7.
 pub(super) const ANGLE: f64 = 45.0;
 pub(super) const SPEED: f64 = 0.2;
-/// Table I's Newton coefficient of both elbows there.
+/// Newton's coefficient of Table I at 45°, equal for both elbows.
 pub(super) const RESTITUTION: f64 = 0.35;
-/// Our choice for the compliant contact of Fig. 5: Hertz's exponent, a stiffness in N/m^(3/2), a friction.
+/// Parameters chosen here for the compliant contact of Fig. 5: stiffness, N/m^(3/2) (Hertz's exponent), and friction.
 pub(super) const STIFFNESS: f64 = 1e9;
 pub(super) const FRICTION: f64 = 0.1;
 const SLIP_SPEED: f64 = 1e-3;
-/// So long before and after the impact, s.
+/// Time shown before and after the impact, s.
 const WINDOW: f64 = 0.02;
-/// The same with some room: the probe's end is a ball, and touches a little before its centre would.
+/// Time simulated before and after the impact, s. It is longer, because the probe is a ball that touches before its centre.
 const SPAN: f64 = 1.01 * WINDOW;
-/// Steps of each half; the paper's clock of 4 ms takes every 80th, beginning with the 40th: ten samples, five on each
-/// side, none on the impact itself.
+/// Steps of each half. The paper's sampling interval of 4 ms is every 80th step, beginning with the 40th: ten samples, five on
+/// each side and none at the impact.
 const STEPS: usize = 400;
 const CLOCK: (usize, usize) = (40, 80);
 
-/// The tip at one time.
+/// State of the tip at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TipState {
     /// Time from the impact, s.
@@ -36,29 +36,29 @@ pub struct TipState {
     pub normal: f64,
     /// Velocity down along the wall, m/s.
     pub tangential: f64,
-    /// Way towards the wall from where it hits, m.
+    /// Position towards the wall, from the point of impact, m.
     pub towards: f64,
-    /// Way down along the wall from where it hits, m.
+    /// Position down along the wall, from the point of impact, m.
     pub along: f64,
 }
 
-/// A rigid impact, continuous and as the paper's clock samples it.
+/// Motion of the tip through a rigid impact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TipMotion {
-    /// Configuration.
+    /// Configuration of the arm.
     pub elbow: Elbow,
-    /// Continuous, with both sides of the impact at time 0.
+    /// States every 50 µs, with the states before and after the impact at time 0.
     pub states: Vec<TipState>,
-    /// Every 4 ms.
+    /// States every 4 ms, the paper's sampling interval.
     pub samples: Vec<TipState>,
 }
 
-/// The force on the wall while a compliant contact is pressed.
+/// Force on the wall during a compliant contact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Forces {
-    /// Configuration.
+    /// Configuration of the arm.
     pub elbow: Elbow,
-    /// Time from the contact (s), force into the wall, force down along the wall (N), at equal steps.
+    /// Time from the beginning of the contact (s), force into the wall and force down along the wall (N), at equal steps.
     pub states: Vec<[f64; 3]>,
 }
 
@@ -68,20 +68,20 @@ impl Forces {
         self.states.iter().map(|s| s[1]).fold(0.0, f64::max)
     }
 
-    /// How long it presses, s.
+    /// Duration of the contact, s.
     pub fn duration(&self) -> f64 {
         self.states.last().map_or(0.0, |s| s[0])
     }
 
-    /// Normal and tangential impulse on the wall, N s: the trapezoidal rule, which for a force that begins and ends at zero
-    /// is good to the square of the step.
+    /// Normal and tangential impulse on the wall, N s, by the trapezoidal rule, which has second order for a force that
+    /// begins and ends at zero.
     pub fn impulse(&self) -> [f64; 2] {
         let area = |k: usize| self.states.windows(2).map(|s| (s[1][0] - s[0][0]) * (s[0][k] + s[1][k]) / 2.0).sum();
         [area(1), area(2)]
     }
 }
 
-/// The arm before its wall, and what happens.
+/// Simulates the arm and its wall.
 fn run(arm: &Chain, elbow: Elbow, contact: ContactRule) -> Result<(Simulation, Trajectory), SimError> {
     let hit = strike(arm, elbow, ANGLE, SPEED, contact.restitution)?;
     let start = free_motion(arm, &elbow.pose(), &hit.qd_minus, Vector3::zeros(), -SPAN, 2)?.remove(1);
@@ -123,7 +123,8 @@ pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError>
     Ok(TipMotion { elbow, states, samples })
 }
 
-/// Fig. 5: a rigid impact has no force, so the contact gives way (Hunt & Crossley, damped so that e comes out as asked).
+/// Fig. 5: compliant contact by Hunt and Crossley, with the damping that gives Stronge's coefficient `RESTITUTION`. A rigid
+/// impact has no finite force.
 pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, PaperError> {
     let tangential = Holding::Smoothed { slip_speed: SLIP_SPEED };
     let compliance = Some(Compliance { tangential, ..Compliance::new(STIFFNESS) });
