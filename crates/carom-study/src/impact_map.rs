@@ -1,4 +1,4 @@
-//! Impact maps: what a wall does to the tip, over all poses.
+//! Maps of the tangential velocity ratio of a two-link arm over positions of its tip.
 
 use crate::paper::{Elbow, regular};
 use crate::self_motion::{check_lengths, two_link_pose};
@@ -13,31 +13,31 @@ pub struct MapPoint {
     pub q: [f64; 2],
     /// Tip position in the chain's plane, m.
     pub tip: Vector2<f64>,
-    /// v_t⁺/v_t⁻: over 1 the tangential velocity grows, from 0 to 1 it shrinks, below 0 it reverses.
+    /// v_t⁺/v_t⁻: above 1 the tangential velocity grows, from 0 to 1 it shrinks, below 0 it reverses.
     pub tangential_ratio: f64,
 }
 
-/// What the tip meets, and how it comes in: vectors in the arm's plane, the normal from the wall to the robot. The tip
-/// comes in along `tangent − normal`, at 45° for unit vectors square to each other.
+/// Wall and approach of the tip. The velocity of the tip before the impact has the direction `tangent − normal`, which is at
+/// 45° to the wall for orthonormal vectors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Approach {
-    /// Unit normal of the wall.
+    /// Unit contact normal in the arm's plane, from the wall to the robot.
     pub normal: Vector2<f64>,
-    /// Unit tangent that the tip comes in along.
+    /// Unit tangent of the wall in the arm's plane, in the direction of the approach.
     pub tangent: Vector2<f64>,
     /// Coefficient of restitution.
     pub restitution: f64,
 }
 
-/// v_t⁺/v_t⁻ of a frictionless impact of a two-link planar arm (links of `lengths` from the world's origin, zero along x)
-/// for the tip at each of `targets`. Targets out of reach, and poses in which the tip can't move in all directions, are
-/// left out.
+/// Computes v_t⁺/v_t⁻ of a frictionless impact of a two-link planar arm for the tip at each of `targets` (arm's plane, m). The
+/// links have the lengths `lengths`, m, begin at the world's origin and are along x at q = 0. Targets out of reach and singular
+/// poses are left out.
 ///
-/// v_t⁺/v_t⁻ = 1 + (1+e) H_tn/H_nn at 45°: the paper's eq. (15). It is computed by the impact kernel, with the joint
-/// velocities that such a tip velocity needs.
+/// At 45° v_t⁺/v_t⁻ = 1 + (1+e) H_tn/H_nn, eq. (15) of Pagilla and Yu. It is computed by the impact kernel from the joint
+/// velocities that belong to the velocity of the tip.
 ///
 /// # Errors
-/// [`SimError`]: another number of joints than two, lengths that are not the chain's.
+/// [`SimError`]: the chain does not have two joints, or the lengths are not those of the chain.
 pub fn tangential_map(
     flat: &PlanarChain,
     tip: FrameId,
@@ -48,7 +48,7 @@ pub fn tangential_map(
 ) -> Result<Vec<MapPoint>, SimError> {
     let chain = &flat.chain;
     if chain.nv() != 2 {
-        let rule = "a tangential map is for two joints";
+        let rule = "a tangential map needs an arm with two joints";
         return Err(SimError::Setting { what: "number of joints", value: chain.nv() as f64, rule });
     }
     let Approach { normal, tangent, restitution } = approach;

@@ -1,9 +1,9 @@
-//! Line charts as SVG, with the legend beside them, where it hides nothing.
+//! Line charts as SVG, with the legend beside the plot.
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-/// Colours of the two elbows, of their paler companions, and of more rows than two.
+/// Colours of the two elbows, and of further rows.
 pub(crate) const COLOURS: [RGBColor; 6] = [
     RGBColor(31, 120, 180),
     RGBColor(227, 26, 28),
@@ -12,19 +12,19 @@ pub(crate) const COLOURS: [RGBColor; 6] = [
     RGBColor(255, 127, 0),
     RGBColor(177, 89, 40),
 ];
-/// Paler companions of [`COLOURS`].
+/// Paler versions of the first two [`COLOURS`].
 pub(crate) const PALE: [RGBColor; 2] = [RGBColor(106, 176, 222), RGBColor(240, 130, 110)];
 pub(crate) const GREY: RGBColor = RGBColor(120, 120, 120);
 
 /// One curve of a chart.
 pub(crate) struct Curve {
-    /// In the legend; empty for none.
+    /// Name in the legend; empty for no entry.
     pub name: String,
     pub colour: RGBColor,
     pub line: Vec<(f64, f64)>,
     pub dashed: bool,
     pub dots: Vec<(f64, f64)>,
-    /// x, and from where to where.
+    /// Vertical bars: x, lower end, upper end.
     pub bars: Vec<(f64, f64, f64)>,
 }
 
@@ -37,10 +37,10 @@ impl Curve {
 const SIZE: (u32, u32) = (900, 460);
 const LEGEND: i32 = 250;
 
-/// The chart as SVG.
+/// Draws a chart as SVG.
 pub(crate) fn svg(title: &str, axes: [&str; 2], curves: &[Curve]) -> Result<String, String> {
     let mut svg = String::new();
-    draw(&mut svg, title, axes, curves).map_err(|e| format!("'{title}' can't be drawn: {e}"))?;
+    draw(&mut svg, title, axes, curves).map_err(|e| format!("'{title}' cannot be drawn: {e}"))?;
     Ok(svg)
 }
 
@@ -55,7 +55,7 @@ fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Res
         low - room..high + room
     };
     if points().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
-        return Err("a point has no finite place".into());
+        return Err("the coordinates of a point are not finite".into());
     }
     let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     root.fill(&WHITE)?;
@@ -83,7 +83,7 @@ fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Res
             chart.draw_series(LineSeries::new(curve.line.iter().copied(), thick))?;
         }
         chart.draw_series(curve.bars.iter().map(|bar| PathElement::new([(bar.0, bar.1), (bar.0, bar.2)], thin)))?;
-        // a dot hides no bar
+        // smaller dots on bars
         let radius = if curve.bars.is_empty() { 3 } else { 2 };
         chart.draw_series(curve.dots.iter().map(|&dot| Circle::new(dot, radius, curve.colour.filled())))?;
     }
@@ -92,7 +92,7 @@ fn draw(svg: &mut String, title: &str, axes: [&str; 2], curves: &[Curve]) -> Res
     Ok(())
 }
 
-/// Names beside the chart, each with its line, its dot or both.
+/// Draws the legend: each name with its line, its dot or both.
 fn legend(area: &DrawingArea<SVGBackend, Shift>, curves: &[Curve]) -> Result<(), Box<dyn std::error::Error>> {
     for (k, curve) in curves.iter().filter(|curve| !curve.name.is_empty()).enumerate() {
         let (y, style) = (56 + 24 * k as i32, curve.colour.stroke_width(2));

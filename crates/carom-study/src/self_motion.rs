@@ -1,4 +1,4 @@
-//! What a redundant arm can choose while its tip stays where it is.
+//! Self-motion of a redundant arm: the poses with the same position of the tip.
 
 use carom_chain::{Chain, FrameId};
 use carom_sim::SimError;
@@ -7,22 +7,23 @@ use nalgebra::{DVector, Vector3};
 /// One pose of a self-motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SelfMotionPoint {
-    /// Joint positions.
+    /// Joint positions, rad.
     pub q: Vec<f64>,
-    /// Mass the tip seems to have against the normal, kg; `None` where the normal is singular.
+    /// Effective mass along the normal, kg; `None` in a singular normal direction.
     pub effective_mass: Option<f64>,
-    /// h = tᵀHn/nᵀHn with the normal into the surface: the tangential jump is −(1+e)·h times the approach speed.
+    /// h = tᵀHn/nᵀHn with the normal into the surface: without friction the tangential jump is −(1+e)·h times the approach
+    /// speed. `None` in a singular normal direction.
     pub coupling: Option<f64>,
 }
 
-/// The poses that a planar three-joint arm can take with its tip at `target` (world, in the arm's plane): `samples`
-/// absolute directions of the last link all around, both elbows; those out of reach are left out.
+/// Samples the self-motion of a planar three-joint arm with its tip at `target` (world frame, m): `samples` equally spaced
+/// absolute directions of the last link, with both elbows. Directions out of reach are left out.
 ///
-/// `lengths` are the three link lengths, m; `normal` and `tangent` unit vectors in the world, the normal from surface to
-/// robot.
+/// `lengths` are the three link lengths, m. `normal` and `tangent` are unit vectors in the world frame; the normal points from
+/// the surface to the robot.
 ///
 /// # Errors
-/// [`SimError`]: lengths that are not the chain's, a singular mass matrix.
+/// [`SimError`]: the lengths are not those of the chain, or the mass matrix is singular.
 pub fn self_motion(
     chain: &Chain,
     tip: FrameId,
@@ -51,7 +52,7 @@ pub fn self_motion(
     Ok(poses)
 }
 
-/// A pose computed from lengths must put the tip where it was asked.
+/// Checks that a pose computed from `lengths` has the tip at `target`.
 pub(crate) fn check_lengths(chain: &str, lengths: &[f64], target: [f64; 2], found: [f64; 2]) -> Result<(), SimError> {
     let off = (found[0] - target[0]).hypot(found[1] - target[1]);
     if off <= 1e-9 * lengths.iter().sum::<f64>() {
@@ -60,7 +61,7 @@ pub(crate) fn check_lengths(chain: &str, lengths: &[f64], target: [f64; 2], foun
     Err(SimError::Lengths { chain: chain.into(), lengths: lengths.to_vec(), target, found })
 }
 
-/// Joint angles of three links with the tip at `target` and the last link pointing along `direction`.
+/// Joint angles of three links with the tip at `target` and the last link in `direction`, rad; `None` out of reach.
 fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f64) -> Option<[f64; 3]> {
     let [a, b, c] = lengths;
     let wrist = [target[0] - c * direction.cos(), target[1] - c * direction.sin()];
@@ -69,12 +70,12 @@ fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f
 }
 
 /// Joint angles of two links from the origin with the tip at `target`, by the law of cosines; `None` out of reach.
-/// `elbow` ±1 chooses the side (+1: elbow above the line from base to tip).
+/// `elbow` is +1 for an elbow to the left of (above) the line from base to tip, −1 for the other side.
 pub(crate) fn two_link_pose(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
     two_link_turns(lengths, target, elbow).map(|[first, bend]| [wrap(first), bend])
 }
 
-/// The same, with the first angle in (−2π, 2π): for those who turn it to where they want it.
+/// As [`two_link_pose`], with the first angle in (−2π, 2π), not wrapped.
 pub(crate) fn two_link_turns(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
     let ([a, b], [x, y]) = (lengths, target);
     let cos_bend = (x * x + y * y - a * a - b * b) / (2.0 * a * b);

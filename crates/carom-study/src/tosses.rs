@@ -1,10 +1,11 @@
-//! Measured tosses, rolled out: each from its first free sample to its last, and how far the pose ends from the measured.
+//! Roll-outs of measured tosses: each toss is simulated from its first free sample to its last one and compared with the
+//! measured poses.
 //!
-//! A folder of tosses holds a URDF and a table `tosses.csv` with the columns `toss, k, t`, the root link's position
-//! `px, py, pz` (m) and rotation `qw, qx, qy, qz` in the world, its velocity `vx, vy, vz` (m/s, world) and `wx, wy, wz`
-//! (rad/s, the link's own axes), and `theta, dtheta` if the robot has a joint of its own. The floor is z = 0. That is how
-//! the tosses of ContactNets (S. Pfrommer, M. Halm, M. Posa 2020) and of the elbow (B. Bianchini, M. Halm, M. Posa 2023)
-//! can be laid out.
+//! A folder of tosses contains a URDF and a table `tosses.csv` with these columns: `toss`; `t`, s; position `px, py, pz` (m) and
+//! rotation `qw, qx, qy, qz` of the root link in the world frame; its linear velocity `vx, vy, vz` (m/s, world frame) and
+//! angular velocity `wx, wy, wz` (rad/s, axes of the link); and `theta, dtheta` (rad, rad/s) if the robot has a joint besides
+//! its floating base. Other columns are ignored. The floor is z = 0. The tosses of ContactNets (S. Pfrommer, M. Halm, M. Posa
+//! 2020) and of the elbow (B. Bianchini, M. Halm, M. Posa 2023) can be converted to this format.
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// Tosses of one robot.
 #[derive(Debug, Clone)]
 pub struct Tosses {
-    /// The robot, floating.
+    /// The robot, with a floating base.
     pub chain: Chain,
     /// The tosses, in the order of the table.
     pub tosses: Vec<Toss>,
@@ -27,74 +28,74 @@ pub struct Tosses {
 /// One measured toss.
 #[derive(Debug, Clone)]
 pub struct Toss {
-    /// Its number in the table.
+    /// Number in the table.
     pub number: i64,
-    /// The samples in the order of time.
+    /// The samples, ascending in time.
     pub samples: Vec<Moment>,
 }
 
-/// How a roll-out compares with its toss.
+/// Comparison of a roll-out with the measured toss.
 #[derive(Debug, Clone)]
 pub struct RollOut {
-    /// The toss's number.
+    /// Number of the toss.
     pub number: i64,
-    /// Samples from the first free one to the last.
+    /// Number of samples from the first free one to the last.
     pub samples: usize,
-    /// At the last sample.
+    /// Error at the last sample.
     pub last: PoseError,
-    /// Mean over the samples.
+    /// Mean error over the samples.
     pub mean: PoseError,
-    /// Mean of the squares over the samples: m², rad², rad².
+    /// Mean of the squared errors over the samples: m², rad², rad².
     pub mean_square: PoseError,
     /// Speed of the root link at the end of the roll-out, m/s.
     pub final_speed: f64,
-    /// The deepest overlap of the roll-out at a sample, m; 0 if there was none.
+    /// Greatest penetration of the floor at a sample of the roll-out, m; 0 if there is none.
     pub deepest: f64,
-    /// Number of events.
+    /// Number of events of the roll-out.
     pub events: usize,
 }
 
-/// Distance between two poses.
+/// Difference between two poses.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PoseError {
-    /// Distance of the root link's origins, m.
+    /// Distance between the origins of the root link, m.
     pub position: f64,
-    /// Angle between the root link's rotations, rad.
+    /// Angle between the rotations of the root link, rad.
     pub rotation: f64,
-    /// Largest difference of the joints, rad, wrapped to ±π; 0 without joints.
+    /// Largest difference of a joint angle, rad, wrapped to ±π; 0 without joints.
     pub joint: f64,
 }
 
-/// Why tosses can't be read or rolled out.
+/// Reason why tosses cannot be read or rolled out.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TossError {
-    /// The folder or its files.
+    /// Error in the folder or one of its files.
     #[error("{}: {reason}", file.display())]
     File {
         /// The file or folder.
         file: PathBuf,
-        /// What is wrong, and what is needed.
+        /// The rule that is broken.
         reason: String,
     },
-    /// The robot.
+    /// Error of the robot.
     #[error(transparent)]
     Chain(#[from] ChainError),
-    /// A roll-out.
+    /// Error of a roll-out.
     #[error("toss {number}: {reason}")]
     Simulation {
-        /// The toss's number.
+        /// Number of the toss.
         number: i64,
-        /// What the simulation refused.
+        /// Error of the simulation.
         reason: SimError,
     },
 }
 
 impl Tosses {
-    /// Reads `folder/tosses.csv`, and the robot `folder/robot`, or the folder's only URDF.
+    /// Reads `folder/tosses.csv` and the URDF `folder/robot`; without `robot`, the only URDF of the folder.
     ///
     /// # Errors
-    /// [`TossError::File`] naming file, line and column; what the robot is refused for.
+    /// [`TossError::File`] with file, line and column; [`TossError::Chain`] for an invalid URDF.
     pub fn read(folder: &Path, robot: Option<&str>) -> Result<Self, TossError> {
         let refuse = |file: &Path, reason: String| TossError::File { file: file.to_owned(), reason };
         let urdf = match robot {
@@ -108,12 +109,13 @@ impl Tosses {
         Ok(Self { chain, tosses })
     }
 
-    /// Rolls every toss out, in parallel; the answers are in the order of the tosses.
+    /// Simulates all tosses in parallel, with contact rule `contact`, relative tolerance `tolerance`, and time step `step` (s)
+    /// while several contacts are closed. Results are in the order of the tosses.
     pub fn roll_out(&self, contact: ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
         self.tosses.par_iter().map(|toss| toss.roll_out(&self.chain, contact, tolerance, step)).collect()
     }
 
-    /// The gap of the lowest point over the floor in each sample of a toss, m.
+    /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
     pub(crate) fn gaps(&self, toss: &Toss) -> Result<Vec<f64>, TossError> {
         let refuse = |reason| TossError::Simulation { number: toss.number, reason };
         let simulation = on_floor(&self.chain, ContactRule::default()).map_err(refuse)?;
@@ -121,7 +123,7 @@ impl Tosses {
     }
 }
 
-/// A chain over the floor z = 0.
+/// Simulation of a chain above the floor z = 0.
 fn on_floor(chain: &Chain, contact: ContactRule) -> Result<Simulation, SimError> {
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z())?;
     let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
@@ -130,7 +132,7 @@ fn on_floor(chain: &Chain, contact: ContactRule) -> Result<Simulation, SimError>
 }
 
 impl Toss {
-    /// Rolls this toss out from its first free sample to its last.
+    /// Simulates this toss from its first free sample to its last.
     pub(crate) fn roll_out(
         &self,
         chain: &Chain,
@@ -147,11 +149,12 @@ impl Toss {
             first += 1;
         }
         let Some(start) = self.samples.get(first) else {
-            let (what, rule) = ("number of free samples", "a toss needs one that does not touch the floor");
+            let (what, rule) =
+                ("number of free samples", "a toss needs at least one sample without contact with the floor");
             return Err(refuse(SimError::Setting { what, value: 0.0, rule }));
         };
         let measured = &self.samples[first..];
-        // The samples' own spacing, so that the moments fall on them.
+        // sampled at the spacing of the measured samples
         let end = measured[measured.len() - 1].time - start.time;
         let every = end / (measured.len() - 1).max(1) as f64;
         let mut rolled: Vec<Moment> = Vec::new();
@@ -163,7 +166,7 @@ impl Toss {
         });
         let summary = summary.map_err(refuse)?;
         if rolled.len() < measured.len() {
-            rolled.push(summary.last.clone()); // the last sample may be a rounding beyond the end
+            rolled.push(summary.last.clone()); // by rounding, the last sample may lie beyond the end
         }
         let errors: Vec<PoseError> = rolled.iter().zip(measured).map(|(a, b)| PoseError::between(a, b)).collect();
         let mut deepest = 0.0_f64;
@@ -194,10 +197,10 @@ impl Toss {
 }
 
 impl RollOut {
-    /// The error measure of B. Acosta, W. Yang, M. Posa (IEEE RA-L 7, 2022) over the samples of the roll-out: mean
-    /// of |Δp|² over `length` (m) plus mean of Δθ² (rad²), and of a joint of its own, if there is one, the mean of its
-    /// square too. Their tosses of a cube are measured so with half its width, 0.0524 m; a length squared over a length
-    /// is added to a number here, as it is there.
+    /// Error measure of B. Acosta, W. Yang, M. Posa (IEEE RA-L 7, 2022) over the samples of the roll-out: mean of |Δp|²
+    /// divided by `length` (m), plus mean of Δθ² (rad²), plus the mean of the squared joint error, if there is a joint. For
+    /// their cube they use half its width, 0.0524 m. As in the paper, the terms have different units: |Δp|²/`length` is a
+    /// length.
     pub fn pose_error(&self, length: f64) -> f64 {
         let PoseError { position, rotation, joint } = self.mean_square;
         position / length + rotation + joint
@@ -225,10 +228,10 @@ fn only_urdf(folder: &Path) -> Result<PathBuf, String> {
     found.sort();
     match found.as_slice() {
         [one] => Ok(one.clone()),
-        [] => Err("holds no URDF".into()),
+        [] => Err("it contains no URDF".into()),
         several => {
             let names: Vec<_> = several.iter().filter_map(|p| Some(p.file_name()?.to_string_lossy())).collect();
-            Err(format!("holds several robots, {}: say which with --robot", names.join(", ")))
+            Err(format!("it contains several URDF files, {}: select one with --robot", names.join(", ")))
         }
     }
 }
@@ -241,14 +244,14 @@ fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
     let joints: &[&str] = match own {
         0 => &[],
         1 => &["theta", "dtheta"],
-        _ => return Err(format!("the robot has {own} joints of its own, and the table can hold one (theta, dtheta)")),
+        _ => return Err(format!("the robot has {own} joints, but the table has columns for one (theta, dtheta) only")),
     };
     const ROOT: [&str; 15] =
         ["toss", "t", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"];
     let at: Vec<usize> = ROOT
         .iter()
         .chain(joints)
-        .map(|&name| columns.get(name).copied().ok_or_else(|| format!("has no column '{name}'")))
+        .map(|&name| columns.get(name).copied().ok_or_else(|| format!("column '{name}' is missing")))
         .collect::<Result<_, _>>()?;
     let mut tosses: Vec<Toss> = Vec::new();
     for (k, record) in reader.records().enumerate() {
@@ -257,13 +260,13 @@ fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
         let cell = |column: usize| {
             let text = record.get(column).unwrap_or("").trim();
             let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            number.ok_or_else(|| format!("line {line}, column {}: '{text}' is no finite number", &header[column]))
+            number.ok_or_else(|| format!("line {line}, column {}: '{text}' is not a finite number", &header[column]))
         };
         let x: Vec<f64> = at.iter().map(|&column| cell(column)).collect::<Result<_, _>>()?;
         let quaternion = Quaternion::new(x[5], x[6], x[7], x[8]);
         let norm = quaternion.norm();
         if (norm - 1.0).abs() > 1e-2 {
-            return Err(format!("line {line}: the quaternion's norm is {norm}, a rotation has 1"));
+            return Err(format!("line {line}: the norm of the quaternion is {norm}, but must be 1 within 0.01"));
         }
         let turn = UnitQuaternion::from_quaternion(quaternion);
         let v = turn.inverse_transform_vector(&Vector3::new(x[9], x[10], x[11]));
@@ -279,13 +282,13 @@ fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
         }
         if let Some(toss) = tosses.last_mut() {
             if toss.samples.last().is_some_and(|sample| sample.time >= x[1]) {
-                return Err(format!("line {line}: the times of toss {number} do not ascend"));
+                return Err(format!("line {line}: the times of toss {number} must ascend"));
             }
             toss.samples.push(Moment { time: x[1], q, qd });
         }
     }
     if let Some(toss) = tosses.iter().find(|toss| toss.samples.len() < 2) {
-        return Err(format!("toss {} has only one sample", toss.number));
+        return Err(format!("toss {} has only one sample: at least 2 are needed", toss.number));
     }
-    if tosses.is_empty() { Err("holds no samples".into()) } else { Ok(tosses) }
+    if tosses.is_empty() { Err("it contains no samples".into()) } else { Ok(tosses) }
 }

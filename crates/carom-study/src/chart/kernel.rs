@@ -1,4 +1,4 @@
-//! The first impact alone, by the closed form: what remains of a run when only its jump is asked for.
+//! The first impact alone, in closed form: computing time and error of the velocity jump without simulation.
 
 use super::{Absent, Chart, Run};
 use carom_chain::algebra::Algebra;
@@ -8,12 +8,13 @@ use nalgebra::Vector2;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// One batch of impacts, and how many batches: the fastest counts, since all do the same.
+/// Number of impacts in a batch, and number of batches. The fastest batch counts, as all of them do the same work.
 const BATCH: u32 = 200;
 const BATCHES: usize = 25;
 
 impl Chart {
-    /// The jump of the first impact from its own state, in the plane and in space, in double and single precision.
+    /// Adds the velocity jump of the first impact, computed from its state in the plane and in space, in double and single
+    /// precision.
     pub(super) fn closed_form(&mut self, scene: &Scene, run: &Trajectory) -> Result<(), SimError> {
         let sim = &scene.simulation;
         let Some(event) = run.events.iter().find(|event| super::is_impact(event)) else { return Ok(()) };
@@ -25,13 +26,13 @@ impl Chart {
             Ok(())
         };
         if hit.contact.friction > 0.0 {
-            return refuse("the kernel is frictionless, and this contact is rough");
+            return refuse("the kernel is frictionless, but the contact has friction");
         }
         let moment = Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
         let place = sim.touching_point(touch, &moment)?;
         let frame = hit.link().and_then(|link| sim.chain.frame(link).ok());
         let (Some([point, normal]), Some(frame), None) = (place, frame, hit.other_link()) else {
-            return refuse("it knows a link and a surface");
+            return refuse("the kernel needs a contact between a link and a surface");
         };
         let e = hit.contact.restitution;
         let mut results: Vec<(&str, f64, Timed)> = Vec::new();
@@ -61,7 +62,7 @@ impl Chart {
             (&narrowed(q), &narrowed(qd)),
         )?;
         results.extend([("in space", 64.0, exact), ("in space", 32.0, rough)]);
-        // Coarse before fine, as in every other method.
+        // coarse before fine, as in the other methods
         results.sort_by(|a, b| a.1.total_cmp(&b.1));
         for space in ["in the plane", "in space"] {
             for (_, bits, (wall_time, qd)) in results.iter().filter(|it| it.0 == space) {
@@ -85,7 +86,7 @@ fn narrowed(numbers: &[f64]) -> Vec<f32> {
     numbers.iter().map(|x| *x as f32).collect()
 }
 
-/// A point of the world in a frame's own axes.
+/// A world point in the axes of a frame.
 fn in_frame<A: Algebra<Scalar = f64>>(
     chain: &Chain<A>,
     q: &[f64],
@@ -96,10 +97,10 @@ fn in_frame<A: Algebra<Scalar = f64>>(
     Ok(workspace.update(chain, q)?.pose(frame).inverse().point(point))
 }
 
-/// Seconds, and the joint velocities after.
+/// Time, s, and the joint velocities after the impact.
 type Timed = (f64, Vec<f64>);
 
-/// Time of one impact, from pose to joint velocities, and those.
+/// Time of one impact, from q and q̇⁻ to q̇⁺, and q̇⁺.
 fn kernel<A: Algebra>(
     chain: &Chain<A>,
     frame: FrameId,

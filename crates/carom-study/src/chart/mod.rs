@@ -1,8 +1,9 @@
-//! Error against time: every method that can run a scene, each over its own knob.
+//! Work–precision diagrams: error against computing time of every method that can run a scene, each over its own parameter
+//! (tolerance, step or stiffness).
 //!
-//! The yardstick is an event-driven run in space, as exact as the numbers allow, whose own error is seen from the
-//! other integrator. Two errors are told: that of q̇ right after the first impact (what an impact law answers for), and that
-//! of q and q̇ at the end (what a user sees). Times are medians of whole runs, without any recording.
+//! The reference solution is an event-driven run in space with the tightest tolerance. Its own error is estimated by comparison
+//! with a second integrator. Two errors are computed: of q̇ right after the first impact, and of q and q̇ at the end. Times are
+//! medians of whole runs without recording.
 
 mod kernel;
 mod picture;
@@ -18,23 +19,23 @@ use std::time::{Duration, Instant};
 /// One run of one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
-    /// The method, with what tells it from others.
+    /// Name of the method.
     pub method: String,
-    /// The law of impact that it follows, in words.
+    /// Impact law that the method follows, as text.
     pub law: String,
-    /// What the knob is called.
+    /// Name of the method's parameter, with its unit.
     pub knob: String,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
-    /// Median time of the whole run, s.
+    /// Median wall time of the whole run, s.
     pub wall_time: f64,
-    /// Error of q̇ right after the first impact, relative to its largest entry; `None` without one.
+    /// Error of q̇ right after the first impact, relative to its largest entry; `None` without an impact.
     pub after_impact: Option<f64>,
-    /// Error of q and q̇ at the end, each relative to its largest entry, the larger of the two; `None` if it is not known.
+    /// Greater of the errors of q and of q̇ at the end, each relative to its largest entry; `None` if it is not known.
     pub at_end: Option<f64>,
 }
 
-/// A knob's value for people: small whole numbers as they are, others by two digits and a power of ten.
+/// Formats the value of a parameter: whole numbers below 1000 in full, others with two significant digits and an exponent.
 pub fn knob_value(value: f64) -> String {
     if value.fract() == 0.0 && value.abs() < 1000.0 {
         return value.to_string();
@@ -43,58 +44,58 @@ pub fn knob_value(value: f64) -> String {
     rounded.replace(".0e", "e")
 }
 
-/// A method that could not run.
+/// A method that could not run the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Absent {
-    /// The method.
+    /// Name of the method.
     pub method: String,
-    /// Why.
+    /// Why it could not run.
     pub reason: String,
 }
 
-/// What a peer's program says of one run.
+/// One run of another program (a peer).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeerRun {
-    /// The peer and what tells its methods apart.
+    /// Name of the program and its method.
     pub method: String,
-    /// What the knob is called.
+    /// Name of the method's parameter, with its unit.
     pub knob: String,
-    /// Its value.
+    /// Value of the parameter.
     pub value: f64,
-    /// Time of the whole run, s, and its states; or why there is none.
+    /// Time and states of the run, or its error message.
     pub outcome: Result<PeerOutcome, String>,
 }
 
-/// States of a peer's run, in the conventions of carom.
+/// Time and states of a run of another program, in the conventions of carom.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeerOutcome {
-    /// Time of the whole run, s.
+    /// Wall time of the whole run, s.
     pub wall_time: f64,
-    /// q̇ right after the first impact.
+    /// q̇ right after the first impact, rad/s or m/s.
     pub qd_after_impact: Option<Vec<f64>>,
-    /// q and q̇ at the end.
+    /// q and q̇ at the end, rad or m and rad/s or m/s.
     pub at_end: (Vec<f64>, Vec<f64>),
 }
 
-/// A scene's methods, side by side.
+/// Work–precision data of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
-    /// All runs; those of one method stand together, in the order of its knob.
+    /// All runs, grouped by method, in the order of the method's parameter.
     pub runs: Vec<Run>,
-    /// What could not run.
+    /// Methods that could not run the scene.
     pub absent: Vec<Absent>,
-    /// The law of impact that the scene asks for, and the yardstick follows.
+    /// Impact law of the scene and of the reference solution, as text.
     pub law: String,
-    /// The yardstick's own error after the first impact.
+    /// Estimated error of the reference solution after the first impact; `None` without an impact.
     pub doubt_after_impact: Option<f64>,
-    /// The yardstick's own error at the end.
+    /// Estimated error of the reference solution at the end.
     pub doubt_at_end: f64,
-    /// Methods of peers.
+    /// Methods of other programs.
     peers: Vec<String>,
     reference: Reference,
 }
 
-/// The yardstick.
+/// The reference solution.
 #[derive(Debug, Clone, PartialEq)]
 struct Reference {
     impact: Option<(f64, Vec<f64>)>,
@@ -121,12 +122,13 @@ fn is_impact(event: &Event) -> bool {
     matches!(event.kind, EventKind::Impact { .. } | EventKind::Several { .. } | EventKind::Limit { .. })
 }
 
-/// A contact that gives way has its impact behind it when it lifts off.
+/// Whether an event ends an impact: the impact of a rigid contact, or the lift-off of a compliant one.
 fn ends_impact(event: &Event) -> bool {
     is_impact(event) || matches!(event.kind, EventKind::LiftOff { .. })
 }
 
-/// Largest difference, relative to the largest entry; absolute where all is at rest. `None` if sizes differ.
+/// Largest difference, relative to the largest entry of `exact`; absolute if all entries are below 1e-9. `None` if the lengths
+/// differ or an entry is not finite.
 fn off(found: &[f64], exact: &[f64]) -> Option<f64> {
     let size = exact.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let size = if size > 1e-9 { size } else { 1.0 };
@@ -134,25 +136,26 @@ fn off(found: &[f64], exact: &[f64]) -> Option<f64> {
     (found.len() == exact.len() && differ.is_finite()).then_some(differ / size)
 }
 
-/// Tightest tolerance of the yardstick.
+/// Tolerance of the reference solution.
 const TIGHT: f64 = 1e-13;
-/// One measurement takes at least this long, or this many runs.
+/// Least duration and least number of runs of one measurement.
 const MEASURE: Duration = Duration::from_millis(150);
 const FEWEST: usize = 5;
 
 impl Chart {
-    /// Runs a scene by every method; `budget` is the longest a single run may take, `done` hears of each run.
+    /// Runs a scene with every method. The parameter of a method is not refined further once a run takes a quarter of
+    /// `budget`. `done` is called with the name of the method after each of its runs.
     ///
     /// # Errors
-    /// What the scene's own run is refused for.
+    /// [`SimError`] of the reference solution. Errors of other runs are stored in [`Chart::absent`].
     pub fn of(scene: &Scene, budget: Duration, done: &mut dyn FnMut(&str)) -> Result<Self, SimError> {
-        // The tolerance alone is to choose the steps.
+        // no maximum step: the tolerance alone determines the steps
         let base = &Simulation { max_step: scene.duration, ..scene.simulation.clone() };
         let exact = |integrator, tolerance| Simulation { integrator, tolerance, planar: false, ..base.clone() };
         let run = |sim: &Simulation| sim.run(&scene.q, &scene.qd, scene.duration);
         let reference_run = run(&exact(Integrator::DormandPrince, TIGHT))?;
         let reference = Reference::of(&reference_run);
-        // Another integrator shares no error but rounding.
+        // the errors of the other integrator are independent, except for rounding
         let other = Reference::of(&run(&exact(Integrator::Radau, 10.0 * TIGHT))?);
         let doubt_after_impact = other.impact.as_ref().and_then(|(_, qd)| reference.after_impact(qd));
         let doubt_at_end = reference.at_end(&other.end.0, &other.end.1).unwrap_or(0.0);
@@ -177,11 +180,11 @@ impl Chart {
         let knob = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
         let method = ("Moreau–Jean steps".to_owned(), "Newton's e with a friction cone".to_owned());
         chart.sweep((scene, budget), method, "step, s", steps, knob, done);
-        let own = "its force's own";
+        let own = "that of the contact force";
         let forces = [
             ("Hunt–Crossley", own, Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
             ("Kelvin–Voigt", own, Yielding::KelvinVoigt { pulls: false }),
-            ("Walton–Braun", "its force's own, when stiff Stronge's", Yielding::WaltonBraun),
+            ("Walton–Braun", "that of the contact force; Stronge's in the stiff limit", Yielding::WaltonBraun),
         ];
         for (name, law, normal) in forces {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
@@ -198,7 +201,7 @@ impl Chart {
         Ok(chart)
     }
 
-    /// Adds peers' runs; those of other scenes are the caller's to leave out.
+    /// Adds runs of other programs. All of them must be of this scene.
     pub fn add_peers(&mut self, peers: &[PeerRun]) {
         for PeerRun { method, knob, value, outcome } in peers {
             let absent = |reason: String| Absent { method: method.clone(), reason };
@@ -208,7 +211,8 @@ impl Chart {
                     let at_end = self.reference.at_end(q, qd);
                     let after_impact = qd_after_impact.as_ref().and_then(|qd| self.reference.after_impact(qd));
                     if at_end.is_none() && after_impact.is_none() {
-                        self.absent.push(absent("its states are not finite, or not those of this scene".into()));
+                        self.absent
+                            .push(absent("its states are not finite, or do not have the size of this scene's".into()));
                         continue;
                     }
                     let (method, knob, value) = (method.clone(), knob.clone(), *value);
@@ -220,12 +224,12 @@ impl Chart {
         }
     }
 
-    /// What is called an error here, in two lines for a reader.
+    /// Definition of the errors, two lines of text.
     pub fn caption(&self) -> [String; 2] {
-        let peers = if self.peers.is_empty() { "" } else { " Peers follow their own laws." };
-        let first = format!("Error is the distance from the scene's law: {}.{peers}", self.law);
-        let second = "One contact without friction is the same under every law; with friction another law's answer stays off, \
-                      however fine its knob.";
+        let peers = if self.peers.is_empty() { "" } else { " Other programs use their own laws." };
+        let first = format!("Errors are relative to the reference solution with the scene's law: {}.{peers}", self.law);
+        let second = "Without friction all laws agree for a single contact; with friction, methods with another law do not \
+                      converge to the reference solution.";
         [first, second.to_owned()]
     }
 
@@ -234,7 +238,7 @@ impl Chart {
         !self.peers.iter().any(|peer| peer == method)
     }
 
-    /// One method over its knob, until a run takes too long.
+    /// Runs one method over the values of its parameter, until a run takes too long.
     fn sweep(
         &mut self,
         (scene, budget): (&Scene, Duration),
@@ -253,7 +257,7 @@ impl Chart {
                     let (method, law, knob) = (method.clone(), law.clone(), knob.to_owned());
                     self.runs.push(Run { method, law, knob, value, wall_time, after_impact, at_end });
                     if wall_time > budget.as_secs_f64() / 4.0 {
-                        break; // the next one would take too long
+                        break; // the next run would exceed the budget
                     }
                 }
                 Err(why) => refused = refused.or(Some(why)),
@@ -266,13 +270,13 @@ impl Chart {
     }
 }
 
-/// The laws of a simulation's contacts, in words.
+/// The laws of a simulation's contacts, as text.
 fn law_of(sim: &Simulation) -> String {
     let contacts = sim.touches.iter().filter(|touch| touch.link().is_some());
     let mut laws: Vec<String> = Vec::new();
     for contact in contacts.map(|touch| &touch.contact) {
         let law = match (contact.compliance.is_some(), contact.friction) {
-            (true, _) => "of contacts that give way".to_owned(),
+            (true, _) => "compliant contact".to_owned(),
             (false, 0.0) => format!("{}, no friction", contact.law),
             (false, mu) => format!("{}, friction {mu}", contact.law),
         };
@@ -295,7 +299,7 @@ pub fn csv(chart: &Chart) -> String {
         [run.method.clone(), run.knob.clone(), value, time, after, end, run.law.clone()]
     });
     for row in std::iter::once(head).chain(rows) {
-        // A vector takes everything.
+        // writing into a vector does not fail
         let _ = lines.write_record(row);
     }
     lines.into_inner().map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default()
@@ -327,19 +331,19 @@ fn measure(
         .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
         .map_err(|e| e.to_string())?;
     if soft && (watch.rigid || summary.statistics.contact_steps > 0) {
-        return Err("several contacts at once are rigid, whatever the stiffness".to_owned());
+        return Err("simultaneous contacts are computed as rigid, independent of the stiffness".to_owned());
     }
     let after_impact = watch.qd.as_ref().and_then(|qd| reference.after_impact(qd));
     Ok((times[times.len() / 2], after_impact, reference.at_end(&summary.last.q, &summary.last.qd)))
 }
 
-/// Looks out for q̇ right after the first impact: of an event, what follows it; of a contact that gives way, its end; of time
-/// steps, the state after the step that the impact falls in, and the one more that carries it out.
+/// Records q̇ right after the first impact: for a rigid contact after the event; for a compliant contact after its end; for
+/// time stepping after the step that contains the impact and one more step.
 struct After<'a> {
     reference: &'a Reference,
     sim: &'a Simulation,
     qd: Option<Vec<f64>>,
-    /// Whether several contacts were hit at once.
+    /// Whether a simultaneous impact of several contacts occurred.
     rigid: bool,
 }
 

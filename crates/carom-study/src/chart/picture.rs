@@ -1,4 +1,4 @@
-//! The chart as a picture: two panels, time to the right, error upwards, both logarithmic.
+//! The chart as SVG: two panels of error over time, both axes logarithmic.
 
 use super::{Chart, Run, knob_value};
 use plotters::coord::Shift;
@@ -8,10 +8,10 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 const PANEL: (u32, u32) = (560, 460);
 const LINE: i32 = 19;
 
-/// Errors below this are drawn at it.
+/// Errors below this are drawn at this value.
 const FLOOR: f64 = 1e-16;
 
-/// The chart as SVG; `title` names the scene.
+/// Draws the chart as SVG. `title` is the name of the scene.
 pub fn svg(chart: &Chart, title: &str) -> String {
     let mut text = String::new();
     let mut methods: Vec<&str> = Vec::new();
@@ -25,7 +25,7 @@ pub fn svg(chart: &Chart, title: &str) -> String {
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let drawn = draw(&root, chart, title, &methods);
     drop(root);
-    // Text is all that is written to: there is nothing that could fail.
+    // drawing into a string does not fail
     debug_assert!(drawn.is_ok(), "{drawn:?}");
     text
 }
@@ -33,14 +33,14 @@ pub fn svg(chart: &Chart, title: &str) -> String {
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
-/// Hues a golden angle apart, so that neighbours in the list never look alike; every other one darker.
+/// Hues a golden angle apart, which differ clearly between neighbours in the list; every other one darker.
 fn colour(k: usize) -> RGBColor {
     let hue = (0.58 + k as f64 * 0.381_966) % 1.0;
     let (r, g, b) = HSLColor(hue, 0.75, if k.is_multiple_of(2) { 0.42 } else { 0.55 }).rgb();
     RGBColor(r, g, b)
 }
 
-/// Our own methods are round and thick, others' square and thin.
+/// Symbol of a method: round for carom's own, square for those of other programs.
 fn mark(place: (i32, i32), own: bool) -> Vec<(i32, i32)> {
     let ((x, y), corners) = (place, if own { 12 } else { 4 });
     let corner = |k: i32| {
@@ -76,7 +76,7 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
             [first, .., last] => format!("{knob} {} … {}", knob_value(*first), knob_value(*last)),
             [] => String::new(),
         };
-        // What peers follow is said below: their names are long enough.
+        // the caption states the laws of other programs
         let law = chart.runs.iter().find(|run| own && run.method == *method);
         let law = law.map_or_else(String::new, |run| format!("; law: {}", run.law));
         below.draw(&Text::new(format!("{method} ({range}){law}"), (x + 30, y), text.clone()))?;
@@ -109,7 +109,7 @@ fn panel<'a>(
     let all: Vec<(f64, f64)> = methods.iter().flat_map(|method| points(method)).collect();
     if all.is_empty() {
         let font = ("sans-serif", 14).into_font().color(&BLACK);
-        return area.draw(&Text::new(format!("{what}: nothing to show"), (60, 60), font));
+        return area.draw(&Text::new(format!("{what}: no data"), (60, 60), font));
     }
     let range = |of: fn(&(f64, f64)) -> f64, room: f64| {
         let (low, high) = all.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
@@ -136,7 +136,7 @@ fn panel<'a>(
         axes.draw_series(DashedLineSeries::new(line, 5, 4, grey.stroke_width(1)))?;
         let font = ("sans-serif", 12).into_font().color(&grey);
         let font = font.pos(Pos::new(HPos::Right, VPos::Bottom));
-        axes.draw_series([Text::new("the yardstick's own error", (times.end / 1.05, doubt * 1.2), font)])?;
+        axes.draw_series([Text::new("error of the reference solution", (times.end / 1.05, doubt * 1.2), font)])?;
     }
     for (k, method) in methods.iter().enumerate() {
         let points = points(method);
@@ -149,7 +149,7 @@ fn panel<'a>(
     Ok(())
 }
 
-/// A number on a logarithmic axis, without its rounding: 1, 2 and 5 of each decade, nothing between them.
+/// Label of a number on a logarithmic axis: 1, 2 and 5 of each decade, an empty text for others.
 fn power(x: f64) -> String {
     let exponent = (x.log10() + 1e-9).floor() as i32;
     let digit = x / 10_f64.powi(exponent);
@@ -167,11 +167,11 @@ mod tests {
     use super::power;
 
     #[test]
-    fn a_tick_is_called_by_its_number_or_not_at_all() {
+    fn ticks_have_labels_at_1_2_and_5_of_a_decade_only() {
         for (x, name) in [(1.0, "1"), (2.0, "2"), (3.0, ""), (7.0, ""), (10.0, "10"), (0.05, "0.05"), (5e-6, "5e-6")] {
             assert_eq!(power(x), name);
         }
-        // Ten to a whole power, as a product of ten tenths, is off by rounding.
+        // powers of ten with rounding errors
         assert_eq!([power(0.1 * 0.1 * 0.1), power(1000.0000000000001)], ["1e-3", "1000"]);
     }
 }

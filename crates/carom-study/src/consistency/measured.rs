@@ -226,10 +226,7 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         };
         let angle = number(1)?.value;
         if !(0.0 < angle && angle < 180.0) {
-            return Err(refuse(
-                1,
-                "the impact angle must be above 0 and below 180 degrees; 90 is a normal impact",
-            ));
+            return Err(refuse(1, "the impact angle must be above 0 and below 180 degrees; 90 is a normal impact"));
         }
         let newton = number(2)?;
         if !(0.0..=1.0).contains(&newton.value) {

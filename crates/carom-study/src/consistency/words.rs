@@ -43,7 +43,7 @@ impl Findings {
             all
         });
         if self.consistent() {
-            said.push("consistent: a symmetric positive definite H gives these values within their rounding".into());
+            said.push("a symmetric positive definite H gives these values within their rounding".into());
             for branch in &self.branches {
                 let sides = match (branch.below, self.points.len() - branch.below) {
                     (_, 0) => "all cot α below h".into(),
@@ -66,9 +66,7 @@ impl Findings {
                     entry.newton.value
                 ));
             }
-            said.push(
-                "inconsistent: no symmetric positive definite H gives these values within their rounding".into(),
-            );
+            said.push("no symmetric positive definite H gives these values within their rounding".into());
             let nearest = match self.fit.h_and_d {
                 Some((h, d)) => format!("the best fit, h = {} and D = {},", digits(h), digits(d)),
                 None => "the best fit (h and D unbounded)".into(),

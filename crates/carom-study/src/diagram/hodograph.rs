@@ -1,8 +1,8 @@
-//! The hodograph: the plane of slip velocities (u_t1, u_t2) of one impact in space, with the way of the slip through it.
+//! The hodograph: the path of the slip velocity (u_t1, u_t2) through one impact in space.
 //!
-//! Bhatt and Koechling, J. Appl. Mech. 62 (1995) 893. Where slip goes is decided by H and μ alone: it turns from the
-//! invariant direction that leads in towards the one that leads out, and crosses neither. Laws that follow the slip
-//! share one path and differ in where they leave it; the others jump.
+//! Bhatt and Koechling, J. Appl. Mech. 62 (1995) 893. The flow of the slip velocity is determined by H and μ alone. It turns
+//! from the inward invariant direction towards the outward one and crosses neither. Laws that integrate the slip have the same
+//! path and differ in the point at which the impact ends; the results of other laws need not lie on the path.
 
 use super::{
     BLACK, BLUE, Diagram, GREY, LawPoint, Mark, PALE, RED, Shape, Stroke, Symbol, has_room, law_colour, spread, visible,
@@ -10,19 +10,19 @@ use super::{
 use carom_impact::{ImpactProblem, ImpulsePath, InvariantDirection, PathPoint};
 use nalgebra::{Vector2, Vector3};
 
-/// Laws whose answer lies on the path.
+/// Laws whose result lies on the path.
 const FOLLOWING: [&str; 3] = ["newton", "poisson", "energetic"];
 
-/// Slips that start elsewhere, drawn to show the flow.
+/// Number of paths from other initial slip velocities, drawn to show the flow.
 const OTHERS: usize = 32;
 
-/// The path up to the last separation of the laws that follow it, up to the end of compression if there is none.
+/// The path up to the greatest normal impulse of the laws that follow it, at least up to the end of compression.
 pub(super) fn path_of(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoint<3>]) -> Option<ImpulsePath<3>> {
     let ends = laws.iter().filter(|law| FOLLOWING.contains(&law.law.as_str())).map(|law| law.impulse[2]);
     problem.impulse_path(friction, ends.fold(0.0, f64::max)).ok()
 }
 
-/// What stands at the stations of a path, in words.
+/// Marks at the start of the path, the end of compression and the end of slip.
 pub(super) fn stations<const D: usize>(
     path: &ImpulsePath<3>,
     place: impl Fn(&PathPoint<3>) -> [f64; D],
@@ -33,13 +33,13 @@ pub(super) fn stations<const D: usize>(
     marks.push(mark("end of compression", Symbol::Turn, &path.points[path.compression_end]));
     if let Some(stop) = path.slip_end {
         let goes_on = path.points[stop..].iter().any(|point| point.velocity.xy() != Vector2::zeros());
-        let name = if goes_on { "slip stops, and leaves" } else { "slip stops, and sticks" };
+        let name = if goes_on { "slip stops, then resumes" } else { "slip stops, then sticks" };
         marks.push(mark(name, Symbol::Stop, &path.points[stop]));
     }
     marks
 }
 
-/// The path in two: compression, restitution.
+/// The path as two lines, for compression and restitution.
 pub(super) fn phases<const D: usize>(
     path: &ImpulsePath<3>,
     place: impl Fn(&PathPoint<3>) -> [f64; D],
@@ -53,8 +53,8 @@ pub(super) fn phases<const D: usize>(
     )
 }
 
-/// The hodograph of an impact with the answers of some laws; `None` if the contact does not approach, wedges, or has
-/// numbers that can't be drawn.
+/// The hodograph of an impact, m/s, with the results of some laws. `None` if the contact does not approach, jams without an
+/// end of the impact, or has numbers that cannot be drawn.
 pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoint<3>]) -> Option<Diagram<2>> {
     if problem.approach_speed() <= 0.0 {
         return None;
@@ -71,12 +71,12 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
         symbol: Symbol::Law,
         at: answer(law),
     };
-    // What happens on the way comes after the laws, or a heap of them at rest would hide it.
+    // events after the laws, as several laws at rest would hide them
     let marks: Vec<_> = laws.iter().map(mark).chain(stations(&path, slip)).collect();
 
     let seen = || path.points.iter().map(slip).chain(marks.iter().map(|mark| mark.at));
     let ends = [0, 1].map(|k| spread(seen().map(|p| p[k])));
-    // Square, lest a long path hide how it bends; and a contact that never slips has a picture too.
+    // square, with a least size for contacts that never slip
     let sides = ends.map(|[low, high]| high - low);
     let half = 0.6 * sides[0].max(sides[1]).max(0.05 * problem.approach_speed());
     let window = ends.map(|[low, high]| [(low + high) / 2.0 - half, (low + high) / 2.0 + half]);
@@ -86,8 +86,8 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
 
     let ways = problem.invariant_directions(friction).ok()?;
     let shape = |name: String, colour, stroke, pieces| Shape { name, colour, stroke, pieces };
-    let mut shapes = vec![shape("other slips".into(), PALE, Stroke::Thin, others(problem, friction, &window))];
-    let reach = 8.0 * half; // from anywhere inside to beyond the edge
+    let mut shapes = vec![shape("flow of the slip".into(), PALE, Stroke::Thin, others(problem, friction, &window))];
+    let reach = 8.0 * half; // beyond the edge from any point inside
     for (colour, out) in [(RED, true), (BLUE, false)] {
         for InvariantDirection { angle, .. } in ways.iter().filter(|way| (way.slip_rate >= 0.0) == out) {
             let ray = [[0.0, 0.0], [reach * angle.cos(), reach * angle.sin()]];
@@ -106,7 +106,7 @@ pub fn hodograph(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoin
     })
 }
 
-/// Ways of slips that enter through the window's edge.
+/// Paths of slip velocities that start on the edge of the window.
 fn others(problem: &ImpactProblem<f64, 3>, friction: f64, window: &[[f64; 2]; 2]) -> Vec<Vec<[f64; 2]>> {
     let [[left, right], [low, high]] = *window;
     let (width, height) = (right - left, high - low);
@@ -114,7 +114,7 @@ fn others(problem: &ImpactProblem<f64, 3>, friction: f64, window: &[[f64; 2]; 2]
     let rate = h.fixed_view::<2, 1>(0, 2).norm() + friction * h.fixed_view::<2, 2>(0, 0).norm();
     let impulse = 8.0 * (width + height) / rate.max(f64::MIN_POSITIVE);
     let start = |k: usize| {
-        // Once round the edge.
+        // once around the edge
         let along = 2.0 * (width + height) * (k as f64 + 0.5) / OTHERS as f64;
         let (first, second) = (along.min(width), (along - width).clamp(0.0, height));
         let (third, fourth) = ((along - width - height).clamp(0.0, width), (along - 2.0 * width - height).max(0.0));
@@ -124,7 +124,7 @@ fn others(problem: &ImpactProblem<f64, 3>, friction: f64, window: &[[f64; 2]; 2]
         let (slip, normal) = (start(k), problem.u_minus().z);
         let problem = ImpactProblem::new(*h, Vector3::new(slip.x, slip.y, normal)).ok()?;
         let points = problem.impulse_path(friction, impulse).ok()?.points;
-        // Slip that nearly stops has many more points than can be seen.
+        // leave out points closer than the resolution: slip that nearly stops has many
         let mut line: Vec<[f64; 2]> = Vec::new();
         for slip in points.iter().map(|point| [point.velocity.x, point.velocity.y]) {
             let seen = |last: &[f64; 2]| (slip[0] - last[0]).hypot(slip[1] - last[1]) > 5e-3 * width;

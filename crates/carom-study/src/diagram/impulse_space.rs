@@ -1,9 +1,9 @@
-//! The space of impulses (P_t1, P_t2, P_n) of one impact in space: what the Routh diagram is in the plane.
+//! The space of impulses (P_t1, P_t2, P_n) of one impact in space, the counterpart of the Routh diagram in the plane.
 //!
-//! With `H = L Lᵀ` and the centre `c = -H⁻¹u⁻`, where the impact would stop all motion, no energy is lost on the
-//! ellipsoid `P = c + r L⁻ᵀ w`, |w| = 1, `r² = cᵀHc`. There `u⁺ = r L w`: compression ends on the plane through c with
-//! `(L w)_n = 0`, and slip on the line through c with `(L w)_t = 0`, which for a lower triangle L is w = ±e_n and leads
-//! to the highest and the lowest point.
+//! With `H = L Lᵀ` and the centre `c = -H⁻¹u⁻`, the impulse with u⁺ = 0, no energy is lost on the ellipsoid
+//! `P = c + r L⁻ᵀ w`, |w| = 1, `r² = cᵀHc`. There `u⁺ = r L w`. Compression ends on the plane through c with `(L w)_n = 0`.
+//! Slip ends on the line through c with `(L w)_t = 0`. For lower triangular L this is w = ±e_n, the highest and the lowest
+//! point of the ellipsoid.
 
 use super::hodograph::{path_of, phases, stations};
 use super::{BLUE, DARK, Diagram, GREY, LawPoint, Mark, RED, Shape, Stroke, Symbol, has_room, law_colour, spread};
@@ -11,11 +11,12 @@ use carom_impact::{ImpactProblem, PathPoint};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::{PI, TAU};
 
-/// Corners of a circle in wire.
+/// Number of vertices of a circle.
 const CORNERS: usize = 96;
 
-/// Friction cone, ellipsoid of no loss and plane of compression as wire, path and answers; `None` if H is singular
-/// (nothing bounds the impulses then), the contact does not approach, or numbers can't be drawn.
+/// The space of impulses of an impact, N s: wireframes of friction cone, ellipsoid of zero energy loss and plane of maximum
+/// compression, the path of the impulse, and the impulses of some laws. `None` if H is singular (the impulses are unbounded
+/// then), the contact does not approach, or numbers cannot be drawn.
 pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[LawPoint<3>]) -> Option<Diagram<3>> {
     let (h, u) = (*problem.delassus(), *problem.u_minus());
     let lower = h.cholesky()?.l();
@@ -41,7 +42,7 @@ pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[Law
         (0..=CORNERS).map(|k| at(TAU * k as f64 / CORNERS as f64)).collect()
     };
 
-    // The cone as high as what matters.
+    // cone slightly higher than all impulses
     let height = laws.iter().map(|law| law.impulse[2]).fold(path.points.last()?.impulse.z, f64::max).min(top[2]) * 1.1;
     let edge = |angle: f64| [friction * height * angle.cos(), friction * height * angle.sin(), height];
     let mut cone: Vec<_> = [0.25, 0.5, 0.75, 1.0].map(|k| circle(&|angle| edge(angle).map(|x| x * k))).to_vec();
@@ -58,7 +59,7 @@ pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[Law
         circle(&|angle| on(Vector3::new(angle.cos() * cos, angle.cos() * sin, angle.sin())))
     }));
 
-    // w across the last row of L.
+    // w perpendicular to the last row of L
     let across = basis_across(&Vector3::from(lower.row(2).transpose()));
     let plane = circle(&|angle| on(across.column(0) * angle.cos() + across.column(1) * angle.sin()));
 
@@ -83,7 +84,7 @@ pub fn impulse_space(problem: &ImpactProblem<f64, 3>, friction: f64, laws: &[Law
     })
 }
 
-/// Two unit vectors across a third and across one another, in the first two columns.
+/// An orthonormal basis with `along` as the direction of its third column.
 fn basis_across(along: &Vector3<f64>) -> Matrix3<f64> {
     let along = along.normalize();
     let first = along.cross(&Matrix3::identity().column(along.iamin())).normalize();
@@ -96,9 +97,9 @@ mod tests {
     use carom_impact::{Coefficients, LAW_NAMES, law_by_name};
     use nalgebra::{matrix, vector};
 
-    /// Each wire is where its name says, by the energy and the velocity of its corners.
+    /// Checks energy, velocity and cone at the vertices of each wireframe.
     #[test]
-    fn wires_lie_where_their_names_say() {
+    fn vertices_of_the_wireframes_fulfil_their_equations() {
         let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
         let u = vector![0.6, -0.2, -1.0];
         let problem = ImpactProblem::new(h, u).unwrap();

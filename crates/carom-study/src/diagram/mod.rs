@@ -1,4 +1,4 @@
-//! Diagrams of one impact on which laws can be compared: as data with exact coordinates, for whoever draws them.
+//! Diagrams of one impact that compare impact laws, as data with exact coordinates.
 
 mod hodograph;
 mod impulse_space;
@@ -11,79 +11,79 @@ pub use routh::routh_diagram;
 
 use carom_impact::LAW_NAMES;
 
-/// A law's impulse, in contact axes: tangents first, normal last.
+/// The impulse of a law, as a point of a diagram.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawPoint<const D: usize> {
-    /// The law's name.
+    /// Name of the law.
     pub law: String,
-    /// N s.
+    /// Impulse on the robot, N s, in contact axes: tangents first, normal last.
     pub impulse: [f64; D],
 }
 
-/// A picture in D dimensions, not drawn yet.
+/// A diagram in D dimensions, as data.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diagram<const D: usize> {
-    /// What it shows.
+    /// Title.
     pub title: String,
-    /// What is along each axis, with its unit.
+    /// Label of each axis, with its unit.
     pub axes: [String; D],
-    /// What is to be seen along each axis, from and to.
+    /// Lower and upper end of each axis.
     pub window: [[f64; 2]; D],
-    /// One length for one unit on all axes.
+    /// Whether all axes have the same scale.
     pub equal_scales: bool,
-    /// Areas and lines, in the order in which they are drawn.
+    /// Areas and lines, in drawing order.
     pub shapes: Vec<Shape<D>>,
-    /// Points, drawn after them.
+    /// Points, drawn after the shapes.
     pub marks: Vec<Mark<D>>,
 }
 
-/// An area or a line, which may have several pieces.
+/// An area or a line, in one or several pieces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shape<const D: usize> {
-    /// What it is, for the legend.
+    /// Name, for the legend.
     pub name: String,
     /// Red, green, blue.
     pub colour: [u8; 3],
-    /// How it is drawn.
+    /// Style.
     pub stroke: Stroke,
-    /// Corners of each piece; pieces without room in the window are left out.
+    /// Vertices of each piece; pieces outside the window are left out.
     pub pieces: Vec<Vec<[f64; D]>>,
 }
 
-/// How a shape is drawn.
+/// Style of a shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stroke {
     /// Filled: each piece is a polygon.
     Area,
     /// A thin line.
     Thin,
-    /// The line that matters.
+    /// A thick line.
     Thick,
 }
 
-/// A point with a name.
+/// A named point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mark<const D: usize> {
-    /// A law's name, or what happens there.
+    /// Name of a law, or of the event at this point.
     pub name: String,
     /// Red, green, blue.
     pub colour: [u8; 3],
-    /// What it stands for.
+    /// Meaning.
     pub symbol: Symbol,
-    /// Where it is.
+    /// Coordinates.
     pub at: [f64; D],
 }
 
-/// What a mark stands for.
+/// Meaning of a mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Symbol {
-    /// A law's answer.
+    /// Result of a law.
     Law,
-    /// The path begins here.
+    /// Start of the path.
     Start,
-    /// Compression ends.
+    /// End of compression.
     Turn,
-    /// Slip stops.
+    /// End of slip.
     Stop,
 }
 
@@ -95,7 +95,7 @@ const BLUE: [u8; 3] = [31, 120, 180];
 const RED: [u8; 3] = [227, 26, 28];
 const GREEN: [u8; 3] = [178, 223, 138];
 
-/// A law keeps its colour whichever others are asked.
+/// Colour of a law, independent of the other laws of a diagram.
 fn law_colour(law: &str) -> [u8; 3] {
     const COLOURS: [[u8; 3]; 8] = [
         [90, 90, 90],
@@ -110,12 +110,12 @@ fn law_colour(law: &str) -> [u8; 3] {
     LAW_NAMES.iter().position(|name| *name == law).and_then(|k| COLOURS.get(k).copied()).unwrap_or(BLACK)
 }
 
-/// From the least to the greatest of some numbers, 0 among them.
+/// Least and greatest of the numbers and 0.
 fn spread(numbers: impl Iterator<Item = f64>) -> [f64; 2] {
     numbers.fold([0.0, 0.0], |[low, high], x| [x.min(low), x.max(high)])
 }
 
-/// Whether there is something to see, in numbers that can be drawn.
+/// Whether the window is not empty and its numbers can be drawn.
 fn has_room<const D: usize>(window: &[[f64; 2]; D]) -> bool {
     window.iter().all(|[low, high]| {
         let size = high - low;
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_line_is_cut_at_the_window_and_keeps_what_is_inside() {
+    fn a_line_is_clipped_at_the_window() {
         let window = [[0.0, 2.0], [0.0, 1.0]];
         let line = [[-1.0, 0.5], [1.0, 0.5], [1.0, 3.0], [1.5, 3.0], [1.5, 0.25], [1.75, 0.25]];
         let pieces = visible(&line, &window);
@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn laws_have_colours_of_their_own() {
+    fn laws_have_distinct_colours() {
         let mut colours = LAW_NAMES.map(law_colour).to_vec();
         colours.sort_unstable();
         colours.dedup();

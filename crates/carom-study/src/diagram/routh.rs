@@ -1,5 +1,5 @@
-//! The Routh diagram: the plane of impulses (P_t, P_n) of one planar impact, with what bounds them and every law's impulse
-//! as a point.
+//! The Routh diagram: the plane of impulses (P_t, P_n) of one planar impact, with the region of permissible impulses and the
+//! impulse of each law as a point.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
@@ -8,7 +8,7 @@
 //! | line of sticking | u_t⁺ = 0: u_t + A P_t + B P_n = 0 |
 //! | ellipse | T⁺ = T⁻: ½ PᵀHP + Pᵀu⁻ = 0, centre −H⁻¹u⁻ |
 //! | permissible | in the cone, in the ellipse, at or beyond the line of compression (Chatterjee & Ruina 1998) |
-//! | path | how the impulse grows while friction opposes the slip of each instant (Routh) |
+//! | path | the impulse during the impact, with friction opposing the instantaneous slip (Routh) |
 
 use super::{
     BLACK, BLUE, DARK, Diagram, GREEN, GREY, LawPoint, Mark, RED, Shape, Stroke, Symbol, has_room, law_colour, spread,
@@ -17,8 +17,8 @@ use super::{
 use carom_impact::ImpactProblem;
 use nalgebra::{Matrix2, Vector2};
 
-/// The diagram; `None` if H is singular (no ellipse bounds the impulses then), the contact does not approach, or numbers
-/// can't be drawn.
+/// The Routh diagram of a planar impact, N s, with the impulses of some laws. `None` if H is singular (the impulses are
+/// unbounded then), the contact does not approach, or numbers cannot be drawn.
 pub fn routh_diagram(problem: &ImpactProblem<f64, 2>, friction: f64, laws: &[LawPoint<2>]) -> Option<Diagram<2>> {
     let (h, u) = (*problem.delassus(), *problem.u_minus());
     let lower = h.cholesky()?.l();
@@ -32,7 +32,7 @@ pub fn routh_diagram(problem: &ImpactProblem<f64, 2>, friction: f64, laws: &[Law
     let permissible = region.iter().fold(ellipse.clone(), |polygon, (normal, offset)| clip(&polygon, normal, *offset));
 
     let points = || permissible.iter().copied().chain(laws.iter().map(|law| Vector2::from(law.impulse)));
-    // The picture shows the laws and the permissible region, not the whole ellipse.
+    // the window contains the laws and the permissible region, not the whole ellipse
     let [[left, right], [_, top]] = [0, 1].map(|k| spread(points().map(|p| p[k])));
     let room = 0.08 * (right - left).max(top);
     let window = [[left - room, right + room], [0.0, top + room]];
@@ -44,7 +44,7 @@ pub fn routh_diagram(problem: &ImpactProblem<f64, 2>, friction: f64, laws: &[Law
 
     let pair = |p: &Vector2<f64>| [p.x, p.y];
     let closed = ellipse.iter().chain(ellipse.first()).map(pair).collect();
-    // u + a P_t + b P_n = 0 across the picture.
+    // the line u + a P_t + b P_n = 0, clipped by the window later
     let across = |u: f64, a: f64, b: f64| {
         let (size, middle) = (a.hypot(b), [0, 1].map(|k| (window[k][0] + window[k][1]) / 2.0));
         let reach = (window[0][1] - window[0][0]) + top;

@@ -1,4 +1,4 @@
-//! A diagram as SVG; plotters stops here.
+//! Draws a planar diagram as SVG.
 
 use super::{Diagram, Shape, Stroke, Symbol};
 use plotters::coord::Shift;
@@ -6,18 +6,18 @@ use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// plotters draws in whole units: so many of them make a pixel, that curves come out smooth.
+/// Units of the drawing per pixel: plotters draws at integer coordinates, which would make curves uneven.
 const FINE: i32 = 8;
-/// Width and height of the picture, and what the plot leaves for numbers and names, in pixels.
+/// Width and height of the picture, its margin, and the room for numbers and names beside the plot, in pixels.
 const SIZE: (i32, i32) = (820, 600);
 const MARGIN: i32 = 12;
 const NUMBERS: (i32, i32) = (64, 44);
-/// Width of the legend on the plot's right, and the most that a line of it takes, in pixels.
+/// Width of the legend to the right of the plot, and greatest height of a line of it, in pixels.
 const LEGEND: (i32, i32) = (208, 22);
-/// Radius of a law's point in pixels, and what it is more for each one drawn over it, that it shows as a ring.
+/// Radius of a law's point in pixels, and its increase for each point drawn over it, so that it is visible as a ring.
 const DOT: f64 = 4.5;
 const RING: f64 = 1.6;
-/// How much an area covers.
+/// Opacity of areas.
 const AREA: f64 = 0.5;
 
 type Page<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -25,14 +25,14 @@ type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64
 type Drawn = Result<(), Box<dyn std::error::Error>>;
 
 impl Diagram<2> {
-    /// The picture; `None` if the window is empty or not finite.
+    /// Draws the diagram as SVG; `None` if the window is empty or not finite.
     pub fn svg(&self) -> Option<String> {
         if self.window.iter().any(|[low, high]| !(high > low && (high - low).is_finite())) {
             return None;
         }
         let mut svg = String::new();
         self.draw(&mut svg).ok()?;
-        // The view box stays as fine as it was drawn.
+        // the view box keeps the units of the drawing
         let fine = format!("width=\"{}\" height=\"{}\"", SIZE.0 * FINE, SIZE.1 * FINE);
         Some(svg.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", SIZE.0, SIZE.1), 1))
     }
@@ -43,7 +43,7 @@ impl Diagram<2> {
         root.fill(&WHITE)?;
         let page = root.margin(6 * FINE, 0, 0, 0).titled(&self.title, ("sans-serif", 20 * FINE))?;
         let [across, up] = self.window;
-        // Lines end where the window does: it is all of the frame, and the legend stands outside.
+        // the frame is the window, at which lines are clipped; the legend is outside
         let (right, above, below) = self.margins(page.dim_in_pixel());
         let mut chart = ChartBuilder::on(&page)
             .margin_left(MARGIN * FINE)
@@ -90,7 +90,7 @@ impl Diagram<2> {
             };
         }
         let (x, y) = chart.plotting_area().get_pixel_range();
-        // Pixels count from the title's foot.
+        // pixels are counted from below the title
         let (left, top) = page.get_base_pixel();
         let ([x0, x1], [y0, y1]) = ([x.start - left, x.end - left], [y.start - top, y.end - top]);
         let round = [(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)];
@@ -100,7 +100,7 @@ impl Diagram<2> {
         Ok(())
     }
 
-    /// What is left free on the right, above and below the plot, for a frame that is the window and nothing more.
+    /// Margins to the right of, above and below the plot, for a frame that is exactly the window.
     fn margins(&self, (width, height): (u32, u32)) -> (i32, i32, i32) {
         let margin = MARGIN * FINE;
         if !self.equal_scales {
@@ -110,13 +110,13 @@ impl Diagram<2> {
         let height = f64::from(height) - f64::from(FINE * (2 * MARGIN + NUMBERS.1));
         let [across, up] = self.window.map(|[low, high]| high - low);
         let unit = (across / width).max(up / height);
-        // A strip stays wide enough to be one.
+        // a plot has at least the width of a pixel
         let spare = |room: f64, length: f64| (room - (length / unit).max(f64::from(FINE))).floor() as i32;
         let (beside, above) = (spare(width, across), spare(height, up));
         (margin + LEGEND.0 * FINE + beside, margin + above / 2, margin + above - above / 2)
     }
 
-    /// The legend, from the frame's upper right corner down.
+    /// Draws the legend, downwards from the upper right corner of the frame.
     fn legend(&self, page: &Page, (right, top): (i32, i32), height: i32) -> Drawn {
         let lines = self.shapes.len() + self.marks.len();
         let pitch = (LEGEND.1 * FINE).min(height.max((SIZE.1 / 2) * FINE) / lines.max(1) as i32);
@@ -161,7 +161,7 @@ fn draw_shape(chart: &mut Chart, shape: &Shape<2>) -> Drawn {
     Ok(())
 }
 
-/// How a line is drawn.
+/// Style of a line.
 fn stroke(shape: &Shape<2>) -> ShapeStyle {
     rgb(shape.colour).stroke_width((FINE * if shape.stroke == Stroke::Thick { 3 } else { 1 }) as u32)
 }
@@ -170,7 +170,7 @@ fn rgb([r, g, b]: [u8; 3]) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// A number on an axis: its shortest digits, and no rounding of zero.
+/// Label of a number on an axis: shortest digits, exactly 0 for rounding errors.
 fn number(x: f64, size: f64) -> String {
     if x.abs() < 1e-9 * size {
         return "0".into();

@@ -184,11 +184,7 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
             "the elbows differ by {} at the same e = 0.35 and by up to {} with Table I's e{}",
             percent(uneven),
             percent(with_table),
-            if uneven < 1e-9 {
-                "; the two poses of this arm are mirror images, with the same nᵀHn"
-            } else {
-                ""
-            }
+            if uneven < 1e-9 { "; the two poses of this arm are mirror images, with the same nᵀHn" } else { "" }
         ),
     });
 
@@ -211,7 +207,9 @@ pub(super) fn claims_of_figures(chain: &Chain, paper: &Paper) -> Result<Vec<Clai
     let share = paper.forces.iter().map(|forces| (forces.impulse()[1] / forces.impulse()[0]).abs()).fold(0.0, f64::max);
     claims.push(Claim {
         place: "Sec. II",
-        statement: "the tangential impulse is small compared with the normal one (at most a fifth; friction bounds the ratio)".into(),
+        statement:
+            "the tangential impulse is small compared with the normal one (at most a fifth; friction bounds the ratio)"
+                .into(),
         holds: share <= 0.2,
         evidence: format!("at most {} with a friction of {FRICTION}", percent(share)),
     });

@@ -1,6 +1,5 @@
-//! Rows on their way into a file: held column by column, and encoded in pieces that don't need each other, so that
-//! threads may share them. The bytes depend on the rows alone: how many make a group is counted, and a piece is a column of
-//! a group (Parquet) or a run of its rows (CSV).
+//! Encoding of rows: rows are buffered column by column and encoded in independent pieces, in parallel. A piece is a column of
+//! a row group (Parquet) or a range of its rows (CSV). The bytes depend on the rows alone, as groups have a fixed size.
 
 use super::{Column, plain};
 use bytes::Bytes;
@@ -17,27 +16,27 @@ use std::fmt::Write as _;
 use std::io;
 use std::sync::Arc;
 
-/// Rows that lie together: the numbers of a column are contiguous within them.
+/// Number of rows of a chunk, in which the numbers of a column are contiguous.
 pub(crate) const CHUNK: usize = 64;
-/// Most rows of one Parquet row group, and most numbers: what a table holds back.
+/// Greatest number of rows, and of numbers, in one Parquet row group; a table buffers as many.
 const GROUP_ROWS: usize = 1 << 16;
 const GROUP_NUMBERS: usize = 1 << 22;
-/// The same of CSV, which has no groups to a reader.
+/// Number of rows that a CSV table buffers.
 const TEXT_ROWS: usize = 1 << 14;
 /// Rows of one piece of CSV.
 const PIECE_ROWS: usize = 16 * CHUNK;
-/// Most rows of one page of a column: 64 kB of numbers, which is what Snappy looks at, and stays in a core's own cache.
+/// Greatest number of rows of one page of a column: 64 kB of numbers, the window of Snappy, which fits in a core's cache.
 const PAGE_ROWS: usize = 1 << 13;
-/// Rows handed to the encoder of a column at a time.
+/// Rows passed to the encoder of a column at a time.
 const BATCH_ROWS: usize = 16 * CHUNK;
 
-/// The rows of a group, or those that there are of it: chunks of [`CHUNK`] rows, in each column after column.
+/// The buffered rows of a group: chunks of [`CHUNK`] rows, each stored column by column.
 #[derive(Debug)]
 pub(crate) struct Rows {
     width: usize,
     most: usize,
     length: usize,
-    /// Beyond the chunks of `length`, what was there before.
+    /// Numbers beyond the chunks of `length` are unused.
     numbers: Vec<f64>,
 }
 
@@ -46,7 +45,7 @@ impl Rows {
         self.length
     }
 
-    /// How many more there is room for.
+    /// Number of rows that can still be added.
     pub fn room(&self) -> usize {
         self.most - self.length
     }
@@ -70,7 +69,7 @@ impl Rows {
         }
     }
 
-    /// Memory for the chunks of `length` rows; where they end.
+    /// Allocates the chunks of `length` rows and returns their end.
     fn reserve(&mut self) -> usize {
         let end = self.length.div_ceil(CHUNK) * CHUNK * self.width;
         if self.numbers.len() < end {
@@ -79,7 +78,8 @@ impl Rows {
         end
     }
 
-    /// Adds `count` rows after whole chunks of others, to be filled: row r of a chunk has column c at `c * CHUNK + r`.
+    /// Adds `count` rows after complete chunks and returns them, to be filled: column c of row r of a chunk is at
+    /// `c * CHUNK + r`.
     pub fn grow(&mut self, count: usize) -> &mut [f64] {
         debug_assert!(self.length.is_multiple_of(CHUNK) && count <= self.room());
         let begin = self.length * self.width;
@@ -88,7 +88,7 @@ impl Rows {
         &mut self.numbers[begin..end]
     }
 
-    /// The numbers of a column of the rows `from..until`, of which `from` begins a chunk.
+    /// The numbers of a column in the rows `from..until`; `from` is the first row of a chunk.
     fn column(&self, column: usize, from: usize, until: usize) -> impl Iterator<Item = &[f64]> {
         (from..until).step_by(CHUNK).map(move |row| {
             let begin = row * self.width + column * CHUNK;
@@ -97,7 +97,7 @@ impl Rows {
     }
 }
 
-/// How rows become bytes. Shared by threads.
+/// Encoder of rows, shared by threads.
 #[derive(Clone)]
 pub(crate) struct Encoder {
     pub(super) columns: Arc<[Column]>,
@@ -113,7 +113,7 @@ pub(super) enum Format {
 /// A part of a group, encoded.
 pub(crate) enum Piece {
     Text(Vec<u8>),
-    /// A column's bytes, and what the file says of them.
+    /// Bytes of a column, and their metadata.
     Column(Bytes, Box<ColumnCloseResult>),
 }
 
@@ -133,8 +133,8 @@ impl Encoder {
         };
         let fields = columns.iter().map(typed).collect::<Result<_, _>>().map_err(plain)?;
         let schema = Type::group_type_builder("table").with_fields(fields).build().map_err(plain)?;
-        // Numbers from a computation hardly repeat: a dictionary of them only costs; words do. Least and greatest are told
-        // of each group's numbers; an index of pages within it would grow the file's end, which is held in memory.
+        // Dictionaries for words only, as computed numbers hardly repeat. Statistics (min, max) for each row group; an index of
+        // pages would enlarge the footer, which is held in memory.
         let mut properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_dictionary_enabled(false)
@@ -152,7 +152,7 @@ impl Encoder {
         Ok(Self { columns: columns.into(), format })
     }
 
-    /// How many rows make a group.
+    /// Number of rows of a complete group.
     pub fn group(&self) -> usize {
         let most = match self.format {
             Format::Csv => TEXT_ROWS,
@@ -161,19 +161,19 @@ impl Encoder {
         (GROUP_NUMBERS / self.columns.len()).clamp(1, most)
     }
 
-    /// Room for the rows of a group.
+    /// An empty buffer for the rows of a group.
     pub fn rows(&self) -> Rows {
         Rows { width: self.columns.len(), most: self.group(), length: 0, numbers: Vec::new() }
     }
 
-    /// What comes before the first row of CSV.
+    /// Header line of a CSV table.
     pub fn header(&self) -> io::Result<Vec<u8>> {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(self.columns.iter().map(|column| &column.name))?;
         writer.into_inner().map_err(|e| io::Error::other(e.to_string()))
     }
 
-    /// How many pieces these rows have.
+    /// Number of pieces of these rows.
     pub fn pieces(&self, rows: &Rows) -> usize {
         match self.format {
             Format::Csv => rows.length.div_ceil(PIECE_ROWS),
@@ -182,12 +182,12 @@ impl Encoder {
         }
     }
 
-    /// All pieces, by the threads of rayon's current pool.
+    /// Encodes all pieces on the threads of rayon's current pool.
     pub fn encode(&self, rows: &Rows) -> io::Result<Vec<Piece>> {
         (0..self.pieces(rows)).into_par_iter().map(|k| self.piece(rows, k)).collect()
     }
 
-    /// Piece number `k`.
+    /// Encodes piece number `k`.
     pub fn piece(&self, rows: &Rows, k: usize) -> io::Result<Piece> {
         match &self.format {
             Format::Csv => self.text(rows, k * PIECE_ROWS),
@@ -207,7 +207,7 @@ impl Encoder {
                 let value = rows.numbers[chunk * rows.width + c * CHUNK + row % CHUNK];
                 if column.words.is_empty() {
                     number.clear();
-                    let _ = write!(number, "{value}"); // into a String: can't fail
+                    let _ = write!(number, "{value}"); // writing into a String does not fail
                     writer.write_field(&number)?;
                 } else {
                     writer.write_field(column.spell(value))?;
@@ -219,7 +219,7 @@ impl Encoder {
     }
 }
 
-/// One column of a group as Parquet.
+/// Encodes one column of a row group as Parquet.
 fn column(
     column: &Column,
     k: usize,
@@ -230,8 +230,8 @@ fn column(
     let mut sink = TrackedWrite::new(Vec::with_capacity(rows.length * size_of::<f64>()));
     let pages = Box::new(SerializedPageWriter::new(&mut sink));
     let mut writer = get_column_writer(schema.column(k), Arc::clone(properties), pages);
-    // Clones of a word share its bytes, and count one another: dearer than to look whether the batch before had the same
-    // word in this place, as it mostly had in a map.
+    // Cloning a word changes its reference count, which is slower than comparing with the word at the same position of the
+    // previous batch; in maps both are mostly equal.
     let known: Vec<ByteArray> = column.words.iter().map(|word| ByteArray::from(word.as_str())).collect();
     let none = ByteArray::from("");
     let most = if column.words.is_empty() { 0 } else { BATCH_ROWS };
@@ -254,12 +254,11 @@ fn column(
                 }
                 out.write_batch(&words[..numbers.len()], None, None)?;
             }
-            _ => return Err(ParquetError::General("a column is of numbers or of words".into())),
+            _ => return Err(ParquetError::General("a column must have numbers or words".into())),
         }
     }
     let mut close = writer.close()?;
-    // Least and greatest under their present names alone: a reader forgets that they were told under the old ones too, and a
-    // copy of this column would say less than it.
+    // Statistics without the deprecated min and max fields: the reader drops these, so a copy of the column would differ.
     if let Some(Statistics::Double(told)) = close.metadata.statistics() {
         let told = Statistics::Double(told.clone().with_backwards_compatible_min_max(false));
         close.metadata = close.metadata.into_builder().set_statistics(told).build()?;

@@ -1,14 +1,14 @@
-//! Tables of numbers, written row by row in constant memory: CSV or Parquet, as the file's name ends.
+//! Tables written row by row in constant memory, as CSV or Parquet. The extension of the file name selects the format.
 //!
 //! | | `.csv` | `.parquet` |
 //! | --- | --- | --- |
-//! | columns | a header, quoted where it must be | required doubles; required strings for columns of words |
-//! | numbers | shortest decimals that read back to the bit; NaN's payload is lost | to the bit |
-//! | held back | 2¹⁴ rows at most | one row group: 2¹⁶ rows and 2²² numbers (32 MB) at most |
-//! | compression | none | Snappy, which every reader knows |
+//! | columns | a header, quoted where necessary | required doubles; required strings for columns of words |
+//! | numbers | shortest decimals that are read back exactly; the payload of a NaN is lost | exact |
+//! | buffer | at most 2¹⁴ rows | one row group: at most 2¹⁶ rows and 2²² numbers (32 MB) |
+//! | compression | none | Snappy |
 //!
-//! A table is written as `X.csv.part` beside its place and moved there when it is whole, so that a file under its own
-//! name is always a whole one.
+//! A table is written to `X.csv.part` in the same folder and renamed when it is complete. A file under its final name is
+//! therefore always complete.
 
 mod encode;
 
@@ -27,43 +27,43 @@ use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bytes handed to the file at a time.
+/// Bytes written to the file at a time.
 const WRITE_BYTES: usize = 1 << 18;
 
-/// Why a table can't be written.
+/// Reason why a table cannot be written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// A file name that says no known format.
-    #[error("{file}: a table's name ends in .csv or .parquet")]
+    /// The extension of the file name is not a known format.
+    #[error("{file}: the name of a table must end in .csv or .parquet")]
     Extension {
         /// The file.
         file: PathBuf,
     },
-    /// Columns that make no table.
+    /// Invalid columns.
     #[error("{file}: {reason}")]
     Columns {
         /// The file.
         file: PathBuf,
-        /// What is wrong with them.
+        /// The rule that is broken.
         reason: String,
     },
-    /// A row of another length than the header.
-    #[error("{file}: a row of {given} numbers for {columns} columns")]
+    /// The length of a row is not the number of columns.
+    #[error("{file}: a row has {given} numbers, but the table has {columns} columns")]
     Row {
         /// The file.
         file: PathBuf,
-        /// Numbers in the row.
+        /// Length of the row.
         given: usize,
-        /// Columns of the table.
+        /// Number of columns.
         columns: usize,
     },
-    /// The file system, or the format, says no.
+    /// The file cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {
         /// The file.
         file: PathBuf,
-        /// What was said.
+        /// Error of the operating system or of the encoder.
         reason: io::Error,
     },
 }
@@ -71,9 +71,9 @@ pub enum TableError {
 /// A column of a table.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Column {
-    /// Its name in the header.
+    /// Name in the header.
     pub name: String,
-    /// Empty for a column of numbers. Else the column holds words: a row's number k stands for `words[k]`.
+    /// Empty for a column of numbers. In a column of words, the number k in a row stands for `words[k]`.
     pub words: Vec<String>,
 }
 
@@ -83,29 +83,29 @@ impl Column {
         Self { name: name.into(), words: Vec::new() }
     }
 
-    /// A column of words, each written as its place among `words`.
+    /// A column of words; a row gives the index of its word in `words`.
     pub fn word<W: Into<String>>(name: impl Into<String>, words: impl IntoIterator<Item = W>) -> Self {
         Self { name: name.into(), words: words.into_iter().map(Into::into).collect() }
     }
 
-    /// The word that a number stands for; the empty word for a number that stands for none.
+    /// The word with index `value`; the empty text if there is no such word.
     pub fn spell(&self, value: f64) -> &str {
         self.place(value).map_or("", |k| &self.words[k])
     }
 
-    /// The place among the words that a number stands for.
+    /// The index of a word, if `value` is one.
     fn place(&self, value: f64) -> Option<usize> {
-        // `as` takes NaN to 0 and negatives too: those are none
+        // excludes NaN and negative numbers, which `as` converts to 0
         (value >= 0.0 && (value as usize) < self.words.len()).then_some(value as usize)
     }
 
-    /// The number that stands for a word; NaN for one that is not among the words.
+    /// Index of a word; NaN if it is not among the words.
     fn code(&self, word: &str) -> f64 {
         self.words.iter().position(|w| w == word).map_or(f64::NAN, |k| k as f64)
     }
 }
 
-/// A table being written. Dropped before [`Table::finish`], it leaves nothing behind.
+/// A table being written. If it is dropped before [`Table::finish`], the temporary file is removed.
 ///
 /// ```
 /// # use carom_study::{Table, TableError};
@@ -123,7 +123,7 @@ impl Column {
 /// # Ok::<(), TableError>(())
 /// ```
 pub struct Table {
-    // before `place`: what is open is closed before it is removed
+    // before `place`, so that the file is closed before it is removed
     out: Out,
     place: Place,
     encoder: Encoder,
@@ -132,16 +132,16 @@ pub struct Table {
 }
 
 impl Table {
-    /// Begins a table at `path` with one column for each name; `.csv` or `.parquet` at the path's end, in capitals
-    /// or not, says which. A file that is already there stays until [`Table::finish`] replaces it.
+    /// Creates a table at `path` with one column of numbers for each name. The extension `.csv` or `.parquet`, in upper or lower
+    /// case, selects the format. An existing file is unchanged until [`Table::finish`] replaces it.
     ///
     /// # Errors
-    /// [`TableError`]: another extension, no columns, two of one name, a folder that can't be written to.
+    /// [`TableError`]: another extension, no columns, duplicate names, or a folder that cannot be written to.
     pub fn create(path: &Path, columns: &[String]) -> Result<Self, TableError> {
         Self::create_with(path, &columns.iter().map(Column::number).collect::<Vec<_>>())
     }
 
-    /// The same with columns of words among them.
+    /// As [`Table::create`], with columns of numbers or words.
     ///
     /// # Errors
     /// As [`Table::create`].
@@ -154,11 +154,11 @@ impl Table {
             _ => return Err(TableError::Extension { file: path.to_owned() }),
         };
         if columns.is_empty() {
-            return Err(refuse("a table needs a column".into()));
+            return Err(refuse("a table needs at least one column".into()));
         }
         let mut seen = std::collections::HashSet::new();
         if let Some(twice) = columns.iter().find(|column| !seen.insert(&column.name)) {
-            return Err(refuse(format!("two columns are called '{}'", twice.name)));
+            return Err(refuse(format!("two columns have the name '{}'", twice.name)));
         }
         let (place, file) = Place::begin(path).map_err(unwritable(path))?;
         let encoder = if is_text { Ok(Encoder::csv(columns)) } else { Encoder::parquet(columns) };
@@ -167,11 +167,11 @@ impl Table {
         Ok(Self { out, place, held: encoder.rows(), encoder, whole: true })
     }
 
-    /// Adds a row: a number for each column.
+    /// Adds a row: a number for each column, or the index of a word.
     ///
     /// # Errors
-    /// [`TableError`]: another number of numbers, which leaves the table as it was; a write that failed, after which
-    /// the table can't be finished.
+    /// [`TableError::Row`] if the length is wrong, with the table unchanged; [`TableError::Unwritable`] if writing fails, after
+    /// which the table cannot be finished.
     pub fn row(&mut self, values: &[f64]) -> Result<(), TableError> {
         let columns = self.encoder.columns.len();
         if values.len() != columns {
@@ -181,7 +181,7 @@ impl Table {
         if self.held.room() == 0 { self.flush() } else { Ok(()) }
     }
 
-    /// Writes the rows that are held back.
+    /// Writes the buffered rows.
     fn flush(&mut self) -> Result<(), TableError> {
         let (encoder, held) = (&self.encoder, &self.held);
         let pieces = (0..encoder.pieces(held)).map(|k| encoder.piece(held, k)).collect::<io::Result<Vec<_>>>();
@@ -189,31 +189,31 @@ impl Table {
         self.append(pieces)
     }
 
-    /// How its rows become bytes.
+    /// The encoder of the rows.
     pub(crate) fn encoder(&self) -> &Encoder {
         &self.encoder
     }
 
-    /// Hands out the rows that are held back, to be filled up and given to [`Table::append`].
+    /// Takes the buffered rows, to be completed, encoded and passed to [`Table::append`].
     pub(crate) fn take_held(&mut self) -> Rows {
         std::mem::replace(&mut self.held, self.encoder.rows())
     }
 
-    /// Adds the pieces of a group, which is full unless it is the last.
+    /// Adds the pieces of a group. All groups but the last are complete.
     ///
     /// # Errors
-    /// What could not be encoded, or not be written: the table can't be finished then.
+    /// The error of encoding or writing; the table cannot be finished then.
     pub(crate) fn append(&mut self, pieces: io::Result<Vec<Piece>>) -> Result<(), TableError> {
         let written = pieces.and_then(|pieces| self.out.append(pieces));
         self.whole &= written.is_ok();
         written.map_err(unwritable(&self.place.path))
     }
 
-    /// Takes over the rows of a table that [`Table::finish_at`] left, into one without rows: whole groups as they are,
-    /// without decoding them; what is left of a group is held back. How many rows it took, where the file tells.
+    /// Copies the rows of a table written by [`Table::finish_at`] into this empty table: complete groups without decoding them,
+    /// the rows of an incomplete group into the buffer. Returns the number of rows, if the format stores it.
     ///
     /// # Errors
-    /// What the file system or the format says, or that it has other columns.
+    /// The error of reading or decoding, or that the table has other columns.
     pub(crate) fn take_over(&mut self, path: &Path) -> io::Result<Option<u64>> {
         self.whole = false;
         let file = File::open(path)?;
@@ -235,16 +235,16 @@ impl Table {
         Ok(taken)
     }
 
-    /// Writes what is held back and moves the table to its place.
+    /// Writes the buffered rows and renames the table to its final name.
     ///
     /// # Errors
-    /// [`TableError`]: the file can't be written, now or at an earlier row. Nothing is left behind then.
+    /// [`TableError::Unwritable`]: writing failed, now or at an earlier row. The temporary file is removed then.
     pub fn finish(self) -> Result<(), TableError> {
         let path = self.place.path.clone();
         self.finish_at(&path)
     }
 
-    /// As [`Table::finish`], but to another place in the same folder: what is there of a table that was not finished.
+    /// As [`Table::finish`], with another name in the same folder, for an incomplete table.
     ///
     /// # Errors
     /// As [`Table::finish`].
@@ -261,7 +261,7 @@ fn unwritable(path: &Path) -> impl FnOnce(io::Error) -> TableError {
     move |reason| TableError::Unwritable { file, reason }
 }
 
-/// Where a table goes, and the unfinished file beside it.
+/// Path of a table, and of its temporary file.
 struct Place {
     path: PathBuf,
     part: PathBuf,
@@ -271,7 +271,7 @@ struct Place {
 impl Place {
     fn begin(path: &Path) -> io::Result<(Self, File)> {
         if path.is_dir() {
-            // said now, and not by the last step of a long computation
+            // an early error, before a long computation
             return Err(io::ErrorKind::IsADirectory.into());
         }
         let mut name = path.file_name().unwrap_or_default().to_owned();
@@ -296,7 +296,7 @@ impl Drop for Place {
     }
 }
 
-/// The file that pieces go into.
+/// The file that pieces are written to.
 enum Out {
     Csv(BufWriter<File>),
     Parquet(Box<SerializedFileWriter<BufWriter<File>>>),
@@ -317,7 +317,7 @@ impl Out {
         }
     }
 
-    /// Writes a group through to the file: a full disk is told now.
+    /// Writes a group and flushes it, so that a full disk is an error at once.
     fn append(&mut self, pieces: Vec<Piece>) -> io::Result<()> {
         match self {
             Self::Csv(file) => {
@@ -354,15 +354,15 @@ fn other_columns() -> io::Error {
     io::Error::other("it has other columns")
 }
 
-/// Copies the whole groups of a Parquet table that this module wrote into another, and the rows of its last, shorter one into
-/// `rest`. How many rows there were.
+/// Copies the complete groups of a Parquet table written by this module into another table, and the rows of its last,
+/// incomplete group into `rest`. Returns the number of rows.
 fn take_groups(
     from: File,
     into: &mut SerializedFileWriter<BufWriter<File>>,
     encoder: &Encoder,
     rest: &mut Rows,
 ) -> io::Result<u64> {
-    // everything that is said of a column, so that its copy says the same
+    // read all metadata of a column, so that its copy is identical
     let options = ReadOptionsBuilder::new().with_encoding_stats_as_mask(false).build();
     let file = SerializedFileReader::new_with_options(from.try_clone()?, options).map_err(plain)?;
     let schema = file.metadata().file_metadata().schema_descr_ptr();
@@ -400,7 +400,7 @@ fn take_groups(
     Ok(taken)
 }
 
-/// Reads a row group back into rows.
+/// Decodes a row group into rows.
 fn decode(
     file: &SerializedFileReader<File>,
     group: usize,
@@ -423,7 +423,7 @@ fn decode(
             _ => return Err(other_columns()),
         }
         if into.len() != rows {
-            return Err(io::Error::other("a row group is shorter than it says"));
+            return Err(io::Error::other("a row group is shorter than its metadata states"));
         }
     }
     for r in 0..rows {
@@ -432,7 +432,7 @@ fn decode(
     Ok(())
 }
 
-/// What the file system said, without Parquet's wrapping.
+/// The error of the file system, without the wrapper of the Parquet crate.
 fn plain(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(inner) => io::Error::other(inner),
