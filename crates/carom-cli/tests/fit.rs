@@ -153,17 +153,17 @@ fn what_can_t_be_fitted_is_refused() {
     desk.refused(
         "fit --velocities jumps.jsonl --law frictionless",
         &format!(
-            "jumps.jsonl: the law 'frictionless' knows no friction, so there is none to fit: choose one of {laws}"
+            "jumps.jsonl: the law 'frictionless' has no coefficient of friction to fit: choose one of {laws}"
         ),
     );
     desk.refused(
         "fit --velocities jumps.jsonl --train 0",
-        "jumps.jsonl: training share is 0: it lies above 0, and 1 is all",
+        "jumps.jsonl: training share is 0: it must be above 0 and at most 1",
     );
     desk.refused(
         "fit --velocities jumps.jsonl --inertia",
-        "jumps.jsonl: the scale of inertia can't be fitted to plain numbers: a Delassus matrix is all there is, give a \
-         robot and q",
+        "jumps.jsonl: the scale of inertia cannot be fitted to impacts given by a Delassus matrix: give a robot and the \
+         configurations q",
     );
     desk.refused("fit --flights jumps.jsonl", "jumps.jsonl: flights are of a robot: say which with --robot");
     for (line, message) in [
@@ -185,8 +185,8 @@ fn what_can_t_be_fitted_is_refused() {
         ),
         (
             json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, 1], "u_plus": [0, 1]}),
-            "the contact does not approach: its normal velocity before is 1 m/s, and in an impact it is negative; leave \
-             this one out, or check the normal (from the environment to the robot)",
+            "the contact does not approach: its normal velocity before the impact is 1 m/s and must be negative; leave \
+             this measurement out, or check the normal (from the environment to the robot)",
         ),
         (
             json!({"q": [0, 0], "qd_minus": [0, 0], "qd_plus": [0, 0]}),
@@ -203,7 +203,7 @@ fn what_can_t_be_fitted_is_refused() {
     );
     desk.refused(
         "fit --velocities jumps.jsonl --confidence 1",
-        "jumps.jsonl: confidence is 1: give at least 0.5 and less than 1, as only the whole range is sure to hold the truth",
+        "jumps.jsonl: confidence is 1: it must be at least 0.5 and below 1",
     );
     let text = r#"{"delassus":[[1,0],[0,1]],"u_minus":[0,-1],"u_plus":[0,NaN]}"#;
     std::fs::write(desk.0.join("nan.jsonl"), text).unwrap();

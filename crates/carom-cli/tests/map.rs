@@ -123,24 +123,24 @@ fn a_wrong_study_is_refused_by_file_key_value_and_rule() {
     let values = "a number, a list of numbers, or { from, to, count }";
     for (old, new, message) in [
         ("count = 6 }", "cuont = 6 }", "line 7: unknown field `cuont`, expected one of `from`, `to`, `count`, `unit`; did you mean `count`?".to_owned()),
-        ("count = 6 }", "count = 1 }", "[joints] elbow: count = 1: a range has 2 values or more; write the number itself for one".into()),
+        ("count = 6 }", "count = 1 }", "[joints] elbow: count = 1: a range has at least 2 values; for one value write the number itself".into()),
         ("{ from = -1.4, to = 1.5, count = 6 }", "\"wide\"", format!("line 7, elbow = \"wide\": invalid type: string \"wide\", expected {values}")),
-        ("{ from = -1.4, to = 1.5, count = 6 }", "[]", "[joints] elbow: the list is empty: give a value".into()),
+        ("{ from = -1.4, to = 1.5, count = 6 }", "[]", "[joints] elbow: the list is empty: give at least one value".into()),
         ("to = 1.5", "to = nan", "[joints] elbow: NaN: every value must be finite".into()),
         ("elbow =", "elbov =", "[joints] elbov: no joint is named 'elbov'; did you mean 'elbow'?".into()),
         ("elbow = { from = -1.4, to = 1.5, count = 6 }", "", "[joints] has no elbow: give every moving joint a value or a range".into()),
-        ("[joints]", "[tip]\nx = 0.5\ny = 0.1\n[joints]", "it has both [joints] and [tip]: give one of them".into()),
-        ("along = [0, -1, 0]", "along = [2, 0, 0]", "[impact] along = [2, 0, 0] has no part along the surface: give a direction on it".into()),
+        ("[joints]", "[tip]\nx = 0.5\ny = 0.1\n[joints]", "both [joints] and [tip] are given: keep one of them".into()),
+        ("along = [0, -1, 0]", "along = [2, 0, 0]", "[impact] along = [2, 0, 0] is normal to the surface: give a direction along the surface".into()),
         ("normal = [-1, 0, 0]", "", "[impact] has no normal: give normal = [x, y, z], from the environment to the robot".into()),
         ("normal = [-1, 0, 0]", "normal = [0, 0, 0]", "[impact] normal = [0.0, 0.0, 0.0]: a normal needs a finite length above 0".into()),
-        ("to = 60", "to = 200", "[impact] approach_deg = 200: an angle between path and surface lies between 0 and 180".into()),
-        ("speed = 0.2", "speed = -0.2", "[impact] speed = -0.2: a speed is positive".into()),
+        ("to = 60", "to = 200", "[impact] approach_deg = 200: the angle must lie between 0 and 180 degrees".into()),
+        ("speed = 0.2", "speed = -0.2", "[impact] speed = -0.2: the speed must be above 0".into()),
         ("restitution = 0.35", "restitution = [0.2, 1.35]", "[impact] restitution = 1.35: a coefficient of restitution lies between 0 and 1".into()),
         ("friction = 0.2", "friction = -0.2", "[impact] friction = -0.2: a coefficient of friction is not negative".into()),
-        ("friction = 0.2", "tangential_restitution = 0.2", "[impact] tangential_restitution is read by law = \"chatterjee-ruina\" only".into()),
-        ("\"energetic\"", "[\"energetic\", \"poison\"]", "[impact] law = \"poison\": did you mean \"poisson\"? There are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith".into()),
+        ("friction = 0.2", "tangential_restitution = 0.2", "[impact] tangential_restitution is used by law = \"chatterjee-ruina\" only: leave it out".into()),
+        ("\"energetic\"", "[\"energetic\", \"poison\"]", "[impact] law = \"poison\": did you mean \"poisson\"? Known names: frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith".into()),
         ("\"impulse\"", "\"impulse\", \"impulse\"", "[map] quantities holds \"impulse\" twice".into()),
-        ("count = 7", "count = 9223372036854775807", "the map has more rows than can be counted (2⁶⁴): give the axes fewer values".into()),
+        ("count = 7", "count = 9223372036854775807", "the map has 2⁶⁴ rows or more: give the axes fewer values".into()),
     ] {
         desk.refused(old, new, &message);
     }
@@ -153,7 +153,7 @@ fn a_name_that_is_no_quantity_is_told_the_nearest() {
     let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
     assert!(
         said.starts_with(
-            "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? There are mode"
+            "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? Known names: mode"
         )
     );
 }

@@ -108,7 +108,7 @@ fn the_papers_folder_is_replaced_only_if_it_holds_nothing_else() {
     let before = std::fs::read(folder.join("fig4.svg")).unwrap();
     refused(
         desk.run("paper --out out"),
-        "out: there is 'thesis.tex' in it, which is none of this report's files: choose a new or empty folder, or one of an \
+        "out: it contains 'thesis.tex', which is not a file of this report: give a new or empty folder, or the folder of an \
          earlier report, which is replaced",
     );
     assert_eq!(std::fs::read_to_string(folder.join("thesis.tex")).unwrap(), "mine");
@@ -124,7 +124,7 @@ fn the_papers_folder_is_replaced_only_if_it_holds_nothing_else() {
     let empty = desk.0.join("empty");
     std::fs::create_dir(&empty).unwrap();
     let ran = finish(desk.command("paper --out .").current_dir(&empty).spawn().unwrap(), b"");
-    refused(ran, ".: cannot be written: it is the working directory, which can't be replaced: name a folder in it");
+    refused(ran, ".: cannot be written: it is the working directory, which cannot be replaced: give a folder in it");
     usage(desk.run("paper"), "--out <DIR>");
 }
 
@@ -147,7 +147,7 @@ fn table_1_is_told_in_json_words_and_a_picture() {
     assert!(number(&h["least"]) < number(&up["fit"]["h"]) && number(&up["fit"]["h"]) < number(&h["most"]));
     assert_eq!(up["points"][1]["implied"]["changes"], serde_json::json!(["reverses"]));
     let svg = std::fs::read_to_string(desk.0.join("v.svg")).unwrap();
-    assert!(svg.contains("up-elbow: a V within its rounding") && svg.contains("down-elbow: the nearest V"));
+    assert!(svg.contains("up-elbow: fit within rounding") && svg.contains("down-elbow: best fit"));
 
     let ran = desk.run("consistency table1.csv");
     done(&ran);
@@ -183,12 +183,12 @@ fn tables_with_a_fault_are_refused_and_draw_nothing() {
     desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,1e-9,0.4,0.7\n");
     refused(
         desk.run("consistency t.csv --svg x.svg"),
-        "t.csv: row 'up': no picture holds cot α = 5.7e10: leave angles within 0.01° of 0 and 180 out of it",
+        "t.csv: row 'up': cot α = 5.7e10 is too large for a plot: leave out angles within 0.01° of 0° and 180°",
     );
     assert!(!desk.0.join("x.svg").exists());
     refused(
         desk.run("consistency t.csv --rounding -1"),
-        "t.csv: the rounding is -1: it lies between 1e-12, which f64 still resolves, and 1",
+        "t.csv: the rounding is -1: it must lie between 1e-12 (the resolution of the arithmetic) and 1",
     );
     desk.write("t.csv", b"row,angle_deg\xff");
     let ran = desk.run("consistency t.csv");

@@ -77,7 +77,7 @@ fn a_chart_holds_every_method_and_the_peers() {
     for (method, law) in [
         ("events, DOP853, in space", "the scene's"),
         ("Moreau–Jean steps", "Newton's e with a friction cone"),
-        ("compliant, Hunt–Crossley", "its force's own"),
+        ("compliant, Hunt–Crossley", "that of the contact force"),
         ("x 1, steps", "its own"),
     ] {
         assert!(of(method).iter().all(|run| run["law"] == law) && !of(method).is_empty(), "{method}");
@@ -88,8 +88,8 @@ fn a_chart_holds_every_method_and_the_peers() {
     let table = std::fs::read_to_string(desk.0.join("c/wall.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + runs.len());
     let picture = std::fs::read_to_string(desk.0.join("c/wall.svg")).unwrap();
-    assert!(picture.contains("not run: y 2, default") && picture.contains("yardstick"));
-    assert!(picture.contains("e with a friction cone") && picture.contains("Error is the distance"));
+    assert!(picture.contains("not run: y 2, default") && picture.contains("error of the reference solution"));
+    assert!(picture.contains("e with a friction cone") && picture.contains("Errors are relative to the reference"));
 }
 
 #[test]

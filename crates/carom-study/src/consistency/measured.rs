@@ -230,7 +230,7 @@ pub fn measured_from(text: &str, path: &Path, rounding: Option<f64>) -> Result<V
         }
         let newton = number(2)?;
         if !(0.0..=1.0).contains(&newton.value) {
-            return Err(refuse(2, "the coefficient of restitution must lie between 0 and 1"));
+            return Err(refuse(2, "a coefficient of restitution lies between 0 and 1"));
         }
         let energy_root = number(3)?;
         if !(0.0..=1.0).contains(&energy_root.value) {

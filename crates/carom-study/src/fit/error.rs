@@ -9,7 +9,7 @@ use carom_sim::SimError;
 #[non_exhaustive]
 pub enum FitError {
     /// There is no law of that name.
-    #[error("there is no law '{name}': choose one of {known}")]
+    #[error("no law is named '{name}': the laws are {known}")]
     UnknownLaw {
         /// The name given.
         name: String,

@@ -149,13 +149,13 @@ impl Reading<'_> {
         let speed = axis("impact", "speed", "m/s", &impact.speed)?;
         within("impact", &speed, f64::MIN_POSITIVE, f64::MAX, "the speed must be above 0")?;
         let restitution = axis("impact", "restitution", "", &impact.restitution)?;
-        within("impact", &restitution, 0.0, 1.0, "the coefficient of restitution must lie between 0 and 1")?;
+        within("impact", &restitution, 0.0, 1.0, "a coefficient of restitution lies between 0 and 1")?;
         let tangential = impact.tangential_restitution.clone();
         let tangential = axis("impact", "tangential_restitution", "", &tangential.unwrap_or(Values::One(0.0)))?;
-        let rule = "the tangential coefficient of restitution must lie between -1 and 1";
+        let rule = "a coefficient of tangential restitution lies between -1 and 1";
         within("impact", &tangential, -1.0, 1.0, rule)?;
         let friction = axis("impact", "friction", "", &impact.friction)?;
-        within("impact", &friction, 0.0, f64::MAX, "the coefficient of friction must not be negative")?;
+        within("impact", &friction, 0.0, f64::MAX, "a coefficient of friction is not negative")?;
         axes.extend([speed, restitution, tangential, friction, laws(&impact.law)?]);
         if impact.tangential_restitution.is_some() && !impact.law.0.iter().any(|law| law == "chatterjee-ruina") {
             return Err(

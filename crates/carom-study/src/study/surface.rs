@@ -21,14 +21,14 @@ pub(super) fn normals<const D: usize>(
 ) -> Result<(Axis, Vec<SMatrix<f64, D, D>>), String> {
     let along = impact.along.map(Vector3::from);
     if let Some(along) = along.filter(|along| along.iter().any(|x| !x.is_finite()) || along.norm() == 0.0) {
-        return Err(format!("[impact] along = {:?}: its length must be finite and above 0", along.as_slice()));
+        return Err(format!("[impact] along = {:?}: a direction needs a finite length above 0", along.as_slice()));
     }
     match (&impact.normal, &impact.normal_deg) {
         (Some(normals), None) => {
             let made = normals.0.iter().map(|given| {
                 let normal = Vector3::from(*given);
                 if !(normal.norm() > 0.0 && normal.norm().is_finite()) {
-                    return Err(format!("[impact] normal = {given:?}: its length must be finite and above 0"));
+                    return Err(format!("[impact] normal = {given:?}: a normal needs a finite length above 0"));
                 }
                 surface(Normal::Vector(normal), along, straight)
             });
@@ -58,7 +58,7 @@ pub(super) fn normals<const D: usize>(
 
 fn no_tangential_part(along: &Vector3<f64>) -> String {
     let [x, y, z] = (*along).into();
-    format!("[impact] along = [{x}, {y}, {z}] is parallel to the normal: give a direction along the surface")
+    format!("[impact] along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface")
 }
 
 /// Contact axes of a planar arm as columns: tangent, normal.
