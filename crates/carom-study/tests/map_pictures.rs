@@ -1,4 +1,4 @@
-//! What is made of an impact map: pictures that show its rows, and advice that its rows bear out.
+//! Pictures and optimal rows of impact maps, compared with the rows.
 
 use base64::Engine;
 use carom_chain::Chain;
@@ -45,9 +45,9 @@ fn images(svg: &str) -> Vec<(u32, u32, Vec<u8>)> {
     .collect()
 }
 
-/// Pixel by pixel, and the right way up: x grows to the right, y upwards, one picture for each elbow.
+/// Compares every pixel with its row: x increases to the right, y upwards, one heat map for each elbow.
 #[test]
-fn a_heat_map_shows_every_row_at_its_place() {
+fn pixels_of_a_heat_map_are_the_colours_of_their_rows() {
     let study = study(TIPS);
     let svg = study.picture("class").unwrap();
     let values = study.values("class").unwrap();
@@ -68,16 +68,16 @@ fn a_heat_map_shows_every_row_at_its_place() {
         assert_eq!(pixels[at..at + 3], values.colour(class, (0.0, 1.0)), "row {index}");
         colours.insert(class as usize, pixels[at..at + 3].to_vec());
     }
-    // every class that there is has a colour of its own, and its word in the legend
+    // each class has a distinct colour, and an entry in the legend
     let distinct: std::collections::BTreeSet<_> = colours.values().collect();
     assert!(colours.len() >= 4 && distinct.len() == colours.len(), "{colours:?}");
     assert!(colours.keys().all(|class| svg.contains(CLASSES[*class])));
 }
 
-/// A map of signed numbers that runs to a singular pose: no pixel has a colour that the bar doesn't, and the bar says that
-/// there is more.
+/// A map of signed numbers up to a singular pose: the colour bar contains the colours of all pixels, and marks values beyond
+/// its ends.
 #[test]
-fn a_colour_bar_has_every_colour_of_its_map() {
+fn a_colour_bar_contains_every_colour_of_its_map() {
     let text = TIPS.replace("\"impulse\", \"mode\"", "\"tangential_jump\"");
     let study = study(&text);
     let (svg, values) = (study.picture("tangential_jump").unwrap(), study.values("tangential_jump").unwrap());
@@ -88,28 +88,32 @@ fn a_colour_bar_has_every_colour_of_its_map() {
     for (end, more) in [(range.0, -1e9), (range.1, 1e9)] {
         assert_eq!(values.colour(end, range), values.colour(more, range));
     }
-    // So fine that no colour falls between two steps: each of the three channels has 256 at most.
+    // fine enough for every colour, as each of the three channels has at most 256 values
     let step = |k: i32| values.colour(range.0 + (range.1 - range.0) * f64::from(k) / 1e6, range);
     let bar: std::collections::BTreeSet<[u8; 3]> = (0..=1_000_000).map(step).collect();
     let nothing = values.colour(f64::NAN, range);
+    let mut coloured = 0;
     for (_, _, pixels) in images(&svg) {
         for pixel in pixels.chunks(3).filter(|pixel| *pixel != nothing) {
             assert!(bar.contains(pixel), "{pixel:?}");
+            coloured += 1;
         }
     }
+    let finite = values.values.iter().filter(|x| x.is_finite()).count();
+    assert!(coloured == finite && finite > 400, "{coloured} coloured pixels for {finite} values");
 }
 
 #[test]
-fn one_axis_is_a_curve_and_words_make_several() {
+fn a_map_over_one_axis_is_drawn_as_one_curve_for_each_word() {
     let text = TIPS.replace("x = { from = -0.3, to = 0.95, count = 26 }", "x = 0.5");
     let svg = study(&text).picture("impulse").unwrap();
     assert!(svg.starts_with("<svg") && !svg.contains("<image") && svg.contains("up") && svg.contains("tip.y, m"));
-    assert!(svg.contains("\nelbow\n"), "what is up and down has its name");
+    assert!(svg.contains("\nelbow\n"), "the legend has a title");
     assert!(svg.matches("<polyline").count() >= 2);
 }
 
 #[test]
-fn a_picture_that_cannot_be_is_refused() {
+fn maps_that_cannot_be_drawn_are_refused() {
     let said = |text: &str, column: &str| match study(text).picture(column) {
         Err(StudyError::File { rule, .. }) => rule,
         other => panic!("{other:?}"),
@@ -121,12 +125,12 @@ fn a_picture_that_cannot_be_is_refused() {
     assert!(said(&uneven, "impulse").contains("tip.x are not evenly spaced"));
     let none = TIPS.replace("[tip]", "[joints]\nshoulder = 0.1\nelbow = 0.5\n[tip_]");
     let none = none.split("[tip_]").next().unwrap().to_owned() + &none[none.find("[impact]").unwrap()..];
-    assert!(said(&none, "impulse").contains("nothing varies"));
+    assert!(said(&none, "impulse").contains("no axis varies"));
 }
 
-/// Advice by brute force: the first piece is the best row of all, none has a better neighbour, conditions hold.
+/// Compares with a search over all rows: the first optimum is the best row, and all of them fulfil the constraints.
 #[test]
-fn the_best_advice_is_the_best_row() {
+fn the_first_optimum_is_the_best_row_of_the_map() {
     let wish = "[advise]\nminimise = \"impulse\"\nclass = [\"reverses\"]\nat_least = { \"tip.x\" = 0.2 }\nbest = 4\n";
     let study = study(&format!("{TIPS}{wish}"));
     let advice = study.advise().unwrap();
@@ -143,19 +147,20 @@ fn the_best_advice_is_the_best_row() {
     }
     assert!(fulfil > 10);
     assert_eq!((advice.fulfil, advice.best[0].row[column("impulse")]), (fulfil, best));
+    assert!((2..=4).contains(&advice.best.len()), "{}", advice.best.len());
     assert!(advice.best.windows(2).all(|w| w[0].row[column("impulse")] <= w[1].row[column("impulse")]));
     for it in &advice.best {
         assert_eq!(CLASSES[it.row[column("class")] as usize], "reverses");
         assert!(it.row[column("tip.x")] >= 0.2 && it.self_motion.is_none());
-        // the row's pose is the one that is told
+        // the configuration is that of the row
         assert_eq!(it.q, [it.row[column("q.shoulder")], it.row[column("q.elbow")]]);
     }
 }
 
-/// Along the self-motion of three links: the tip stays, and the effective mass comes down to a minimum of the dense search
-/// over directions of the last link, which is an independent route.
+/// The descent along the self-motion of three links leaves the tip in place and ends at the minimum of the effective mass. The
+/// reference solution is a dense search over the directions of the last link.
 #[test]
-fn a_self_motion_ends_at_a_minimum_of_the_dense_search() {
+fn the_descent_along_a_self_motion_ends_at_the_minimum_of_a_dense_search() {
     let text = r#"
 [robot]
 urdf = "ROBOTS/planar3.urdf"
@@ -189,11 +194,12 @@ minimise = "effective_mass"
     let (normal, tangent) = (-Vector3::x(), -Vector3::y());
     let dense = self_motion(&chain, tip, lengths, [0.7, 0.2], normal, tangent, 20_000).unwrap();
     let least = dense.iter().filter_map(|p| p.effective_mass).fold(f64::INFINITY, f64::min);
-    assert!(!advice.best.is_empty());
+    // a row for each of the two seeds, both of them improved
+    assert_eq!(advice.best.len(), 2);
     let mut ended = f64::INFINITY;
     for it in &advice.best {
         let before = it.row[column("effective_mass")];
-        let Some((q, row)) = &it.self_motion else { continue };
+        let (q, row) = it.self_motion.as_ref().expect("the self-motion improves the row");
         let after = row[column("effective_mass")];
         assert!(after < before, "{after} kg after {before} kg");
         let mut kin = workspace.update(&chain, q).unwrap();
@@ -201,10 +207,10 @@ minimise = "effective_mass"
         assert!((place - Vector3::new(0.7, 0.2, 0.0)).norm() < 1e-10, "the tip has moved to {place:?}");
         let mass = kin.contact_inertia(chain.point(tip, Vector3::zeros())).unwrap().effective_mass(&[-1.0, 0.0, 0.0]);
         assert!((after - mass.unwrap()).abs() < 1e-9 * after);
-        // no sample on the whole self-motion is below it by more than the sampling tells, for the best of them
+        // not below the minimum, up to the resolution of the dense search
         assert!(after > least * (1.0 - 1e-6));
         ended = ended.min(after);
     }
-    // 20 000 directions are 3e-4 rad apart: at a minimum the difference is of second order
+    // 20 000 directions are 3e-4 rad apart, and the error at a minimum is of second order
     assert!((ended - least).abs() < 1e-5 * least, "{ended} kg, the dense search finds {least} kg");
 }

@@ -1,4 +1,4 @@
-//! What stands behind the figures: simulated motion and forces against the closed forms, the report against its numbers.
+//! Data of the paper's figures: simulated motion and forces against closed forms, verdicts against their numbers.
 
 use carom_impact::Energetic;
 use carom_sim::Impacts;
@@ -9,26 +9,27 @@ fn paper() -> Paper {
     Paper::of(&stand_in().unwrap()).unwrap()
 }
 
-/// Figs. 4, 6, 7: simulated over 40 ms, against eqs. (11) and (15) at the impact and against the path as the integral of the
+/// Figs. 4, 6, 7: a simulation over 40 ms. The jump is compared with eqs. (11) and (15), the path with the integral of the
 /// velocity.
 #[test]
-fn the_simulated_jump_is_that_of_eqs_11_and_15() {
+fn the_simulated_jump_agrees_with_eqs_11_and_15() {
     let arm = stand_in().unwrap();
     for (motion, elbow) in paper().motions.iter().zip(Elbow::BOTH) {
         let run = strike(&arm, elbow, 45.0, 0.2, 0.35).unwrap();
         let at = motion.states.iter().position(|s| s.time == 0.0).unwrap();
         let (before, after) = (motion.states[at], motion.states[at + 1]);
-        assert_eq!(after.time, 0.0, "both sides of the impact");
+        assert_eq!(after.time, 0.0, "states before and after the impact");
+        assert_eq!((motion.states.len(), motion.samples.len()), (802, 10));
         for (got, want) in [
             (before.tangential, run.tangential().0),
             (after.tangential, run.tangential().1),
             (-before.normal, run.normal().0),
             (-after.normal, run.normal().1),
         ] {
-            // the probe's ball of 1 µm touches 7 µs before its centre would, at accelerations of some cm/s²
+            // the ball of 1 µm at the probe touches 7 µs before its centre, at accelerations of some cm/s²
             assert!((got - want).abs() < 1e-6, "{elbow:?}: {got} against {want}");
         }
-        // the trapezoidal rule over steps of 50 µs; accelerations change little in them
+        // trapezoidal rule with steps of 50 µs, in which accelerations change little
         let (mut along, mut towards) = (motion.states[0].along, motion.states[0].towards);
         for pair in motion.states.windows(2) {
             let step = pair[1].time - pair[0].time;
@@ -38,17 +39,17 @@ fn the_simulated_jump_is_that_of_eqs_11_and_15() {
         let last = motion.states.last().unwrap();
         let off = (along - last.along).abs().max((towards - last.towards).abs());
         assert!(off < 1e-9, "{elbow:?}: off by {off} m");
-        assert!(motion.states.iter().all(|s| s.towards < 1e-9), "the tip stays on its side of the wall");
+        assert!(motion.states.iter().all(|s| s.towards < 1e-9), "the tip does not penetrate the wall");
         let times: Vec<f64> = motion.samples.iter().map(|s| s.time * 1e3).collect();
         let clock = [-18.0, -14.0, -10.0, -6.0, -2.0, 2.0, 6.0, 10.0, 14.0, 18.0];
         assert!(times.iter().zip(clock).all(|(got, want)| (got - want).abs() < 1e-9), "{times:?}");
     }
 }
 
-/// Fig. 5: the impulse of the compliant contact is that of Stronge's law, but for friction that is smoothed over 1e-3 of
-/// 0.14 m/s and turns with the slip, and for the way the arm goes in 2 ms (0.4 mm of half a metre): 2 % together.
+/// Fig. 5: the impulse of the compliant contact is that of Stronge's law within 2 %. The difference is due to the regularised
+/// friction (over 1e-3 m/s of 0.14 m/s) and to the motion of the arm during the 2 ms of contact (0.4 mm of half a metre).
 #[test]
-fn the_force_integrates_to_stronges_impulse() {
+fn the_integral_of_the_contact_force_is_stronges_impulse() {
     let arm = stand_in().unwrap();
     let tip = arm.frame("tip").unwrap();
     for (forces, elbow) in paper().forces.iter().zip(Elbow::BOTH) {
@@ -61,13 +62,13 @@ fn the_force_integrates_to_stronges_impulse() {
         assert!((tangential - rigid_t).abs() < 0.02 * rigid_n, "{elbow:?}: {tangential} against {rigid_t}");
         assert!(forces.states.iter().all(|s| s[1] >= 0.0 && s[2].abs() <= 0.1 * s[1] * (1.0 + 1e-9)), "cone");
         let ends = [forces.states[0], *forces.states.last().unwrap()];
-        assert!(ends.iter().all(|s| s[1] < 1e-3 * forces.peak()), "it begins and ends without a force: {ends:?}");
+        assert!(ends.iter().all(|s| s[1] < 1e-3 * forces.peak()), "the force must begin and end at zero: {ends:?}");
     }
 }
 
-/// The verdicts follow the numbers: what mirrored poses can't show is not confirmed, what Table I contradicts neither.
+/// Claims are not confirmed where the mirrored poses of the stand-in give no difference, or where Table I contradicts them.
 #[test]
-fn verdicts_are_those_of_the_numbers() {
+fn verdicts_follow_from_the_numbers() {
     let paper = paper();
     let verdict = |words: &str| {
         let mut found = paper.claims.iter().filter(|claim| claim.statement.contains(words));
@@ -80,7 +81,7 @@ fn verdicts_are_those_of_the_numbers() {
         ("loss depends on the configuration", false),
         ("impact force depends on the configuration", true),
         ("tangential impulse is small", true),
-        ("measured normal velocity after does not depend", false),
+        ("measured normal velocity after the impact does not depend", false),
         ("up-elbow: eq. (11) with the energetic", false),
         ("down-elbow: eq. (11) with the energetic", false),
         ("Table I is not consistent, up-elbow", true),
@@ -88,7 +89,7 @@ fn verdicts_are_those_of_the_numbers() {
     ] {
         assert_eq!(verdict(words), holds, "{words}");
     }
-    // the claim about forces, by its own numbers
+    // the claim about forces, recomputed
     let [up, down] = &paper.forces;
     assert!((up.peak() - down.peak()).abs() / up.peak() > 0.05);
 }

@@ -1,4 +1,4 @@
-//! Tables: read back to the bit, whole or not at all.
+//! Tables: numbers are read back exactly, and files are complete or absent.
 
 use carom_study::{Table, TableError};
 use parquet::basic::{Repetition, Type};
@@ -8,7 +8,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::fs::File;
 use std::path::Path;
 
-/// Numbers whose last digits are easily lost, and those that are none.
+/// Numbers with many digits, extreme numbers, NaN and infinities.
 const AWKWARD: [f64; 12] = [
     0.1,
     -0.0,
@@ -38,9 +38,9 @@ fn write(path: &Path, columns: &[String], rows: usize) {
         let values: Vec<f64> = (0..columns.len()).map(|column| number(row, column)).collect();
         table.row(&values).unwrap();
     }
-    assert!(!path.exists(), "under its own name a table is whole");
+    assert!(!path.exists(), "an unfinished table does not have its final name");
     table.finish().unwrap();
-    assert_eq!(files(path.parent().unwrap()), 1, "nothing but the table is left");
+    assert_eq!(files(path.parent().unwrap()), 1, "only the table is left");
 }
 
 fn files(folder: &Path) -> usize {
@@ -71,7 +71,7 @@ fn read_parquet(path: &Path) -> (Vec<String>, Vec<Vec<f64>>, Vec<usize>) {
 }
 
 #[test]
-fn csv_reads_back_to_the_bit() {
+fn numbers_of_a_csv_table_are_read_back_exactly() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.csv");
     let columns = names(&["time", "q.a,b", "say \"q\"", "two\nlines"]);
@@ -90,9 +90,9 @@ fn csv_reads_back_to_the_bit() {
 }
 
 #[test]
-fn parquet_reads_back_to_the_bit() {
+fn numbers_of_a_parquet_table_are_read_back_exactly() {
     let folder = tempfile::tempdir().unwrap();
-    // capitals are no other format
+    // the extension is case-insensitive
     let path = folder.path().join("x.PARQUET");
     let columns = names(&["time", "q.shoulder", "qd.\"elbow\", m/s"]);
     let rows = 2 * 65536 + 7;
@@ -109,7 +109,7 @@ fn parquet_reads_back_to_the_bit() {
 }
 
 #[test]
-fn row_groups_of_wide_tables_are_shorter() {
+fn row_groups_of_wide_tables_have_fewer_rows() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.parquet");
     let columns: Vec<String> = (0..400).map(|k| format!("q{k}")).collect();
@@ -132,7 +132,7 @@ fn a_table_without_rows_has_its_columns() {
 }
 
 #[test]
-fn what_is_not_finished_leaves_nothing_behind() {
+fn an_unfinished_table_leaves_no_file_and_replaces_none() {
     for name in ["x.csv", "x.parquet"] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
@@ -142,7 +142,7 @@ fn what_is_not_finished_leaves_nothing_behind() {
         drop(table);
         assert_eq!(files(folder.path()), 0);
 
-        // nor does it touch the table that was there before
+        // an existing table is unchanged
         std::fs::write(&path, "before").unwrap();
         drop(Table::create(&path, &names(&["time"])).unwrap());
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "before");
@@ -152,33 +152,33 @@ fn what_is_not_finished_leaves_nothing_behind() {
 }
 
 #[test]
-fn a_row_of_another_length_is_refused_and_the_table_goes_on() {
+fn a_row_of_wrong_length_is_refused_and_the_table_stays_usable() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.csv");
     let mut table = Table::create(&path, &names(&["a", "b"])).unwrap();
     table.row(&[1.0, 2.0]).unwrap();
     let refused = table.row(&[1.0]).unwrap_err();
     assert!(matches!(refused, TableError::Row { given: 1, columns: 2, .. }));
-    assert_eq!(refused.to_string(), format!("{}: a row of 1 numbers for 2 columns", path.display()));
+    assert_eq!(refused.to_string(), format!("{}: a row has 1 numbers, but the table has 2 columns", path.display()));
     table.row(&[0.5, -2.0]).unwrap();
     table.finish().unwrap();
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "a,b\n1,2\n0.5,-2\n");
 }
 
 #[test]
-fn what_can_not_be_a_table_is_refused() {
+fn invalid_names_columns_and_folders_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |name: &str, columns: &[&str]| {
         let path = folder.path().join(name);
         let message = Table::create(&path, &names(columns)).err().expect(name).to_string();
         assert_eq!(files(folder.path()), 0);
-        message.strip_prefix(&format!("{}: ", path.display())).expect("a message that names the file").to_owned()
+        message.strip_prefix(&format!("{}: ", path.display())).expect("the message names the file").to_owned()
     };
     for name in ["x.xlsx", "x", "csv", ".csv", "x.csv.gz"] {
-        assert_eq!(refused(name, &["time"]), "a table's name ends in .csv or .parquet");
+        assert_eq!(refused(name, &["time"]), "the name of a table must end in .csv or .parquet");
     }
-    assert_eq!(refused("x.csv", &[]), "a table needs a column");
-    assert_eq!(refused("x.parquet", &["q", "qd", "q"]), "two columns are called 'q'");
+    assert_eq!(refused("x.csv", &[]), "a table needs at least one column");
+    assert_eq!(refused("x.parquet", &["q", "qd", "q"]), "two columns have the name 'q'");
     for name in ["nowhere/x.csv", "nowhere/x.parquet"] {
         assert!(refused(name, &["time"]).starts_with("cannot be written: No such file"), "{name}");
     }
@@ -188,10 +188,10 @@ fn what_can_not_be_a_table_is_refused() {
     assert_eq!(files(folder.path()), 1);
 }
 
-/// Linux's file for a full disk: whatever is written there fails.
+/// /dev/full: every write fails as on a full disk.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_full_disk_is_told_and_leaves_no_table() {
+fn a_full_disk_is_an_error_and_leaves_no_table() {
     for name in ["x.csv", "x.parquet"] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);

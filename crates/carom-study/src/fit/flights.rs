@@ -123,10 +123,10 @@ impl<'a> Pair<'a> {
                 return Err(FitError::Sizes { what: "poses of a flight, one for each time", found, needed });
             }
             if found < 2 {
-                return Err(FitError::Sizes { what: "samples of a flight, at least", found, needed: 2 });
+                return Err(FitError::Sizes { what: "samples of a flight (two or more)", found, needed: 2 });
             }
             if let Some(&value) = flight.times.iter().find(|t| !t.is_finite()) {
-                return Err(FitError::NotFinite { what: "a flight's times", value });
+                return Err(FitError::NotFinite { what: "the list of a flight's times", value });
             }
             for pair in flight.times.windows(2) {
                 if pair[1] <= pair[0] {

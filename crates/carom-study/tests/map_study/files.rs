@@ -1,4 +1,4 @@
-//! The files that hold a map's rows: the same however many threads, interruptions and parts.
+//! Files of impact maps: their bytes do not depend on threads, interruptions or shards.
 
 use crate::study_in;
 use carom_study::study::{MapFile, Written};
@@ -7,7 +7,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// The map of many small blocks that the tests of files use.
+/// A map of 20 008 rows, which are computed in many small blocks.
 fn small(folder: &Path) -> Study {
     let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = [30, 60]\nspeed = 0.2\nlaw = [\"energetic\", \"newton\"]\nrestitution = 0.35\nfriction = 0.1";
     let poses = "[tip]\nx = { from = -0.9, to = 0.9, count = 61 }\ny = { from = -0.9, to = 0.9, count = 41 }";
@@ -28,20 +28,21 @@ fn write(study: &Study, path: &Path, rows: std::ops::Range<u64>, threads: usize)
     std::fs::read(path).unwrap()
 }
 
-/// Begins or goes on, until more than `after` rows are there; the number of rows, and the table that is left.
+/// Starts or resumes a run and stops it once more than `after` rows are computed. Returns the number of rows and the partial
+/// table.
 fn interrupted(study: &Study, file: &MapFile, after: u64) -> (u64, PathBuf) {
     let (stop, done) = (AtomicBool::new(false), AtomicU64::new(0));
     let count = |rows| {
         stop.fetch_or(done.fetch_add(rows, Ordering::Relaxed) + rows > after, Ordering::Relaxed);
     };
     let Written::Interrupted { rows, partial } = study.write(file, &count, &stop).unwrap() else {
-        panic!("it should have been interrupted");
+        panic!("the run was not interrupted");
     };
     (rows, partial)
 }
 
 #[test]
-fn the_bytes_do_not_depend_on_the_number_of_threads() {
+fn bytes_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
     for name in ["map.csv", "map.parquet"] {
@@ -54,10 +55,10 @@ fn the_bytes_do_not_depend_on_the_number_of_threads() {
     }
 }
 
-/// Interrupted anywhere, twice, and resumed, a map has the bytes of one that never was; what is left in between is a
-/// whole table of the first rows.
+/// A map that is interrupted and resumed twice has the bytes of an uninterrupted one. The partial CSV table is a prefix of the
+/// complete one.
 #[test]
-fn an_interrupted_map_resumes_to_the_same_bytes() {
+fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
     for (name, ending) in [("map.csv", "csv"), ("map.parquet", "parquet")] {
@@ -79,15 +80,15 @@ fn an_interrupted_map_resumes_to_the_same_bytes() {
         }
         assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
         assert!(std::fs::read(&path).unwrap() == whole, "{name}");
-        assert!(!file.partial().exists(), "what was left is in the map now");
+        assert!(!file.partial().exists(), "the partial table is removed");
     }
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left.len(), 5, "{left:?}");
 }
 
-/// A map of several row groups of Parquet, of which a resumed run copies the whole ones as bytes.
+/// A map of several Parquet row groups; a resumed run copies the complete groups as bytes.
 #[test]
-fn groups_that_are_copied_have_the_bytes_of_computed_ones() {
+fn copied_row_groups_have_the_bytes_of_computed_ones() {
     let folder = tempfile::tempdir().unwrap();
     let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.35\nfriction = 0.1";
     let poses = "[joints]\nshoulder = { from = -3, to = 3, count = 350 }\nelbow = { from = -3, to = 3, count = 500 }";
@@ -111,9 +112,8 @@ fn groups_that_are_copied_have_the_bytes_of_computed_ones() {
     }
 }
 
-/// A table that has been cut, or is another one, is not gone on with.
 #[test]
-fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
+fn a_truncated_or_foreign_partial_table_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
     for ending in ["parquet", "csv"] {
@@ -127,12 +127,12 @@ fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
         std::fs::write(file.partial(), &spoilt).unwrap();
         let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
         let message = refused(&file);
-        assert!(message.contains("bytes, and its note says") && message.contains("without --resume"), "{message}");
-        // as long, but not a table of these columns
+        assert!(message.contains("bytes instead of the") && message.contains("without --resume"), "{message}");
+        // the same length, but not a table with these columns
         spoilt.resize(left.len(), b'x');
         spoilt[..20].fill(b'x');
         std::fs::write(file.partial(), &spoilt).unwrap();
-        assert!(refused(&file).contains("without --resume to begin again"));
+        assert!(refused(&file).contains("without --resume to start again"));
         assert!(!file.path.exists() && file.partial().exists());
         std::fs::write(file.partial(), &left).unwrap();
         assert_eq!(study.write(&file, &|_| (), &AtomicBool::new(false)).unwrap(), Written::Whole);
@@ -140,7 +140,7 @@ fn what_was_left_is_looked_at_before_it_is_gone_on_with() {
 }
 
 #[test]
-fn what_another_study_left_is_not_resumed() {
+fn a_partial_table_of_another_study_or_shard_is_not_resumed() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
     let mut file = MapFile { path: folder.path().join("map.csv"), rows: 0..study.rows(), resume: false };
@@ -158,9 +158,8 @@ fn what_another_study_left_is_not_resumed() {
     assert!(refused(&other, &file).contains("the study file"));
 }
 
-/// Part after part is the whole, whatever their number.
 #[test]
-fn shards_one_after_another_are_the_whole() {
+fn consecutive_shards_are_the_whole_map() {
     let folder = tempfile::tempdir().unwrap();
     let study = small(folder.path());
     let whole = write(&study, &folder.path().join("map.csv"), 0..study.rows(), 2);
@@ -190,7 +189,7 @@ fn shards_one_after_another_are_the_whole() {
     }
 }
 
-/// Every row with names and values, spelt out: NaN is no number's equal.
+/// Every row as text, with names and values, because NaN is not equal to itself.
 fn parquet_rows(path: &Path) -> Vec<String> {
     let reader = SerializedFileReader::new(std::fs::File::open(path).unwrap()).unwrap();
     reader.into_iter().map(|row| format!("{:?}", row.unwrap())).collect()

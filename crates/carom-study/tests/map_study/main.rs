@@ -1,5 +1,5 @@
-//! Impact maps from a study file: each row is the impact that it says it is and depends on no other (`rows`), and the files
-//! that hold the rows are the same however they were written (`files`).
+//! Impact maps from study files: each row agrees with a single impact and does not depend on other rows (`rows`); files do
+//! not depend on threads, interruptions and shards (`files`).
 
 mod files;
 mod rows;
@@ -11,7 +11,7 @@ fn robot(name: &str) -> String {
     format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A study of `poses` and `impact` of a robot, asking for everything that a single impact tells.
+/// Writes the file of a study of a robot: `poses` is the table of poses, `impact` the keys of `[impact]`.
 fn study_in(folder: &Path, name: &str, robot_name: &str, poses: &str, impact: &str, quantities: &str) -> PathBuf {
     let text = format!(
         "[robot]\nurdf = \"{}\"\n{poses}\n[impact]\n{impact}\n[map]\nquantities = [{quantities}]\n",
