@@ -1,19 +1,19 @@
-//! Forward dynamics and the Delassus matrix by recursion, in time that grows as the number of bodies.
+//! Forward dynamics and the Delassus matrix by recursion, in time proportional to the number of bodies.
 //!
-//! One inward pass gives the articulated inertias; with them `M = (1+HφK) D (1+HφK)ᵀ` is factored without being built
-//! (Rodriguez, Jain & Kreutz-Delgado 1991), so that a solve is two sweeps and
-//! `H = J M⁻¹ Jᵀ = Σ ε εᵀ / D` is a single inward sweep of unit forces from the contact to the world.
+//! One inward pass computes the articulated inertias. They give the factorisation `M = (1+HφK) D (1+HφK)ᵀ` without forming
+//! M (Rodriguez, Jain & Kreutz-Delgado 1991): a solve with M is two sweeps, and `H = J M⁻¹ Jᵀ = Σ ε εᵀ / D` is one inward
+//! sweep of unit forces from the contact to the world.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | Iᴬᵢ | 3×3, 6×6 | inertia that joint i feels, the joints beyond it free | `articulated` |
+//! | Iᴬᵢ | 3×3, 6×6 | articulated inertia: that of body i with the joints of its subtree free | `articulated` |
 //! | Uᵢ | 3, 6 | Iᴬᵢ sᵢ | `transmitted` |
 //! | 1/Dᵢ | 1 | 1 / sᵢ·Uᵢ | `inverse_d` |
-//! | uᵢ, ε | 1 | joint force left after what the bodies beyond already use | `drive` |
+//! | uᵢ, ε | 1 | force on joint i after the joints beyond it are eliminated | `drive` |
 //! | H | 3×3, 2×2 | Delassus matrix of a point, world axes, 1/kg | `delassus` |
 //!
-//! Mimic joints tie bodies together that the recursion takes for free, so a coupled chain has no [`Articulation`]: use
-//! the dense way ([`Kinematics::contact_inertia`] picks by itself).
+//! The recursion requires independent joints, so a chain with mimic joints has no [`Articulation`]: use the dense methods
+//! ([`Kinematics::contact_inertia`], [`Kinematics::solve`] and [`Kinematics::forward_dynamics`] choose the method).
 //! Source: Featherstone (2008), table 7.1 (ABA).
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};
@@ -32,7 +32,8 @@ pub struct Articulation<'a, 'b, A: Algebra> {
 }
 
 impl<'b, A: Algebra> Kinematics<'b, A> {
-    /// The inward pass of the articulated-body algorithm. Allocates nothing.
+    /// The inward pass of the articulated-body algorithm. Does not allocate. It does not check that every joint moves
+    /// inertia: for a singular M the results are infinite or meaningless.
     ///
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints.
@@ -40,8 +41,8 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
         self.articulate_with(None)
     }
 
-    /// With inertia added to each coordinate, as a rotor's: it enters at the joint's own Dᵢ. Infinite, it makes 1/Dᵢ
-    /// zero, and the joint passes on everything: it is locked.
+    /// The same with inertia added to each coordinate, for example that of a rotor: it is added to the joint's Dᵢ. Infinite
+    /// inertia makes 1/Dᵢ zero, which locks the joint.
     pub(crate) fn articulate_with(
         &mut self,
         added: Option<&[A::Scalar]>,
@@ -50,7 +51,7 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
             return Err(ChainError::Coupled { chain: self.chain.name().into() });
         }
         let (chain, ws) = (self.chain, &mut *self.ws);
-        // What body i's first child hands on, which is the next body, is still at hand.
+        // Contribution of the first child of body i, which is the next body: kept in registers.
         let mut felt = A::Articulated::from_rigid(&Inertia::zero());
         for (i, (step, body)) in chain.steps.iter().zip(&chain.bodies).enumerate().rev() {
             let Link { rotation, offset, ref axis, .. } = ws.links[i];
@@ -88,8 +89,8 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         Self { kin }
     }
 
-    /// Forward dynamics: q̈ = M⁻¹(τ − C q̇ − g). `gravity` in world axes, m/s². The damping and dry friction that the file
-    /// gives its joints do not enter: put them into τ. Allocates nothing.
+    /// Forward dynamics: q̈ = M⁻¹(τ − C q̇ − g). `qd`, `tau` and `qdd` have length nv; `gravity` in world axes, m/s². Joint
+    /// damping and friction of the file are not included: add them to τ. Does not allocate.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -103,7 +104,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         for (what, length) in [("qd", qd.len()), ("tau", tau.len()), ("qdd", qdd.len())] {
             self.kin.chain.check_nv(what, length)?;
         }
-        // The accelerations that velocities and gravity alone give, no body turning faster, and the forces they need.
+        // Accelerations due to velocities and gravity, without ω̇ × r, and the forces that cause them.
         let (chain, ws) = (self.kin.chain, &mut *self.kin.ws);
         let base = Flow::base(-gravity);
         let mut flow = base;
@@ -124,7 +125,8 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         Ok(())
     }
 
-    /// M⁻¹ · vector: the acceleration, or the velocity jump, that joint forces, or impulses, give. Allocates nothing.
+    /// Solves M x = `joint_force`: joint accelerations for joint forces, or velocity jumps for joint impulses. Both slices
+    /// have length nv. Does not allocate.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -136,7 +138,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         Ok(())
     }
 
-    /// In: the bias forces p in `force`, and if the chain `TURNS` the rates of ω that velocities give, c, in `flow`.
+    /// Input: the bias forces p in `force` and, with `TURNS`, the velocity-dependent rates c of ω in `flow`.
     /// Inward: uᵢ = τᵢ − sᵢ·pᵢ. Outward: q̈ᵢ = (uᵢ − Uᵢ·a)/Dᵢ. In the plane c is zero.
     fn sweep<const TURNS: bool>(&mut self, tau: &[A::Scalar], qdd: &mut [A::Scalar]) {
         let (steps, ws) = (&self.kin.chain.steps, &mut *self.kin.ws);
@@ -182,7 +184,8 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         }
     }
 
-    /// The Delassus matrix of a point, LINEAR×LINEAR, world axes, 1/kg: fills all of `out`; allocates nothing.
+    /// The Delassus matrix H of a point, 3×3 (2×2 in the plane), world axes, 1/kg. Overwrites all of `out`; does not
+    /// allocate.
     ///
     /// # Panics
     /// If `out` is smaller.
@@ -202,7 +205,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         });
     }
 
-    /// A factor of the Delassus matrix: E, LINEAR×nv, with H = E Eᵀ.
+    /// A factor E of the Delassus matrix, 3×nv (2×nv in the plane), 1/√kg: H = E Eᵀ.
     pub fn delassus_factor(&self, point: Point<A>) -> DMatrix<A::Scalar> {
         let mut e = DMatrix::zeros(A::LINEAR, self.kin.chain.nv);
         self.send_unit_forces(point, |i, epsilon| {
@@ -214,7 +217,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         e
     }
 
-    /// Sends unit forces along each axis from a point to the world; each joint on the way keeps its share ε.
+    /// Propagates unit forces along each axis from a point to the world, and calls `keep` with each joint's ε.
     fn send_unit_forces(&self, point: Point<A>, mut keep: impl FnMut(usize, [A::Scalar; 3])) {
         let Some(body) = point.body else { return };
         let ws = &*self.kin.ws;
@@ -223,7 +226,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
             let e = A::vector(|i| if i == k { A::Scalar::one() } else { A::Scalar::zero() });
             Force::at(r, e)
         };
-        let mut f = [unit(0), unit(1), unit(A::LINEAR - 1)]; // in the plane the third repeats the second, unread
+        let mut f = [unit(0), unit(1), unit(A::LINEAR - 1)]; // in the plane the third is not used
         let mut next = Some(body);
         while let Some(i) = next {
             let epsilon = f.map(|f| ws.links[i].axis.dot(f));
@@ -236,7 +239,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
         }
     }
 
-    /// As [`Self::delassus_into`], in a new matrix.
+    /// As [`Self::delassus_into`]; returns a new matrix.
     pub fn delassus(&self, point: Point<A>) -> DMatrix<A::Scalar> {
         let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
         self.delassus_into(point, &mut h);

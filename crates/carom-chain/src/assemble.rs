@@ -1,7 +1,7 @@
-//! From links and joints to bodies: fixed joints are welded, every moving joint becomes bodies of one degree of freedom.
+//! Builds the bodies of a chain from links and joints: links on fixed joints are merged with their parent, and every moving
+//! joint becomes bodies of one degree of freedom.
 //!
-//! [`weld`] is the one place where bodies are merged; loading a URDF and [locking](crate::Chain::lock) joints both end
-//! in it.
+//! Only [`weld`] merges bodies; loading a URDF and [locking](crate::Chain::lock) joints both call it.
 
 use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, Symmetric3, z_onto};
 use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 type Space = Spatial<f64>;
 
-/// A link or an axis of a joint, before welding.
+/// A link or an axis of a joint, before merging.
 pub(crate) struct Node<A: Algebra> {
     pub parent: Option<usize>,
     pub placement: Pose<A>,
@@ -21,7 +21,7 @@ pub(crate) struct Node<A: Algebra> {
     pub moves: Option<Moves<A>>,
 }
 
-/// How a node moves against its parent.
+/// How a node moves relative to its parent.
 pub(crate) struct Moves<A: Algebra> {
     pub joint_index: usize,
     pub joint: A::Joint,
@@ -31,8 +31,8 @@ pub(crate) struct Moves<A: Algebra> {
     pub shift: A::Scalar,
 }
 
-/// Merges every node that does not move into the one it hangs on. Also says where each node went: its body (`None` is
-/// the world) and its pose there.
+/// Merges every node that does not move relative to its parent into the parent. Also returns, for each node, its body
+/// (`None` is the world) and its pose in that body.
 #[allow(clippy::type_complexity)]
 pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Option<usize>, Pose<A>)>) {
     let mut bodies: Vec<Body<A>> = Vec::new();
@@ -61,12 +61,12 @@ impl Chain {
     /// Reads a URDF file. The root link is fixed to the world.
     ///
     /// # Errors
-    /// [`ChainError`] with file, line, element, value and rule.
+    /// [`ChainError::Unreadable`], or [`ChainError::Urdf`] with file, line, element, value and rule.
     pub fn from_urdf_file(path: impl AsRef<Path>) -> Result<Self, ChainError> {
         Self::from_urdf_file_with(path, &LoadOptions::default())
     }
 
-    /// Reads a URDF file, with options: a floating base, or missing meshes ignored.
+    /// Reads a URDF file with options: a floating base, missing meshes ignored.
     ///
     /// # Errors
     /// As [`Chain::from_urdf_file`].
@@ -74,20 +74,20 @@ impl Chain {
         Ok(Self::from_robot(urdf::read_file(path, options)?, options))
     }
 
-    /// Reads a URDF from memory. Relative mesh paths are refused.
+    /// Reads a URDF from memory. Relative mesh paths are an error.
     ///
     /// # Errors
-    /// As [`Chain::from_urdf_file`].
+    /// [`ChainError::Urdf`]; its file is `<string>`.
     pub fn from_urdf_str(text: &str, options: &LoadOptions) -> Result<Self, ChainError> {
         Ok(Self::from_robot(urdf::read_str(text, None, options)?, options))
     }
 
-    /// Builds the chain of a checked robot. With `options.floating_base` a floating joint named `root_joint` stands
-    /// between world and root.
+    /// Builds the chain of a checked robot. With `options.floating_base` a floating joint named `root_joint` connects the
+    /// root link to the world.
     ///
     /// # Panics
-    /// If the robot is not one that [`urdf::read_file`] could give: indices that lead nowhere, a loop, a mimic of a mimic,
-    /// of itself or of a joint without a coordinate of its own.
+    /// If the robot is not one that [`urdf::read_file`] can return: an index out of range, a loop, or a joint that mimics
+    /// itself, another mimic joint or a joint without its own coordinate.
     pub fn from_robot(mut robot: Robot, options: &LoadOptions) -> Self {
         let links = robot.links.len();
         if options.floating_base {
@@ -141,7 +141,7 @@ fn add_floating_base(robot: &mut Robot) {
         },
     );
     for mimic in robot.joints.iter_mut().filter_map(|j| j.mimic.as_mut()) {
-        mimic.joint += 1; // one joint now stands before all others
+        mimic.joint += 1; // one joint was inserted before all others
     }
     robot.root = world;
 }
@@ -174,7 +174,7 @@ fn lengths(coordinates: &[Coordinates]) -> (usize, usize) {
     own.fold((0, 0), |(nq, nv), (q, v)| (nq + q, nv + v))
 }
 
-/// Links with the joint above them, parents first; an explicit stack, so that depth costs no stack.
+/// Links with their parent joint, parents first. The stack is explicit: deep trees cannot overflow the call stack.
 fn parents_first(robot: &Robot) -> Vec<(usize, Option<usize>)> {
     let mut joints_below = vec![Vec::new(); robot.links.len()];
     for (j, joint) in robot.joints.iter().enumerate().rev() {
@@ -193,7 +193,7 @@ fn inertia_of(inertial: Inertial) -> Inertia<Space> {
     Inertia::from_com(inertial.mass, inertial.com, Symmetric3::of(&inertial.inertia_at_com))
 }
 
-/// Pushes one node for each axis of a joint; says where the child link's frame then hangs.
+/// Pushes one node for each axis of a joint; returns the node that the child link's frame is fixed to, and its pose there.
 fn push_axes(
     nodes: &mut Vec<Node<Space>>,
     joint: &Joint,
@@ -206,7 +206,7 @@ fn push_axes(
         Coordinates::Follows { multiplier, offset, .. } => {
             let leader = joint.mimic.map(|m| &all[m.joint]);
             let Some(Coordinates::Own { q, v }) = leader else {
-                unreachable!("validation resolves every mimic to a leader with a coordinate of its own")
+                unreachable!("validation resolves every mimic joint to a joint with its own coordinate")
             };
             (q.start, v.start, *multiplier, *offset)
         }
@@ -225,7 +225,7 @@ fn push_axes(
         }
         JointType::Floating => (0..6).map(|k| (SpatialJoint::Floating(k), Matrix3::identity())).collect(),
     };
-    // Each node's frame has the axis along z; what hangs on it is turned back.
+    // Each node's frame has the axis along z; its children are placed by the inverse rotation.
     let (mut parent, mut hang) = (parent, pose_of(&joint.origin));
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };

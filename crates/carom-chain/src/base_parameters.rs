@@ -1,19 +1,21 @@
-//! Base parameters: the inertia of a tree of bodies with as little of it as the motion can tell.
+//! Base inertial parameters: the smallest set of inertial parameters that gives the same equations of motion (Gautier &
+//! Khalil, *Direct calculation of minimum set of inertial parameters of serial robots*, IEEE Trans. Robotics and
+//! Automation 6 (1990)).
 //!
-//! What a hinge's turning does not change of the inertia that it carries might as well be part of the body below: the mass,
-//! on the axis, and an inertia that is the same about all axes across it. Moved there once, from the last body to the
-//! first (to nothing where only the world is below), a body on a hinge has no mass left, nor a third component of the
-//! first moment, nor the second diagonal number of the rotational inertia; in the plane its rotational inertia is all
-//! that the joint feels of its mass. Kinetic energy and, but for a constant, potential energy are the same functions of
-//! q and q̇ as before: so are M, C q̇ + g and the pivots of M. What belongs to one body alone is not: its momentum,
-//! its weight, its centre of mass. (Gautier & Khalil, *Direct calculation of minimum set of inertial parameters of
-//! serial robots*, IEEE Trans. Robotics and Automation 6 (1990).)
+//! The part of a body's inertia that is invariant under rotation about its hinge can be assigned to the parent body: the
+//! mass, placed on the axis, and a rotational inertia that is equal about all axes perpendicular to the hinge. This is
+//! done from the last body to the first; on the world it is dropped. A body on a hinge then has no mass, no third
+//! component of the first moment and no second diagonal element of the rotational inertia.
+//!
+//! Kinetic energy is the same function of q and q̇ as before, and potential energy is the same but for a constant. The same
+//! holds for M, C q̇ + g and the pivots of M. It does not hold for quantities of a single body: its momentum, its weight and
+//! its centre of mass.
 
 use crate::algebra::{Algebra, Inertia};
 use crate::chain::Body;
 
-/// The inertia of each body when what no hinge's turning changes has gone below. Bodies on other joints keep theirs, and
-/// take what those above hand down.
+/// The base inertial parameters of each body. Bodies on joints other than hinges keep their inertia and receive that of
+/// their children.
 pub(crate) fn base_parameters<A: Algebra>(bodies: &[Body<A>]) -> Vec<Inertia<A>> {
     let mut inertia: Vec<Inertia<A>> = bodies.iter().map(|body| body.inertia).collect();
     for (i, body) in bodies.iter().enumerate().rev().filter(|(_, body)| A::turns(body.joint)) {
@@ -23,7 +25,7 @@ pub(crate) fn base_parameters<A: Algebra>(bodies: &[Body<A>]) -> Vec<Inertia<A>>
             first_moment: inertia[i].first_moment - unturned.first_moment,
             rotational: inertia[i].rotational - unturned.rotational,
         };
-        // The same at every angle of the hinge, so the placement at zero serves.
+        // Invariant under rotation about the hinge: the placement at zero can be used.
         if let Some(below) = body.parent {
             inertia[below] += unturned.placed(&body.placement);
         }
@@ -37,7 +39,7 @@ mod tests {
     use crate::{Chain, Spatial, uniform_chain};
     use nalgebra::Vector3;
 
-    /// Energies are those of the bodies that the file has: true inertias and velocities, body by body.
+    /// Kinetic and potential energy, summed over the bodies with the inertias given.
     fn energies(chain: &Chain, q: &[f64], qd: &[f64]) -> (f64, f64) {
         let mut ws = chain.workspace();
         let mut kin = ws.update(chain, q).unwrap();
@@ -45,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn hinges_keep_no_mass_and_energies_stay_but_for_a_constant() {
+    fn base_parameters_of_hinges_are_massless_and_keep_energies_up_to_a_constant() {
         let tilted = |k: usize| Vector3::new(0.4 * k as f64, 0.3, -0.7);
         let mut whole = uniform_chain(5, 2.0, 3.0).unwrap();
         for (k, body) in whole.bodies.iter_mut().enumerate() {
@@ -71,6 +73,6 @@ mod tests {
             let moved = [whole, less].map(|energies| energies[k].1 - energies[0].1);
             assert!((moved[0] - moved[1]).abs() < 1e-12, "{moved:?}");
         }
-        assert!((whole[0].1 - whole[1].1).abs() > 1.0, "gravity does work on the way");
+        assert!((whole[0].1 - whole[1].1).abs() > 1.0, "the potential energies differ by a constant");
     }
 }

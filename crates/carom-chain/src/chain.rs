@@ -1,4 +1,4 @@
-//! The immutable model: a tree of bodies, each with one degree of freedom, and the names people use for them.
+//! The immutable model: a tree of bodies, each with one degree of freedom, and the links and joints of the file.
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
@@ -7,9 +7,10 @@
 //! | Iᵢ | inertia of body i about its own origin, body axes | [`Body::inertia`] |
 //! | n | number of bodies, `bodies.len()` | – |
 //!
-//! Fixed joints are merged away; a floating joint is six bodies of which the last carries the inertia, a planar joint
-//! three, each the parent of the next and next to it in the list; trees are numbered depth first. A mimic joint is a body that shares its leader's coordinate: position = ratio · q + shift. So every
-//! recursion sees joints of one degree of freedom only. Without mimic joints n = nv.
+//! Links on fixed joints are merged into their parent. A floating joint becomes six bodies, the last of which has the
+//! inertia; a planar joint becomes three. Each of these is the parent of the next and adjacent to it in the list. Bodies
+//! are numbered depth first. A mimic joint is a body that shares the coordinate of the joint it mimics: position =
+//! ratio · q + shift. Every joint of the recursions therefore has one degree of freedom. Without mimic joints n = nv.
 
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::error::ChainError;
@@ -19,26 +20,27 @@ use num_traits::Zero;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// One body and the joint above it, in a frame aligned with the joint's axis.
+/// One body and the joint that connects it to its parent, in a frame aligned with the joint's axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body<A: Algebra> {
-    /// The body this one hangs on; `None` is the world. Always an earlier body.
+    /// Index of the parent body, smaller than this body's own; `None` is the world.
     pub parent: Option<usize>,
-    /// The joint it belongs to: its place in [`Chain::joints`].
+    /// Index in [`Chain::joints`] of the joint it belongs to.
     pub joint_index: usize,
-    /// How the joint moves.
+    /// Type of the joint.
     pub joint: A::Joint,
     /// Pose of the joint's frame in the parent body (or the world) while the joint is at zero.
     pub placement: Pose<A>,
     /// Inertia about the body's origin, in body axes.
     pub inertia: Inertia<A>,
-    /// Where the joint's coordinates start in q.
+    /// Index in q of the joint's first coordinate.
     pub q_index: usize,
-    /// The joint's entry in qd.
+    /// Index in qd of the joint's velocity.
     pub v_index: usize,
-    /// Joint position = `ratio` · q + `shift`. 1 and 0 but for mimic joints.
+    /// Joint position = `ratio` · q + `shift`. `ratio` is 1 unless the joint mimics another; −1 in the plane for an axis
+    /// opposite to the plane's normal.
     pub ratio: A::Scalar,
-    /// See `ratio`.
+    /// See `ratio`; rad or m. 0 unless the joint mimics another.
     pub shift: A::Scalar,
 }
 
@@ -47,7 +49,7 @@ pub struct Body<A: Algebra> {
 pub struct Frame<A: Algebra> {
     /// The link's name.
     pub name: String,
-    /// The body it moves with; `None` is the world.
+    /// The body it is fixed to; `None` is the world.
     pub body: Option<usize>,
     /// Its pose in that body (or the world).
     pub pose: Pose<A>,
@@ -57,16 +59,16 @@ pub struct Frame<A: Algebra> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct FrameId(pub(crate) usize);
 
-/// A material point of a body: where contact happens.
+/// A material point of a body, for example a contact point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point<A: Algebra> {
-    /// The body it moves with; `None` is the world.
+    /// The body it is fixed to; `None` is the world.
     pub body: Option<usize>,
-    /// Its position in body axes from the body's origin, m.
+    /// Its position relative to the body's origin, body axes, m.
     pub position: A::Vector,
 }
 
-/// Which numbers of q and qd belong to a joint.
+/// Which entries of q and qd belong to a joint.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Coordinates {
     /// Its own entries of q and of qd.
@@ -76,16 +78,16 @@ pub enum Coordinates {
         /// Entries of qd.
         v: Range<usize>,
     },
-    /// It follows another joint: position = `multiplier` · leader + `offset`.
+    /// A mimic joint: position = `multiplier` · (position of the other joint) + `offset`.
     Follows {
-        /// Name of the leading joint.
+        /// Name of the joint that it mimics.
         joint: String,
         /// Ratio of the positions.
         multiplier: f64,
-        /// Position where the leader is at zero.
+        /// Position while the other joint is at zero, rad or m.
         offset: f64,
     },
-    /// It does not move (fixed in the file, or locked), or was pruned.
+    /// No coordinates: the joint is fixed in the file, locked or pruned.
     None,
 }
 
@@ -100,17 +102,17 @@ pub struct JointInfo {
     pub parent: String,
     /// Name of the child link.
     pub child: String,
-    /// Limits.
+    /// Limits of position, speed and effort.
     pub limits: Limits,
     /// Viscous damping, N m s/rad or N s/m.
     pub damping: f64,
     /// Static friction, N m or N.
     pub friction: f64,
-    /// Its numbers in q and qd.
+    /// Its entries of q and qd.
     pub coordinates: Coordinates,
 }
 
-/// A link of the file: its collision geometry, kept as data.
+/// A link of the file with its collision geometry. This crate stores the geometry and does not use it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkInfo {
     /// Its name.
@@ -119,7 +121,7 @@ pub struct LinkInfo {
     pub collisions: Vec<Collision>,
 }
 
-/// What does not depend on the algebra.
+/// The part of the model that does not depend on the algebra.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct About {
     pub name: String,
@@ -131,14 +133,14 @@ pub(crate) struct About {
 
 /// A kinematic chain (a tree of bodies): immutable, `Send + Sync`, shared by reference.
 ///
-/// `Chain` alone is the chain in space, in `f64`; [`Chain::to_planar`] gives the chain in the plane and
-/// [`Chain::cast`] another scalar.
+/// `Chain` without a parameter is the chain in space over `f64`; [`Chain::to_planar`] returns the chain in the plane and
+/// [`Chain::cast`] the chain over another scalar.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
     pub(crate) steps: Vec<Step<A>>,
-    /// Whether every joint is a hinge with a coordinate of its own: see [`crate::moves`].
+    /// Whether every joint is a hinge with its own coordinate: see [`crate::moves`].
     pub(crate) hinges_alone: bool,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
@@ -162,7 +164,7 @@ impl<A: Algebra> Chain<A> {
     pub fn bodies(&self) -> &[Body<A>] {
         &self.bodies
     }
-    /// The frames: one for each link of the file, in its order (less those of pruned links).
+    /// The frames: one for each link of the file, in its order, without those of pruned links.
     pub fn frames(&self) -> &[Frame<A>] {
         &self.frames
     }
@@ -178,11 +180,11 @@ impl<A: Algebra> Chain<A> {
     pub fn total_mass(&self) -> f64 {
         self.about.total_mass
     }
-    /// What was read but is not used, and what looks odd.
+    /// Warnings of the reader: what the file contains but is not used, and values that look wrong.
     pub fn warnings(&self) -> &[String] {
         &self.about.warnings
     }
-    /// Whether mimic joints couple several bodies to one coordinate.
+    /// Whether the chain has mimic joints, so that several bodies share one coordinate.
     pub fn is_coupled(&self) -> bool {
         self.bodies.len() != self.nv
     }
@@ -202,7 +204,7 @@ impl<A: Algebra> Chain<A> {
     /// Name of a frame.
     ///
     /// # Panics
-    /// If the handle is another chain's.
+    /// May panic if the handle belongs to another chain.
     pub fn frame_name(&self, frame: FrameId) -> &str {
         &self.frames[frame.0].name
     }
@@ -218,10 +220,10 @@ impl<A: Algebra> Chain<A> {
         })
     }
 
-    /// The point at `offset` (in the frame's own axes, m) from a frame's origin.
+    /// The point at `offset` (frame axes, m) from a frame's origin.
     ///
     /// # Panics
-    /// If the handle is another chain's.
+    /// May panic if the handle belongs to another chain.
     pub fn point(&self, frame: FrameId, offset: A::Vector) -> Point<A> {
         let frame = &self.frames[frame.0];
         Point { body: frame.body, position: frame.pose.point(offset) }
@@ -257,9 +259,9 @@ impl<A: Algebra> Chain<A> {
         }
     }
 
-    /// The same chain with the rotational inertia of every body about its centre of mass times `scale`: masses and
-    /// centres of mass stay. What an impact tells of a body's inertia is this ratio, as velocities do not change when all
-    /// masses and inertias are scaled alike.
+    /// The same chain with the rotational inertia of every body about its centre of mass multiplied by `scale`. Masses and
+    /// centres of mass do not change. This ratio of inertia to mass is what velocities before and after an impact can
+    /// identify, because they do not change when all masses and inertias are multiplied by the same factor.
     ///
     /// # Errors
     /// [`ChainError::OutOfRange`]: a scale that is not positive and finite.
@@ -278,7 +280,7 @@ impl<A: Algebra> Chain<A> {
         A: Algebra<Scalar = f64>,
     {
         if !(scale > 0.0 && scale.is_finite()) {
-            let rule = "a scale of rotational inertia is positive and finite";
+            let rule = "the scale of the rotational inertia must be positive and finite";
             return Err(ChainError::OutOfRange { what: "inertia scale", value: scale, rule });
         }
         let mut scaled = self.clone();
@@ -296,7 +298,7 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
-        // In the plane a ratio of −1 is a hinge that turns backwards.
+        // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
         let hinge = |body: &Body<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
         let hinges_alone = bodies.len() == nv && bodies.iter().all(hinge);
         Self { about, steps: Step::of(&bodies), hinges_alone, bodies, frames, nq, nv }
@@ -304,7 +306,7 @@ impl<A: Algebra> Chain<A> {
 
     #[inline(always)]
     pub(crate) fn check_nq(&self, got: usize) -> Result<(), ChainError> {
-        let note = if self.nq == self.nv { "" } else { "; a floating joint takes x y z qx qy qz qw" };
+        let note = if self.nq == self.nv { "" } else { "; a floating joint has x y z qx qy qz qw" };
         self.check_length("q", got, self.nq, note)
     }
 

@@ -1,4 +1,4 @@
-//! What inertia a contact point feels: Delassus matrix, effective mass, directions that can't move.
+//! Inertia at a contact point: Delassus matrix, effective mass, singular directions.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -6,14 +6,14 @@
 //! | E | 3×nv, 2×nv | a factor: H = E Eᵀ, with the singular values of H's square root | `factor` |
 //! | 1/(nᵀHn) | 1 | effective mass in direction n, kg | `effective_mass` |
 //!
-//! **Which way.** Measured by `cargo bench -p carom-chain` (`delassus_recursive`, `delassus_dense`,
-//! `delassus_dense_on_stack`): the recursion beats the dense way with matrices of run-time size at every length, and with
-//! matrices of fixed size on the stack from 7 joints on (at 2 and 3 joints those win by 5 to 30 %). So run-time chains
-//! take the recursion, except those with mimic joints, which have none; the dense way is their way, and the second route
-//! of the tests.
+//! **Methods.** E is computed by the dense method (`M = L Lᵀ`, `E = J L⁻ᵀ`) or by the recursion of
+//! [`crate::Articulation`]. Chains with mimic joints need the dense method; all others use the recursion, and the tests
+//! compare the two. Measured by `cargo bench -p carom-chain` (`delassus_recursive`, `delassus_dense`,
+//! `delassus_dense_on_stack`), the recursion is faster than the dense method with matrices of run-time size at every length.
+//! It is faster than matrices of fixed size on the stack from 7 joints on; at 2 and 3 joints those are faster by 5 to 30 %.
 //!
-//! Two routes give E: dense (`M = L Lᵀ`, `E = J L⁻ᵀ`) and the recursion of [`crate::Articulation`]. Working on E, not on
-//! H, tells a direction that is singular from one that is merely slow down to 1e-14 of the fastest, not to 1e-7.
+//! **Rank.** Singular directions are found from the singular values of E. A direction whose singular value is 1e-14 of the
+//! largest is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
 
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::articulated::Articulation;
@@ -23,15 +23,16 @@ use crate::workspace::{Free, Kinematics, Link};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField, SimdRealField};
 use num_traits::{One, Zero};
 
-/// The inertia that one point feels.
+/// The inertia of the chain at one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactInertia {
-    /// The Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg.
+    /// The Delassus matrix H = J M⁻¹ Jᵀ, 3×3 (2×2 in the plane), world axes, 1/kg.
     pub delassus: DMatrix<f64>,
-    /// Orthonormal directions (world axes), each with the square root σ of its eigenvalue of H (1/√kg), fastest first:
-    /// a unit impulse along one gives the speed σ², one joule of kinetic energy the speed √2 σ.
+    /// Orthonormal principal directions (world axes), each with the square root σ of its eigenvalue of H (1/√kg), largest
+    /// first. A unit impulse along one gives the point the speed σ²; one joule of kinetic energy the speed √2 σ. Empty if
+    /// a number of E is not finite.
     pub principal: Vec<(DVector<f64>, f64)>,
-    /// How many of the principal directions can move; the rest are singular.
+    /// Number of principal directions in which the point can move; the remaining ones are singular.
     pub rank: usize,
     /// M⁻¹Jᵀ, nv×3 (nv×2 in the plane): the joint velocities that unit impulses along the axes give.
     pub response: DMatrix<f64>,
@@ -40,7 +41,7 @@ pub struct ContactInertia {
 impl ContactInertia {
     fn new(factor: &DMatrix<f64>, response: DMatrix<f64>) -> Self {
         let rows = factor.nrows();
-        // Short chains have fewer columns than rows: zeros do no harm.
+        // Short chains have fewer columns than rows: columns of zeros are added.
         let e =
             faer::Mat::from_fn(
                 rows,
@@ -61,7 +62,7 @@ impl ContactInertia {
                 let fastest = columns.iter().map(|c| c.1).fold(0.0, f64::max);
                 (columns, fastest * 64.0 * f64::EPSILON)
             }
-            // Only a factor that is not finite has no decomposition: nothing about it is known.
+            // Only a factor that is not finite has no decomposition.
             Err(_) => (Vec::new(), 0.0),
         };
         principal.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -69,14 +70,14 @@ impl ContactInertia {
         Self { delassus: factor * factor.transpose(), principal, rank, response }
     }
 
-    /// Directions in which no joint motion moves the point (world axes, orthonormal).
+    /// The singular directions, in which no joint motion moves the point (world axes, orthonormal).
     pub fn singular_directions(&self) -> impl Iterator<Item = &DVector<f64>> {
         self.principal[self.rank..].iter().map(|p| &p.0)
     }
 
-    /// Mass that the point seems to have in the direction `n` (of any length): 1/(nᵀHn) for unit n, kg. `None` where n
-    /// can't move at all (within 64 ε of the fastest direction): the chain is then stiff as a strut, and no number is
-    /// right. `None` too where n has no direction, or not as many numbers as H has rows.
+    /// Effective mass in the direction `n` (world axes, any length): 1/(nᵀHn) for unit n, kg. `None` if n is singular
+    /// (√(nᵀHn) at most 64 ε of the largest σ), because the effective mass is then undefined; also if n is zero or not
+    /// finite, or its length is not the number of rows of H.
     pub fn effective_mass(&self, n: &[f64]) -> Option<f64> {
         if n.len() != self.delassus.nrows() {
             return None;
@@ -94,13 +95,12 @@ impl<'b, A: Algebra> Kinematics<'b, A>
 where
     A::Scalar: RealField,
 {
-    /// The Delassus matrix as the locked chain has it: all joints held, the moving bodies of the point's tree as one
-    /// rigid body that nothing ties to the base. Measured impacts of an arm under stiff position control were found much
-    /// nearer to this inertia than to the free one (arXiv:2202.12646).
-    /// World axes, 1/kg; zero for a point of the world.
+    /// The Delassus matrix of the chain with all joints locked: the moving bodies of the point's branch form one rigid body
+    /// that is not connected to the base. World axes, 1/kg; zero for a point of the world. Measured impacts of an arm under
+    /// stiff position control agreed much better with this inertia than with that of free joints (arXiv:2202.12646).
     ///
     /// # Errors
-    /// [`ChainError::NoLockedInertia`]: a thin straight robot hit beside its axis.
+    /// [`ChainError::NoLockedInertia`], for example for a straight chain of thin rods and a point beside its axis.
     pub fn locked_delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
         let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
         let Some(body) = point.body else { return Ok(h) };
@@ -128,7 +128,7 @@ where
         Ok(h)
     }
 
-    /// E by the dense way: `M = L Lᵀ`, `E = (L⁻¹ Jᵀ)ᵀ`.
+    /// The factor E of H (1/√kg) by the dense method: `M = L Lᵀ`, `E = (L⁻¹ Jᵀ)ᵀ`.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
@@ -139,7 +139,7 @@ where
         Ok(x.transpose())
     }
 
-    /// H by the dense way.
+    /// The Delassus matrix H (world axes, 1/kg) by the dense method, in time O(n³).
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
@@ -148,7 +148,7 @@ where
         Ok(&e * e.transpose())
     }
 
-    /// H by whichever way suits the chain.
+    /// The Delassus matrix H (world axes, 1/kg): by the recursion, or by the dense method for chains with mimic joints.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
@@ -160,7 +160,7 @@ where
         }
     }
 
-    /// M⁻¹ · vector by whichever way suits the chain.
+    /// Solves M x = `joint_force`: by the recursion, or by the dense method for chains with mimic joints.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
@@ -175,7 +175,8 @@ where
         Ok(out)
     }
 
-    /// Forward dynamics q̈ = M⁻¹(τ − C q̇ − g) by whichever way suits the chain.
+    /// Forward dynamics q̈ = M⁻¹(τ − C q̇ − g): by the recursion, or by the dense method for chains with mimic joints.
+    /// `gravity` in world axes, m/s². Joint damping and friction of the file are not included: add them to τ.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
@@ -190,7 +191,7 @@ where
         Ok(qdd)
     }
 
-    /// As [`Self::forward_dynamics`], into `qdd` (length nv). Allocates nothing but for chains with mimic joints.
+    /// As [`Self::forward_dynamics`], into `qdd` (length nv). Allocates only for chains with mimic joints.
     ///
     /// # Errors
     /// As [`Self::forward_dynamics`].
@@ -211,8 +212,8 @@ where
         self.articulate_checked(None)?.forward_dynamics_into(qd, tau, gravity, qdd)
     }
 
-    /// [`Kinematics::articulate`], refused where a joint moves no inertia: where Dᵢ is lost in the rounding of the
-    /// composite inertia beyond the joint, of which it is what remains.
+    /// [`Kinematics::articulate`], with an error if a joint moves no inertia: if Dᵢ is no larger than the rounding error of
+    /// the composite inertia of the joint's subtree.
     fn articulate_checked(&mut self, added: Option<&[A::Scalar]>) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.composites();
         let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
@@ -237,13 +238,13 @@ where
         Ok(Articulation::of(self))
     }
 
-    /// M = L Lᵀ, refused where a pivot is lost in the rounding of its diagonal entry.
+    /// M = L Lᵀ, with an error if a pivot is no larger than the rounding error of its diagonal entry.
     fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
         let m = self.mass_matrix();
         self.factored(m, |k| k)
     }
 
-    /// The same of a part of M, whose row k belongs to the coordinate `v_index(k)`.
+    /// The same for a submatrix of M, whose row k belongs to the coordinate `v_index(k)`.
     fn factored(
         &self,
         m: DMatrix<A::Scalar>,
@@ -259,7 +260,7 @@ where
                 None => return Ok(c),
                 at => at,
             },
-            // Where it broke down, it does not say: at the end of the first leading block that has no factor.
+            // nalgebra does not return where the factorisation failed: the first leading block without a factor.
             None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
         };
         Err(self.no_inertia(v_index(at.unwrap_or(0))))
@@ -273,7 +274,7 @@ where
 }
 
 impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
-    /// The inertia that a point feels, with its singular directions and the joints' response.
+    /// The inertia at a point: Delassus matrix, principal and singular directions, and the joint response.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
@@ -281,9 +282,9 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
         self.contact_inertia_adding(point, None)
     }
 
-    /// The same of a chain whose joints resist: inertia `added` to the diagonal of M, one number per velocity
-    /// coordinate (kg m² or kg, 0 or more). An infinite one locks the coordinate: its row of the response is zero, and
-    /// what it carries moves with what carries it.
+    /// As [`Self::contact_inertia`], with inertia `added` to the diagonal of M: one number per velocity coordinate (kg m² or
+    /// kg, 0 or more), for impedance-weighted joints. Infinite inertia locks the coordinate, and its row of the response is
+    /// zero.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`]; [`ChainError::OutOfRange`] for a number that is negative or NaN;
@@ -291,9 +292,11 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     pub fn contact_inertia_with(&mut self, point: Point<A>, added: &[f64]) -> Result<ContactInertia, ChainError> {
         self.chain.check_nv("added inertia", added.len())?;
         match added.iter().find(|x| x.is_nan() || **x < 0.0) {
-            Some(&value) => {
-                Err(ChainError::OutOfRange { what: "added inertia", value, rule: "it is 0 or more; infinite locks" })
-            }
+            Some(&value) => Err(ChainError::OutOfRange {
+                what: "added inertia",
+                value,
+                rule: "it must be 0 or more, or infinite to lock the joint",
+            }),
             None => self.contact_inertia_adding(point, Some(added)),
         }
     }
@@ -303,8 +306,8 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
         Ok(ContactInertia::new(&factor, response))
     }
 
-    /// E and M⁻¹Jᵀ, of a chain whose joints may resist as in [`Self::contact_inertia_with`]: all of
-    /// [`ContactInertia`] but its principal directions, whose decomposition takes longer than the rest.
+    /// The factor E and the response M⁻¹Jᵀ, with inertia `added` as in [`Self::contact_inertia_with`]: [`ContactInertia`]
+    /// without the principal directions, whose decomposition takes longer than the rest. `added` is not checked.
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.

@@ -1,13 +1,13 @@
 //! Mass matrix, inverse dynamics, energies and momentum.
 //!
-//! `M(q) q̈ + C(q, q̇) q̇ + g(q) = τ` (the paper's eq. (1) in free flight).
+//! `M(q) q̈ + C(q, q̇) q̇ + g(q) = τ`, the equation of motion without contact.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | M | nv×nv | mass matrix | `mass_matrix` |
 //! | C q̇ + g | nv | bias force | `bias` |
 //! | g | nv | gravity force | `gravity_force` |
-//! | Iᶜᵢ | – | inertia of body i and all it carries, as one rigid body | `composite` |
+//! | Iᶜᵢ | – | composite inertia: body i and its subtree as one rigid body | `composite` |
 //! | vᵢ, aᵢ, fᵢ | – | velocity, acceleration, force on body i | `velocity`, `acceleration`, `force` |
 //! | T, V | 1 | kinetic and potential energy | `kinetic_energy`, `potential_energy` |
 //!
@@ -23,7 +23,8 @@ use num_traits::Zero;
 use std::marker::PhantomData;
 
 impl<A: Algebra> Kinematics<'_, A> {
-    /// The composite-rigid-body algorithm. Fills all of `out` (nv×nv, kg m², kg m, kg); allocates nothing.
+    /// The mass matrix M (nv×nv; kg m², kg m, kg) by the composite-rigid-body algorithm. Writes both triangles into the
+    /// leading nv×nv block of `out` and zero elsewhere; does not allocate.
     ///
     /// # Panics
     /// If `out` is smaller than nv×nv.
@@ -38,7 +39,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
         let mut out = out.view_mut((0, 0), (nv, nv));
         if !chain.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
-            // Column by column, which is one fill of memory each: `fill` of a view takes a dozen instructions per number.
+            // Column by column, each one contiguous fill: `fill` of a view costs a dozen instructions per number.
             for v in 0..nv {
                 let mut column = out.view_mut((0, v), (nv, 1));
                 (0..nv).for_each(|w| column[(w, 0)] = A::Scalar::zero());
@@ -47,14 +48,15 @@ impl<A: Algebra> Kinematics<'_, A> {
         if chain.hinges_alone { self.columns::<Hinge<A>, _>(out) } else { self.columns::<Axis<A>, _>(out) }
     }
 
-    /// M, where `out` has zeros in place.
+    /// Writes the entries of M that can be non-zero; `out` holds zeros elsewhere.
     #[inline(always)]
     fn columns<X: Moves<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>>(&mut self, out: Matrix<A::Scalar, Dyn, Dyn, S>) {
         let ws = &mut *self.ws;
         let steps = &self.chain.steps[..];
         let n = steps.len();
         let (links, forces) = (&ws.links[..n], &mut ws.force[..n]);
-        // What body i carries, about its origin: its first child's, which is the next body's, is still at hand.
+        // Composite inertia of the first child of body i, about the origin of body i: the first child is the next body, so
+        // it is kept in registers.
         let mut carried = X::nothing();
         for (i, step) in steps.iter().enumerate().rev() {
             let link = &links[i];
@@ -67,11 +69,11 @@ impl<A: Algebra> Kinematics<'_, A> {
             }
             carried = X::shifted(step, &composite, link.offset);
             step.held_by.keep(&mut ws.inertia, X::whole(carried));
-            // The force that gives body i and all it carries unit acceleration along sᵢ ...
+            // The force that accelerates the subtree of body i by one unit along sᵢ.
             forces[i] = X::of(step, link).momentum(&composite);
         }
-        // ... is felt by every joint below. Where one body carries the next, their two forces go down together, side by side
-        // in the processor's vectors.
+        // Its projections on the axes of joint i and of the joints between it and the world are the entries of M. The forces
+        // of a body and its parent are propagated together (SIMD).
         let mut columns = Columns::<A, X, S> { steps, links, out, axis: PhantomData };
         let mut i = n;
         while i > 0 {
@@ -105,14 +107,15 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
     }
 
-    /// As [`Self::mass_matrix_into`], in a new matrix.
+    /// As [`Self::mass_matrix_into`]; returns a new matrix.
     pub fn mass_matrix(&mut self) -> DMatrix<A::Scalar> {
         let mut m = DMatrix::zeros(self.chain.nv, self.chain.nv);
         self.mass_matrix_into(&mut m);
         m
     }
 
-    /// The recursive Newton–Euler algorithm: τ = M q̈ + C q̇ + g. `gravity` in world axes, m/s². Allocates nothing.
+    /// Inverse dynamics τ = M q̈ + C q̇ + g by the recursive Newton–Euler algorithm. `qd`, `qdd` and `tau` (N m, N) have
+    /// length nv; `gravity` in world axes, m/s². Does not allocate.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -131,7 +134,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(())
     }
 
-    /// As [`Self::inverse_dynamics_into`], in a new vector.
+    /// As [`Self::inverse_dynamics_into`]; returns a new vector.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -146,7 +149,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(tau)
     }
 
-    /// The bias force C q̇ + g.
+    /// The bias force C q̇ + g (length nv; N m, N). `gravity` in world axes, m/s².
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -158,7 +161,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(tau)
     }
 
-    /// The gravity force g: what holds the chain at rest.
+    /// The gravity force g (length nv; N m, N): the joint forces that hold the chain at rest. `gravity` in world axes, m/s².
     pub fn gravity_force(&mut self, gravity: A::Vector) -> DVector<A::Scalar> {
         let mut tau = DVector::zeros(self.chain.nv);
         let ws = &mut *self.ws;
@@ -170,7 +173,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         tau
     }
 
-    /// Outward pass of RNEA: accelerations from a base that accelerates against gravity, and the forces they need.
+    /// Outward pass of RNEA: accelerations, for a base that accelerates by −gravity, and the forces that cause them.
     fn spread_force(&mut self, qd: &[A::Scalar], qdd: Option<&[A::Scalar]>, gravity: A::Vector) {
         let (chain, ws) = (self.chain, &mut *self.ws);
         let base = Flow::base(-gravity);
@@ -191,7 +194,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
     }
 
-    /// Inward pass: each joint feels its own share of the forces beyond it.
+    /// Inward pass: sums the forces over each subtree and projects the sum on the joint's axis.
     fn gather_force(&mut self, tau: &mut [A::Scalar]) {
         clear(tau);
         let (steps, ws) = (&self.chain.steps, &mut *self.ws);
@@ -210,7 +213,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
     }
 
-    /// T = ½ Σ v·Iv, J.
+    /// Kinetic energy T = ½ Σ v·Iv, J.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -225,7 +228,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(twice * nalgebra::convert(0.5))
     }
 
-    /// V = −Σ m g·c over the moving bodies, zero at the world's origin, J.
+    /// Potential energy V = −Σ m g·c of the moving bodies, relative to the world's origin, J. `gravity` in world axes, m/s².
     pub fn potential_energy(&self, gravity: A::Vector) -> A::Scalar {
         let mut v = A::Scalar::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
@@ -236,7 +239,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         v
     }
 
-    /// Linear momentum, and angular momentum about the world's origin, of the moving bodies.
+    /// Linear momentum (kg m/s) and angular momentum about the world's origin (kg m²/s) of the moving bodies, world axes.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -252,7 +255,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     }
 }
 
-/// M as it is filled.
+/// The mass matrix while it is being filled.
 struct Columns<'a, A: Algebra, X, S: RawStorageMut<A::Scalar, Dyn, Dyn>> {
     steps: &'a [Step<A>],
     links: &'a [Link<A>],
@@ -268,7 +271,7 @@ impl<A: Algebra, X: Moves<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<'_,
 
     #[inline(always)]
     fn put(&mut self, v: usize, w: usize, m: A::Scalar) {
-        // Bodies that share a coordinate share its entries.
+        // Bodies that share a coordinate add to the same entries.
         if X::COUPLED { self.out[(v, w)] += m } else { self.out[(v, w)] = m }
     }
 
@@ -278,7 +281,8 @@ impl<A: Algebra, X: Moves<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<'_,
         self.put(w, v, m);
     }
 
-    /// What the joints below body `i` feel of forces at it, in the columns of these coordinates.
+    /// Propagates forces on body `i` to the world; writes their projections on the axes of the joints passed into the columns
+    /// of these coordinates.
     #[inline(always)]
     fn down<const K: usize>(&mut self, i: usize, coordinates: [usize; K], mut forces: [Force<A>; K]) {
         let (steps, links) = (self.steps, self.links);

@@ -1,18 +1,17 @@
-//! What can be wrong with a chain, its file, or what is asked of it.
+//! Errors of this crate: of a file, of a chain, or of the arguments of a call.
 
 use std::path::PathBuf;
 
-/// Every way in which this crate refuses its input. Each message names the element, the value, the rule it breaks
-/// and what to do about it.
+/// Errors of this crate. Each message names the element, its value, the rule that it breaks and what to do about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChainError {
-    /// The file can't be read.
+    /// The file cannot be read.
     #[error("{}: cannot be read: {reason}", path.display())]
     Unreadable {
         /// The file asked for.
         path: PathBuf,
-        /// What the system said.
+        /// Message of the operating system.
         reason: String,
     },
     /// The URDF breaks a rule; `file` is the path or `<string>`.
@@ -24,10 +23,10 @@ pub enum ChainError {
         line: u32,
         /// The element, with its name: `link 'upper_arm'`.
         element: String,
-        /// The value, the rule it breaks, and what to do.
+        /// The value, the rule that it breaks, and what to do.
         rule: String,
     },
-    /// No link of that name.
+    /// The chain has no link of that name.
     #[error("no link is named '{name}'; {hint}")]
     UnknownFrame {
         /// The name asked for.
@@ -35,7 +34,7 @@ pub enum ChainError {
         /// The nearest name, or the list of names.
         hint: String,
     },
-    /// No joint of that name.
+    /// The chain has no joint of that name.
     #[error("no joint is named '{name}'; {hint}")]
     UnknownJoint {
         /// The name asked for.
@@ -46,34 +45,34 @@ pub enum ChainError {
     /// A vector has the wrong length.
     #[error("{what} has {got} numbers, {expected} are needed ({layout})")]
     WrongLength {
-        /// `q`, `qd`, `tau` or `qdd`.
+        /// Name of the vector, for example `q`, `qd`, `tau` or `qdd`.
         what: &'static str,
-        /// How many were given.
+        /// Its length.
         got: usize,
-        /// How many are needed.
+        /// The length that is needed.
         expected: usize,
-        /// The order in which they are read.
+        /// Names of the joints in the order of the entries.
         layout: String,
     },
     /// A number is NaN or infinite.
     #[error("{what}[{index}] is {value}: every number must be finite")]
     NotFinite {
-        /// Which vector.
+        /// Name of the vector.
         what: &'static str,
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
-        /// The value.
+        /// Its value.
         value: f64,
     },
     /// The quaternion of a floating joint is not a unit quaternion.
     #[error("joint '{joint}': quaternion (qx qy qz qw) has norm {norm}, not 1: normalise it")]
     NotUnitQuaternion {
-        /// The floating joint.
+        /// Name of the floating joint.
         joint: String,
-        /// Its norm.
+        /// Norm of its quaternion.
         norm: f64,
     },
-    /// The mass matrix is singular: a joint moves no inertia.
+    /// The mass matrix is singular, because a joint moves no inertia.
     #[error(
         "joint '{joint}' moves no inertia at this pose, so its acceleration is not determined: give the links below it mass and inertia, or lock it"
     )]
@@ -81,40 +80,42 @@ pub enum ChainError {
         /// The joint.
         joint: String,
     },
-    /// With all joints locked a point can be turned away by no effort at all.
+    /// With all joints locked, the robot has no rotational inertia about an axis about which an impulse at the point would
+    /// rotate it.
     #[error(
-        "with its joints locked the robot has no inertia about an axis that an impulse at this point turns it about: give its \
-         links inertia, or hit it on that axis"
+        "with all joints locked, the robot has no rotational inertia about an axis about which an impulse at this point \
+         would rotate it: give its links rotational inertia, or choose a point on that axis"
     )]
     NoLockedInertia,
-    /// Mimic joints couple bodies that a recursion takes for free.
+    /// The chain has mimic joints, which the O(n) recursion and the probe do not support.
     #[error(
-        "mimic joints couple several bodies of '{chain}' to one coordinate, and the recursion takes them for free: use the dense way"
+        "'{chain}' has mimic joints, so several bodies share one coordinate, and the O(n) recursion does not support them: \
+         use the mass matrix (Kinematics::mass_matrix, Kinematics::contact_inertia)"
     )]
     Coupled {
-        /// The chain.
+        /// Name of the chain.
         chain: String,
     },
-    /// A point of the world, which no joint moves.
+    /// The point belongs to the world, which no joint moves.
     #[error("the point belongs to the fixed base of '{chain}', which no joint moves: choose a point of a moving link")]
     FixedPoint {
-        /// The chain.
+        /// Name of the chain.
         chain: String,
     },
-    /// A number breaks its rule.
+    /// A number is outside its range.
     #[error("{what} is {value}: {rule}")]
     OutOfRange {
-        /// What it is.
+        /// Name of the quantity.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The rule.
+        /// The rule that it breaks.
         rule: &'static str,
     },
-    /// A direction is not a unit vector and can't be made one.
+    /// A direction is zero or not finite, so that it cannot be normalised.
     #[error("direction {given:?} has length {length}: a direction needs a finite, non-zero length")]
     NoDirection {
-        /// As given.
+        /// The vector as it was given.
         given: Vec<f64>,
         /// Its length.
         length: f64,

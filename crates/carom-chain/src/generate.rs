@@ -1,12 +1,13 @@
-//! Chains made by rule, for studies of length and as worked examples.
+//! Generated chains: uniform rows of rods of any number of links.
 
 use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::LoadOptions;
 use std::fmt::Write;
 
-/// A URDF of `links` equal thin rods, hinged end to end about z, lying along x at q = 0; `length` (m) and `mass` (kg) in
-/// all. Links are named `link1` …, joints `joint1` …, the far end is the link `tip`.
+/// URDF text of a chain of `links` equal thin rods, connected end to end by hinges about z and lying along x at q = 0.
+/// `length` (m) and `mass` (kg) are those of the whole chain. The fixed base is `link0`, the rods are `link1` …, the joints
+/// `joint1` …, and the link `tip` is at the end of the last rod.
 pub fn uniform_chain_urdf(links: usize, length: f64, mass: f64) -> String {
     let (l, m) = (length / links as f64, mass / links as f64);
     let (half, inertia) = (l / 2.0, m * l * l / 12.0);
@@ -48,7 +49,7 @@ pub fn uniform_chain_urdf(links: usize, length: f64, mass: f64) -> String {
 /// The chain of [`uniform_chain_urdf`].
 ///
 /// # Errors
-/// [`ChainError::OutOfRange`] unless there is a link, and length and mass are positive and finite.
+/// [`ChainError::OutOfRange`] unless `links` is at least 1, and `length` and `mass` are positive and finite.
 pub fn uniform_chain(links: usize, length: f64, mass: f64) -> Result<Chain, ChainError> {
     for (what, value) in [("number of links", links as f64), ("length", length), ("mass", mass)] {
         let sound = value > 0.0 && value.is_finite();

@@ -1,18 +1,18 @@
-//! From a URDF to kinematics and dynamics of a chain: **recursive builders of the mass matrix, the Jacobian and the
-//! Delassus matrix**, in the plane or in space, for any real scalar.
+//! Kinematics and dynamics of a kinematic chain that is read from a URDF: **recursive algorithms for the mass matrix, the
+//! Jacobian and the Delassus matrix**, in the plane or in space, for any real scalar.
 //!
-//! The way of the data: [`urdf`] reads and checks → [`Chain`] (immutable) → optional exact reductions
+//! Order of use: [`urdf`] reads and checks the file → [`Chain`], the immutable model → optional exact reductions
 //! ([`Chain::lock`], [`Chain::prune`], [`Chain::to_planar`]) → [`Workspace::update`] at a configuration q →
-//! [`Kinematics`]: poses, Jacobians, M, bias, energies; [`Articulation`]: forward dynamics and H in time O(n).
+//! [`Kinematics`]: poses, Jacobians, M, bias force, energies; [`Articulation`]: forward dynamics and H in time O(n).
 //!
-//! **Why this shape.** The model never changes, states are plain slices, and everything that depends on q lives behind
-//! a view that borrows the workspace: a stale value is a compile error, and chains are shared between threads without
-//! locks. Nothing here knows of impacts.
+//! **Design.** The model is immutable and states are plain slices. Every quantity that depends on q is read through a view
+//! that borrows the workspace: reading a value of an earlier configuration is a compile error, and threads share a chain
+//! without locks. This crate has no contact or impact model.
 //!
-//! **Conventions.** SI units and radians. q and qd follow the joints in the order of the file, a floating base first.
-//! A floating joint has q = (x, y, z, qx, qy, qz, qw) and qd = linear, then angular velocity of the child in child
-//! axes; a planar joint has q = (x, y, angle) and qd = q̇. Exported six-vectors put the angular part first.
-//! `gravity` is the acceleration of free fall in world axes, (0, 0, −9.81) m/s² say.
+//! **Conventions.** SI units and radians. q and qd list the joints in the order of the file, an added floating base first.
+//! A floating joint has q = (x, y, z, qx, qy, qz, qw), and its qd is the linear, then the angular velocity of the child in
+//! child axes; a planar joint has q = (x, y, angle) and qd = q̇. Six-vectors have the angular part first wherever they are
+//! exported as one array. `gravity` is the acceleration of free fall in world axes, m/s², for example (0, 0, −9.81).
 
 pub mod algebra;
 mod articulated;

@@ -1,7 +1,9 @@
-//! A joint's axis at one configuration, and the inertia that it moves: of any joint, or of hinges alone.
+//! A joint's motion subspace at one configuration and the inertia that the joint moves, for any joint type or for hinges
+//! alone.
 //!
-//! Where all joints are hinges no mass is left (see [`crate::base_parameters`]), and nobody need ask what an axis is. The
-//! recursions that gain by it are written over [`Moves`], and which of the two it is, is known when the chain is made.
+//! If all joints are hinges, the joint type is known statically, and no body has mass left (see
+//! [`crate::base_parameters`]). The recursions that become faster by this are generic over [`Moves`]. Which implementation
+//! they use is decided when the chain is made.
 
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::steps::Step;
@@ -10,14 +12,14 @@ use crate::workspace::Link;
 use num_traits::Zero;
 use std::ops::AddAssign;
 
-/// An axis that a joint moves along, in world axes about the joint's own origin, and the inertia that it moves.
+/// The axis of a joint, in world axes about the joint's own origin, and the inertia that the joint moves.
 pub(crate) trait Moves<A: Algebra>: Copy {
     type Inertia: Copy + AddAssign;
     /// Whether bodies may share a coordinate.
     const COUPLED: bool;
     /// An axis of length zero.
     fn still() -> Self;
-    /// Rotation of body `i`, and the offset of its origin, where the body below has the rotation `outer`.
+    /// Rotation of body `i` and offset of its origin from the parent's, for the parent's rotation `outer`.
     fn place(
         step: &Step<A>,
         i: usize,
@@ -27,29 +29,29 @@ pub(crate) trait Moves<A: Algebra>: Copy {
     ) -> (A::Rotation, A::Vector);
     /// The axis of a body's joint, for the body's rotation.
     fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self;
-    /// That of a body which has been placed.
+    /// The axis of a body's joint, for a body whose pose is known.
     fn of(step: &Step<A>, link: &Link<A>) -> Self;
-    /// The axis as one of any joint.
+    /// The axis as [`Axis`].
     fn axis(self) -> Axis<A>;
-    /// No inertia.
+    /// Zero inertia.
     fn nothing() -> Self::Inertia;
-    /// A body's own, in world axes.
+    /// The inertia of a body without its children, in world axes.
     fn own(step: &Step<A>, rotation: A::Rotation) -> Self::Inertia;
-    /// What a body carries, about the point at −r.
+    /// The composite inertia of a body, about the point at −r.
     fn shifted(step: &Step<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
     /// I s
     fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
     /// s · f
     fn share(self, force: Force<A>) -> A::Scalar;
-    /// The velocity that unit rate gives the point r away.
+    /// The velocity, at unit joint rate, of the point at r.
     fn at(self, r: A::Vector) -> A::Vector;
-    /// The inertia as one that may have mass.
+    /// Converts the inertia to [`Inertia`].
     fn whole(inertia: Self::Inertia) -> Inertia<A>;
-    /// And back.
+    /// Converts from [`Inertia`]: the inverse of `whole`.
     fn part(inertia: Inertia<A>) -> Self::Inertia;
 }
 
-/// Any joint.
+/// Any joint type.
 impl<A: Algebra> Moves<A> for Axis<A> {
     type Inertia = Inertia<A>;
     const COUPLED: bool = true;
@@ -118,11 +120,11 @@ impl<A: Algebra> Moves<A> for Axis<A> {
     }
 }
 
-/// The axis of a hinge that carries nothing but hinges.
+/// The axis of a hinge whose subtree has only hinges.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hinge<A: Algebra>(pub A::Angular);
 
-/// The inertia that is left when what the hinge does not turn has gone below: no mass.
+/// Base inertial parameters of a hinge: first moment and rotational inertia, without mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Turning<A: Algebra> {
     pub first_moment: A::Vector,
@@ -153,7 +155,7 @@ impl<A: Algebra> AddAssign for Turning<A> {
     }
 }
 
-/// Hinges alone.
+/// Chains of hinges alone.
 impl<A: Algebra> Moves<A> for Hinge<A> {
     type Inertia = Turning<A>;
     const COUPLED: bool = false;

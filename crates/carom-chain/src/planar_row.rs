@@ -1,46 +1,46 @@
-//! The accelerations of a few hinges in the plane, in closed form.
+//! Forward dynamics of a row of one to four hinges in the plane, in closed form.
 //!
-//! In the angles φᵢ that the bodies make with the world instead of those between them, a row of hinges has an equation of
-//! motion whose every coefficient is a product of two vectors, each fixed in a body:
+//! With the absolute angles φᵢ of the bodies instead of joint angles, every coefficient of the equation of motion of a row
+//! of hinges is a product of two vectors, each fixed in a body:
 //!
 //! ```text
 //! Σⱼ Mᵢⱼ ω̇ⱼ = Qᵢ + Σ_{j>i} Sᵢⱼ ωⱼ² − Σ_{j<i} Sⱼᵢ ωⱼ² + Hᵢ × g,    Mᵢⱼ = Dᵢ·Hⱼ,  Sᵢⱼ = Dᵢ × Hⱼ  (i < j),  Mᵢᵢ = Jᵢ
 //! ```
 //!
-//! (Lagrange's for the point masses at x = Σ_{k<j} D_k + ρ of body j; for two links Craig, *Introduction to Robotics*
-//! (1989), section 6.7, has it in relative angles.) M is factored from the last body to the first, so that its pivots are
-//! the articulated inertias of the recursion ([`crate::Articulation`]): the same energy, least over what the joints beyond
-//! do. Without gravity nothing depends on the first angle, and it is not turned by.
+//! These are Lagrange's equations for the point masses at x = Σ_{k<j} D_k + ρ of body j; Craig, *Introduction to Robotics*
+//! (1989), section 6.7, gives the equations of two links in joint angles. M is factored from the last body to the first:
+//! its pivots are then the articulated inertias of the recursion ([`crate::Articulation`]). Without gravity no coefficient
+//! depends on the first angle, and the first rotation is omitted.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | ωᵢ | 1 | angular velocity of body i, rad/s | `turning` |
 //! | Dᵢ | 2 | from joint i to joint i+1, world axes, m | `link` |
-//! | Hᵢ | 2 | first moment about joint i of all that body i carries, that at joint i+1, world axes, kg m | `moment` |
-//! | Jᵢ | 1 | inertia about joint i of the same, kg m² | `inertia` |
-//! | Q | n | joint forces as they push on bodies: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, s the sense of a joint | `push` |
+//! | Hᵢ | 2 | first moment about joint i of body i and of the mass beyond it, the latter at joint i+1, world axes, kg m | `moment` |
+//! | Jᵢ | 1 | rotational inertia about joint i of the same, kg m² | `inertia` |
+//! | Q | n | generalised forces on φ: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, with s = ±1 the sense of a joint | `push` |
 //!
-//! What it earns is in `docs/speed.md`; `tests/planar_row.rs` holds it to the recursion.
+//! `docs/speed.md` gives the gain in speed; `tests/planar_row.rs` compares the results with the recursion.
 
 use crate::algebra::{Algebra, Planar, PlanarJoint};
 use crate::chain::Chain;
 use crate::sine::sin_cos;
 use nalgebra::Vector2;
 
-/// Longer rows are for the recursion, whose work grows with the length and not with its square.
+/// Largest number of hinges: the work grows with its square, that of the recursion linearly.
 const MOST: usize = 4;
 
-/// A row of one to four hinges in the plane, each on the one before, with all done in advance that is the same at every
-/// configuration. Immutable, and shared by reference.
+/// A row of one to four hinges in the plane, each body the parent of the next, with the quantities that do not depend on
+/// the configuration precomputed. Immutable; can be shared by reference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanarRow {
     bodies: Vec<Swing>,
 }
 
-/// One body of the row, and the hinge above it.
+/// One body of the row and its parent hinge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Swing {
-    /// Angle to the body before = `sense` · q + `shift`.
+    /// Angle relative to the previous body = `sense` · q + `shift`.
     sense: f64,
     shift: f64,
     /// In the body's axes.
@@ -50,7 +50,7 @@ struct Swing {
 }
 
 impl PlanarRow {
-    /// `None` for a chain that is no such row.
+    /// The row of a planar chain; `None` if the chain is not such a row.
     pub fn of(chain: &Chain<Planar<f64>>) -> Option<Self> {
         let bodies = chain.bodies();
         let follows = bodies.iter().enumerate().all(|(i, b)| {
@@ -78,9 +78,9 @@ impl PlanarRow {
         Some(Self { bodies: row })
     }
 
-    /// q̈ = M⁻¹(τ − C q̇ − g) into `qdd`: [`Kinematics::forward_dynamics`](crate::Kinematics::forward_dynamics) of the
-    /// chain that this was made of. `gravity` in the plane's axes, m/s². `false` where a joint moves no inertia, or lengths
-    /// do not fit: the chain's own forward dynamics says which. Allocates nothing.
+    /// Writes q̈ = M⁻¹(τ − C q̇ − g) into `qdd`, as [`Kinematics::forward_dynamics`](crate::Kinematics::forward_dynamics) of
+    /// the same chain. `gravity` in the plane's axes, m/s². Returns `false` if a joint moves no inertia or a length is wrong;
+    /// `Kinematics::forward_dynamics` then returns the error. Does not allocate.
     pub fn accelerate(&self, q: &[f64], qd: &[f64], tau: &[f64], gravity: Vector2<f64>, qdd: &mut [f64]) -> bool {
         match self.bodies.len() {
             1 => self.swing::<1>(q, qd, tau, gravity, qdd),
@@ -92,7 +92,7 @@ impl PlanarRow {
         .is_some()
     }
 
-    /// One source for every length, and loops that the compiler unrolls.
+    /// The length is a constant, so that the compiler unrolls the loops.
     #[inline(always)]
     fn swing<const N: usize>(
         &self,
@@ -106,7 +106,7 @@ impl PlanarRow {
         let (q, qd): (&[f64; N], &[f64; N]) = (q.try_into().ok()?, qd.try_into().ok()?);
         let (tau, qdd): (&[f64; N], &mut [f64; N]) = (tau.try_into().ok()?, qdd.try_into().ok()?);
 
-        // Outward: where everything points, and how fast it turns.
+        // Outward: directions and angular velocities.
         let falls = gravity != Vector2::zeros();
         let (mut link, mut moment) = ([Vector2::zeros(); N], [Vector2::zeros(); N]);
         let (mut turning, mut push) = ([0.0; N], [0.0; N]);
@@ -124,7 +124,7 @@ impl PlanarRow {
                 push[i - 1] -= body.sense * tau[i];
             }
         }
-        // `stiff`: what each joint would turn if those beyond did not give.
+        // `stiff`: composite inertia of each joint, with the joints beyond it locked.
         let (mut m, mut stiff, mut beyond) = ([[0.0; N]; N], [0.0; N], 0.0);
         for i in (0..N).rev() {
             m[i][i] = bodies[i].inertia;
@@ -139,10 +139,10 @@ impl PlanarRow {
             stiff[i] = beyond;
         }
 
-        // Inward: M = U D Uᵀ in place, U above the diagonal; and what is left of the pushes.
+        // Inward: M = U D Uᵀ in place, U above the diagonal; the right-hand side is reduced with it.
         for k in (0..N).rev() {
             let pivot = m[k][k];
-            // One that is the rounding of what it remains of is none; false for NaN too.
+            // A pivot within the rounding error of the composite inertia counts as zero; false for NaN too.
             let moves_inertia = pivot > 64.0 * f64::EPSILON * stiff[k];
             if !moves_inertia {
                 return None;
@@ -159,7 +159,7 @@ impl PlanarRow {
             }
             push[k] *= inverse;
         }
-        // Outward: ω̇, and the differences that the joints make.
+        // Outward: ω̇, and its differences, the joint accelerations.
         let mut before = 0.0;
         for k in 0..N {
             for i in 0..k {

@@ -1,15 +1,15 @@
-//! From space to the plane, where every joint keeps to it.
+//! Exact reduction of a planar chain from space to the plane.
 //!
-//! A chain is planar when all hinges are parallel and all sliders are square to them. Its bodies then never leave their
-//! parallel planes, and the motion is that of their shadows on one plane: exactly, with 3-vectors instead of
-//! 6-vectors. What gravity does square to the plane, the hinges bear.
+//! A chain is planar if all hinge axes are parallel and all slider axes are perpendicular to them. Its bodies then stay in
+//! parallel planes, and their motion is exactly that of their projections on one plane, with 3-vectors instead of
+//! 6-vectors. The joint constraint forces balance the component of gravity normal to the plane.
 
 use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint, z_onto};
 use crate::chain::{Body, Chain, Frame, FrameId, Point};
 use crate::error::ChainError;
 use nalgebra::{Matrix3, Vector2, Vector3};
 
-/// How far from parallel or square two axes may be (sine of the angle): the rounding of a file's 10 digits.
+/// Tolerance on parallel and perpendicular axes (sine of the angle): the rounding of numbers of 10 digits in a file.
 const ALIGNED: f64 = 1e-9;
 
 /// A plane through the world's origin, with axes.
@@ -24,12 +24,12 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The shadow of a vector.
+    /// The projection of a vector on the plane, in the plane's axes.
     pub fn project(&self, v: Vector3<f64>) -> Vector2<f64> {
         Vector2::new(self.x.dot(&v), self.y.dot(&v))
     }
 
-    /// The vector with this shadow that lies in the plane.
+    /// The vector in space, world axes, of a vector in the plane.
     pub fn lift(&self, v: Vector2<f64>) -> Vector3<f64> {
         self.x * v.x + self.y * v.y
     }
@@ -38,30 +38,37 @@ impl Plane {
 /// A chain in the plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanarChain {
-    /// The chain; q and qd are those of the chain in space.
+    /// The planar chain; its q and qd are those of the chain in space.
     pub chain: Chain<Planar<f64>>,
     /// The plane.
     pub plane: Plane,
     /// World rotation of every frame while all joints are at zero.
     frame_rotations: Vec<Matrix3<f64>>,
-    /// Height of every frame's origin over the plane: no joint changes it.
+    /// Height of every frame's origin over the plane, m: constant.
     frame_heights: Vec<f64>,
-    /// The greatest angle by which an axis was off, rad: 0 but for rounding unless a tolerance was given.
+    /// The largest angle between an axis of the chain and the axis that replaces it, rad: zero up to rounding, unless a
+    /// tolerance was given.
     pub tilt: f64,
 }
 
 impl PlanarChain {
-    /// The shadow of the point at `offset` (in the frame's own axes in space) from a frame's origin.
+    /// The projection of the point at `offset` (frame axes in space, m) from a frame's origin.
+    ///
+    /// # Panics
+    /// May panic if the handle belongs to another chain.
     pub fn point(&self, frame: FrameId, offset: Vector3<f64>) -> Point<Planar<f64>> {
         // A frame's planar axes are the plane's while the joints are at zero.
         self.chain.point(frame, self.plane.project(self.frame_rotations[frame.0] * offset))
     }
 
-    /// The pose in space of a frame whose shadow has the pose `shadow`.
+    /// The pose in space of a frame whose pose in the plane is `shadow`.
+    ///
+    /// # Panics
+    /// May panic if the handle belongs to another chain.
     pub fn lift_pose(&self, frame: FrameId, shadow: &Pose<Planar<f64>>) -> Pose<Spatial<f64>> {
         let Plane { x, y, normal } = self.plane;
         let (cos, sin) = (shadow.rotation.cos, shadow.rotation.sin);
-        // x' = x cos + y sin, y' = y cos − x sin, and the normal stays: R = x'xᵀ + y'yᵀ + nnᵀ.
+        // x' = x cos + y sin, y' = y cos − x sin, and the normal is unchanged: R = x'xᵀ + y'yᵀ + nnᵀ.
         let turn =
             (x * cos + y * sin) * x.transpose() + (y * cos - x * sin) * y.transpose() + normal * normal.transpose();
         let translation = self.plane.lift(shadow.translation) + normal * self.frame_heights[frame.0];
@@ -70,22 +77,24 @@ impl PlanarChain {
 }
 
 impl Chain {
-    /// The same chain in the plane.
+    /// The same chain in the plane. The plane's normal is parallel to the hinges, its largest component positive.
     ///
     /// # Errors
-    /// [`ChainError::NotReducible`] naming the joint that leaves the plane.
+    /// [`ChainError::NotReducible`], which names the joint that leaves the plane.
     pub fn to_planar(&self) -> Result<PlanarChain, ChainError> {
         self.to_planar_within(0.0)
     }
 
-    /// The same for a chain whose axes are off by up to `tolerance` (rad): its axes are straightened, its pose at zero stays.
+    /// As [`Self::to_planar`], for a chain whose axes deviate from parallel or perpendicular by up to `tolerance` (rad).
+    /// Its axes are aligned; its pose at q = 0 does not change.
     ///
-    /// Straightening an axis by δ turns the rotation of its joint by at most 2δ, whatever its angle: with R its rotation and
-    /// Q the straightening, ‖QRQᵀ − R‖ = ‖(Q−1)R − R(Q−1)‖ ≤ 2‖Q − 1‖ ≤ 2δ. So no point is displaced by more than the sum
-    /// over the joints below it of 2δ times its greatest distance from them. [`PlanarChain::tilt`] is the largest δ.
+    /// Aligning an axis by an angle δ changes the rotation of its joint by at most 2δ at any joint angle: with R the joint's
+    /// rotation and Q that of the alignment, ‖QRQᵀ − R‖ = ‖(Q−1)R − R(Q−1)‖ ≤ 2‖Q − 1‖ ≤ 2δ. A point is therefore displaced
+    /// by at most the sum, over the joints between it and the world, of 2δ times its greatest distance from the joint.
+    /// [`PlanarChain::tilt`] is the largest δ.
     ///
     /// # Errors
-    /// [`ChainError::NotReducible`] naming the joint that leaves the plane.
+    /// [`ChainError::NotReducible`], which names the joint that leaves the plane.
     pub fn to_planar_within(&self, tolerance: f64) -> Result<PlanarChain, ChainError> {
         let aligned = ALIGNED.max(tolerance.sin());
         // World poses while every joint is at zero.
@@ -146,7 +155,7 @@ impl Chain {
         Ok(PlanarChain { chain, plane, frame_rotations, frame_heights, tilt })
     }
 
-    /// The plane that all joints keep to.
+    /// The plane of motion of all joints.
     fn plane_of(&self, axes: &[Vector3<f64>], aligned: f64) -> Result<Plane, ChainError> {
         let leaves = |i: usize, why: String| {
             Err(ChainError::NotReducible(format!("joint '{}' leaves the plane: {why}", self.joint_of_body(i))))
@@ -158,7 +167,7 @@ impl Chain {
             return leaves(i, "a floating joint moves in space".into());
         }
         let Some(first) = hinges().chain(sliders()).next() else {
-            return Err(ChainError::NotReducible("no joint moves".into()));
+            return Err(ChainError::NotReducible("the chain has no moving joint, so no plane of motion".into()));
         };
         let normal = match hinges().next() {
             Some(hinge) => axes[hinge],
@@ -168,7 +177,7 @@ impl Chain {
                 .find(|n| n.norm() > aligned)
                 .map_or_else(|| z_onto(axes[first]).column(1).into_owned(), |n| n.normalize()),
         };
-        // The normal's own sign is nobody's choice: make its largest component positive.
+        // The sign of the normal is arbitrary: make its largest component positive.
         let normal = normal * normal[normal.iamax()].signum();
         if let Some(i) = hinges().find(|&i| axes[i].cross(&normal).norm() > aligned) {
             let [x, y, z] = axes[i].into();
@@ -177,7 +186,10 @@ impl Chain {
         }
         if let Some(i) = sliders().find(|&i| axes[i].dot(&normal).abs() > aligned) {
             let [x, y, z] = normal.into();
-            return leaves(i, format!("its direction is not square to the plane's normal ({x:.6}, {y:.6}, {z:.6})"));
+            return leaves(
+                i,
+                format!("its direction is not perpendicular to the plane's normal ({x:.6}, {y:.6}, {z:.6})"),
+            );
         }
         // x as near to the world's x as the plane allows (to its z where x is the normal).
         let toward = if normal.x.abs() > 0.9 { Vector3::y() } else { Vector3::x() };
@@ -185,7 +197,7 @@ impl Chain {
         Ok(Plane { x, y: normal.cross(&x), normal })
     }
 
-    /// Name of the joint above a body.
+    /// Name of the parent joint of a body.
     fn joint_of_body(&self, body: usize) -> &str {
         &self.joints()[self.bodies[body].joint_index].name
     }

@@ -1,8 +1,8 @@
-//! Exact reductions: less chain, the same answers.
+//! Exact reductions: a chain with fewer bodies and the same results.
 //!
-//! Fixed joints are welded on loading. Here joints are locked, and branches that no impact at a point can reach are
-//! pruned: an impulse travels through the fixed base without moving it, so what hangs on the base by another joint
-//! keeps its velocity. [`crate::Planar`] is the third reduction: [`Chain::to_planar`].
+//! Links on fixed joints are merged when the file is loaded. This module locks joints, and prunes branches whose velocity
+//! no impact at a given point can change: those that a different joint connects to the fixed base, because an impulse on
+//! the fixed base moves nothing. The third reduction, to the plane, is [`Chain::to_planar`].
 
 use crate::algebra::{Algebra, Pose};
 use crate::assemble::{Moves, Node, weld};
@@ -10,24 +10,25 @@ use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, Point};
 use crate::error::ChainError;
 use std::sync::Arc;
 
-/// A reduced chain, and where its coordinates were in the full one.
+/// A reduced chain, and the indices of its coordinates in the full chain.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reduced<A: Algebra> {
-    /// The smaller chain. Look its frames up by name: handles of the full chain do not fit.
+    /// The reduced chain. Look up its frames by name: handles of the full chain are not valid for it.
     pub chain: Chain<A>,
-    /// Entry k of the reduced q is entry `q[k]` of the full one.
+    /// Entry k of the reduced q is entry `q[k]` of the full q.
     pub q: Vec<usize>,
-    /// Entry k of the reduced qd is entry `v[k]` of the full one.
+    /// Entry k of the reduced qd is entry `v[k]` of the full qd.
     pub v: Vec<usize>,
 }
 
 impl<A: Algebra<Scalar = f64>> Chain<A> {
-    /// Locks joints at the given values (one for revolute and prismatic joints, three for planar, seven for floating
-    /// ones) and merges what they held apart. Joints that mimic a locked one are locked with it.
+    /// Locks joints at the given positions (rad, m, quaternion; one number for a revolute or prismatic joint, three for a
+    /// planar one, seven for a floating one) and merges the bodies that they connect. Joints that mimic a locked joint are
+    /// locked too.
     ///
     /// # Errors
     /// [`ChainError::UnknownJoint`], [`ChainError::WrongLength`], [`ChainError::NotFinite`],
-    /// [`ChainError::NotUnitQuaternion`], [`ChainError::NotReducible`] for a joint without coordinates of its own.
+    /// [`ChainError::NotUnitQuaternion`]; [`ChainError::NotReducible`] for a joint without its own coordinates.
     pub fn lock(&self, joints: &[(&str, &[f64])]) -> Result<Reduced<A>, ChainError> {
         let mut q_locked = self.zero_configuration();
         let mut locked = vec![false; self.nv];
@@ -69,8 +70,8 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         Ok(self.rebuilt(bodies, frames, numbering))
     }
 
-    /// Leaves out every body that no impulse at any of the `points` can reach: what hangs on the fixed base by another
-    /// joint. (Mimic joints tie across the base; what they tie is kept.)
+    /// Removes every body whose velocity no impulse at any of the `points` can change: all branches from the fixed base that
+    /// contain none of the points. Branches that share a coordinate with a kept one through mimic joints are kept.
     pub fn prune(&self, points: &[Point<A>]) -> Reduced<A> {
         let mut root: Vec<usize> = Vec::with_capacity(self.bodies.len());
         for (i, body) in self.bodies.iter().enumerate() {
@@ -118,7 +119,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         Reduced { chain, q: to.old_q, v: to.old_v }
     }
 
-    /// New numbers for the coordinates of the joints that are kept.
+    /// New indices of the coordinates of the joints that are kept.
     fn renumber(&self, keep: impl Fn(usize) -> bool) -> Numbering {
         let mut to = Numbering { new_q: vec![0; self.nq], new_v: vec![0; self.nv], old_q: vec![], old_v: vec![] };
         for joint in &self.about.joints {
@@ -141,7 +142,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
     }
 }
 
-/// Coordinates before and after.
+/// Indices of the coordinates before and after a reduction.
 struct Numbering {
     new_q: Vec<usize>,
     new_v: Vec<usize>,
@@ -165,7 +166,7 @@ impl Numbering {
         matches!(&joint.coordinates, Coordinates::Own { v, .. } if self.old_v.contains(&v.start))
     }
 
-    /// The joint with its new numbers; none if it is locked or pruned, or follows one that is.
+    /// The joint with its new indices; without coordinates if it is locked or pruned, or mimics such a joint.
     fn joint(&self, joint: &JointInfo, all: &[JointInfo]) -> JointInfo {
         let coordinates = match &joint.coordinates {
             Coordinates::Own { q, v } if self.keeps(joint) => {

@@ -1,11 +1,11 @@
-//! States are plain slices: what they must fulfil, and how configurations are moved and compared.
+//! States as plain slices: their validation, integration of configurations, and differences between them.
 //!
 //! A floating joint has q = (x, y, z, qx, qy, qz, qw): position in the parent's joint frame and unit quaternion; its
-//! qd = (linear, angular) velocity of the child *in child axes*. [`Chain::integrate`] moves it along the exact screw of a
-//! constant qd. A planar joint has q = (x, y, angle) and qd = q̇. All others have q̇ = qd.
+//! qd = (linear, angular) velocity of the child *in child axes*. [`Chain::integrate`] moves it along the exact screw motion
+//! of a constant qd. A planar joint has q = (x, y, angle) and qd = q̇. All others have q̇ = qd.
 //!
-//! URDF does not say which directions x and y of a planar joint are. Here they are, in the joint's frame, the first two
-//! columns of [`z_onto`](crate::algebra::z_onto)`(axis)`:
+//! URDF does not define the directions x and y of a planar joint. In this crate they are, in the joint's frame, the first
+//! two columns of [`z_onto`](crate::algebra::z_onto)`(axis)`:
 //!
 //! | axis | x | y |
 //! | --- | --- | --- |
@@ -32,14 +32,14 @@ use crate::urdf::JointType;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::fmt;
 
-/// A joint beyond its limit.
+/// A joint position outside its limits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutsideLimit {
-    /// Its name.
+    /// Name of the joint.
     pub joint: String,
-    /// Where it is, in `unit`.
+    /// Its position, in `unit`.
     pub position: f64,
-    /// The limit that it passed, in `unit`.
+    /// The limit that is exceeded, in `unit`.
     pub limit: f64,
     /// `rad` or `m`.
     pub unit: &'static str,
@@ -54,11 +54,11 @@ impl fmt::Display for OutsideLimit {
 }
 
 impl<A: Algebra> Chain<A> {
-    /// Whether `q` and `qd` fit this chain: lengths, finite numbers, unit quaternions.
+    /// Checks `q` and `qd`: lengths, finite numbers, unit quaternions.
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`], [`ChainError::NotFinite`], [`ChainError::NotUnitQuaternion`] (off by over 1e-3;
-    /// smaller errors are rounding of the input, and the kernels normalise).
+    /// [`ChainError::WrongLength`], [`ChainError::NotFinite`], [`ChainError::NotUnitQuaternion`] (norm off by more than
+    /// 1e-3; smaller deviations are accepted as rounding of the input, because the recursions normalise).
     pub fn check_state(&self, q: &[f64], qd: &[f64]) -> Result<(), ChainError> {
         self.check_nq(q.len())?;
         check_finite("q", q)?;
@@ -72,7 +72,7 @@ impl<A: Algebra> Chain<A> {
         Ok(())
     }
 
-    /// Whether a vector of length nv (called `what`: qd, tau, qdd) has the right length and finite numbers.
+    /// Checks a vector of length nv: its length and finite numbers. `what` is its name in the error (qd, tau, qdd).
     ///
     /// # Errors
     /// [`ChainError::WrongLength`], [`ChainError::NotFinite`].
@@ -81,7 +81,7 @@ impl<A: Algebra> Chain<A> {
         check_finite(what, numbers)
     }
 
-    /// The joints that `q` puts outside their limits.
+    /// The joints of one degree of freedom, mimic joints included, whose position at `q` is outside their limits.
     pub fn outside_limits(&self, q: &[f64]) -> Vec<OutsideLimit> {
         let mut outside = Vec::new();
         for joint in self.joints() {
@@ -106,7 +106,7 @@ impl<A: Algebra> Chain<A> {
         outside
     }
 
-    /// The configuration in which one-dof joints are at zero and floating joints unturned.
+    /// The configuration in which all coordinates are zero and the quaternions of floating joints are the identity.
     pub fn zero_configuration(&self) -> Vec<f64> {
         let mut q = vec![0.0; self.nq()];
         for (_, at) in self.floating_joints() {
@@ -124,7 +124,7 @@ impl<A: Algebra> Chain<A> {
 }
 
 impl Chain {
-    /// Where the chain is after the constant velocity `qd` has acted for `dt` seconds. Quaternions stay unit.
+    /// The configuration after moving from `q` with the constant velocity `qd` for `dt` seconds. Quaternions stay unit.
     ///
     /// # Errors
     /// As [`Chain::check_state`].
@@ -149,9 +149,10 @@ impl Chain {
         Ok(out)
     }
 
-    /// q̇ for the joint velocities qd: what [`Chain::integrate`] does in the limit. Slices of length nq, nv, nq.
+    /// Writes q̇ for the joint velocities qd into `rate`: the derivative of [`Chain::integrate`] with respect to `dt` at 0.
+    /// The slices have length nq, nv and nq.
     ///
-    /// q̇ = qd but for floating joints: ṗ = R v and, with the quaternion ξ of R, ξ̇ = ½ ξ ∘ (ω, 0).
+    /// q̇ = qd except for floating joints: ṗ = R v and, with the quaternion ξ of R, ξ̇ = ½ ξ ∘ (ω, 0).
     ///
     /// # Panics
     /// If a slice is too short.
@@ -172,8 +173,9 @@ impl Chain {
         }
     }
 
-    /// The constant velocity that leads from `from` to `to` in one second: `integrate(from, difference, 1) = to` (of two
-    /// ways round, the shorter; ±q are the same quaternion).
+    /// The constant velocity (length nv) that moves the chain from `from` to `to` in one second:
+    /// `integrate(from, difference, 1) = to`. Of the two rotations between quaternions it is the one by at most half a turn;
+    /// a quaternion and its negative are the same rotation.
     ///
     /// # Errors
     /// As [`Chain::check_state`].
@@ -219,8 +221,8 @@ fn shorter(turn: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
     if turn.w < 0.0 { UnitQuaternion::new_unchecked(-turn.into_inner()) } else { turn }
 }
 
-/// ∫₀¹ exp(s φ×) ds: the mean rotation on the way (the left Jacobian of SO(3)),
-/// `1 + (1−cos θ)/θ² φ× + (θ−sin θ)/θ³ φ×²`, by their series below θ = 0.1.
+/// ∫₀¹ exp(s φ×) ds, the left Jacobian of SO(3): `1 + (1−cos θ)/θ² φ× + (θ−sin θ)/θ³ φ×²`, the coefficients by their
+/// series below θ = 0.1.
 fn screw(phi: Vector3<f64>) -> nalgebra::Matrix3<f64> {
     let t2 = phi.norm_squared();
     let (a, b) = if t2 < 0.01 {

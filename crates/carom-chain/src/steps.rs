@@ -1,9 +1,9 @@
-//! The chain as the recursions walk it: of each body and its joint, what is the same at every configuration done once.
+//! Bodies and joints prepared for the recursions: quantities that do not depend on the configuration are precomputed.
 //!
-//! A hinge's placement is R = R_z(a) R_x(b) R_z(c), with z its axis. c is part of the hinge's angle, for nothing; where
-//! axes are parallel, or cross without a turn of their common perpendicular, a is 0 or π, and R_z(π) R_x(b) = R_x(−b)
-//! R_z(π) leaves a tilt, or nothing. A tilt costs 18 operations where a product of rotations costs 45. No body's axes
-//! change by this, so points and frames stay as they are.
+//! The placement of a hinge is R = R_z(a) R_x(b) R_z(c), with z its axis. c is added to the hinge's angle at no cost. a is 0
+//! or π if the axes are parallel, or if x is their common perpendicular; for a = π, R_z(π) R_x(b) = R_x(−b) R_z(π). What
+//! remains is a rotation about x (a tilt), or the identity. A tilt costs 18 operations, a product of rotations 45. The axes
+//! of the bodies do not change, so points and frames do not change either.
 
 use crate::algebra::{Algebra, Inertia, Pose, Real};
 use crate::base_parameters::base_parameters;
@@ -12,49 +12,49 @@ use crate::turned::Angle;
 use nalgebra::convert;
 use std::ops::AddAssign;
 
-/// One body, and the joint above it.
+/// One body and its parent joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Step<A: Algebra> {
     pub joint: A::Joint,
     pub placing: Placing<A>,
-    /// The joint's origin from that of the body below, in its axes.
+    /// Position of the joint's origin in the parent body, parent axes, m.
     pub translation: A::Vector,
     /// Joint position = `ratio` · q + `shift`.
     pub ratio: A::Scalar,
     /// See `ratio`.
     pub shift: A::Scalar,
-    /// See [`base_parameters`].
+    /// Base inertial parameters: see [`base_parameters`].
     pub inertia: Inertia<A>,
     pub parent: Option<usize>,
     pub q_index: usize,
     pub v_index: usize,
-    /// The first of the run of bodies that ends with it, each the parent of the next.
+    /// First body of the run that ends with this one: consecutive bodies, each the parent of the next.
     pub run: usize,
-    /// The bodies that this one carries are those after it up to here: trees are numbered depth first.
+    /// End of its subtree, which is the range from this body to `end`, because bodies are numbered depth first.
     pub end: usize,
-    /// Whether it carries more than one of them itself.
+    /// Whether it has more than one child.
     pub branches: bool,
-    /// Where what it carries goes on the way inward.
+    /// Where an inward pass stores its contribution to its parent.
     pub held_by: Held,
-    /// Whether it and all that it carries have no mass left.
+    /// Whether no base inertial parameters of its subtree have mass.
     pub massless: bool,
 }
 
-/// Where what a body hands on inward waits for its parent.
+/// Where an inward pass stores the contribution of a body to its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Held {
-    /// Its parent is the world, which takes nothing.
+    /// Nowhere: the parent is the world, and there is nothing to accumulate.
     World,
-    /// Its parent is the body before it: nowhere.
+    /// Nowhere: the parent is the previous body, and the contribution is kept in registers.
     InHand,
-    /// In its parent's place, where it is the first to come, the parent's last child.
+    /// In the entry of this parent, which it overwrites: the body is the parent's last child, the first to be visited.
     Last(usize),
-    /// There, with what has come before.
+    /// In the entry of this parent, to which it is added.
     Between(usize),
 }
 
 impl Held {
-    /// Puts what one body hands on into its parent's place.
+    /// Stores the contribution of a body in its parent's entry.
     #[inline(always)]
     pub fn keep<X: Copy + AddAssign>(self, places: &mut [X], x: X) {
         match self {
@@ -64,7 +64,7 @@ impl Held {
         }
     }
 
-    /// Adds it to what is the parent's own.
+    /// Adds the contribution of a body to its parent's entry, which already holds the parent's own part.
     #[inline(always)]
     pub fn add<X: Copy + AddAssign>(self, places: &mut [X], x: X) {
         match self {
@@ -74,11 +74,11 @@ impl Held {
     }
 }
 
-/// From the axes of the body below to the joint's own, before it moves.
+/// Rotation from the joint's axes to those of the parent body while the joint is at zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Placing<A: Algebra> {
-    /// A hinge: after a turn about the z axis of the body below, if any, a tilt about x, if any; sines and cosines. What
-    /// is left is in the hinge's `shift`.
+    /// A hinge: R_z(turn) R_x(tilt), as sines and cosines; `None` for the identity. The remaining rotation about the hinge's
+    /// axis is in its `shift`.
     Hinge { turn: Option<[A::Scalar; 2]>, tilt: Option<[A::Scalar; 2]> },
     /// Any other joint.
     Other(A::Rotation),
@@ -172,10 +172,10 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
 }
 
 impl<A: Algebra<Scalar = f64>> Placing<A> {
-    /// A hinge's placement, and what is left of it for the hinge's angle.
+    /// The placement of a hinge, and the part of it that is added to the hinge's angle, rad.
     fn hinge(rotation: A::Rotation) -> (Self, f64) {
         use std::f64::consts::{PI, TAU};
-        // A sine below ε turns nothing by more than the rounding of a product of rotations.
+        // A rotation whose sine is below ε is within the rounding of a product of rotations.
         let none = |angle: f64| angle.sin().abs() <= f64::EPSILON && angle.cos() > 0.0;
         let half = |angle: f64| angle.sin().abs() <= f64::EPSILON && angle.cos() < 0.0;
         let [a, b, c] = A::euler_angles(rotation);
@@ -190,12 +190,12 @@ impl<A: Algebra<Scalar = f64>> Placing<A> {
 }
 
 impl<A: Algebra> Placing<A> {
-    /// The rotation into the joint's own axes, for that of the body below.
+    /// The rotation of the joint's frame, for that of the parent body.
     #[inline(always)]
     pub fn placed(&self, outer: A::Rotation) -> A::Rotation {
         match self {
             Self::Hinge { turn, tilt } => {
-                // (No closures: in lanes the compiler leaves them as functions of their own.)
+                // No closures: for SIMD lanes the compiler does not inline them.
                 let turned = if let Some([sin, cos]) = *turn { A::turn(outer, sin, cos) } else { outer };
                 if let Some([sin, cos]) = *tilt { A::tilt(turned, sin, cos) } else { turned }
             }
@@ -226,7 +226,7 @@ mod tests {
     use std::f64::consts::{FRAC_PI_2, PI};
 
     #[test]
-    fn a_placement_is_its_turn_tilt_and_shift() {
+    fn hinge_placement_equals_turn_tilt_and_shift() {
         let about_z = |angle: f64| Spatial::<f64>::turn(Matrix3::identity(), angle.sin(), angle.cos());
         let about_x = |angle: f64| Spatial::<f64>::tilt(Matrix3::identity(), angle.sin(), angle.cos());
         let outer = about_x(0.4) * about_z(1.1) * about_x(-2.0);
@@ -236,7 +236,7 @@ mod tests {
             let rotation = about_z(a) * about_x(b) * about_z(c);
             let (placing, shift) = Placing::<Spatial<f64>>::hinge(rotation);
             assert!(shift.abs() <= PI, "{shift}");
-            // A dozen roundings of numbers up to 1, and of angles up to 2π.
+            // Rounding of a dozen operations on numbers up to 1 and angles up to 2π.
             let apart = (placing.placed(outer) * about_z(shift) - outer * rotation).amax();
             assert!(apart < 16.0 * f64::EPSILON, "({a}, {b}, {c}): {apart}, {placing:?}, {shift}");
             match placing {
@@ -245,12 +245,12 @@ mod tests {
                 _ => {}
             }
         }
-        // Axes along each other (b is 0 or 1e-17), or a is 0, 1e-17, π or −π.
+        // Parallel axes (b is 0 or 1e-17), or a is 0, 1e-17, π or −π.
         assert!(bare >= 2 * 81 && tilted >= 4 * 7 * 9, "{bare} {tilted}");
     }
 
     #[test]
-    fn in_the_plane_a_placement_is_all_shift() {
+    fn planar_hinge_placement_is_a_shift_only() {
         for angle in [0.0, 0.3, -FRAC_PI_2, PI, -3.0] {
             let (placing, shift) = Placing::<Planar<f64>>::hinge(Turn { cos: angle.cos(), sin: angle.sin() });
             assert_eq!(placing, Placing::Hinge { turn: None, tilt: None });

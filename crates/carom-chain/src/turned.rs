@@ -1,15 +1,15 @@
-//! The angles of hinges, and where their sines and cosines come from.
+//! Angles of hinges, and the source of their sines and cosines.
 
 use crate::algebra::{Algebra, Real};
 
 /// The angle of a hinge: `sense · q[coordinate] + shift`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Angle<T> {
-    /// Its place in q.
+    /// Its index in q.
     pub coordinate: usize,
-    /// 1; −1 in the plane for a hinge that turns backwards; the ratio of a mimic joint.
+    /// 1; −1 in the plane for a hinge whose axis is opposite to the plane's normal; the ratio of a mimic joint.
     pub sense: T,
-    /// What the zeros of its frames lie apart, rad.
+    /// Constant part of the angle, rad: the angle about the axis between the frames that it connects.
     pub shift: T,
 }
 
@@ -21,14 +21,14 @@ impl<T: Real> Angle<T> {
     }
 }
 
-/// Where the sines and cosines of joint angles come from. (A trait for the same reason as [`crate::Finish`]: in lanes
-/// the call of a closure cost more than the sines.)
+/// Source of the sines and cosines of joint angles. It is a trait because, as for [`crate::Finish`], inlining of a closure
+/// cannot be forced: in SIMD lanes the call of a closure cost more than the sines.
 pub trait Turned<A: Algebra> {
-    /// Of the angle of body `i`, a hinge.
+    /// (sin, cos) of the angle of body `i`, whose joint is a hinge.
     fn sin_cos(&self, i: usize, angle: Angle<A::Scalar>) -> (A::Scalar, A::Scalar);
 }
 
-/// Of each body.
+/// Precomputed sines and cosines, indexed by body.
 pub(crate) struct ByBody<'a, T> {
     pub sines: &'a [T],
     pub cosines: &'a [T],

@@ -1,6 +1,7 @@
-//! Kinematics: where every body is at `q`, and what moves a point.
+//! Kinematics: poses of all bodies at `q`, Jacobians and velocities of points.
 //!
-//! [`Workspace::update`] returns a view that borrows the workspace, so values of an old pose can't be read by mistake:
+//! [`Workspace::update`] returns a view that borrows the workspace, so that values of an earlier configuration cannot be
+//! read by mistake:
 //!
 //! ```
 //! # use carom_chain::{Chain, uniform_chain};
@@ -10,7 +11,7 @@
 //! let straight = ws.update(&chain, &[0.0, 0.0]).unwrap().mass_matrix();
 //! assert!(folded[(0, 0)] < straight[(0, 0)]);
 //! ```
-//! Keeping the old view over an update is a compile error:
+//! Using the earlier view after an update is a compile error:
 //! ```compile_fail,E0499
 //! # use carom_chain::{Chain, uniform_chain};
 //! let chain = uniform_chain(2, 1.0, 1.0).unwrap();
@@ -22,7 +23,7 @@
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | Rᵢ | 2×2, 3×3 | body axes to world axes | `rotation` |
+//! | Rᵢ | 2×2, 3×3 | rotation from body axes to world axes | `rotation` |
 //! | rᵢ | 2, 3 | from the parent's origin to body i's, world axes | `offset` |
 //! | pᵢ | 2, 3 | origin of body i, world axes | `position` |
 //! | sᵢ | – | axis of joint i, world axes, about pᵢ | `axis` |
@@ -38,23 +39,23 @@ use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
 use num_traits::Zero;
 use std::any::Any;
 
-/// Scratch memory for one chain: kinematics, and what the mass matrix and the recursions share.
+/// Scratch memory for one chain, used by its kinematics and by all recursions.
 #[derive(Debug, Clone)]
 pub struct Workspace<A: Algebra> {
     pub(crate) links: Vec<Link<A>>,
     pub(crate) velocity: Vec<Motion<A>>,
     pub(crate) flow: Vec<Flow<A>>,
     pub(crate) force: Vec<Force<A>>,
-    /// Inertias in world axes: of single bodies or of all that they carry.
+    /// Inertias in world axes: of single bodies or of their subtrees.
     pub(crate) inertia: Vec<Inertia<A>>,
     pub(crate) free: Vec<Free<A>>,
-    /// Of each body's hinge, if it is one.
+    /// Angle of each body's joint, rad; used for hinges only.
     angles: Vec<A::Scalar>,
     sines: Vec<A::Scalar>,
     cosines: Vec<A::Scalar>,
 }
 
-/// Where a body is.
+/// Position and orientation of a body and its joint axis, in world axes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Link<A: Algebra> {
     pub rotation: A::Rotation,
@@ -63,7 +64,7 @@ pub(crate) struct Link<A: Algebra> {
     pub axis: Axis<A>,
 }
 
-/// How a body moves: ω, its rate, and the acceleration of the body's origin.
+/// Motion of a body: ω, ω̇, and the acceleration of the body's origin.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Flow<A: Algebra> {
     pub spin: A::Angular,
@@ -71,7 +72,7 @@ pub(crate) struct Flow<A: Algebra> {
     pub acceleration: A::Vector,
 }
 
-/// A body whose joint, and those beyond it, are free: see [`crate::articulated`].
+/// Results of the articulated-body recursion for one body: see [`crate::articulated`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Free<A: Algebra> {
     pub articulated: A::Articulated,
@@ -81,7 +82,7 @@ pub(crate) struct Free<A: Algebra> {
     pub acceleration: Motion<A>,
 }
 
-/// The chain at one configuration. Positions, Jacobians, and the way to everything else.
+/// The chain at one configuration: its methods compute positions, Jacobians, the mass matrix, dynamics and energies.
 #[derive(Debug)]
 pub struct Kinematics<'a, A: Algebra> {
     pub(crate) chain: &'a Chain<A>,
@@ -97,7 +98,7 @@ impl<A: Algebra> Link<A> {
 }
 
 impl<A: Algebra> Flow<A> {
-    /// At rest, in a frame that accelerates.
+    /// A base at rest, in a frame that accelerates.
     #[inline(always)]
     pub fn base(acceleration: A::Vector) -> Self {
         Self { spin: A::zero_angular(), spin_rate: A::zero_angular(), acceleration }
@@ -105,7 +106,7 @@ impl<A: Algebra> Flow<A> {
 }
 
 impl<A: Algebra> Chain<A> {
-    /// Scratch memory that fits this chain. Allocates; everything done in it afterwards does not.
+    /// Scratch memory for this chain. This call allocates; the in-place methods that use the workspace do not.
     pub fn workspace(&self) -> Workspace<A> {
         let n = self.bodies.len();
         let zero = A::Scalar::zero();
@@ -131,17 +132,21 @@ impl<A: Algebra> Chain<A> {
 }
 
 impl<A: Algebra> Workspace<A> {
-    /// Moves the chain to `q` (length nq; rad, m, quaternion).
+    /// Computes the pose of every body at `q` (length nq; rad, m, quaternion).
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`]. Numbers are not looked at: [`Chain::check_state`] does that.
+    /// [`ChainError::WrongLength`]. The numbers are not checked; use [`Chain::check_state`] for that.
     ///
     /// # Panics
-    /// If the workspace was made for a longer chain or a shorter one.
+    /// If the workspace was made for a chain with another number of bodies.
     pub fn update<'a>(&'a mut self, chain: &'a Chain<A>, q: &[A::Scalar]) -> Result<Kinematics<'a, A>, ChainError> {
         chain.check_nq(q.len())?;
-        assert_eq!(self.links.len(), chain.steps.len(), "this workspace belongs to another chain");
-        // Sines before all else: in between, each would keep the next body waiting.
+        assert_eq!(
+            self.links.len(),
+            chain.steps.len(),
+            "this workspace belongs to another chain: make one with Chain::workspace"
+        );
+        // All sines first: computed body by body, each would delay the next body.
         for (angle, step) in self.angles.iter_mut().zip(&chain.steps) {
             if A::turns(step.joint) {
                 *angle = step.angle().at(q);
@@ -156,7 +161,7 @@ impl<A: Algebra> Workspace<A> {
         Ok(Kinematics { chain, ws: self })
     }
 
-    /// Sines and cosines of all angles, side by side: the chain's own for `f64`, else the scalar's.
+    /// Sines and cosines of all angles: by [`crate::sine`] for `f64`, otherwise by the scalar type.
     fn take_sines(&mut self) {
         let Self { angles, sines, cosines, .. } = self;
         let in_f64 = (
@@ -172,7 +177,7 @@ impl<A: Algebra> Workspace<A> {
         }
     }
 
-    /// Puts every body where its joint puts it.
+    /// Computes rotation, position and joint axis of every body.
     #[inline(always)]
     fn place<X: Moves<A>>(&mut self, chain: &Chain<A>, q: &[A::Scalar]) {
         let n = chain.steps.len();
@@ -197,7 +202,10 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.chain
     }
 
-    /// Pose of a link's frame in the world.
+    /// Pose of a link's frame in the world, m.
+    ///
+    /// # Panics
+    /// May panic if the handle belongs to another chain.
     pub fn pose(&self, frame: FrameId) -> Pose<A> {
         let frame = &self.chain.frames[frame.0];
         self.body_pose(frame.body).then(&frame.pose)
@@ -215,13 +223,13 @@ impl<A: Algebra> Kinematics<'_, A> {
         })
     }
 
-    /// From the origin of the point's body to the point, world axes.
+    /// Vector from the origin of the point's body to the point, world axes, m.
     pub(crate) fn arm(&self, body: usize, point: Point<A>) -> A::Vector {
         A::rotate(self.ws.links[body].rotation, point.position)
     }
 
-    /// Visits the joints that move a point, from the point down to the world: body, and the vector from the joint's
-    /// origin to the point. Summing offsets on the way loses no digits far from the world's origin.
+    /// Visits the joints that move a point, from the point to the world: the body, and the vector from the joint's origin
+    /// to the point. The vector is a sum of offsets, which avoids cancellation far from the world's origin.
     fn for_each_mover(&self, point: Point<A>, mut visit: impl FnMut(usize, A::Vector)) {
         let Some(body) = point.body else { return };
         let mut r = self.arm(body, point);
@@ -233,10 +241,10 @@ impl<A: Algebra> Kinematics<'_, A> {
         }
     }
 
-    /// Jacobian of a point's velocity: LINEAR×nv, world axes. Overwrites `out`; allocates nothing.
+    /// Jacobian of a point's velocity: 3×nv, 2×nv in the plane; world axes. Overwrites `out`; does not allocate.
     ///
     /// # Panics
-    /// If `out` is smaller, or the point another chain's.
+    /// If `out` is smaller. May panic if the point belongs to another chain.
     pub fn point_jacobian_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
         &self,
         point: Point<A>,
@@ -251,14 +259,15 @@ impl<A: Algebra> Kinematics<'_, A> {
         });
     }
 
-    /// As [`Self::point_jacobian_into`], in a new matrix.
+    /// As [`Self::point_jacobian_into`]; returns a new matrix.
     pub fn point_jacobian(&self, point: Point<A>) -> DMatrix<A::Scalar> {
         let mut j = DMatrix::zeros(A::LINEAR, self.chain.nv);
         self.point_jacobian_into(point, &mut j);
         j
     }
 
-    /// Geometric Jacobian of a frame: angular rows first, then the linear rows of its origin; world axes.
+    /// Geometric Jacobian of a frame, 6×nv (3×nv in the plane): angular rows first, then the linear rows of the frame's
+    /// origin; world axes.
     pub fn geometric_jacobian(&self, frame: FrameId) -> DMatrix<A::Scalar> {
         let frame = &self.chain.frames[frame.0];
         let origin = Point { body: frame.body, position: frame.pose.translation };
@@ -303,7 +312,8 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(velocity)
     }
 
-    /// Jᵀf: the joint forces that a force on a point amounts to. Adds them to `out` (length nv).
+    /// Adds Jᵀf to `out` (length nv): the joint forces that are equivalent to a force f on a point (N, world axes). For an
+    /// impulse (N s) the result is a joint impulse.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -315,7 +325,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         Ok(())
     }
 
-    /// J̇ q̇: the acceleration of a point while no joint accelerates, world axes, m/s².
+    /// J̇ q̇: the acceleration of a point for q̈ = 0, world axes, m/s². `qd` has length nv.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -345,8 +355,7 @@ impl<A: Algebra> Kinematics<'_, A> {
 }
 
 impl<A: Algebra> Workspace<A> {
-    /// How the parent of body i moves, `before` being how the body before it does: mostly that is the parent, and needs no
-    /// way through memory.
+    /// Motion of the parent of body i. `before` is the motion of body i − 1, usually the parent: it is kept in registers.
     #[inline(always)]
     pub(crate) fn flow_below(&self, i: usize, parent: Option<usize>, before: &Flow<A>, base: &Flow<A>) -> Flow<A> {
         match parent {
@@ -356,7 +365,7 @@ impl<A: Algebra> Workspace<A> {
         }
     }
 
-    /// How body i moves, for its parent's motion, unless its joint accelerates by `qdd` too.
+    /// Motion of body i for its parent's motion, joint velocities `qd` and joint acceleration `qdd`.
     #[inline(always)]
     pub(crate) fn flow_on(
         &self,
@@ -380,8 +389,8 @@ impl<A: Algebra> Workspace<A> {
         }
     }
 
-    /// What velocities alone add to the parent's ω̇ and to its acceleration, ω̇ × r apart, for the parent's ω: of a hinge
-    /// ω × z q̇ and ω × (ω × r), of a slider 2 ω × z q̇ and ω × (ω × r).
+    /// Velocity-dependent terms of ω̇ and of the acceleration of body i, without ω̇ × r, for the parent's ω. Hinge:
+    /// ω × z q̇, and ω × (ω × r). Slider: zero, and 2 ω × z q̇ + ω × (ω × r).
     #[inline(always)]
     pub(crate) fn drift(
         &self,
@@ -403,8 +412,8 @@ impl<A: Algebra> Workspace<A> {
         }
     }
 
-    /// The same of the turns of a floating joint, which are all carried by the body below the joint, ω being its angular
-    /// velocity, and carry the joint's velocity u on: ω × z q̇ and z q̇ × u.
+    /// The same for the rotational axes of a floating joint, which all move with the parent body of the joint: ω × z q̇ and
+    /// z q̇ × u, with ω the angular velocity of that body and u the joint's linear velocity.
     #[cold]
     fn drift_of_floating(&self, chain: &Chain<A>, i: usize, qd: &[A::Scalar]) -> (A::Angular, A::Vector) {
         let mut first = i;
@@ -418,12 +427,12 @@ impl<A: Algebra> Workspace<A> {
             }
         }
         let own = self.links[i].axis.at_rate(qd[chain.steps[i].v_index]).angular;
-        // The first of its axes slides: its ω is that of the body below.
+        // The first axis is a slider: its ω is that of the parent body.
         (A::cross_angular(self.flow[first].spin, own), A::swing(own, joint.linear))
     }
 }
 
-/// Zero for any scalar of an algebra.
+/// Sets all numbers to zero.
 pub(crate) fn clear<T: Real>(numbers: &mut [T]) {
     numbers.fill(T::zero());
 }

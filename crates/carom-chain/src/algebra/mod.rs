@@ -1,12 +1,12 @@
 //! Motion, force and inertia, in the plane and in space.
 //!
-//! One source of every algorithm serves both: it is written against [`Algebra`], which [`Planar`] (the group SE(2),
-//! 3-vectors) and [`Spatial`] (SE(3), 6-vectors) implement, over any real scalar: `f64`, `f32`, SIMD lanes, dual
-//! numbers. The kernels are free of branches on numbers, so lanes and duals pass through them unharmed.
+//! Every algorithm is written once, over the trait [`Algebra`]. [`Planar`] (the group SE(2), 3-vectors) and [`Spatial`]
+//! (SE(3), 6-vectors) implement it over any real scalar: `f64`, `f32`, SIMD lanes, dual numbers. The recursions do not
+//! branch on the values of numbers, so they are valid for SIMD lanes and dual numbers.
 //!
-//! **Frames.** Every quantity of body *i* is written in *world axes* about *the body's own origin*. Going from a body
-//! to its parent is then a pure shift by the offset `r` between the two origins: no rotation, and no cancellation
-//! however far the chain is from the world's origin.
+//! **Frames.** Every quantity of body *i* is expressed in *world axes* about *the body's own origin*. From a body to its
+//! parent it is shifted by the offset `r` between the two origins, without a rotation, and without cancellation at any
+//! distance of the chain from the world's origin.
 //!
 //! | symbol | size (plane, space) | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -17,7 +17,7 @@
 //! | Iᴬ | 3×3, 6×6 | articulated-body inertia | [`Algebra::Articulated`] |
 //! | r | 2, 3 | from the parent's origin to the body's own | `offset` |
 //!
-//! Six-vectors put the angular part first wherever they are exported as one array.
+//! Six-vectors have the angular part first wherever they are exported as one array.
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 2 and 4–7.
 
 mod planar;
@@ -33,7 +33,7 @@ use num_traits::Zero;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
-/// A real scalar that the kernels run on: `f64`, `f32`, SIMD lanes of them, dual numbers.
+/// A real scalar type of the recursions: `f64`, `f32`, SIMD lanes of them, dual numbers.
 pub trait Real: SimdRealField + Copy {}
 impl<T: SimdRealField + Copy> Real for T {}
 
@@ -73,9 +73,9 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// The geometry that the algorithms need of the plane or of space. Sealed: [`Planar`] and [`Spatial`] are all there is.
+/// Geometry of the plane or of space, as the algorithms need it. Sealed: only [`Planar`] and [`Spatial`] implement it.
 pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'static {
-    /// The scalar.
+    /// The scalar type.
     type Scalar: Real;
     /// Points, linear velocities, forces: 2 or 3 numbers.
     type Vector: Linear<Self::Scalar>;
@@ -85,31 +85,31 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     type Rotational: Linear<Self::Scalar>;
     /// A rotation.
     type Rotation: Copy + Debug + PartialEq + Send + Sync + 'static;
-    /// The kinds of joint; each moves along one [`Axis`].
+    /// Joint types; each has one [`Axis`].
     type Joint: Copy + Debug + PartialEq + Send + Sync + 'static;
     /// Symmetric matrix of articulated inertia.
     type Articulated: Articulated<Self>;
     /// The same algebra over another scalar.
     type Cast<U: Real>: Algebra<Scalar = U, Joint = Self::Joint>;
 
-    /// Dimension of angular quantities.
+    /// Dimension of angular quantities: 1 or 3.
     const ANGULAR: usize;
-    /// Dimension of linear quantities.
+    /// Dimension of linear quantities: 2 or 3.
     const LINEAR: usize;
 
     /// Component `i` of a vector.
     fn linear_part(v: Self::Vector, i: usize) -> Self::Scalar;
     /// Component `i` of an angular quantity.
     fn angular_part(w: Self::Angular, i: usize) -> Self::Scalar;
-    /// The vector of zeros: said here because nalgebra's own costs a lane kernel of two links half its time.
+    /// The zero vector. Defined here because nalgebra's took half the time of the kernel for two links in SIMD lanes.
     fn zero() -> Self::Vector;
-    /// No turning.
+    /// The zero angular quantity.
     fn zero_angular() -> Self::Angular;
     /// The vector with components `f(i)`.
     fn vector(f: impl Fn(usize) -> Self::Scalar) -> Self::Vector;
 
-    /// a + b. This and the next two are written out here because in lanes the compiler leaves nalgebra's as functions of
-    /// their own, without the vectors of the processor, and because they take a third of the instructions of its loops.
+    /// a + b. This and the next two are defined here because they need a third of the instructions of nalgebra's loops, and
+    /// because the compiler does not inline nalgebra's for SIMD lanes, and compiles them without AVX instructions.
     fn plus(a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// a − b
     fn minus(a: Self::Vector, b: Self::Vector) -> Self::Vector;
@@ -126,11 +126,11 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     /// ω × ω′ (zero in the plane).
     fn cross_angular(a: Self::Angular, b: Self::Angular) -> Self::Angular;
 
-    /// The rotation that turns nothing.
+    /// The identity rotation.
     fn no_rotation() -> Self::Rotation;
-    /// First `b`, then `a`.
+    /// The rotation by `b`, then by `a`.
     fn compose(a: Self::Rotation, b: Self::Rotation) -> Self::Rotation;
-    /// The rotation backwards.
+    /// The inverse rotation.
     fn inverse(a: Self::Rotation) -> Self::Rotation;
     /// R v
     fn rotate(a: Self::Rotation, v: Self::Vector) -> Self::Vector;
@@ -138,37 +138,39 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn rotate_inertia(a: Self::Rotation, i: Self::Rotational) -> Self::Rotational;
     /// I ω
     fn apply_inertia(i: Self::Rotational, w: Self::Angular) -> Self::Angular;
-    /// The sum of the principal moments: the size of a rotational inertia.
+    /// The sum of the principal moments of inertia; in the plane the inertia itself.
     fn trace(i: Self::Rotational) -> Self::Scalar;
-    /// I⁻¹ n. A thin rod has no inertia about its own axis: what n has along such an axis counts only if it is more than
-    /// rounding, and then there is no answer.
+    /// I⁻¹ n, also for an inertia that is zero about an axis (a thin rod). `None` if n has a component along such an axis
+    /// that exceeds rounding.
     fn solve_inertia(i: Self::Rotational, n: Self::Angular) -> Option<Self::Angular>
     where
         Self::Scalar: RealField;
-    /// The growth of rotational inertia when the reference moves by −r: `−(r× h× + (h + m r)× r×)` for first moment h,
-    /// given `twice` = 2h + m r, the sum of the first moments before and after.
+    /// The increase of the rotational inertia when the reference point moves by −r: `−(r× h× + (h + m r)× r×)` for the first
+    /// moment h. `twice` = 2h + m r is the sum of the first moments about the two points.
     fn parallel_axis(twice: Self::Vector, r: Self::Vector) -> Self::Rotational;
 
-    /// A hinge's rotation: first the angle of this sine and cosine about the hinge, then `placed`.
+    /// `placed` R_z(angle): the rotation of the child of a hinge, for the sine and cosine of the joint angle and the rotation
+    /// `placed` of the joint's frame.
     fn turn(placed: Self::Rotation, sin: Self::Scalar, cos: Self::Scalar) -> Self::Rotation;
-    /// The axis of a hinge in world axes, for the child's rotation. In the plane a hinge may turn backwards, `sense` −1.
+    /// The axis of a hinge in world axes, for the child's rotation. In the plane it is `sense`: 1, or −1 for an axis opposite
+    /// to the plane's normal.
     fn hinge(rotation: Self::Rotation, sense: Self::Scalar) -> Self::Angular;
-    /// A rotation as turns about z, x and z again, the last one first: R = R_z(a) R_x(b) R_z(c). In the plane c is all.
+    /// The angles (a, b, c), rad, of R = R_z(a) R_x(b) R_z(c). In the plane a and b are zero.
     fn euler_angles(rotation: Self::Rotation) -> [Self::Scalar; 3]
     where
         Self::Scalar: RealField;
-    /// First a turn about x by the angle of this sine and cosine, then `placed`; in the plane nothing.
+    /// `placed` R_x(angle), for the sine and cosine of the angle; in the plane `placed`.
     fn tilt(placed: Self::Rotation, sin: Self::Scalar, cos: Self::Scalar) -> Self::Rotation;
-    /// What a hinge's turning does not change of the inertia that it carries: its mass on the axis, and a rotational
-    /// inertia that is the same about all axes across it.
+    /// The part of a body's inertia that is invariant under rotation about its hinge (its z axis): the mass on the axis, and
+    /// a rotational inertia that is equal about all axes perpendicular to it.
     fn unturned(inertia: Inertia<Self>) -> Inertia<Self>;
-    /// First moment and rotational inertia in rotated axes, of a body that has nothing left of its [`Algebra::unturned`].
+    /// First moment and rotational inertia in rotated axes, for a body without its invariant part [`Algebra::unturned`].
     fn rotate_turning(a: Self::Rotation, h: Self::Vector, i: Self::Rotational) -> (Self::Vector, Self::Rotational);
     /// Whether the joint is a hinge.
     fn turns(joint: Self::Joint) -> bool;
-    /// Moves a joint: from the pose of its frame before the motion (`placed`, world axes) to the rotation of the child
-    /// and the displacement of its origin. `q` starts at the joint's own coordinates; 1-dof joints are at
-    /// `ratio · q[0] + shift`.
+    /// The joint transform: for the rotation `placed` of the joint's frame (world axes), the rotation of the child and the
+    /// displacement of its origin, m. `q` starts at the joint's first coordinate; the position of a joint of one degree of
+    /// freedom is `ratio · q[0] + shift`.
     fn move_joint(
         joint: Self::Joint,
         placed: Self::Rotation,
@@ -178,7 +180,7 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     ) -> (Self::Rotation, Self::Vector);
     /// The joint's axis in world axes, for the child's rotation.
     fn axis(joint: Self::Joint, rotation: Self::Rotation) -> Axis<Self>;
-    /// Whether the joint's axis is carried by the same body as the previous one's (axes 2 to 6 of a floating joint).
+    /// Whether the joint is one of the axes 2 to 6 of a floating joint, which move with the same body as the first.
     fn rides_along(joint: Self::Joint) -> bool;
 
     /// The same vector over another scalar.
@@ -189,7 +191,7 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn cast_inertia<U: Real>(i: Self::Rotational) -> <Self::Cast<U> as Algebra>::Rotational;
 }
 
-/// What the articulated-body recursion asks of its symmetric matrices.
+/// A symmetric matrix of articulated inertia: the operations of the articulated-body recursion.
 pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'static {
     /// A rigid body's inertia.
     fn from_rigid(inertia: &Inertia<A>) -> Self;
@@ -199,7 +201,7 @@ pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'sta
     fn apply(&self, a: Motion<A>) -> Force<A>;
     /// Iᴬ − U Uᵀ / D, given 1/D
     fn without(&self, u: Force<A>, inverse_d: A::Scalar) -> Self;
-    /// The same inertia about a point at −r.
+    /// The same inertia about the point at −r.
     fn shifted(&self, r: A::Vector) -> Self;
 }
 
@@ -208,14 +210,14 @@ pub trait Articulated<A: Algebra>: Copy + Debug + Send + Sync + AddAssign + 'sta
 pub struct Motion<A: Algebra> {
     /// Angular part.
     pub angular: A::Angular,
-    /// Linear part, at the origin.
+    /// Linear part, at the reference point.
     pub linear: A::Vector,
 }
 
 /// A force or impulse: N m and N, or N m s and N s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Force<A: Algebra> {
-    /// Moment about the origin.
+    /// Moment about the reference point.
     pub moment: A::Angular,
     /// Force.
     pub force: A::Vector,
@@ -224,9 +226,9 @@ pub struct Force<A: Algebra> {
 /// One column of a joint's motion subspace, about the joint's own origin.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Axis<A: Algebra> {
-    /// Turns about this direction (times the coupling ratio of a mimic joint).
+    /// Rotation about this direction (unit, times the ratio of a mimic joint).
     Turn(A::Angular),
-    /// Slides along this direction.
+    /// Translation along this direction (unit, times the ratio of a mimic joint).
     Slide(A::Vector),
 }
 
@@ -244,32 +246,32 @@ pub struct Inertia<A: Algebra> {
 /// A position and a rotation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose<A: Algebra> {
-    /// Rotation into the outer axes.
+    /// Rotation from the axes of the inner frame to those of the outer frame.
     pub rotation: A::Rotation,
-    /// Position of the inner origin, m.
+    /// Position of the inner frame's origin in the outer frame, m.
     pub translation: A::Vector,
 }
 
 impl<A: Algebra> Pose<A> {
-    /// The pose that changes nothing.
+    /// The identity.
     #[inline(always)]
     pub fn identity() -> Self {
         Self { rotation: A::no_rotation(), translation: A::zero() }
     }
 
-    /// First `inner`, then `self`.
+    /// The product `self` · `inner`: the pose of a frame that has the pose `inner` in this one.
     #[inline(always)]
     pub fn then(&self, inner: &Self) -> Self {
         Self { rotation: A::compose(self.rotation, inner.rotation), translation: self.point(inner.translation) }
     }
 
-    /// The outer coordinates of a point given in inner ones.
+    /// The coordinates in the outer frame of a point given in the inner frame, m.
     #[inline(always)]
     pub fn point(&self, p: A::Vector) -> A::Vector {
         self.translation + A::rotate(self.rotation, p)
     }
 
-    /// The pose backwards.
+    /// The inverse pose.
     #[inline(always)]
     pub fn inverse(&self) -> Self {
         let back = A::inverse(self.rotation);
@@ -278,19 +280,20 @@ impl<A: Algebra> Pose<A> {
 }
 
 impl<A: Algebra> Motion<A> {
-    /// At rest.
+    /// Zero motion.
     #[inline(always)]
     pub fn zero() -> Self {
         Self { angular: A::zero_angular(), linear: A::zero() }
     }
 
-    /// The same motion seen at the point `r` away: v + ω × r.
+    /// The same motion with the linear part at the point `r` from the reference point: v + ω × r.
     #[inline(always)]
     pub fn shifted(self, r: A::Vector) -> Self {
         Self { angular: self.angular, linear: self.linear + A::swing(self.angular, r) }
     }
 
-    /// v × s q̇: how the axis `s`, carried along by this motion, changes. (Featherstone eq. 2.31.)
+    /// The spatial cross product v × s: the rate of change of a motion `s` that moves with a body of velocity v. (Featherstone
+    /// eq. 2.31.)
     #[inline(always)]
     pub fn carry(self, s: Motion<A>) -> Self {
         Self {
@@ -299,7 +302,8 @@ impl<A: Algebra> Motion<A> {
         }
     }
 
-    /// v ×* f: the rate of a momentum that is carried along by this motion. (Featherstone eq. 2.32.)
+    /// The spatial cross product v ×* f: the rate of change of a momentum `f` that moves with a body of velocity v.
+    /// (Featherstone eq. 2.32.)
     #[inline(always)]
     pub fn carry_force(self, f: Force<A>) -> Force<A> {
         Force {
@@ -318,7 +322,7 @@ impl<A: Algebra> Add for Motion<A> {
 }
 
 impl<A: Algebra> Force<A> {
-    /// No force.
+    /// Zero force.
     #[inline(always)]
     pub fn zero() -> Self {
         Self { moment: A::zero_angular(), force: A::zero() }
@@ -375,7 +379,7 @@ impl<A: Algebra> Mul<A::Scalar> for Force<A> {
 }
 
 impl<A: Algebra> Axis<A> {
-    /// s · f: the part of a force that the joint feels.
+    /// s · f: the projection of a force on the axis, that is the joint force.
     #[inline(always)]
     pub fn dot(self, f: Force<A>) -> A::Scalar {
         match self {
@@ -384,7 +388,7 @@ impl<A: Algebra> Axis<A> {
         }
     }
 
-    /// s q̇
+    /// s q̇, the motion of the joint at this rate.
     #[inline(always)]
     pub fn at_rate(self, rate: A::Scalar) -> Motion<A> {
         match self {
@@ -393,7 +397,7 @@ impl<A: Algebra> Axis<A> {
         }
     }
 
-    /// The velocity that unit rate gives to the point `r` away from the joint's origin.
+    /// The velocity, at unit joint rate, of the point at `r` from the joint's origin.
     #[inline(always)]
     pub fn point_velocity(self, r: A::Vector) -> A::Vector {
         match self {
@@ -402,7 +406,7 @@ impl<A: Algebra> Axis<A> {
         }
     }
 
-    /// The axis times a coupling ratio.
+    /// The axis times the ratio of a mimic joint.
     #[inline(always)]
     pub fn scaled(self, ratio: A::Scalar) -> Self {
         match self {
@@ -413,20 +417,21 @@ impl<A: Algebra> Axis<A> {
 }
 
 impl<A: Algebra> Inertia<A> {
-    /// No inertia.
+    /// Zero inertia.
     #[inline(always)]
     pub fn zero() -> Self {
         Self { mass: A::Scalar::zero(), first_moment: A::zero(), rotational: A::Rotational::zero() }
     }
 
-    /// Nothing left of its [`Algebra::unturned`], in rotated axes.
+    /// The inertia in rotated axes, of a body without its invariant part [`Algebra::unturned`].
     #[inline(always)]
     pub(crate) fn rotated_turning(&self, rotation: A::Rotation) -> Self {
         let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
         Self { mass: A::Scalar::zero(), first_moment, rotational }
     }
 
-    /// From mass, centre of mass and the rotational inertia about it.
+    /// The inertia about a reference point, from the mass (kg), the centre of mass relative to that point (m) and the
+    /// rotational inertia about the centre of mass (kg m²).
     #[inline(always)]
     pub fn from_com(mass: A::Scalar, com: A::Vector, inertia_at_com: A::Rotational) -> Self {
         let at_com = Self { mass, first_moment: A::zero(), rotational: inertia_at_com };
@@ -445,7 +450,7 @@ impl<A: Algebra> Inertia<A> {
         }
     }
 
-    /// I v
+    /// I v, the momentum at velocity v.
     #[inline(always)]
     pub fn apply(&self, v: Motion<A>) -> Force<A> {
         Force {
@@ -454,7 +459,7 @@ impl<A: Algebra> Inertia<A> {
         }
     }
 
-    /// I s
+    /// I s, the momentum at unit joint rate.
     #[inline(always)]
     pub fn along(&self, s: Axis<A>) -> Force<A> {
         match s {
@@ -476,7 +481,7 @@ impl<A: Algebra> Inertia<A> {
         }
     }
 
-    /// The same where there is no mass.
+    /// The same for zero mass.
     #[inline(always)]
     pub(crate) fn shifted_massless(&self, r: A::Vector) -> Self {
         let h = self.first_moment;
@@ -493,7 +498,7 @@ impl<A: Algebra> Inertia<A> {
         }
     }
 
-    /// The body of a child frame, in the frame that `pose` puts it in.
+    /// The same body, given in an inner frame, in the outer frame of `pose`.
     #[inline(always)]
     pub fn placed(&self, pose: &Pose<A>) -> Self {
         self.rotated(pose.rotation).shifted(pose.translation)

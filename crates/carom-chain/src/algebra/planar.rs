@@ -1,4 +1,4 @@
-//! The plane: SE(2). Angular quantities are one number, vectors two.
+//! The algebra of the plane, SE(2): angular quantities are one number, vectors two.
 
 use super::{Algebra, Articulated, Axis, Force, Inertia, Motion, Real, sealed::Sealed};
 use nalgebra::{Matrix2, RealField, Vector2, convert, convert_unchecked};
@@ -9,16 +9,16 @@ use std::ops::AddAssign;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Planar<T>(PhantomData<T>);
 
-/// Joints in the plane.
+/// Joint types in the plane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PlanarJoint {
-    /// Turns counter-clockwise.
+    /// Hinge; positive angles are counter-clockwise.
     Revolute,
-    /// Slides along its own x axis.
+    /// Slider along the x axis of its frame.
     Prismatic,
 }
 
-/// A rotation: (cos, sin) of its angle.
+/// A rotation in the plane, as (cos, sin) of its angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Turn<T> {
     /// Cosine of the angle.
@@ -27,7 +27,7 @@ pub struct Turn<T> {
     pub sin: T,
 }
 
-/// ω × r = ω · perp(r): r turned by a quarter.
+/// r rotated by π/2: ω × r = ω · perp(r).
 #[inline(always)]
 fn perp<T: Real>(r: Vector2<T>) -> Vector2<T> {
     Vector2::new(-r.y, r.x)
@@ -204,12 +204,12 @@ impl<T: Real> Algebra for Planar<T> {
     }
 }
 
-/// `T` to `U` by way of `f64`: chains are read in `f64` and cast from there.
+/// Converts `T` to `U` through `f64`: chains are read in `f64` and cast from there.
 pub(super) fn cast<T: Real, U: Real>(x: T) -> U {
     convert(convert_unchecked::<T, f64>(x))
 }
 
-/// `[Iᵣ H; Hᵀ M]` with H a row: rotational, coupling and linear part.
+/// Articulated inertia in the plane, `[Iᵣ H; Hᵀ M]` with H a row: rotational, coupling and linear part.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarArticulated<T> {
     rotational: T,

@@ -1,4 +1,4 @@
-//! Space: SE(3). Angular quantities and vectors are three numbers.
+//! The algebra of space, SE(3): angular quantities and vectors are three numbers.
 
 use super::planar::cast;
 use super::symmetric::Symmetric3;
@@ -11,15 +11,16 @@ use std::ops::AddAssign;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spatial<T>(PhantomData<T>);
 
-/// Joints in space, in frames whose z axis is the joint's axis.
+/// Joint types in space. The z axis of a hinge's or slider's frame is the joint's axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SpatialJoint {
-    /// Turns about z.
+    /// Hinge about z.
     Revolute,
-    /// Slides along z.
+    /// Slider along z.
     Prismatic,
-    /// One of the six axes of a floating joint: 0–2 slide along, 3–5 turn about the child's own x, y, z. The first
-    /// owns all seven coordinates (x, y, z, qx, qy, qz, qw) and makes the whole motion.
+    /// One of the six axes of a floating joint: 0–2 are translations along, 3–5 rotations about the child's x, y and z axes.
+    /// The transform of axis 0 is the whole motion by all seven coordinates (x, y, z, qx, qy, qz, qw); those of the others
+    /// are the identity.
     Floating(u8),
 }
 
@@ -35,13 +36,13 @@ pub(super) fn row<T: Real>(m: &Matrix3<T>, i: usize) -> Vector3<T> {
     Vector3::new(m[(i, 0)], m[(i, 1)], m[(i, 2)])
 }
 
-/// Part by part: the diagonal of a bᵀ.
+/// The product by components: the diagonal of a bᵀ.
 #[inline(always)]
 fn by_parts<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
     Vector3::new(a.x * b.x, a.y * b.y, a.z * b.z)
 }
 
-/// What a bᵀ + b aᵀ has beside its diagonal: (2,3), (3,1), (1,2).
+/// The off-diagonal elements (2,3), (3,1) and (1,2) of a bᵀ + b aᵀ.
 #[inline(always)]
 fn crosswise<T: Real>(a: Vector3<T>, b: Vector3<T>) -> Vector3<T> {
     Vector3::new(a.y * b.z + b.y * a.z, a.z * b.x + b.z * a.x, a.x * b.y + b.x * a.y)
@@ -59,7 +60,7 @@ fn apply_transposed<T: Real>(m: &Matrix3<T>, v: Vector3<T>) -> Vector3<T> {
     Vector3::new(Spatial::dot(column(m, 0), v), Spatial::dot(column(m, 1), v), Spatial::dot(column(m, 2), v))
 }
 
-/// A matrix by its columns.
+/// The matrix of these columns.
 #[inline(always)]
 fn columns<T: Real>(x: Vector3<T>, y: Vector3<T>, z: Vector3<T>) -> Matrix3<T> {
     Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
@@ -90,8 +91,8 @@ fn from_quaternion<T: Real>(x: T, y: T, z: T, w: T) -> Matrix3<T> {
     )
 }
 
-/// A rotation that takes z to the unit vector `a`; x to x and y to y for a = z, and exact for all coordinate axes.
-/// (Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6 (2017), listing 3.)
+/// A rotation that maps z to the unit vector `a`. It is the identity for a = z, and exact for all coordinate axes. (Duff et
+/// al., *Building an Orthonormal Basis, Revisited*, JCGT 6 (2017), listing 3.)
 pub fn z_onto(a: Vector3<f64>) -> Matrix3<f64> {
     let sign = 1.0_f64.copysign(a.z);
     let k = -1.0 / (sign + a.z);
@@ -244,8 +245,8 @@ impl<T: Real> Algebra for Spatial<T> {
     where
         T: RealField,
     {
-        // z goes to (sin a sin b, −cos a sin b, cos b). Where that is z itself a is free; else, however small b, what is
-        // left after R_z(a) has its c in the first row, and the errors of a and c cancel.
+        // R maps z to (sin a sin b, −cos a sin b, cos b). If that is z, a is arbitrary. Otherwise, for b of any size, c is
+        // found in the first row of R_z(−a) R, and the errors of a and c cancel.
         let z = column(&rotation, 2);
         let a = if z.x == T::zero() && z.y == T::zero() { T::zero() } else { z.x.atan2(-z.y) };
         let rest = Self::compose(Self::turn(Self::no_rotation(), -a.sin(), a.cos()), rotation);
@@ -277,7 +278,7 @@ impl<T: Real> Algebra for Spatial<T> {
         let p =
             Spatial::plus(Spatial::plus(Spatial::times(x, d.x * half), Spatial::times(y, b.z)), Spatial::times(z, b.y));
         let r = Spatial::plus(Spatial::times(z, d.z * half), Spatial::times(y, b.x));
-        // (No closures: in lanes the compiler leaves some as functions of their own, without the vectors of the processor.)
+        // No closures: for SIMD lanes the compiler does not inline some of them, and compiles them without AVX instructions.
         let (px, rz) = (by_parts(p, x), by_parts(r, z));
         let turned = Symmetric3 {
             diagonal: Spatial::times(Spatial::plus(px, rz), nalgebra::convert(2.0)),
@@ -329,7 +330,7 @@ impl<T: Real> Algebra for Spatial<T> {
     }
 }
 
-/// `[Iᵣ H; Hᵀ M]`: rotational, coupling and linear 3×3 blocks.
+/// Articulated inertia in space, `[Iᵣ H; Hᵀ M]`: rotational, coupling and linear 3×3 blocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialArticulated<T> {
     rotational: Symmetric3<T>,
@@ -387,7 +388,7 @@ impl<T: Real> Articulated<Spatial<T>> for SpatialArticulated<T> {
     #[inline(always)]
     fn shifted(&self, r: Vector3<T>) -> Self {
         // v = v′ + ω × r, so H′ = H + r×M and I′ = I + r×Hᵀ − H′r×. In columns and rows: (r×M)eⱼ = r × Meⱼ, and row i
-        // of −H′r× is r × (row i of H′). The sum is symmetric: six of its numbers are enough.
+        // of −H′r× is r × (row i of H′). The sum is symmetric: six of its elements are computed.
         let cross = Spatial::moment;
         let m = self.linear.matrix();
         let moved = |j: usize| Spatial::plus(column(&self.coupling, j), cross(r, column(&m, j)));

@@ -1,4 +1,4 @@
-//! Symmetric 3×3 matrices: six numbers, and no product computed twice.
+//! Symmetric 3×3 matrices, stored as six numbers.
 
 use super::spatial::row;
 use super::{Algebra, Real, Spatial};
@@ -6,17 +6,17 @@ use nalgebra::{Matrix3, Vector3};
 use num_traits::Zero;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
-/// A symmetric 3×3 matrix by its six numbers: rotational inertia, and the diagonal blocks of articulated inertia.
+/// A symmetric 3×3 matrix, stored as six numbers: a rotational inertia, or a diagonal block of an articulated inertia.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Symmetric3<T> {
     /// The diagonal.
     pub diagonal: Vector3<T>,
-    /// The numbers beside it: (2,3), (3,1), (1,2), each named by the axis that it leaves out.
+    /// The off-diagonal elements (2,3), (3,1) and (1,2), as components x, y and z.
     pub beside: Vector3<T>,
 }
 
 impl<T: Real> Symmetric3<T> {
-    /// The same number on the diagonal, zero beside it.
+    /// The matrix with `x` on the diagonal and zero elsewhere.
     #[inline(always)]
     pub fn from_diagonal_element(x: T) -> Self {
         Self { diagonal: Vector3::new(x, x, x), beside: Vector3::new(T::zero(), T::zero(), T::zero()) }
@@ -36,7 +36,7 @@ impl<T: Real> Symmetric3<T> {
         }
     }
 
-    /// All nine numbers.
+    /// The full 3×3 matrix.
     #[inline(always)]
     pub fn matrix(&self) -> Matrix3<T> {
         let (d, b) = (&self.diagonal, &self.beside);

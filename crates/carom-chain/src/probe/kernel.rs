@@ -1,4 +1,4 @@
-//! The kernel: one source for every shape of chain (see [`super`] for the symbols).
+//! The kernel, generic over the shape of the chain (see [`super`] for the symbols).
 
 use super::Found;
 use super::row::HingeRow;
@@ -8,7 +8,7 @@ use crate::turned::Turned;
 use num_traits::{One, Zero};
 use std::ops::Range;
 
-/// The scratch memory of one body. Aligned, so that no vector of eight lies across two lines of the cache.
+/// Scratch memory of one body. Aligned, so that no vector of eight numbers crosses a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Link<A: Algebra, X: Moves<A>> {
@@ -19,7 +19,7 @@ pub(super) struct Link<A: Algebra, X: Moves<A>> {
     felt: A::Vector,
 }
 
-/// Where the kernel writes: `factor` has n rows of [`row_length`], M has n², and the others n entries.
+/// Output and scratch memory of the kernel: `factor` has n rows of [`row_length`], M has n² and the others n entries.
 pub(super) struct Memory<'a, A: Algebra, X: Moves<A>> {
     pub links: &'a mut [Link<A, X>],
     pub factor: &'a mut [A::Scalar],
@@ -30,14 +30,14 @@ pub(super) struct Memory<'a, A: Algebra, X: Moves<A>> {
     pub response: &'a mut [A::Scalar],
 }
 
-/// Whether `T` is one number, not lanes. What was just stored number by number and is read in pairs waits for the cache, so
-/// single numbers stay at hand from one body to the next; lanes are stored and read whole, and at hand the compiler would
-/// take them apart and put them together.
+/// Whether `T` is one number and not SIMD lanes. Numbers stored one by one and read in pairs miss store forwarding, so
+/// single numbers are kept in registers from one body to the next. Lanes are stored and read whole; in registers the
+/// compiler would split and reassemble them.
 const fn single<T>() -> bool {
     size_of::<T>() <= size_of::<f64>()
 }
 
-/// Single numbers of a row of the factor that are worked on at a time.
+/// Number of entries of a row of the factor that are processed together, for single numbers.
 const TOGETHER: usize = 4;
 
 /// Length of a row of the factor of n bodies.
@@ -45,8 +45,8 @@ pub(super) const fn row_length<T>(n: usize) -> usize {
     if single::<T>() { n.next_multiple_of(TOGETHER) } else { n }
 }
 
-/// Row `i` of the factor − `share` · row `k`, up to the diagonal of row `i`, its entry `last`, and on to where a number of
-/// [`TOGETHER`] is full: nobody reads what is beyond.
+/// Subtracts `share` · row `k` of the factor from row `i`, up to the diagonal entry `last` of row `i`, rounded up to a
+/// multiple of [`TOGETHER`]: entries beyond the diagonal are not used.
 #[inline(always)]
 fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T, last: usize) {
     if !single::<T>() {
@@ -58,7 +58,7 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
     }
     let mut b = 0;
     while b <= last {
-        // All are read before one is written: then the compiler works on them side by side.
+        // All entries are read before one is written, so that the compiler vectorises the loop.
         let (mut entries, mut others) = ([T::zero(); TOGETHER], [T::zero(); TOGETHER]);
         others.copy_from_slice(&rows[k * length + b..][..TOGETHER]);
         let here = &mut rows[i * length + b..][..TOGETHER];
@@ -71,7 +71,7 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
     }
 }
 
-/// Everything about the point at `arm` on the shape's last body, or the one it names.
+/// All results for the point at `arm` on the body [`Shape::point`].
 #[inline(always)]
 pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     shape: S,
@@ -88,7 +88,7 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     let (jacobian, mass_matrix) = (&mut memory.jacobian[..n], &mut memory.mass_matrix[..n * n]);
     let (joint_impulse, response) = (&mut memory.joint_impulse[..n], &mut memory.response[..n]);
 
-    // Outward: where everything is.
+    // Outward: poses.
     let at_hand = single::<A::Scalar>();
     let mut before = A::no_rotation();
     for i in 0..n {
@@ -136,7 +136,7 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
         }
     }
 
-    // From the point down: J.
+    // From the point to the world: J.
     let point = shape.point(n);
     let mut r = A::rotate(links[point].rotation, arm);
     let mut next = Some(point);
@@ -150,8 +150,8 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     }
     let position = r;
 
-    // M = Lᵀ D L, the rows of D L in place, each by the depths of what carries its body; and with each row, once it is there,
-    // Y = L⁻ᵀ Jᵀ from the point down and H = Yᵀ D⁻¹ Y: together, because each division keeps the next row waiting.
+    // M = Lᵀ D L, with the rows of D L in place, indexed by the depths of the body's ancestors. As soon as a row is known,
+    // its parts of Y = L⁻ᵀ Jᵀ and of H = Yᵀ D⁻¹ Y are computed, which hides the latency of the divisions.
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
     let mut on_the_way = Some(point);
     for k in shape.moved(n).rev() {
@@ -184,7 +184,7 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
         }
     }
 
-    // Outward: M⁻¹Jᵀn = x = L⁻¹ (D⁻¹ Y n). Bodies come depth first: the last of each depth below is on the way.
+    // Outward: M⁻¹Jᵀn = x = L⁻¹ (D⁻¹ Y n). Bodies are numbered depth first: the last body of each smaller depth is an ancestor.
     for i in shape.moved(n) {
         let v = shape.coordinate(i);
         let depth = shape.depth(i);
@@ -199,8 +199,8 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
 }
 
-/// The kernel for two hinges, written out: the same operations in the same order, without a loop. The compiler does not
-/// unroll loops over lanes, and what is in arrays that a loop walks stays in memory.
+/// The kernel for two hinges, unrolled: the same operations in the same order. The compiler does not unroll loops over
+/// SIMD lanes, and keeps arrays that are indexed in a loop in memory.
 #[inline(always)]
 pub(super) fn read_two<A: Algebra>(
     row: &HingeRow<A>,
@@ -241,7 +241,7 @@ pub(super) fn read_two<A: Algebra>(
     }
 }
 
-/// The kernel for three hinges, written out.
+/// The kernel for three hinges, unrolled.
 #[inline(always)]
 pub(super) fn read_three<A: Algebra>(
     row: &HingeRow<A>,
@@ -299,7 +299,7 @@ pub(super) fn read_three<A: Algebra>(
     }
 }
 
-/// What is found of N hinges.
+/// The results for N hinges.
 pub(super) struct Answer<A: Algebra, const N: usize> {
     position: A::Vector,
     jacobian: [A::Vector; N],
@@ -325,14 +325,14 @@ impl<A: Algebra, const N: usize> Answer<A, N> {
     }
 }
 
-/// H = Yᵀ D⁻¹ Y and nᵀHn, joint by joint.
+/// H = Yᵀ D⁻¹ Y and nᵀHn, accumulated joint by joint.
 struct Sum<A: Algebra> {
     delassus: [A::Vector; 3],
     mobility: A::Scalar,
 }
 
 impl<A: Algebra> Sum<A> {
-    /// What one joint with row `y` and 1/D gives, and its entry of D⁻¹ Y n.
+    /// The contribution of one joint with row `y` and 1/D, and its entry of D⁻¹ Y n.
     #[inline(always)]
     fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Scalar) {
         let scaled = A::times(y, inverse_d);
@@ -345,7 +345,7 @@ impl<A: Algebra> Sum<A> {
         (Self { delassus, mobility: along * moved }, moved)
     }
 
-    /// Adds another joint.
+    /// Adds the contribution of another joint; returns its entry of D⁻¹ Y n.
     #[inline(always)]
     fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Scalar {
         let (other, moved) = Self::of(y, inverse_d, normal);
@@ -357,20 +357,20 @@ impl<A: Algebra> Sum<A> {
     }
 }
 
-/// What the kernel need not look up, body by body.
+/// The structure of a chain, as the kernel needs it.
 pub(super) trait Shape<A: Algebra>: Copy {
     type Axis: Moves<A>;
-    /// The bodies that carry body `i`, from its parent down to the world, in runs: the last of each run comes first.
+    /// The ancestors of body `i`, from its parent to the world, as runs of consecutive indices, each to be visited backwards.
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>>;
     fn parent(self, i: usize) -> Option<usize>;
-    /// How many bodies carry body `i`.
+    /// Number of ancestors of body `i`.
     fn depth(self, i: usize) -> usize;
     fn coordinate(self, i: usize) -> usize;
-    /// The body that carries the point, of n.
+    /// The body that the point is fixed to, in a chain of n bodies.
     fn point(self, n: usize) -> usize;
-    /// The bodies that an impulse at the point moves: all that hang from the world where the point does.
+    /// The bodies that an impulse at the point moves: the branch of the point.
     fn moved(self, n: usize) -> Range<usize>;
-    /// Body `i`, whose parent has the rotation `outer`.
+    /// Body `i`, for the rotation `outer` of its parent.
     fn place(
         self,
         i: usize,
@@ -378,11 +378,11 @@ pub(super) trait Shape<A: Algebra>: Copy {
         q: &[A::Scalar],
         turned: &impl Turned<A>,
     ) -> Link<A, Self::Axis>;
-    /// What body `i` carries, about the point at −r.
+    /// Composite inertia of body `i`, about the point at −r.
     fn shifted(self, i: usize, inertia: &Carried<A, Self>, r: A::Vector) -> Carried<A, Self>;
 }
 
-/// The inertia that the joints of a shape carry.
+/// Type of the composite inertia of a shape.
 pub(super) type Carried<A, S> = <<S as Shape<A>>::Axis as Moves<A>>::Inertia;
 
 impl<A: Algebra, X: Moves<A>> Link<A, X> {
@@ -391,7 +391,7 @@ impl<A: Algebra, X: Moves<A>> Link<A, X> {
         Self { rotation, offset, axis, composite, felt: A::zero() }
     }
 
-    /// Memory, to be written.
+    /// Initial contents, to be overwritten.
     pub fn new() -> Self {
         Self::at(A::no_rotation(), A::zero(), X::still(), X::nothing())
     }

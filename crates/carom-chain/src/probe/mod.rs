@@ -1,29 +1,29 @@
-//! What a contact at one point needs of a chain, fused: position, J, M, H and the response to a unit impulse.
+//! Position, J, M, H and the response to a unit impulse of one point of a chain, computed together in one pass.
 //!
-//! [`crate::Kinematics`] answers any question in any order; this kernel answers one, and shares what the answers have in
-//! common. M is built once and factored in place, `M = Lᵀ D L`, which keeps the zeros of a tree; then with `Y = L⁻ᵀ Jᵀ`
-//! (zero off the way from the point to the world) `H = Yᵀ D⁻¹ Y`, and `M⁻¹Jᵀn = L⁻¹ D⁻¹ Y n`. No bias, no roots, one
-//! division for each joint.
+//! [`crate::Kinematics`] computes each of these quantities separately; the probe shares their intermediate results. M is
+//! computed once and factored in place, `M = Lᵀ D L`, which keeps the zeros of a tree. With `Y = L⁻ᵀ Jᵀ`, whose rows are zero
+//! for bodies not between the point and the world, `H = Yᵀ D⁻¹ Y` and `M⁻¹Jᵀn = L⁻¹ D⁻¹ Y n`. There are no square roots,
+//! and one division per joint.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
 //! | M | nv×nv | mass matrix | `mass_matrix` |
-//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L; in memory rows of D L, without the zeros | `factor` |
-//! | yₖ | 3, 2 | row k of Y: what the joint k feels of unit forces at the point, those beyond it free | `felt` |
+//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L; stored as rows of D L, without the zeros | `factor` |
+//! | yₖ | 3, 2 | row k of Y: unit forces at the point, projected on joint k after the joints beyond it are eliminated | `felt` |
 //! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
 //! | Jᵀn | nv | joint impulse of a unit impulse along n | `joint_impulse` |
-//! | M⁻¹Jᵀn | nv | joint velocities that it gives | `response` |
-//! | nᵀHn | 1 | velocity along n that it gives the point, 1/kg | `mobility` |
+//! | M⁻¹Jᵀn | nv | joint velocities after a unit impulse along n | `response` |
+//! | nᵀHn | 1 | velocity of the point along n after a unit impulse along n, 1/kg | `mobility` |
 //!
-//! **Shapes.** The kernel (`kernel.rs`) is written once, and two and three hinges are written out beside it. What a chain is
-//! made of is looked at once, when the probe is made: hinges one after another take no branches on joints and parents, and
-//! what is the same at all configurations is done in advance (`row.rs`); all else is a tree (`tree.rs`), of hinges alone, where
-//! nobody asks what an axis is, or of any joints. What each of them earns is in `docs/speed.md`; `tests/probe.rs` holds all to
-//! [`crate::Kinematics`].
+//! **Shapes.** The kernel (`kernel.rs`) is generic over the shape of the chain, which is determined once, when the probe is
+//! made. A row of hinges (`row.rs`) needs no branches on joint types and parents, and its configuration-independent
+//! quantities are precomputed; rows of two and three hinges have unrolled kernels. Any other chain is a tree (`tree.rs`): of
+//! hinges alone, so that the joint type is known statically, or of any joints. `docs/speed.md` gives the gain in speed of
+//! each; `tests/probe.rs` compares all of them with [`crate::Kinematics`].
 //!
-//! **Lanes.** All that runs in lanes is inlined, or it would be compiled without the vectors of the processor: hence no
-//! closures in the kernel and in the algebra that it calls, and none of nalgebra's operators in the kernel.
+//! **SIMD lanes.** Code that runs in lanes must be inlined, because it is otherwise compiled without AVX instructions. The
+//! kernel and the algebra that it calls therefore use no closures, and the kernel uses no operators of nalgebra.
 //!
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
@@ -44,7 +44,7 @@ use row::HingeRow;
 use std::sync::Arc;
 use tree::Limbs;
 
-/// One point of a chain, ready to be asked at many configurations. Immutable, and shared by reference.
+/// One point of a chain, prepared for evaluation at many configurations. Immutable; can be shared by reference.
 #[derive(Debug, Clone)]
 pub struct Probe<A: Algebra> {
     chain: Chain<A>,
@@ -53,12 +53,12 @@ pub struct Probe<A: Algebra> {
     angles: Vec<(usize, Angle<A::Scalar>)>,
 }
 
-/// What the chain is made of.
+/// Shape of the chain.
 #[derive(Debug, Clone)]
 enum Shape<A: Algebra> {
-    /// So few hinges in a row that the kernel is written out for them.
+    /// Two or three hinges in a row: unrolled kernels.
     Few(Few<A>),
-    /// Anything else, by loops.
+    /// Any other chain: the kernel with loops.
     Many(Many<A>),
 }
 
@@ -77,7 +77,7 @@ enum Many<A: Algebra> {
     Tree(Arc<Limbs>),
 }
 
-/// Memory for what a probe finds, and for finding it.
+/// Memory for the results of a probe, and its scratch memory.
 #[derive(Debug, Clone)]
 pub struct Reading<A: Algebra> {
     position: A::Vector,
@@ -87,7 +87,7 @@ pub struct Reading<A: Algebra> {
     joint_impulse: Vec<A::Scalar>,
     response: Vec<A::Scalar>,
     mobility: A::Scalar,
-    /// Of each body's hinge, if it is one.
+    /// Angle of each body's joint, rad; used for hinges only.
     angles: Vec<A::Scalar>,
     sines: Vec<A::Scalar>,
     cosines: Vec<A::Scalar>,
@@ -95,40 +95,41 @@ pub struct Reading<A: Algebra> {
     by_depth: Vec<A::Scalar>,
     hinges: Vec<Link<A, Hinge<A>>>,
     joints: Vec<Link<A, Axis<A>>>,
-    /// Whose zeros are in place: between its branches, and off the way to its point, a tree writes nothing.
+    /// The tree whose zeros are in place: those entries of M between branches and of J off the path to the point that its
+    /// kernel does not write.
     zeros_of: Option<Arc<Limbs>>,
 }
 
-/// What a probe finds at one configuration.
+/// The results of a probe at one configuration.
 #[derive(Debug, Clone, Copy)]
 pub struct Found<'a, A: Algebra> {
     /// World position of the point, m.
     pub position: A::Vector,
-    /// Column for each coordinate: velocity of the point for unit rate, world axes.
+    /// The nv columns of the Jacobian: velocity of the point at unit joint rate, world axes.
     pub jacobian: &'a [A::Vector],
-    /// nv×nv, all of it.
+    /// The mass matrix, all nv×nv entries; kg m², kg m, kg.
     pub mass_matrix: &'a [A::Scalar],
     /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
     pub delassus: [A::Vector; 3],
     /// Jᵀn: the joint impulse of a unit impulse along the normal.
     pub joint_impulse: &'a [A::Scalar],
-    /// M⁻¹Jᵀn: the joint velocities that a unit impulse along the normal gives.
+    /// M⁻¹Jᵀn: the joint velocities after a unit impulse along the normal on the chain at rest.
     pub response: &'a [A::Scalar],
-    /// nᵀHn: the velocity along the normal that it gives the point, 1/kg.
+    /// nᵀHn: the velocity of the point along the normal after that impulse, 1/kg.
     pub mobility: A::Scalar,
 }
 
-/// What is done with each answer while it is still in registers. (A trait and not a closure, because a closure can't be
-/// made to be inlined.)
+/// A function of the results of a probe, called while they are in registers. It is a trait because inlining of a closure
+/// cannot be forced.
 pub trait Finish<A: Algebra> {
-    /// Whether the answer is put into the [`Reading`] too; if not, what it then holds means nothing.
+    /// Whether the results are also stored in the [`Reading`]. If `false`, the contents of the reading are unspecified.
     const KEEPS: bool;
-    /// Takes what was found.
+    /// Called once with the results.
     fn finish(&mut self, found: Found<A>);
 }
 
 impl<A: Algebra<Scalar = f64>> Chain<A> {
-    /// Makes a point ready to be asked at many configurations.
+    /// Prepares a point for evaluation at many configurations.
     ///
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
@@ -159,7 +160,8 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
 }
 
 impl<A: Algebra<Scalar = f64>> Probe<A> {
-    /// The same probe over another scalar: its digits at each lane are those of one at a time.
+    /// The same probe over another scalar. Each lane of a SIMD scalar gives the same digits as the scalar alone, for the same
+    /// sines and cosines.
     pub fn cast<U: Real>(&self) -> Probe<A::Cast<U>> {
         let shape = match &self.shape {
             Shape::Few(Few::Two(row)) => Shape::Few(Few::Two(row.cast())),
@@ -175,26 +177,26 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
         Probe { chain: self.chain.cast(), arm: A::cast_vector(self.arm), shape, angles }
     }
 
-    /// Everything at `q` (length nq; rad, m, quaternion), for the unit normal n in world axes. Allocates nothing.
+    /// Computes all results at `q` (length nq; rad, m, quaternion) for the unit normal n in world axes. Does not allocate.
     ///
-    /// Numbers are not looked at: [`Chain::check_state`] does that, and a singular M gives infinities.
+    /// The numbers are not checked; use [`Chain::check_state`] for that. A singular M gives infinite results.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made by another probe and has no room for this one.
+    /// May panic if the reading was made by a probe of another chain.
     pub fn read_into(&self, q: &[f64], normal: A::Vector, reading: &mut Reading<A>) -> Result<(), ChainError> {
         self.read_and(q, normal, reading, Keep)
     }
 
-    /// The same, and what `finish` makes of it.
+    /// As [`Self::read_into`], and calls `finish` with the results.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made by another probe and has no room for this one.
+    /// May panic if the reading was made by a probe of another chain.
     #[inline(always)]
     pub fn read_and(
         &self,
@@ -205,7 +207,7 @@ impl<A: Algebra<Scalar = f64>> Probe<A> {
     ) -> Result<(), ChainError> {
         self.check(q, reading)?;
         match &self.shape {
-            // Sines in advance: in between, each would keep the next body waiting.
+            // All sines first: computed body by body, each would delay the next body.
             Shape::Few(few) => match few {
                 Few::Two(row) => {
                     let [a, b] = [0, 1].map(|i| row.bodies[i].angle(i).at(q));
@@ -241,18 +243,20 @@ impl<A: Algebra> Probe<A> {
         &self.chain
     }
 
+    /// Checks the length of a vector of joint velocities.
+    ///
     /// # Errors
-    /// [`ChainError::WrongLength`] unless `length` is the number of velocities, nv.
+    /// [`ChainError::WrongLength`] unless `length` is nv.
     pub fn check_velocities(&self, length: usize) -> Result<(), ChainError> {
         self.chain.check_nv("qd", length)
     }
 
-    /// The angles whose sines and cosines [`Turned`] is asked for, each after the number of its body.
+    /// The hinges whose sines and cosines [`Self::read_turned`] needs: index of the body, and angle.
     pub fn angles(&self) -> &[(usize, Angle<A::Scalar>)] {
         &self.angles
     }
 
-    /// Memory for what this probe finds. Allocates; reading into it does not.
+    /// Memory for the results of this probe. This call allocates; reading into it does not.
     pub fn reading(&self) -> Reading<A> {
         let n = self.chain.nv;
         let (hinges, joints) = if matches!(self.shape, Shape::Many(Many::Tree(_))) { (0, n) } else { (n, 0) };
@@ -276,13 +280,13 @@ impl<A: Algebra> Probe<A> {
         }
     }
 
-    /// Everything at `q`, for the normal n, with the sine and cosine of each joint's angle given. Allocates nothing.
+    /// As [`Self::read_and`], with the sines and cosines of the hinges' angles given. Does not allocate.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
     ///
     /// # Panics
-    /// If the reading was made by another probe and has no room for this one.
+    /// May panic if the reading was made by a probe of another chain.
     #[inline(always)]
     pub fn read_turned<F: Finish<A>>(
         &self,
@@ -302,7 +306,11 @@ impl<A: Algebra> Probe<A> {
 
     #[inline(always)]
     fn check(&self, q: &[A::Scalar], reading: &Reading<A>) -> Result<(), ChainError> {
-        assert_eq!(reading.joint_impulse.len(), self.chain.nv, "this reading belongs to another chain");
+        assert_eq!(
+            reading.joint_impulse.len(),
+            self.chain.nv,
+            "this reading belongs to another chain: make one with Probe::reading"
+        );
         self.chain.check_nq(q.len())
     }
 }
@@ -363,14 +371,14 @@ impl<A: Algebra> Many<A> {
 }
 
 impl<A: Algebra> Reading<A> {
-    /// What was found last; before the first time, zeros.
+    /// The results of the last evaluation; zeros before the first.
     pub fn found(&self) -> Found<'_, A> {
         let &Self { position, delassus, mobility, .. } = self;
         let Self { jacobian, mass_matrix, joint_impulse, response, .. } = self;
         Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
     }
 
-    /// Puts zeros where this tree writes nothing, if they are not there already.
+    /// Writes zeros into the entries that the kernel of this tree does not write, unless they are already there.
     #[inline(always)]
     fn put_zeros(&mut self, limbs: &Arc<Limbs>) {
         if !self.zeros_of.as_ref().is_some_and(|other| Arc::ptr_eq(other, limbs)) {
@@ -382,7 +390,7 @@ impl<A: Algebra> Reading<A> {
         }
     }
 
-    /// Hands on what was found, and keeps it if that is wanted.
+    /// Calls `finish` with the results, and stores them if `F::KEEPS`.
     #[inline(always)]
     fn keep<F: Finish<A>>(&mut self, found: Found<A>, mut finish: F) {
         if F::KEEPS {
@@ -397,7 +405,7 @@ impl<A: Algebra> Reading<A> {
     }
 }
 
-/// Nothing but the reading.
+/// Stores the results in the reading and does nothing else.
 struct Keep;
 
 impl<A: Algebra> Finish<A> for Keep {

@@ -1,9 +1,9 @@
-//! A row of hinges, with all that is the same at every configuration done once.
+//! A row of hinges, with the quantities that do not depend on the configuration precomputed.
 //!
-//! Frames: a body's axes are free to be turned about its own hinge, so that every placement R = R_z(a) R_x(b) R_z(c) is
-//! left with its tilt b: the turns about z go into the angles of the joints. (Craig, *Introduction to Robotics* (1989),
-//! section 3.5, gives each link such axes; its origins, which go to infinity where axes are nearly parallel, stay here
-//! where the file puts them.)
+//! Frames: the axes of a body may be rotated about its own hinge. They are chosen so that of every placement R = R_z(a)
+//! R_x(b) R_z(c) only the tilt b remains; the rotations about z are added to the joint angles. Craig, *Introduction to
+//! Robotics* (1989), section 3.5, gives each link such axes. The origins remain those of the file; Craig's go to infinity
+//! for nearly parallel axes.
 //!
 //! Inertia: the [`base_parameters`] in these axes, which have no mass.
 
@@ -21,16 +21,16 @@ use std::ops::Range;
 pub(super) struct HingeRow<A: Algebra> {
     /// R_z(a) R_x(b) of the first.
     pub base: A::Rotation,
-    /// From the world outward.
+    /// The bodies, from the world outward.
     pub bodies: Vec<Hinged<A>>,
 }
 
-/// One body of a row of hinges, and the hinge above it.
+/// One body of a row of hinges and its parent hinge.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Hinged<A: Algebra> {
-    /// Sine and cosine of b, from the axes of the body below.
+    /// Sine and cosine of the tilt b relative to the parent body.
     pub tilt: (A::Scalar, A::Scalar),
-    /// The joint's origin from the one below, in the axes of the body below.
+    /// The joint's origin relative to the previous one, in parent axes, m.
     pub offset: A::Vector,
     /// Angle of the joint = `sense` · q + `shift`.
     pub sense: A::Scalar,
@@ -63,7 +63,7 @@ impl<A: Algebra> HingeRow<A> {
         }
         let about_z = |angle: f64| A::turn(A::no_rotation(), angle.sin(), angle.cos());
         let angles: Vec<[f64; 3]> = chain.bodies.iter().map(|b| A::euler_angles(b.placement.rotation)).collect();
-        // Each body's axes are turned by the a of the next.
+        // Each body's axes are rotated by the a of the next.
         let beyond = |i: usize| angles.get(i + 1).map_or(0.0, |[a, ..]| *a);
         let mut turned = Vec::with_capacity(angles.len());
         for (i, (body, [a, b, _])) in chain.bodies.iter().zip(&angles).enumerate() {
@@ -108,7 +108,7 @@ impl<A: Algebra> HingeRow<A> {
     }
 }
 
-/// The point is on the last.
+/// The point is on the last body.
 impl<A: Algebra> Shape<A> for &HingeRow<A> {
     type Axis = Hinge<A>;
     #[inline(always)]

@@ -1,8 +1,8 @@
-//! Joints in a tree, of any type or hinges alone, the point on any body.
+//! A tree of joints of any type or of hinges alone, with the point on any body.
 //!
-//! Bodies are numbered depth first, so that a limb is a run of numbers, each the parent of the next: on the way down a run no
-//! parent is looked up. An impulse moves what hangs from the world where its point does: a fixed pelvis keeps the legs out
-//! of a blow on the hand, and their part of M, a block of its own, is not factored.
+//! Bodies are numbered depth first, so that a segment without branches is a run of consecutive indices, each the parent of
+//! the next: within a run no parent is looked up. An impulse moves only the branch from the world that contains its point:
+//! with a fixed pelvis, an impulse on the hand does not move the legs, and their diagonal block of M is not factored.
 
 use super::kernel::{Link, Shape};
 use crate::algebra::Algebra;
@@ -12,7 +12,7 @@ use crate::turned::Turned;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// The way down from each body, and where the point is.
+/// The path from each body to the world, and the body of the point.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Limbs {
     ways: Vec<Way>,
@@ -20,19 +20,19 @@ pub(super) struct Limbs {
     moved: Range<usize>,
 }
 
-/// The way down from one body.
+/// The path from one body to the world.
 #[derive(Debug, Clone, PartialEq)]
 struct Way {
     /// Its coordinate.
     coordinate: usize,
-    /// How many bodies carry it.
+    /// Number of its ancestors.
     depth: usize,
-    /// The run that ends with its parent; empty at the world.
+    /// The run of bodies that ends with its parent; empty if the parent is the world.
     run: Range<usize>,
 }
 
 impl Limbs {
-    /// Of a tree with the point on the body `point`.
+    /// The paths of a tree with the point on the body `point`.
     pub fn of<A: Algebra>(steps: &[Step<A>], point: usize) -> Self {
         let mut ways: Vec<Way> = Vec::with_capacity(steps.len());
         for step in steps {
@@ -46,7 +46,7 @@ impl Limbs {
         Self { ways, point, moved: root..steps[root].end }
     }
 
-    /// For the kernel.
+    /// The tree in the form that the kernel uses.
     #[inline(always)]
     pub fn tree<'a, A: Algebra, X>(&'a self, steps: &'a [Step<A>]) -> Tree<'a, A, X> {
         let Range { start, end } = self.moved;
@@ -58,7 +58,7 @@ impl Limbs {
 /// See [`Shape::runs`].
 struct Runs<'a> {
     ways: &'a [Way],
-    /// The body whose way goes on.
+    /// The body whose path comes next.
     next: usize,
 }
 
@@ -72,7 +72,7 @@ impl Iterator for Runs<'_> {
     }
 }
 
-/// A tree as the kernel walks it: a copy of [`Limbs`], whose fields the loops would look up again and again.
+/// A tree in the form that the kernel uses: a copy of the fields of [`Limbs`], so that loops do not load them repeatedly.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tree<'a, A: Algebra, X> {
     steps: &'a [Step<A>],

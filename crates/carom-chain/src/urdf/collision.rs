@@ -1,4 +1,4 @@
-//! Collision geometry: shapes, and where mesh files are.
+//! Collision geometry: shapes, and paths of mesh files.
 
 use super::joint::pose;
 use super::robot::{Collision, Shape};
@@ -10,10 +10,10 @@ use nalgebra::Vector3;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// The shapes of each link. A missing mesh is left out with a warning if the options say so.
+/// The shapes of each link. With [`Meshes::Ignored`] a missing mesh is left out, with a warning.
 ///
 /// # Errors
-/// A missing mesh otherwise.
+/// With [`Meshes::Required`], a missing mesh.
 pub(super) fn collisions(
     source: &Source,
     urdf: &urdf_rs::Robot,
@@ -37,8 +37,8 @@ pub(super) fn collisions(
                     }
                     (Err(tried), Meshes::Required) => {
                         let rule = format!(
-                            "mesh '{filename}' is not found; {tried}. Correct the path, or go without it: --no-meshes \
-                             (LoadOptions::meshes)"
+                            "mesh '{filename}' is not found; {tried}. Correct the path, or load the robot without \
+                             missing meshes: --no-meshes (LoadOptions::meshes)"
                         );
                         return Err(source.error(node, None, rule));
                     }
@@ -55,11 +55,11 @@ pub(super) fn collisions(
     Ok(of_links)
 }
 
-/// Where to look for meshes.
+/// The folders in which meshes are searched for.
 struct Folders {
     /// The folder of the URDF.
     base: Option<PathBuf>,
-    /// Folders that may be a package or hold one: those above the URDF, then those of `ROS_PACKAGE_PATH`.
+    /// Folders that may be a package or contain one: the URDF's and those above it, then those of `ROS_PACKAGE_PATH`.
     packages: Vec<PathBuf>,
 }
 
@@ -73,16 +73,18 @@ impl Folders {
         Self { packages: above.chain(listed).collect(), base }
     }
 
-    /// The file a mesh name means, or what was tried.
+    /// The file of a mesh name; otherwise a text that says which paths were tried.
     fn find(&self, name: &str) -> Result<PathBuf, String> {
         if let Some(inner) = name.strip_prefix("package://").or_else(|| name.strip_prefix("model://")) {
             return self.find_in_package(inner);
         }
         let plain = name.strip_prefix("file://").unwrap_or(name);
         let path = match &self.base {
-            _ if plain.contains("://") => return Err("only file://, package:// and model:// are known".into()),
+            _ if plain.contains("://") => return Err("only file://, package:// and model:// are supported".into()),
             Some(base) => base.join(plain),
-            None if Path::new(plain).is_relative() => return Err("the path is relative, but to no folder".into()),
+            None if Path::new(plain).is_relative() => {
+                return Err("the path is relative, and a URDF read from memory has no folder".into());
+            }
             None => PathBuf::from(plain),
         };
         if path.is_file() { Ok(path) } else { Err(format!("tried '{}'", path.display())) }
@@ -111,7 +113,7 @@ mod tests {
     use super::Folders;
 
     #[test]
-    fn packages_are_looked_for_on_the_ros_path() {
+    fn packages_are_found_by_ros_package_path() {
         let top = std::env::temp_dir().join(format!("carom-ros-path-{}", std::process::id()));
         let package = top.join("hand");
         std::fs::create_dir_all(&package).unwrap();

@@ -1,4 +1,4 @@
-//! Joints: poses, axes, limits, and joints that follow others.
+//! Joints: poses, axes, limits and mimic joints.
 
 use super::names::{listed, suggestion};
 use super::robot::{Joint, JointType, Limits, Mimic};
@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::Node;
 use std::collections::HashMap;
 
-/// The pose of an `<origin>`: roll, pitch and yaw turn about the fixed x, y and z axes in that order.
+/// The pose of an `<origin>`: rotations by roll, pitch and yaw about the fixed x, y and z axes, in that order.
 pub(super) fn pose(origin: &urdf_rs::Pose) -> Isometry3<f64> {
     let ([x, y, z], [roll, pitch, yaw]) = (origin.xyz.0, origin.rpy.0);
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw))
@@ -19,7 +19,7 @@ pub(super) fn pose(origin: &urdf_rs::Pose) -> Isometry3<f64> {
 /// The type of each joint.
 ///
 /// # Errors
-/// A type that urdf-rs knows and this crate doesn't.
+/// A type that urdf-rs supports and this crate does not.
 pub(super) fn kinds(source: &Source, urdf: &urdf_rs::Robot) -> Result<Vec<JointType>, ChainError> {
     let kind = |(joint, node): (&urdf_rs::Joint, Node)| match joint.joint_type {
         urdf_rs::JointType::Revolute => Ok(JointType::Revolute),
@@ -33,16 +33,17 @@ pub(super) fn kinds(source: &Source, urdf: &urdf_rs::Robot) -> Result<Vec<JointT
     urdf.joints.iter().zip(source.joints()).map(kind).collect()
 }
 
-/// The name of the joint that `LoadOptions::floating_base` adds is free.
+/// Checks that the file does not use the name of the joint that `LoadOptions::floating_base` adds.
 ///
 /// # Errors
-/// The file has a `root_joint` of its own.
+/// The file has a joint named `root_joint`.
 pub(super) fn check_floating_base(source: &Source, urdf: &urdf_rs::Robot) -> Result<(), ChainError> {
     let mut joints = urdf.joints.iter().zip(source.joints());
     match joints.find(|(joint, _)| joint.name == "root_joint") {
         None => Ok(()),
         Some((_, node)) => {
-            let rule = "a floating base is to be added under this name: rename the joint, or load the file as it is";
+            let rule = "the floating base is added as a joint of this name: rename the joint, or load the robot without \
+                        a floating base";
             Err(source.error(node, None, rule))
         }
     }
@@ -51,7 +52,7 @@ pub(super) fn check_floating_base(source: &Source, urdf: &urdf_rs::Robot) -> Res
 /// The joints, checked.
 ///
 /// # Errors
-/// An axis without a direction, crossed limits, a mimic that can't be followed.
+/// An axis of zero length, a lower limit above the upper one, an invalid mimic joint.
 pub(super) fn joints(
     source: &Source,
     urdf: &urdf_rs::Robot,
@@ -97,7 +98,7 @@ pub(super) fn joints(
     Ok(joints)
 }
 
-/// The axis at unit length; x where the file is silent.
+/// The axis, normalised; x if the file has no `<axis>`.
 fn axis(
     source: &Source,
     node: Node,
@@ -108,16 +109,16 @@ fn axis(
     let (axis, length) = Unit::new_and_get(Vector3::from(joint.axis.xyz.0));
     let element = own_child(node, "axis");
     if !(1e-9..1e9).contains(&length) {
-        let rule = format!("has length {length} and so no direction: a {} joint needs a unit vector", kind.name());
+        let rule = format!("has length {length}: the axis of a {} joint must be a unit vector", kind.name());
         return Err(source.error(element, Some("xyz"), rule));
     }
     if (length - 1.0).abs() > 1e-6 {
-        warnings.odd(source, element, &format!("has length {length}, scaled to 1"));
+        warnings.odd(source, element, &format!("has length {length}, normalised to 1"));
     }
     Ok(axis)
 }
 
-/// Limits, straight from the document: urdf-rs reads what is absent as zero.
+/// Limits, read from the document, because urdf-rs reads absent attributes as zero.
 fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings) -> Result<Limits, ChainError> {
     let element = own_child(node, "limit");
     let number = |name| element.attribute(name).and_then(|text| text.trim().parse::<f64>().ok());
@@ -130,42 +131,42 @@ fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings)
         return Ok(Limits { lower: None, upper: None, velocity, effort });
     }
     if element == node {
-        let text = format!("a {} joint should have a <limit>, read as without limits", kind.name());
+        let text = format!("a {} joint should have a <limit>; read as without limits", kind.name());
         warnings.odd(source, node, &text);
         return Ok(Limits::default());
     }
     match (lower, upper) {
         (None, None) => {
-            warnings.odd(source, element, "lower and upper are missing, read as without position limits");
+            warnings.odd(source, element, "lower and upper are missing; read as without position limits");
         }
         _ if open_limits(source) => {}
         (None, Some(_)) => {
             lower = Some(0.0);
-            warnings.odd(source, element, "lower is missing, read as 0 by the rule of URDF");
+            warnings.odd(source, element, "lower is missing; read as 0, its default in URDF");
         }
         (Some(_), None) => {
             upper = Some(0.0);
-            warnings.odd(source, element, "upper is missing, read as 0 by the rule of URDF");
+            warnings.odd(source, element, "upper is missing; read as 0, its default in URDF");
         }
         _ => {}
     }
     if let (Some(lower), Some(upper)) = (lower, upper)
         && lower > upper
     {
-        let rule = format!("lower {lower} is greater than upper {upper}: exchange or correct them");
+        let rule = format!("lower {lower} is greater than upper {upper}: swap or correct them");
         return Err(source.error(element, None, rule));
     }
     Ok(Limits { lower, upper, velocity, effort })
 }
 
-/// Since version 1.2 a limit that is missing is no limit.
+/// Whether a missing limit means no limit: from version 1.2 of URDF.
 fn open_limits(source: &Source) -> bool {
     let version = source.root.attribute("version").and_then(|text| text.trim().split_once('.'));
     let number = |text: &str| text.parse::<u32>().ok();
     version.and_then(|(major, minor)| Some((number(major)?, number(minor)?) >= (1, 2))).unwrap_or(false)
 }
 
-/// Mimics, each straight to the joint that leads the whole chain of them.
+/// Mimic joints, each resolved to a joint that does not mimic another.
 fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result<Vec<Option<Mimic>>, ChainError> {
     let names: Vec<&str> = urdf.joints.iter().map(|joint| joint.name.as_str()).collect();
     let index: HashMap<&str, usize> = names.iter().enumerate().map(|(j, name)| (*name, j)).collect();
@@ -183,28 +184,28 @@ fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result
             return wrong(format!("no joint is named '{}': {hint}", mimic.joint));
         };
         if leader == j {
-            return wrong("a joint can't follow itself: name another joint, or remove <mimic>".into());
+            return wrong("a joint cannot mimic itself: name another joint, or remove <mimic>".into());
         }
-        for (joint, role) in [(j, "follow"), (leader, "lead")] {
+        for (joint, role) in [(j, "mimic another"), (leader, "be mimicked")] {
             if !one_axis(joint) {
                 let (name, kind) = (&urdf.joints[joint].name, kinds[joint].name());
                 return wrong(format!(
-                    "joint '{name}' is {kind} and can't {role}: only revolute, continuous and prismatic joints can"
+                    "joint '{name}' is {kind} and cannot {role}: only revolute, continuous and prismatic joints can"
                 ));
             }
         }
         let (multiplier, offset) = (mimic.multiplier.unwrap_or(1.0), mimic.offset.unwrap_or(0.0));
         if multiplier == 0.0 {
-            return Err(source.error(nodes[j], Some("multiplier"), "0, so the joint never moves: make it fixed"));
+            return Err(source.error(nodes[j], Some("multiplier"), "is 0, so the joint never moves: make it fixed"));
         }
         mimics.push(Some(Mimic { joint: leader, multiplier, offset }));
     }
-    follow_chains(source, urdf, &nodes, &mut mimics)?;
+    resolve_chains(source, urdf, &nodes, &mut mimics)?;
     Ok(mimics)
 }
 
-/// Replaces leaders that follow by whom they follow: a = m·b + n and b = p·c + q make a = m·p·c + m·q + n.
-fn follow_chains(
+/// Resolves chains of mimic joints: a = m·b + n and b = p·c + q give a = m·p·c + m·q + n.
+fn resolve_chains(
     source: &Source,
     urdf: &urdf_rs::Robot,
     nodes: &[Node],
@@ -219,7 +220,7 @@ fn follow_chains(
             if std::mem::replace(&mut on_path[next], true) {
                 let ring = path.iter().skip_while(|joint| **joint != next);
                 let names: Vec<&str> = ring.map(|joint: &usize| urdf.joints[*joint].name.as_str()).collect();
-                let rule = format!("joints {} follow each other in a ring: one of them must lead", listed(&names));
+                let rule = format!("joints {} mimic each other in a loop: remove one <mimic>", listed(&names));
                 return Err(source.error(nodes[next], Some("joint"), rule));
             }
             path.push(next);
@@ -235,7 +236,8 @@ fn follow_chains(
             }
             if !mimic.multiplier.is_normal() || !mimic.offset.is_finite() {
                 let rule = format!(
-                    "with the joints it follows, multiplier {} and offset {} result: choose ratios of sensible size",
+                    "its chain of mimic joints gives multiplier {} and offset {}, outside the range of numbers: correct \
+                     the multipliers and offsets",
                     mimic.multiplier, mimic.offset
                 );
                 return Err(source.error(nodes[joint], None, rule));

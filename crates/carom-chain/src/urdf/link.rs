@@ -1,4 +1,4 @@
-//! Inertia: which numbers a body can have, and whether what moves has any.
+//! Inertia of links: whether it is physically possible, and whether every moving part has mass.
 
 use super::robot::{Inertial, JointType, Link};
 use super::source::{Source, own_child};
@@ -8,20 +8,20 @@ use super::{joint::pose, robot::Joint};
 use crate::error::ChainError;
 use nalgebra::Matrix3;
 
-/// Relative violation of the triangle inequality that is still taken for rounding.
+/// Relative violation of the triangle inequality that is accepted as rounding.
 const ROUNDED: f64 = 1e-3;
 
-/// What is wrong with an `<inertial>`: the element in it, its attribute, and the rule.
+/// An error in an `<inertial>`: the element in it, its attribute, and the rule.
 struct Flaw {
     element: &'static str,
     attribute: Option<&'static str>,
     rule: String,
 }
 
-/// The inertia of each link. On a link that never moves a bad one is left out, with a warning: it can't matter.
+/// The inertia of each link. An impossible one on a link that never moves has no effect and is left out, with a warning.
 ///
 /// # Errors
-/// A bad inertia on a link that moves.
+/// An impossible inertia on a link that moves.
 pub(super) fn inertials(
     source: &Source,
     urdf: &urdf_rs::Robot,
@@ -56,20 +56,22 @@ pub(super) fn inertials(
     Ok(inertials)
 }
 
-/// The inertia in link axes, and a remark if it looks odd.
+/// The inertia in link axes, and a warning if it looks wrong.
 fn inertial(urdf: &urdf_rs::Inertial) -> Result<(Option<Inertial>, Option<String>), Flaw> {
     let mass = urdf.mass.value;
     let i = &urdf.inertia;
     let matrix = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
     let bad_mass = |rule| Err(Flaw { element: "mass", attribute: Some("value"), rule });
     if mass < 0.0 {
-        return bad_mass(format!("{mass} kg is negative: give the mass of the body"));
+        return bad_mass(format!("{mass} kg is negative: the mass of a body must be positive"));
     }
     if mass == 0.0 {
         if matrix != Matrix3::zeros() {
-            return bad_mass("0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>".into());
+            return bad_mass(
+                "is 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>".into(),
+            );
         }
-        let remark = "mass and inertia are zero, read as if there were no <inertial>";
+        let remark = "mass and inertia are zero; read as without <inertial>";
         return Ok((None, Some(remark.into())));
     }
     let remark = check_moments(&matrix)?;
@@ -81,7 +83,8 @@ fn inertial(urdf: &urdf_rs::Inertial) -> Result<(Option<Inertial>, Option<String
     Ok((Some(Inertial { mass, com: placement.translation.vector, inertia_at_com }), remark))
 }
 
-/// Principal moments are integrals of y² + z² and so on: none is negative, none exceeds the sum of the other two.
+/// Principal moments are integrals of y² + z², z² + x² and x² + y²: none is negative, and none exceeds the sum of the
+/// other two.
 fn check_moments(matrix: &Matrix3<f64>) -> Result<Option<String>, Flaw> {
     let mut moments: [f64; 3] = matrix.symmetric_eigenvalues().into();
     moments.sort_by(f64::total_cmp);
@@ -95,22 +98,25 @@ fn check_moments(matrix: &Matrix3<f64>) -> Result<Option<String>, Flaw> {
     let excess = if c > 0.0 { (c - (a + b)) / c } else { 0.0 };
     if excess > ROUNDED {
         return bad(format!(
-            "{moments}: {sa} + {sb} = {sum} is less than {sc}, and no body has a principal moment greater than the \
-             sum of the other two; compute the inertia again, about the centre of mass"
+            "{moments}: {sa} + {sb} = {sum} is less than {sc}, but no principal moment of a body exceeds the sum of the \
+             other two; compute the inertia again, about the centre of mass"
         ));
     }
     Ok((excess > 1e-9).then(|| {
-        format!("{moments}: the greatest exceeds the sum of the other two by {excess:.1e} of itself; rounded?")
+        format!(
+            "{moments}: the greatest exceeds the sum of the other two by the fraction {excess:.1e} of itself, accepted as \
+             rounding"
+        )
     }))
 }
 
-/// Six digits: what a reader compares, without the noise of the eigenvalue iteration.
+/// The number to six digits, without the rounding of the eigenvalue iteration.
 fn short(number: f64) -> String {
     let rounded = format!("{number:.5e}").parse().unwrap_or(number);
     format!("{rounded}")
 }
 
-/// Which links can move against the world.
+/// Which links can move relative to the world.
 pub(super) fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> Vec<bool> {
     let mut moves = vec![false; tree.ends.len() + 1];
     moves[tree.root] = floating_base;
@@ -121,10 +127,10 @@ pub(super) fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> V
     moves
 }
 
-/// Checks that every joint that moves, and a floating base, moves some mass.
+/// Checks that every moving joint, and a floating base, moves some mass.
 ///
 /// # Errors
-/// The first joint in the file that doesn't.
+/// The first joint in the file that moves none.
 pub(super) fn check_massless(
     source: &Source,
     tree: &Tree,
@@ -148,7 +154,7 @@ pub(super) fn check_massless(
         }
     }
     if floating_base && !carries[tree.root] {
-        let rule = "no link has mass, and a floating base must move some: give link";
+        let rule = "no link has mass, and a floating base needs mass: give link";
         let rule = format!("{rule} '{}' an <inertial>", links[tree.root].name);
         return Err(source.error(source.root, None, rule));
     }

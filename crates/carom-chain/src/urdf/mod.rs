@@ -1,14 +1,14 @@
-//! Reading URDF: **a file in, a [`Robot`] that is one tree of sound bodies out, or a message that says what to
+//! Reader for URDF files. It returns a [`Robot`], **a checked tree of links and joints, or an error that names what to
 //! correct**.
 //!
-//! 1. `xml` holds the document against the table in `schema`: structure, and every attribute as text.
-//! 2. urdf-rs gives the links and joints their types. It reads what step 1 let through, because on its own it takes
-//!    NaN, cannot tell a missing `<inertial>` from a massless one, and names no element in its messages.
-//! 3. `tree`, `joint`, `link` and `collision` check what the values mean: one root and no loops, axes, limits,
-//!    followers, inertias a body can have, mass on everything that moves, meshes that exist.
+//! 1. `xml` checks the document against the table in `schema`: its structure, and every attribute as text.
+//! 2. urdf-rs parses the links and joints. Step 1 comes first because urdf-rs alone accepts NaN, does not distinguish a
+//!    missing `<inertial>` from a massless one, and does not name the element in its messages.
+//! 3. `tree`, `joint`, `link` and `collision` check the values: exactly one root and no loops, axes, limits, mimic joints,
+//!    physically possible inertias, mass on everything that moves, existing mesh files.
 //!
-//! **What is not here.** xacro, SDF and MJCF; visual geometry, materials, transmissions and other extensions. What is
-//! not used is listed in [`Robot::warnings`].
+//! **Not supported:** xacro, SDF and MJCF. Visual geometry, materials, transmissions and other extensions are not used;
+//! [`Robot::warnings`] lists them.
 
 mod collision;
 mod joint;
@@ -30,27 +30,28 @@ use std::path::Path;
 use tree::Tree;
 use warnings::Warnings;
 
-/// What to do where the file leaves a choice.
+/// Options of the reader.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LoadOptions {
-    /// The root link moves freely, so its inertia counts and must be sound. Otherwise it is fixed to the world.
+    /// Whether the root link moves freely, on a floating joint that is added. Its inertia is then used and must be
+    /// physically possible. Otherwise the root link is fixed to the world.
     pub floating_base: bool,
-    /// What to do about collision meshes that are missing.
+    /// Treatment of missing collision meshes.
     pub meshes: Meshes,
 }
 
-/// What to do about collision meshes that are missing.
+/// Treatment of missing collision meshes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Meshes {
-    /// They are an error.
+    /// A missing mesh is an error.
     #[default]
     Required,
-    /// They are left out, each with a warning.
+    /// A missing mesh is left out, with a warning.
     Ignored,
 }
 
-/// Reads a URDF file. Relative mesh paths start at its folder; packages are looked for in the folders above it and in
-/// those of `ROS_PACKAGE_PATH`.
+/// Reads a URDF file. Relative mesh paths are relative to its folder; packages are searched for in that folder, in the
+/// folders above it and in those of the environment variable `ROS_PACKAGE_PATH`.
 ///
 /// # Errors
 /// [`ChainError::Unreadable`], or [`ChainError::Urdf`] with file, line, element, value and rule.
@@ -61,7 +62,8 @@ pub fn read_file(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Robot,
     read(&text, &path.display().to_string(), path.parent(), options)
 }
 
-/// Reads a URDF from memory. Relative mesh paths and packages start at `base_dir`; without one they are not found.
+/// Reads a URDF from memory. `base_dir` is used for mesh files like the folder of the file in [`read_file`]. Without it,
+/// relative mesh paths are not found, and packages are searched for in `ROS_PACKAGE_PATH` only.
 ///
 /// # Errors
 /// [`ChainError::Urdf`] with line, element, value and rule; its file is `<string>`.
@@ -76,7 +78,7 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
     xml::check(&source, &mut warnings)?;
 
     let urdf = urdf_rs::read_from_string(&xml::canonical(&source))
-        .map_err(|error| source.error(source.root, None, format!("urdf-rs can't read it: {error}")))?;
+        .map_err(|error| source.error(source.root, None, format!("urdf-rs cannot read the file: {error}")))?;
 
     let tree = Tree::new(&source, &urdf)?;
     if options.floating_base {
@@ -98,6 +100,6 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
 
 fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {
     let hint = if error.to_string().contains("'xacro'") { "expand it with xacro first" } else { "correct the file" };
-    let rule = format!("not well-formed: {error}; {hint}");
+    let rule = format!("is not well-formed: {error}; {hint}");
     ChainError::Urdf { file: file.into(), line: error.pos().row, element: "XML".into(), rule }
 }

@@ -1,6 +1,6 @@
-//! Names in messages.
+//! Lists of names and suggestions in messages.
 
-/// `'a', 'b' and 'c'`, cut after the first few.
+/// `'a', 'b' and 'c'`; only the first five names of a longer list.
 pub(super) fn listed(names: &[&str]) -> String {
     const SHOWN: usize = 5;
     let quoted: Vec<String> = names.iter().take(SHOWN).map(|name| format!("'{name}'")).collect();
@@ -11,7 +11,7 @@ pub(super) fn listed(names: &[&str]) -> String {
     }
 }
 
-/// What to say about a name that is not among `names`: the nearest of them, or the first few.
+/// A hint for a name that is not among `names`: the most similar of them, or the list.
 pub(crate) fn suggestion(wanted: &str, names: &[&str]) -> String {
     let near = names.iter().map(|name| (edit_distance(wanted, name), name)).min();
     match near {
@@ -20,9 +20,9 @@ pub(crate) fn suggestion(wanted: &str, names: &[&str]) -> String {
     }
 }
 
-/// How many letters to insert, delete or replace (Levenshtein's distance).
+/// Number of letters to insert, delete or replace (Levenshtein's distance).
 fn edit_distance(a: &str, b: &str) -> usize {
-    // distances of the letters of `a` so far to every beginning of `b`
+    // distances of the letters of `a` so far to every prefix of `b`
     let b: Vec<char> = b.chars().collect();
     let mut distances: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.chars().enumerate() {
@@ -42,14 +42,14 @@ mod tests {
     use super::{edit_distance, listed};
 
     #[test]
-    fn distances_are_those_of_levenshtein() {
+    fn edit_distance_is_levenshteins() {
         for (a, b, distance) in [("", "", 0), ("ab", "", 2), ("", "ab", 2), ("kitten", "sitting", 3), ("ab", "ba", 2)] {
             assert_eq!(edit_distance(a, b), distance, "{a} {b}");
         }
     }
 
     #[test]
-    fn lists_are_short() {
+    fn lists_show_at_most_five_names() {
         assert_eq!(listed(&["a"]), "'a'");
         assert_eq!(listed(&["a", "b", "c"]), "'a', 'b' and 'c'");
         assert_eq!(listed(&["a"; 7]), "'a', 'a', 'a', 'a', 'a' and 2 more");

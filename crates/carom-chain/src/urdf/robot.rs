@@ -1,20 +1,20 @@
-//! What a URDF says, checked, before any number is merged or moved.
+//! The checked contents of a URDF, before links are merged.
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 use std::path::PathBuf;
 
-/// A checked robot description: one root, no loops, every number finite, every inertia one that a body can have.
+/// A checked robot description: exactly one root, no loops, every number finite, every inertia physically possible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
     /// `<robot name>`.
     pub name: String,
-    /// In the order of the file.
+    /// The links, in the order of the file.
     pub links: Vec<Link>,
-    /// In the order of the file.
+    /// The joints, in the order of the file.
     pub joints: Vec<Joint>,
-    /// Index of the one link that is nobody's child.
+    /// Index of the root link: the only link that is not the child of a joint.
     pub root: usize,
-    /// What was read but not used, and what looks odd; one sentence each.
+    /// Warnings, one sentence each: what the file contains but is not used, and values that look wrong.
     pub warnings: Vec<String>,
 }
 
@@ -23,13 +23,14 @@ pub struct Robot {
 pub struct Link {
     /// Its name.
     pub name: String,
-    /// `None` where the file has no `<inertial>` (or one of zero mass and zero inertia).
+    /// Mass and inertia. `None` without an `<inertial>`, with one of zero mass and zero inertia, and with an impossible one
+    /// on a link that does not move (a warning).
     pub inertial: Option<Inertial>,
-    /// Collision geometry, kept as data: nothing in this crate looks into it.
+    /// Collision geometry. This crate stores it and does not use it.
     pub collisions: Vec<Collision>,
 }
 
-/// An `<inertial>`, turned into link axes.
+/// An `<inertial>`, expressed in link axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inertial {
     /// Mass, kg.
@@ -51,9 +52,9 @@ pub struct Joint {
     pub parent: usize,
     /// Index of the child link.
     pub child: usize,
-    /// Pose of the joint frame in the parent link.
+    /// Pose of the joint frame in the parent link, m.
     pub origin: Isometry3<f64>,
-    /// Axis in the joint frame (x where the file is silent).
+    /// Axis in the joint frame; x if the file has no `<axis>`.
     pub axis: Unit<Vector3<f64>>,
     /// Position, speed and effort limits.
     pub limits: Limits,
@@ -61,7 +62,7 @@ pub struct Joint {
     pub damping: f64,
     /// Static friction, N m or N.
     pub friction: f64,
-    /// The joint this one follows.
+    /// The joint that this one mimics. Chains of mimic joints are resolved: that joint does not mimic another.
     pub mimic: Option<Mimic>,
 }
 
@@ -72,7 +73,7 @@ pub enum JointType {
     Revolute,
     /// A hinge without limits.
     Continuous,
-    /// A slider.
+    /// A slider, with limits.
     Prismatic,
     /// No motion.
     Fixed,
@@ -83,7 +84,7 @@ pub enum JointType {
 }
 
 impl JointType {
-    /// The word the URDF uses.
+    /// The name of the type in URDF.
     pub fn name(self) -> &'static str {
         match self {
             Self::Revolute => "revolute",
@@ -96,7 +97,7 @@ impl JointType {
     }
 }
 
-/// What a joint may do; `None` where the file sets no bound.
+/// Limits of a joint; `None` without a limit.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Limits {
     /// Lowest position, rad or m.
@@ -109,60 +110,60 @@ pub struct Limits {
     pub effort: Option<f64>,
 }
 
-/// `position = multiplier · (position of joint) + offset`.
+/// A `<mimic>` element: position = `multiplier` · (position of `joint`) + `offset`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mimic {
-    /// Index of the joint that leads.
+    /// Index of the joint that is mimicked.
     pub joint: usize,
     /// Ratio of the two positions.
     pub multiplier: f64,
-    /// Position of this joint where the leader is at zero.
+    /// Position of this joint while the other is at zero, rad or m.
     pub offset: f64,
 }
 
-/// A `<collision>` element: a shape and where it sits.
+/// A `<collision>` element: a shape and its pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Collision {
     /// Its name, if it has one.
     pub name: Option<String>,
-    /// Pose in the link frame.
+    /// Pose in the link frame, m.
     pub origin: Isometry3<f64>,
     /// The shape.
     pub shape: Shape,
 }
 
-/// Shapes a URDF knows. Lengths in m; cylinder and capsule along z, centred.
+/// Collision shapes of URDF, centred at the origin of [`Collision::origin`]; cylinders and capsules along its z axis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
-    /// Full side lengths.
+    /// A box.
     Box {
-        /// Side lengths along x, y, z.
+        /// Full side lengths along x, y and z, m.
         size: Vector3<f64>,
     },
-    /// A ball.
+    /// A sphere.
     Sphere {
-        /// Radius.
+        /// Radius, m.
         radius: f64,
     },
     /// A cylinder.
     Cylinder {
-        /// Radius.
+        /// Radius, m.
         radius: f64,
-        /// Full length.
+        /// Full length, m.
         length: f64,
     },
-    /// A cylinder with half-spheres at its ends.
+    /// A cylinder with hemispherical ends.
     Capsule {
-        /// Radius.
+        /// Radius, m.
         radius: f64,
-        /// Length of the cylindrical part.
+        /// Length of the cylindrical part, m.
         length: f64,
     },
-    /// A triangle mesh in a file that exists.
+    /// A triangle mesh, in its file's own frame.
     Mesh {
-        /// Resolved path.
+        /// Path of the file, which exists.
         file: PathBuf,
-        /// Scale along x, y, z.
+        /// Scale along x, y and z.
         scale: Vector3<f64>,
     },
 }

@@ -1,4 +1,4 @@
-//! The part of URDF that is used, as a table: which element holds which attributes and elements.
+//! Table of the elements and attributes of URDF that are used.
 
 /// An element that is used.
 pub(super) struct Element {
@@ -8,13 +8,13 @@ pub(super) struct Element {
     pub children: &'static [Element],
 }
 
-/// How often an element may stand in the one above it.
+/// How often an element may occur in its parent.
 #[derive(PartialEq)]
 pub(super) enum Occurs {
     AtMostOnce,
     Once,
     Often,
-    /// Exactly one of all elements of this kind.
+    /// Exactly one of all elements marked so.
     OneOf,
 }
 
@@ -25,17 +25,17 @@ pub(super) struct Attribute {
     pub value: Value,
 }
 
-/// What may stand in an attribute.
+/// Type of an attribute's value.
 pub(super) enum Value {
     Text,
     /// Text that is not empty.
     Name,
     JointType,
-    /// So many finite numbers, separated by spaces.
+    /// This many finite numbers, separated by spaces.
     Numbers(usize, Range),
 }
 
-/// What is allowed of each number.
+/// Allowed range of each number.
 #[derive(PartialEq)]
 pub(super) enum Range {
     Any,

@@ -1,15 +1,15 @@
-//! Where things stand in the file, and how messages name them.
+//! Positions of elements in the file, and their names in messages.
 
 use crate::error::ChainError;
 use roxmltree::{Document, Node};
 
-/// A parsed document with what its messages need.
+/// A parsed document, with the data that messages about it need.
 pub(super) struct Source<'a> {
     /// The path, or `<string>`.
     pub file: &'a str,
     /// The outermost element.
     pub root: Node<'a, 'a>,
-    /// Where each line starts, in bytes.
+    /// Byte offset of the start of each line.
     line_starts: Vec<usize>,
 }
 
@@ -36,7 +36,7 @@ impl<'a> Source<'a> {
         u32::try_from(line).unwrap_or(u32::MAX)
     }
 
-    /// The error that `node`, or an attribute of it, breaks `rule`.
+    /// The error for a `node`, or an attribute of it, that breaks `rule`.
     pub fn error(&self, node: Node, attribute: Option<&str>, rule: impl Into<String>) -> ChainError {
         ChainError::Urdf {
             file: self.file.into(),
@@ -59,7 +59,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// The error of a joint type that can't be used.
+    /// The error for a joint type that is not supported.
     pub fn unsupported_type(&self, joint: Node, name: &str) -> ChainError {
         let rule =
             format!("type \"{name}\" is not supported: use revolute, continuous, prismatic, fixed, floating or planar");
@@ -75,7 +75,7 @@ pub(super) fn own_children<'a>(node: Node<'a, 'a>, tag: &str) -> impl Iterator<I
     })
 }
 
-/// The first of them, or `node` itself where there is none: a place for a message.
+/// The first element in `node` with this tag, or `node` itself if there is none: the position for a message.
 pub(super) fn own_child<'a>(node: Node<'a, 'a>, tag: &str) -> Node<'a, 'a> {
     own_children(node, tag).next().unwrap_or(node)
 }

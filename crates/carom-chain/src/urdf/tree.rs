@@ -1,4 +1,4 @@
-//! Which joint hangs which link on which: names to indices, and one tree that holds every link.
+//! The tree of links and joints: resolves names to indices, and checks that all links form one tree.
 
 use super::names::{listed, suggestion};
 use super::source::{Source, own_child};
@@ -11,12 +11,12 @@ pub(super) struct Tree {
     pub root: usize,
     /// Parent and child link of each joint.
     pub ends: Vec<(usize, usize)>,
-    /// Joints, each after the one that carries its parent link.
+    /// Joints, each after the parent joint of its parent link.
     pub outwards: Vec<usize>,
 }
 
 impl Tree {
-    /// Checks that names differ, that joints join links, and that all of it is one tree.
+    /// Checks that names are unique, that joints connect existing links, and that all links form one tree.
     ///
     /// # Errors
     /// Duplicate and unknown names, links with two parents, several roots, loops.
@@ -38,13 +38,13 @@ impl Tree {
             };
             let (parent, child) = (find("parent", &joint.parent.link)?, find("child", &joint.child.link)?);
             if parent == child {
-                let rule = format!("joins link '{}' to itself: parent and child must differ", joint.child.link);
+                let rule = format!("connects link '{}' to itself: parent and child must differ", joint.child.link);
                 return Err(source.error(node, None, rule));
             }
             if let Some(other) = above[child].replace(j) {
                 let rule = format!(
-                    "link '{}' is already the child of joint '{}' (line {}): a link hangs on one joint, and a closed \
-                     loop can't be written in URDF; remove one of the two",
+                    "link '{}' is already the child of joint '{}' (line {}): a link is the child of at most one joint, \
+                     because URDF cannot describe closed loops; remove one of the two joints",
                     joint.child.link,
                     joints[other],
                     source.line(source.joints()[other])
@@ -59,7 +59,8 @@ impl Tree {
         if let [_, second, ..] = roots[..] {
             let names: Vec<&str> = roots.iter().map(|link| links[*link]).collect();
             let rule = format!(
-                "links {} hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+                "links {} are the child of no joint, but a robot has exactly one root link: connect them by joints, for \
+                 example fixed ones",
                 listed(&names)
             );
             return Err(source.error(source.links()[second], None, rule));
@@ -83,20 +84,20 @@ impl Tree {
     }
 }
 
-/// The index of each name. Names must differ.
+/// The index of each name. Names must be unique.
 fn index<'a>(source: &Source, nodes: &[Node], names: &[&'a str]) -> Result<HashMap<&'a str, usize>, ChainError> {
     let mut indices = HashMap::new();
     for (i, name) in names.iter().enumerate() {
         if let Some(first) = indices.insert(*name, i) {
             let line = source.line(nodes[first]);
-            let rule = format!("the name is already taken on line {line}: names must differ, rename one");
+            let rule = format!("the name is already used on line {line}: names must be unique; rename one of the two");
             return Err(source.error(nodes[i], None, rule));
         }
     }
     Ok(indices)
 }
 
-/// Names the loop that a link which no root carries hangs on. Going up from it never ends, so it ends in the loop.
+/// The error that names the loop above `lost`, a link without a path to a root: following its parents must enter a loop.
 fn loop_error(
     source: &Source,
     links: &[&str],
@@ -117,7 +118,7 @@ fn loop_error(
     around.rotate_left(first);
     let names: Vec<&str> = around.iter().map(|link| links[*link]).collect();
     let rule = format!(
-        "links {} form a loop, each the child of the next: one of them must hang on the rest of the robot",
+        "links {} form a loop: a robot is a tree, so make one of them the child of another link, or the root",
         listed(&names)
     );
     source.error(source.links()[around[0]], None, rule)

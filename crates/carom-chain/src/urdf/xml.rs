@@ -1,4 +1,4 @@
-//! First reading: the document against the table of [`schema`](super::schema), before any number gets a type.
+//! Checks the document against the table of [`schema`](super::schema), before its values are parsed.
 
 use super::schema::{Attribute, Element, Occurs, ROBOT, Range, Value};
 use super::source::{Source, own_children};
@@ -6,14 +6,14 @@ use super::warnings::Warnings;
 use crate::error::ChainError;
 use roxmltree::Node;
 
-/// Beyond this, products of a few numbers overflow.
+/// Largest magnitude of a number: products of a few larger ones overflow.
 const LARGEST: f64 = 1e100;
 
-/// Checks the document: every element and attribute in use is there as often as it must be, and every number is one.
-/// What is not used is noted in `warnings`.
+/// Checks that every element and attribute in use occurs as often as it must, and that every number is valid. Adds what is
+/// not used to `warnings`.
 ///
 /// # Errors
-/// The first rule that is broken, in the order of the file.
+/// The first violation in the order of the file.
 pub(super) fn check(source: &Source, warnings: &mut Warnings) -> Result<(), ChainError> {
     let root = source.root;
     check_format(source)?;
@@ -22,19 +22,19 @@ pub(super) fn check(source: &Source, warnings: &mut Warnings) -> Result<(), Chai
         return Err(source.error(root, None, "has no link: a robot needs at least one <link name=\"...\">"));
     }
     if root.attribute("name").is_none_or(str::is_empty) {
-        warnings.odd(source, root, "has no name and is called 'unnamed'");
+        warnings.odd(source, root, "has no name; 'unnamed' is used");
     }
     Ok(())
 }
 
-/// Refuses other robot formats and xacro sources, each with what to do.
+/// Refuses other robot formats and xacro sources, and says how to convert them.
 fn check_format(source: &Source) -> Result<(), ChainError> {
     let root = source.root;
     let other = match root.tag_name().name() {
         "robot" => None,
-        "sdf" => Some("this is SDF: convert it to URDF first"),
-        "mujoco" => Some("this is MJCF, the format of MuJoCo: convert it to URDF first"),
-        _ => Some("a URDF has <robot> as its outermost element"),
+        "sdf" => Some("the file is SDF, not URDF: convert it to URDF first"),
+        "mujoco" => Some("the file is MJCF, the format of MuJoCo, not URDF: convert it to URDF first"),
+        _ => Some("the outermost element of a URDF is <robot>: give a URDF file"),
     };
     if let Some(rule) = other {
         return Err(source.error(root, None, rule));
@@ -43,13 +43,13 @@ fn check_format(source: &Source) -> Result<(), ChainError> {
         let macros = node.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
         let mut values = node.attributes().map(|attribute| attribute.value());
         if macros || values.any(|value| ["${", "$(find ", "$(arg "].iter().any(|mark| value.contains(mark))) {
-            return Err(source.error(node, None, "this is xacro, not yet URDF: expand it with xacro first"));
+            return Err(source.error(node, None, "the file is xacro, not URDF: expand it with xacro first"));
         }
     }
     Ok(())
 }
 
-/// Checks one element and those in it. The recursion goes as deep as the table, whatever the file.
+/// Checks one element and those in it. The depth of the recursion is that of the table, not of the file.
 fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut Warnings) -> Result<(), ChainError> {
     for attribute in rule.attributes {
         match node.attribute(attribute.name) {
@@ -62,8 +62,9 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
     }
     for attribute in node.attributes() {
         if attribute.name() == "quat_xyzw" && rule.tag == "origin" {
-            // Most readers pass over it, and the robot would silently be another one.
-            return Err(source.error(node, Some("quat_xyzw"), "quaternions are not read: give the rotation as rpy"));
+            // Most readers ignore it, which silently gives a different robot.
+            let rule = "quaternions are not supported: give the rotation as rpy";
+            return Err(source.error(node, Some("quat_xyzw"), rule));
         }
         if attribute.namespace().is_some() || rule.attributes.iter().all(|known| known.name != attribute.name()) {
             warnings.unused(source, node, format!("<{} {}>", rule.tag, attribute.name()));
@@ -93,13 +94,19 @@ fn check_occurrences(source: &Source, node: Node, rule: &Element) -> Result<(), 
                 return Err(source.error(node, None, format!("<{tag}> is missing: add it")));
             }
             0 | 1 => {}
-            n => return Err(source.error(node, None, format!("has {n} <{tag}>, one is allowed: remove the others"))),
+            n => {
+                return Err(source.error(
+                    node,
+                    None,
+                    format!("has {n} <{tag}>, at most one is allowed: remove the others"),
+                ));
+            }
         }
     }
     let choices: Vec<&str> = rule.children.iter().filter(|c| c.occurs == Occurs::OneOf).map(|c| c.tag).collect();
     let chosen: usize = choices.iter().map(|tag| own_children(node, tag).count()).sum();
     if !choices.is_empty() && chosen != 1 {
-        let rule = format!("holds {chosen} shapes: it needs exactly one <{}>", choices.join(">, <"));
+        let rule = format!("contains {chosen} shapes, exactly one is needed: <{}>", choices.join(">, <"));
         return Err(source.error(node, None, rule));
     }
     Ok(())
@@ -110,7 +117,7 @@ fn check_value(source: &Source, node: Node, attribute: &Attribute, text: &str) -
         Value::Text => None,
         Value::Name => text.is_empty().then(|| "is empty: a name is needed".into()),
         Value::JointType => {
-            // urdf-rs knows `spherical`; it is refused where types are converted.
+            // urdf-rs supports `spherical`; `joint::kinds` refuses it.
             let known = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
             if !known.contains(&text) {
                 return Err(source.unsupported_type(node, text));
@@ -122,7 +129,7 @@ fn check_value(source: &Source, node: Node, attribute: &Attribute, text: &str) -
     problem.map_or(Ok(()), |problem| Err(source.error(node, Some(attribute.name), format!("\"{text}\" {problem}"))))
 }
 
-/// What is wrong with a list of numbers.
+/// Checks a list of numbers; returns a text that says what is wrong.
 fn numbers_problem(text: &str, count: usize, range: &Range, limit: bool) -> Option<String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     for word in &words {
@@ -132,7 +139,7 @@ fn numbers_problem(text: &str, count: usize, range: &Range, limit: bool) -> Opti
             ));
         };
         if number.is_nan() || number.abs() > LARGEST {
-            let hint = if limit { "; where there is no limit, leave the attribute out" } else { "" };
+            let hint = if limit { "; for no limit, omit the attribute" } else { "" };
             return Some(format!("is wrong: '{word}' is not a finite number up to {LARGEST:e}{hint}"));
         }
         let broken = match range {
@@ -147,11 +154,11 @@ fn numbers_problem(text: &str, count: usize, range: &Range, limit: bool) -> Opti
     }
     let is_are = if count == 1 { "1 is" } else { "3 are" };
     let s = if words.len() == 1 { "" } else { "s" };
-    (words.len() != count).then(|| format!("holds {} number{s}, {is_are} needed", words.len()))
+    (words.len() != count).then(|| format!("contains {} number{s}, {is_are} needed", words.len()))
 }
 
-/// The document as urdf-rs is to see it: what the table names and nothing else, so that oddities in things that are
-/// not used can't stop it (prefixes make its XML reader panic, a `<material>` without a name fails).
+/// The document for urdf-rs: only the elements and attributes of the table, so that what is not used cannot make it fail
+/// (its XML reader panics at prefixes, and a `<material>` without a name is an error).
 pub(super) fn canonical(source: &Source) -> String {
     let mut text = String::new();
     write_element(source.root, &ROBOT, &mut text);
@@ -171,7 +178,7 @@ fn write_element(node: Node, rule: &Element, text: &mut String) {
     for child in node.children().filter(Node::is_element) {
         let own = child.tag_name().namespace() == node.tag_name().namespace();
         let known = rule.children.iter().find(|known| own && child.tag_name().name() == known.tag);
-        // urdf-rs demands a velocity in <limit> and reads what is absent as zero: limits are read from the document.
+        // urdf-rs requires a velocity in <limit> and reads absent attributes as zero: limits are read from the document.
         if let Some(known) = known.filter(|known| known.tag != "limit") {
             write_element(child, known, text);
         }

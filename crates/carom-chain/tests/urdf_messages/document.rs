@@ -5,26 +5,32 @@ use crate::texts::*;
 #[test]
 fn what_is_no_urdf() {
     refused(&[
-        ("<robot".into(), "<string>:1: XML: not well-formed: the document does not have a root node; correct the file"),
-        ("".into(), "<string>:1: XML: not well-formed: the document does not have a root node; correct the file"),
+        (
+            "<robot".into(),
+            "<string>:1: XML: is not well-formed: the document does not have a root node; correct the file",
+        ),
+        ("".into(), "<string>:1: XML: is not well-formed: the document does not have a root node; correct the file"),
         (
             "<robot name='r'>\n<link name='a'>\n</robot>".into(),
-            "<string>:3: XML: not well-formed: expected 'link' tag, not 'robot' at 3:1; correct the file",
+            "<string>:3: XML: is not well-formed: expected 'link' tag, not 'robot' at 3:1; correct the file",
         ),
-        ("<sdf/>".into(), "<string>:1: <sdf>: this is SDF: convert it to URDF first"),
-        ("<mujoco/>".into(), "<string>:1: <mujoco>: this is MJCF, the format of MuJoCo: convert it to URDF first"),
-        ("<html/>".into(), "<string>:1: <html>: a URDF has <robot> as its outermost element"),
+        ("<sdf/>".into(), "<string>:1: <sdf>: the file is SDF, not URDF: convert it to URDF first"),
+        (
+            "<mujoco/>".into(),
+            "<string>:1: <mujoco>: the file is MJCF, the format of MuJoCo, not URDF: convert it to URDF first",
+        ),
+        ("<html/>".into(), "<string>:1: <html>: the outermost element of a URDF is <robot>: give a URDF file"),
         (
             r#"<robot name="r" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="m"/></robot>"#.into(),
-            "<string>:1: robot 'r' <macro>: this is xacro, not yet URDF: expand it with xacro first",
+            "<string>:1: robot 'r' <macro>: the file is xacro, not URDF: expand it with xacro first",
         ),
         (
             r#"<robot name="r"><xacro:macro name="m"/></robot>"#.into(),
-            "<string>:1: XML: not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first",
+            "<string>:1: XML: is not well-formed: an unknown namespace prefix 'xacro' at 1:18; expand it with xacro first",
         ),
         (
             robot(r#"<link name="${side}_arm"/>"#),
-            "<string>:1: link '${side}_arm': this is xacro, not yet URDF: expand it with xacro first",
+            "<string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with xacro first",
         ),
         (robot(""), r#"<string>:1: robot 'r': has no link: a robot needs at least one <link name="...">"#),
     ]);
@@ -37,7 +43,7 @@ fn names_and_structure() {
         (robot(r#"<link name=""/>"#), r#"<string>:1: <link name>: "" is empty: a name is needed"#),
         (
             robot("<link name='a'/>\n<link name='a'/>"),
-            "<string>:2: link 'a': the name is already taken on line 1: names must differ, rename one",
+            "<string>:2: link 'a': the name is already used on line 1: names must be unique; rename one of the two",
         ),
         (
             joined("<joint type='fixed'><parent link='a'/><child link='b'/></joint>"),
@@ -61,7 +67,7 @@ fn names_and_structure() {
         ),
         (
             joint("fixed", "<child link='b'/>"),
-            "<string>:1: joint 'j': has 2 <child>, one is allowed: remove the others",
+            "<string>:1: joint 'j': has 2 <child>, at most one is allowed: remove the others",
         ),
         (
             joint("hinge", ""),
@@ -100,27 +106,27 @@ fn one_tree() {
         ),
         (
             robot(&(links(&["a", "b", "c"]) + &join("j", "a", "b") + &join("j", "b", "c"))),
-            "<string>:5: joint 'j': the name is already taken on line 4: names must differ, rename one",
+            "<string>:5: joint 'j': the name is already used on line 4: names must be unique; rename one of the two",
         ),
         (
             robot(&(links(&["a", "b"]) + &join("j", "b", "b"))),
-            "<string>:3: joint 'j': joins link 'b' to itself: parent and child must differ",
+            "<string>:3: joint 'j': connects link 'b' to itself: parent and child must differ",
         ),
         (
             robot(&(links(&["a", "b", "c"]) + &join("j", "a", "c") + &join("k", "b", "c"))),
-            "<string>:5: joint 'k': link 'c' is already the child of joint 'j' (line 4): a link hangs on one joint, and a closed loop can't be written in URDF; remove one of the two",
+            "<string>:5: joint 'k': link 'c' is already the child of joint 'j' (line 4): a link is the child of at most one joint, because URDF cannot describe closed loops; remove one of the two joints",
         ),
         (
             robot(&(links(&["a", "b", "c", "d"]) + &join("j", "a", "c"))),
-            "<string>:2: link 'b': links 'a', 'b' and 'd' hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+            "<string>:2: link 'b': links 'a', 'b' and 'd' are the child of no joint, but a robot has exactly one root link: connect them by joints, for example fixed ones",
         ),
         (
             robot(&links(&["a", "b", "c", "d", "e", "f", "g"])),
-            "<string>:2: link 'b': links 'a', 'b', 'c', 'd', 'e' and 2 more hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+            "<string>:2: link 'b': links 'a', 'b', 'c', 'd', 'e' and 2 more are the child of no joint, but a robot has exactly one root link: connect them by joints, for example fixed ones",
         ),
         (
             robot(&(links(&["a", "b"]) + &join("j", "a", "b") + &join("k", "b", "a"))),
-            "<string>:1: link 'a': links 'a' and 'b' form a loop, each the child of the next: one of them must hang on the rest of the robot",
+            "<string>:1: link 'a': links 'a' and 'b' form a loop: a robot is a tree, so make one of them the child of another link, or the root",
         ),
         (
             robot(
@@ -130,7 +136,7 @@ fn one_tree() {
                     + &join("k", "a", "b")
                     + &join("l", "b", "c")),
             ),
-            "<string>:3: link 'a': links 'a', 'b' and 'c' form a loop, each the child of the next: one of them must hang on the rest of the robot",
+            "<string>:3: link 'a': links 'a', 'b' and 'c' form a loop: a robot is a tree, so make one of them the child of another link, or the root",
         ),
     ]);
 }
@@ -138,7 +144,7 @@ fn one_tree() {
 #[test]
 fn what_is_not_used() {
     warned(&[
-        ("<robot><link name='a'/></robot>".into(), &["<robot> (line 1): has no name and is called 'unnamed'"]),
+        ("<robot><link name='a'/></robot>".into(), &["<robot> (line 1): has no name; 'unnamed' is used"]),
         (
             "<robot name='r' xmlns:x='x'>
               <link name='a'>
@@ -204,7 +210,7 @@ fn long_chains_and_deep_documents() {
     inside += "<joint name='j0' type='fixed'><parent link='l3000'/><child link='l0'/></joint>";
     refused(&[(
         robot(&inside),
-        "<string>:1: link 'l0': links 'l0', 'l1', 'l2', 'l3', 'l4' and 2996 more form a loop, each the child of the next: one of them must hang on the rest of the robot",
+        "<string>:1: link 'l0': links 'l0', 'l1', 'l2', 'l3', 'l4' and 2996 more form a loop: a robot is a tree, so make one of them the child of another link, or the root",
     )]);
 
     let deep = 100_000;

@@ -62,7 +62,7 @@ fn meshes_are_missing() {
     let folder = Folder::new("missing");
     let urdf = folder.write("arm/arm.urdf", "");
     let base = urdf.parent().unwrap().display().to_string();
-    let end = "Correct the path, or go without it: --no-meshes (LoadOptions::meshes)";
+    let end = "Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)";
     for (name, tried) in [
         ("x.stl", format!("tried '{base}/x.stl'")),
         ("file:///nowhere/x.stl", "tried '/nowhere/x.stl'".to_string()),
@@ -71,7 +71,7 @@ fn meshes_are_missing() {
             "package://carom_no_such_package/x.stl",
             format!("there is no folder 'carom_no_such_package' in or above '{base}' or in ROS_PACKAGE_PATH"),
         ),
-        ("http://host/x.stl", "only file://, package:// and model:// are known".into()),
+        ("http://host/x.stl", "only file://, package:// and model:// are supported".into()),
     ] {
         std::fs::write(&urdf, mesh(name)).unwrap();
         let error = urdf::read_file(&urdf, &LoadOptions::default()).unwrap_err();
@@ -84,7 +84,7 @@ fn meshes_are_missing() {
     refused(&[
         (
             mesh("x.stl"),
-            "<string>:1: link 'a' <collision>: mesh 'x.stl' is not found; the path is relative, but to no folder. Correct the path, or go without it: --no-meshes (LoadOptions::meshes)",
+            "<string>:1: link 'a' <collision>: mesh 'x.stl' is not found; the path is relative, and a URDF read from memory has no folder. Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)",
         ),
         (mesh(""), r#"<string>:1: link 'a' <mesh filename>: "" is empty: a name is needed"#),
     ]);

@@ -7,8 +7,8 @@ use carom_chain::urdf::{self, LoadOptions};
 fn numbers() {
     let origin = |text: &str| joint("fixed", &format!("<origin {text}/>"));
     refused(&[
-        (origin("xyz='0 0'"), r#"<string>:1: joint 'j' <origin xyz>: "0 0" holds 2 numbers, 3 are needed"#),
-        (origin("xyz=''"), r#"<string>:1: joint 'j' <origin xyz>: "" holds 0 numbers, 3 are needed"#),
+        (origin("xyz='0 0'"), r#"<string>:1: joint 'j' <origin xyz>: "0 0" contains 2 numbers, 3 are needed"#),
+        (origin("xyz=''"), r#"<string>:1: joint 'j' <origin xyz>: "" contains 0 numbers, 3 are needed"#),
         (
             origin("xyz='0 0 1,5'"),
             r#"<string>:1: joint 'j' <origin xyz>: "0 0 1,5" is wrong: '1,5' is not a number; write numbers with a decimal point, separated by spaces"#,
@@ -23,11 +23,11 @@ fn numbers() {
         ),
         (
             origin("quat_xyzw='0 0 0 1'"),
-            "<string>:1: joint 'j' <origin quat_xyzw>: quaternions are not read: give the rotation as rpy",
+            "<string>:1: joint 'j' <origin quat_xyzw>: quaternions are not supported: give the rotation as rpy",
         ),
         (
             joint("revolute", "<axis xyz='0 0 1 0'/>"),
-            r#"<string>:1: joint 'j' <axis xyz>: "0 0 1 0" holds 4 numbers, 3 are needed"#,
+            r#"<string>:1: joint 'j' <axis xyz>: "0 0 1 0" contains 4 numbers, 3 are needed"#,
         ),
         (joint("revolute", "<axis/>"), "<string>:1: joint 'j' <axis>: the attribute xyz is missing: add it"),
         (
@@ -52,7 +52,7 @@ fn numbers() {
         ),
         (
             joint("revolute", "<limit upper='inf'/>"),
-            r#"<string>:1: joint 'j' <limit upper>: "inf" is wrong: 'inf' is not a finite number up to 1e100; where there is no limit, leave the attribute out"#,
+            r#"<string>:1: joint 'j' <limit upper>: "inf" is wrong: 'inf' is not a finite number up to 1e100; for no limit, omit the attribute"#,
         ),
         (
             joint("revolute", "<limit effort='-1'/>"),
@@ -76,7 +76,7 @@ fn numbers() {
         ),
         (
             joint("revolute", "<mimic joint='k' offset='1 2'/>"),
-            r#"<string>:1: joint 'j' <mimic offset>: "1 2" holds 2 numbers, 1 is needed"#,
+            r#"<string>:1: joint 'j' <mimic offset>: "1 2" contains 2 numbers, 1 is needed"#,
         ),
         (
             shape("<box size='1 0 1'/>"),
@@ -101,11 +101,11 @@ fn numbers() {
         ),
         (
             shape(""),
-            "<string>:1: link 'a' <geometry>: holds 0 shapes: it needs exactly one <box>, <sphere>, <cylinder>, <capsule>, <mesh>",
+            "<string>:1: link 'a' <geometry>: contains 0 shapes, exactly one is needed: <box>, <sphere>, <cylinder>, <capsule>, <mesh>",
         ),
         (
             shape("<sphere radius='1'/><sphere radius='1'/>"),
-            "<string>:1: link 'a' <geometry>: holds 2 shapes: it needs exactly one <box>, <sphere>, <cylinder>, <capsule>, <mesh>",
+            "<string>:1: link 'a' <geometry>: contains 2 shapes, exactly one is needed: <box>, <sphere>, <cylinder>, <capsule>, <mesh>",
         ),
     ]);
 }
@@ -115,39 +115,39 @@ fn axes_and_limits() {
     refused(&[
         (
             joint("continuous", "<axis xyz='0 0 0'/>"),
-            "<string>:1: joint 'j' <axis xyz>: has length 0 and so no direction: a continuous joint needs a unit vector",
+            "<string>:1: joint 'j' <axis xyz>: has length 0: the axis of a continuous joint must be a unit vector",
         ),
         (
             joint("planar", "<axis xyz='0 0 0'/>"),
-            "<string>:1: joint 'j' <axis xyz>: has length 0 and so no direction: a planar joint needs a unit vector",
+            "<string>:1: joint 'j' <axis xyz>: has length 0: the axis of a planar joint must be a unit vector",
         ),
         (
             joint("prismatic", "<limit lower='2' upper='-2'/>"),
-            "<string>:1: joint 'j' <limit>: lower 2 is greater than upper -2: exchange or correct them",
+            "<string>:1: joint 'j' <limit>: lower 2 is greater than upper -2: swap or correct them",
         ),
         (
             joint("prismatic", "<limit upper='-2'/>"),
-            "<string>:1: joint 'j' <limit>: lower 0 is greater than upper -2: exchange or correct them",
+            "<string>:1: joint 'j' <limit>: lower 0 is greater than upper -2: swap or correct them",
         ),
     ]);
     warned(&[
-        (joint("continuous", "<axis xyz='0 3 4'/>"), &["joint 'j' <axis> (line 1): has length 5, scaled to 1"]),
+        (joint("continuous", "<axis xyz='0 3 4'/>"), &["joint 'j' <axis> (line 1): has length 5, normalised to 1"]),
         (joint("continuous", "<axis xyz='0 0.6000001 0.8'/>"), &[]),
         (
             joint("revolute", ""),
-            &["joint 'j' (line 1): a revolute joint should have a <limit>, read as without limits"],
+            &["joint 'j' (line 1): a revolute joint should have a <limit>; read as without limits"],
         ),
         (
             joint("revolute", "<limit effort='1' velocity='1'/>"),
-            &["joint 'j' <limit> (line 1): lower and upper are missing, read as without position limits"],
+            &["joint 'j' <limit> (line 1): lower and upper are missing; read as without position limits"],
         ),
         (
             joint("prismatic", "<limit upper='2'/>"),
-            &["joint 'j' <limit> (line 1): lower is missing, read as 0 by the rule of URDF"],
+            &["joint 'j' <limit> (line 1): lower is missing; read as 0, its default in URDF"],
         ),
         (
             joint("prismatic", "<limit lower='-2'/>"),
-            &["joint 'j' <limit> (line 1): upper is missing, read as 0 by the rule of URDF"],
+            &["joint 'j' <limit> (line 1): upper is missing; read as 0, its default in URDF"],
         ),
         (
             joint("continuous", "<limit lower='1' upper='-1' velocity='3'/>"),
@@ -190,10 +190,13 @@ fn limits_read_as_written() {
 #[test]
 fn inertias() {
     refused(&[
-        (moving("-1", "1 1 1 0"), "<string>:1: link 'b' <mass value>: -1 kg is negative: give the mass of the body"),
+        (
+            moving("-1", "1 1 1 0"),
+            "<string>:1: link 'b' <mass value>: -1 kg is negative: the mass of a body must be positive",
+        ),
         (
             moving("0", "1 1 1 0"),
-            "<string>:1: link 'b' <mass value>: 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>",
+            "<string>:1: link 'b' <mass value>: is 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>",
         ),
         (
             moving("1", "1 1 1 2"),
@@ -205,7 +208,7 @@ fn inertias() {
         ),
         (
             moving("1", "0.1 0.2 0.4 0"),
-            "<string>:1: link 'b' <inertia>: principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, and no body has a principal moment greater than the sum of the other two; compute the inertia again, about the centre of mass",
+            "<string>:1: link 'b' <inertia>: principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, but no principal moment of a body exceeds the sum of the other two; compute the inertia again, about the centre of mass",
         ),
     ]);
     warned(&[
@@ -213,23 +216,23 @@ fn inertias() {
         (
             moving("1", "0.1 0.2 0.30001 0"),
             &[
-                "link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.30001 kg m²: the greatest exceeds the sum of the other two by 3.3e-5 of itself; rounded?",
+                "link 'b' <inertial> (line 1): principal moments 0.1, 0.2 and 0.30001 kg m²: the greatest exceeds the sum of the other two by the fraction 3.3e-5 of itself, accepted as rounding",
             ],
         ),
         (
             on_b(&inertial("0", "0 0 0 0"), "fixed"),
-            &["link 'b' <inertial> (line 1): mass and inertia are zero, read as if there were no <inertial>"],
+            &["link 'b' <inertial> (line 1): mass and inertia are zero; read as without <inertial>"],
         ),
         (
             on_b(&inertial("-1", "1 1 1 0"), "fixed"),
             &[
-                "link 'b' <mass> (line 1): -1 kg is negative: give the mass of the body; not used, since the link never moves",
+                "link 'b' <mass> (line 1): -1 kg is negative: the mass of a body must be positive; not used, since the link never moves",
             ],
         ),
         (
             on_b(&inertial("1", "1 2 4 0"), "fixed"),
             &[
-                "link 'b' <inertia> (line 1): principal moments 1, 2 and 4 kg m²: 1 + 2 = 3 is less than 4, and no body has a principal moment greater than the sum of the other two; compute the inertia again, about the centre of mass; not used, since the link never moves",
+                "link 'b' <inertia> (line 1): principal moments 1, 2 and 4 kg m²: 1 + 2 = 3 is less than 4, but no principal moment of a body exceeds the sum of the other two; compute the inertia again, about the centre of mass; not used, since the link never moves",
             ],
         ),
     ]);
@@ -237,7 +240,10 @@ fn inertias() {
     assert_eq!(robot.links[1].inertial, None);
     let floating = LoadOptions { floating_base: true, ..Default::default() };
     let error = urdf::read_str(&on_b(&inertial("-1", "1 1 1 0"), "fixed"), None, &floating).unwrap_err();
-    assert_eq!(error.to_string(), "<string>:1: link 'b' <mass value>: -1 kg is negative: give the mass of the body");
+    assert_eq!(
+        error.to_string(),
+        "<string>:1: link 'b' <mass value>: -1 kg is negative: the mass of a body must be positive"
+    );
 }
 
 #[test]
@@ -271,7 +277,7 @@ fn what_moves_has_mass() {
     let error = urdf::read_str(&chain("fixed", ""), None, &floating).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "<string>:1: robot 'r': no link has mass, and a floating base must move some: give link 'a' an <inertial>"
+        "<string>:1: robot 'r': no link has mass, and a floating base needs mass: give link 'a' an <inertial>"
     );
     assert!(urdf::read_str(&chain("fixed", INERTIAL), None, &floating).is_ok());
 }
@@ -290,19 +296,19 @@ fn followers() {
         ),
         (
             star(&[("continuous", &follow("j0"))]),
-            "<string>:2: joint 'j0' <mimic joint>: a joint can't follow itself: name another joint, or remove <mimic>",
+            "<string>:2: joint 'j0' <mimic joint>: a joint cannot mimic itself: name another joint, or remove <mimic>",
         ),
         (
             star(&[("continuous", &follow("j1")), ("continuous", &follow("j2")), ("continuous", &follow("j1"))]),
-            "<string>:3: joint 'j1' <mimic joint>: joints 'j1' and 'j2' follow each other in a ring: one of them must lead",
+            "<string>:3: joint 'j1' <mimic joint>: joints 'j1' and 'j2' mimic each other in a loop: remove one <mimic>",
         ),
         (
             star(&[("fixed", ""), ("continuous", &follow("j0"))]),
-            "<string>:3: joint 'j1' <mimic joint>: joint 'j0' is fixed and can't lead: only revolute, continuous and prismatic joints can",
+            "<string>:3: joint 'j1' <mimic joint>: joint 'j0' is fixed and cannot be mimicked: only revolute, continuous and prismatic joints can",
         ),
         (
             star(&[("continuous", ""), ("planar", &follow("j0"))]),
-            "<string>:3: joint 'j1' <mimic joint>: joint 'j1' is planar and can't follow: only revolute, continuous and prismatic joints can",
+            "<string>:3: joint 'j1' <mimic joint>: joint 'j1' is planar and cannot mimic another: only revolute, continuous and prismatic joints can",
         ),
         (
             star(&[("continuous", ""), ("continuous", "<mimic/>")]),
@@ -310,7 +316,7 @@ fn followers() {
         ),
         (
             star(&[("continuous", ""), ("continuous", "<mimic joint='j0' multiplier='0'/>")]),
-            "<string>:3: joint 'j1' <mimic multiplier>: 0, so the joint never moves: make it fixed",
+            "<string>:3: joint 'j1' <mimic multiplier>: is 0, so the joint never moves: make it fixed",
         ),
         (
             star(&[
@@ -320,7 +326,7 @@ fn followers() {
                 ("continuous", "<mimic joint='j2' multiplier='1e-90'/>"),
                 ("continuous", "<mimic joint='j3' multiplier='1e-90'/>"),
             ]),
-            "<string>:6: joint 'j4' <mimic>: with the joints it follows, multiplier 0 and offset 0 result: choose ratios of sensible size",
+            "<string>:6: joint 'j4' <mimic>: its chain of mimic joints gives multiplier 0 and offset 0, outside the range of numbers: correct the multipliers and offsets",
         ),
     ]);
 

@@ -77,7 +77,7 @@ fn a_quaternion_that_is_not_unit_is_refused() {
     );
     refused(
         desk.feed(args, r#"{"q":[0,0,0,0,0,1],"qd":[0,0,0,0,0,0]}"#),
-        "<stdin>:1: q has 6 numbers, 7 are needed (root_joint; a floating joint takes x y z qx qy qz qw)",
+        "<stdin>:1: q has 6 numbers, 7 are needed (root_joint; a floating joint has x y z qx qy qz qw)",
     );
 }
 

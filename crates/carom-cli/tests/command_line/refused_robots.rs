@@ -18,8 +18,8 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
         format!("<joint name='{name}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>")
     };
     let cases = [
-        (String::new(), "r.urdf:1: XML: not well-formed: the document does not have a root node; correct the file"),
-        ("<sdf/>".into(), "r.urdf:1: <sdf>: this is SDF: convert it to URDF first"),
+        (String::new(), "r.urdf:1: XML: is not well-formed: the document does not have a root node; correct the file"),
+        ("<sdf/>".into(), "r.urdf:1: <sdf>: the file is SDF, not URDF: convert it to URDF first"),
         (
             inertial("NaN", "1 1 1 0"),
             r#"r.urdf:1: link 'b' <mass value>: "NaN" is wrong: 'NaN' is not a finite number up to 1e100"#,
@@ -34,12 +34,15 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
         ),
         (
             hinged(INERTIAL).replace("</joint>", "<axis xyz='0 0 0'/></joint>"),
-            "r.urdf:1: joint 'j' <axis xyz>: has length 0 and so no direction: a continuous joint needs a unit vector",
+            "r.urdf:1: joint 'j' <axis xyz>: has length 0: the axis of a continuous joint must be a unit vector",
         ),
-        (inertial("-2", "1 1 1 0"), "r.urdf:1: link 'b' <mass value>: -2 kg is negative: give the mass of the body"),
+        (
+            inertial("-2", "1 1 1 0"),
+            "r.urdf:1: link 'b' <mass value>: -2 kg is negative: the mass of a body must be positive",
+        ),
         (
             inertial("0", "1 1 1 0"),
-            "r.urdf:1: link 'b' <mass value>: 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>",
+            "r.urdf:1: link 'b' <mass value>: is 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>",
         ),
         (
             inertial("1", "1 1 1 2"),
@@ -47,7 +50,7 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
         ),
         (
             inertial("1", "0.1 0.2 0.4 0"),
-            "r.urdf:1: link 'b' <inertia>: principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, and no body has a principal moment greater than the sum of the other two; compute the inertia again, about the centre of mass",
+            "r.urdf:1: link 'b' <inertia>: principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, but no principal moment of a body exceeds the sum of the other two; compute the inertia again, about the centre of mass",
         ),
         (
             hinged(""),
@@ -63,23 +66,23 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
         ),
         (
             robot(&links(&["a", "a"])),
-            "r.urdf:1: link 'a': the name is already taken on line 1: names must differ, rename one",
+            "r.urdf:1: link 'a': the name is already used on line 1: names must be unique; rename one of the two",
         ),
         (
             robot(&(links(&["a", "b", "c"]) + &weld("j", "a", "b") + &weld("j", "b", "c"))),
-            "r.urdf:1: joint 'j': the name is already taken on line 1: names must differ, rename one",
+            "r.urdf:1: joint 'j': the name is already used on line 1: names must be unique; rename one of the two",
         ),
         (
             robot(&(links(&["a", "b", "c"]) + &weld("j", "a", "c") + &weld("k", "b", "c"))),
-            "r.urdf:1: joint 'k': link 'c' is already the child of joint 'j' (line 1): a link hangs on one joint, and a closed loop can't be written in URDF; remove one of the two",
+            "r.urdf:1: joint 'k': link 'c' is already the child of joint 'j' (line 1): a link is the child of at most one joint, because URDF cannot describe closed loops; remove one of the two joints",
         ),
         (
             robot(&(links(&["a", "b"]) + &weld("j", "a", "b") + &weld("k", "b", "a"))),
-            "r.urdf:1: link 'a': links 'a' and 'b' form a loop, each the child of the next: one of them must hang on the rest of the robot",
+            "r.urdf:1: link 'a': links 'a' and 'b' form a loop: a robot is a tree, so make one of them the child of another link, or the root",
         ),
         (
             robot(&(links(&["a", "b", "c"]) + &weld("j", "a", "c"))),
-            "r.urdf:1: link 'b': links 'a' and 'b' hang on no joint, and a robot has one root: join them, by fixed joints if nothing moves there",
+            "r.urdf:1: link 'b': links 'a' and 'b' are the child of no joint, but a robot has exactly one root link: connect them by joints, for example fixed ones",
         ),
         (
             hinged(INERTIAL).replace("continuous", "hinge"),
@@ -87,11 +90,11 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
         ),
         (
             hinged(INERTIAL).replace("</joint>", "<mimic joint='j'/></joint>"),
-            "r.urdf:1: joint 'j' <mimic joint>: a joint can't follow itself: name another joint, or remove <mimic>",
+            "r.urdf:1: joint 'j' <mimic joint>: a joint cannot mimic itself: name another joint, or remove <mimic>",
         ),
         (
             robot("<link name='a'><collision><geometry><mesh filename='meshes/a.stl'/></geometry></collision></link>"),
-            "r.urdf:1: link 'a' <collision>: mesh 'meshes/a.stl' is not found; tried './meshes/a.stl'. Correct the path, or go without it: --no-meshes (LoadOptions::meshes)",
+            "r.urdf:1: link 'a' <collision>: mesh 'meshes/a.stl' is not found; tried './meshes/a.stl'. Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)",
         ),
     ];
     for (text, message) in cases {
@@ -116,12 +119,12 @@ fn a_fault_on_a_link_that_never_moves_is_a_warning_until_it_moves() {
     assert_eq!(
         texts(&report["warnings"]),
         [
-            "link 'a' <mass> (line 1): -1 kg is negative: give the mass of the body; not used, since the link never moves"
+            "link 'a' <mass> (line 1): -1 kg is negative: the mass of a body must be positive; not used, since the link never moves"
         ]
     );
     refused(
         desk.run("inspect r.urdf --floating"),
-        "r.urdf:1: link 'a' <mass value>: -1 kg is negative: give the mass of the body",
+        "r.urdf:1: link 'a' <mass value>: -1 kg is negative: the mass of a body must be positive",
     );
 }
 
