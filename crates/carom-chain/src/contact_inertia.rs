@@ -221,7 +221,7 @@ where
             Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
             Axis::Slide(z) => A::dot(z, z) * composite.mass,
         };
-        // The inward pass writes over the composite inertias; what the joints are driven with comes only after it.
+        // The inward pass overwrites the composite inertias, so their sizes are stored in `drive`, which is used only later.
         for ((free, link), composite) in self.ws.free.iter_mut().zip(&self.ws.links).zip(&self.ws.inertia) {
             free.drive = size((link, composite));
         }

@@ -1,4 +1,4 @@
-//! The smallest interesting systems, typed in by hand.
+//! Small systems compared with their closed forms, and the errors of singular ones.
 
 use carom_chain::urdf::{Inertial, Joint, JointType, Link, LoadOptions, Robot};
 use carom_chain::{Chain, ChainError, uniform_chain};
@@ -10,7 +10,7 @@ fn close(a: f64, b: f64) {
 
 /// Two uniform rods of 1 m and 1 kg, hinged at the origin and end to end, angles from the x axis.
 #[test]
-fn double_pendulum() {
+fn double_pendulum_equals_its_closed_form() {
     let chain = uniform_chain(2, 2.0, 2.0).unwrap();
     let (q1, q2, w1, w2) = (0.3_f64, 0.8_f64, 1.2, -0.7);
     let mut ws = chain.workspace();
@@ -29,7 +29,7 @@ fn double_pendulum() {
     let p = kin.position(tip);
     close(p.x, q1.cos() + (q1 + q2).cos());
     close(p.y, q1.sin() + (q1 + q2).sin());
-    // The same impact matrix as Kane's pendulum has in relative angles (20°, 30° from the vertical: 10° between).
+    // Published Delassus matrix of Kane's pendulum (links at 20° and 30° from the vertical).
     let mut kin = ws.update(&chain, &[(-70_f64).to_radians(), 10_f64.to_radians()]).unwrap();
     let h = kin.delassus(tip).unwrap();
     for (got, published) in [(h[(0, 0)], 2.440338045696), (h[(0, 1)], 1.521308658011), (h[(1, 1)], 1.009560290504)] {
@@ -60,9 +60,9 @@ fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
     }
 }
 
-/// A free rod of 1 m and 1 kg whose lower left end is hit: H = [[1+3 sin²θ, −3 sinθ cosθ], [·, 1+3 cos²θ]].
+/// A free rod of 1 m and 1 kg; H at its left end is [[1+3 sin²θ, −3 sinθ cosθ], [·, 1+3 cos²θ]].
 #[test]
-fn free_rod() {
+fn delassus_of_a_free_rod_equals_its_closed_form() {
     let rod = Inertial {
         mass: 1.0,
         com: Vector3::zeros(),
@@ -79,7 +79,7 @@ fn free_rod() {
         close(h[(0, 0)], 1.0 + 3.0 * s * s);
         close(h[(0, 1)], -3.0 * s * c);
         close(h[(1, 1)], 1.0 + 3.0 * c * c);
-        // Free is free: locking joints that are not there changes nothing in the plane.
+        // The rod has no joints but its free motion: locking changes nothing in the plane.
         let locked = kin.locked_delassus(end).unwrap();
         for (i, k) in [(0, 0), (0, 1), (1, 1)] {
             close(locked[(i, k)], h[(i, k)]);
@@ -88,7 +88,7 @@ fn free_rod() {
 }
 
 #[test]
-fn a_point_mass_on_its_own_hinge_axis_moves_no_inertia() {
+fn point_mass_on_its_hinge_axis_is_refused_as_no_inertia() {
     let on_axis = Inertial { mass: 2.0, com: Vector3::new(0.0, 0.0, 0.3), inertia_at_com: Matrix3::zeros() };
     let chain = Chain::from_robot(one_link(JointType::Revolute, Some(on_axis)), &LoadOptions::default());
     let tip = chain.point(chain.frame("body").unwrap(), Vector3::x());
@@ -103,8 +103,8 @@ fn a_point_mass_on_its_own_hinge_axis_moves_no_inertia() {
     );
 }
 
-/// Two hinges on one axis with nothing between them: M is singular at every pose, though no entry of it is zero. What is
-/// left of the inertia is the rounding of a slender body's large one.
+/// Two coaxial hinges without inertia between them: M is singular at every pose, though no entry of it is zero. The computed
+/// pivot is only the rounding error of a slender body's large inertia.
 #[test]
 fn coaxial_hinges_without_inertia_between_are_refused_at_every_pose() {
     let mut rng = fastrand::Rng::with_seed(3);
@@ -118,7 +118,7 @@ fn coaxial_hinges_without_inertia_between_are_refused_at_every_pose() {
         robot.links.push(Link { name: "blade".into(), inertial: Some(body), collisions: vec![] });
         let second = Joint { name: "second".into(), parent: 1, child: 2, ..robot.joints[0].clone() };
         robot.joints.push(second);
-        // An axis that no frame is aligned with, so that nothing cancels exactly.
+        // An axis that no frame is aligned with, to avoid exact cancellation.
         let tilt = nalgebra::UnitQuaternion::from_euler_angles(0.3, -0.7, 1.1);
         robot.joints[0].origin.rotation = tilt;
         let chain = Chain::from_robot(robot, &LoadOptions::default());
@@ -135,7 +135,7 @@ fn coaxial_hinges_without_inertia_between_are_refused_at_every_pose() {
 }
 
 #[test]
-fn a_thin_straight_robot_has_no_locked_inertia_beside_its_axis() {
+fn locked_delassus_of_a_thin_straight_robot_is_refused_beside_its_axis() {
     let chain = uniform_chain(2, 2.0, 2.0).unwrap();
     let mut ws = chain.workspace();
     let mut kin = ws.update(&chain, &[0.4, 0.0]).unwrap();
@@ -146,7 +146,7 @@ fn a_thin_straight_robot_has_no_locked_inertia_beside_its_axis() {
 }
 
 #[test]
-fn locking_refuses_a_quaternion_that_is_none_and_holds_followers_too() {
+fn lock_refuses_a_zero_quaternion_and_locks_mimic_joints_too() {
     let text = r#"<robot name="r"><link name="a"/>
         <link name="b"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
         <link name="c"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
@@ -163,7 +163,7 @@ fn locking_refuses_a_quaternion_that_is_none_and_holds_followers_too() {
     for joint in ["lead", "follow"] {
         assert_eq!(held.chain.joint(joint).unwrap().coordinates, carom_chain::Coordinates::None);
     }
-    // The follower, not the leader whose coordinate it has, leaves the plane.
+    // The mimic joint leaves the plane, not the joint whose coordinate it shares.
     let base = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let arm = chain.lock(&[("free", &base)]).unwrap().chain;
     let why = arm.to_planar().unwrap_err().to_string();
@@ -171,7 +171,7 @@ fn locking_refuses_a_quaternion_that_is_none_and_holds_followers_too() {
 }
 
 #[test]
-fn straight_arm_reports_its_singular_direction() {
+fn straight_arm_has_one_singular_direction() {
     let chain = uniform_chain(2, 2.0, 2.0).unwrap();
     let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
     let q = [0.7, 0.0];
@@ -187,7 +187,7 @@ fn straight_arm_reports_its_singular_direction() {
     for singular in inertia.singular_directions() {
         assert!((singular[0] * across[0] + singular[1] * across[1]).abs() < 1e-12);
     }
-    // A bend of 1e-12 is not singular: the direction moves, if by little.
+    // With an elbow angle of 1e-12 rad the direction is not singular.
     let bent = chain.workspace().update(&chain, &[0.7, 1e-12]).unwrap().contact_inertia(tip).unwrap();
     assert_eq!(bent.rank, 2);
     assert!(bent.effective_mass(along.as_slice()).unwrap() > 1e20);
@@ -225,14 +225,14 @@ fn recursive_and_dense_delassus_agree_over_long_chains() {
     };
     let (recursive, dense) = tip_h(300);
     let dense = dense.unwrap();
-    // M of 300 links has a condition number of about 1e9: that is what the dense way loses.
+    // M of 300 links has a condition number of about 1e9, by which the dense method loses accuracy.
     assert!((&recursive - &dense).amax() < 1e-6 * dense.amax());
 }
 
-/// Straight thin rods pulled across at the end: transverse speeds of the joints have the tridiagonal mass matrix
-/// m/6 · (2, 1; 1, 4, 1; …), whose last pivot from the far end tends to m/(2√3): H = 2√3 n/M.
+/// Straight chain of thin rods, H transverse at the end: the transverse speeds of the joints have the tridiagonal mass matrix
+/// m/6 · (2, 1; 1, 4, 1; …), whose pivot at the end tends to m/(2√3) for many links: H = 2√3 n/M.
 #[test]
-fn a_long_straight_chain_weighs_what_its_last_links_weigh() {
+fn delassus_of_a_long_straight_chain_tends_to_its_limit() {
     for n in [100, 1000] {
         let chain = uniform_chain(n, 1.0, 1.0).unwrap();
         let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());

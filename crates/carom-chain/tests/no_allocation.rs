@@ -1,4 +1,4 @@
-//! In-place calls allocate nothing: counted by the allocator.
+//! In-place calls do not allocate, as counted by the allocator.
 
 use carom_chain::{Chain, uniform_chain};
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
@@ -8,12 +8,12 @@ fn allocations(work: impl FnOnce()) -> u64 {
 }
 
 #[test]
-fn the_counter_counts() {
+fn allocation_counter_counts_allocations() {
     assert!(allocations(|| drop(std::hint::black_box(vec![1.0; 100]))) > 0);
 }
 
 #[test]
-fn in_place_calls_allocate_nothing() {
+fn in_place_calls_do_not_allocate() {
     let chain: Chain = uniform_chain(9, 2.0, 3.0).unwrap();
     let flat = chain.to_planar().unwrap();
     let tip = chain.frame("tip").unwrap();

@@ -1,4 +1,4 @@
-//! The closed form for a few hinges in the plane against the recursion.
+//! Comparison of the closed form for a few hinges in the plane with the recursion.
 
 mod common;
 
@@ -7,7 +7,7 @@ use carom_chain::{Chain, ChainError, Planar, PlanarRow, uniform_chain};
 use common::{Zoo, close, robot, unit};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 
-/// Random hinges one after another with axes along ±z, frames turned about them, links wherever they may be.
+/// A row of random hinges with axes along ±z, random rotations about them and random links.
 fn row(hinges: usize, rng: &mut fastrand::Rng) -> Chain<Planar<f64>> {
     let mut robot = robot(hinges, Zoo::Uncoupled, rng);
     for (k, joint) in robot.joints.iter_mut().enumerate() {
@@ -19,7 +19,7 @@ fn row(hinges: usize, rng: &mut fastrand::Rng) -> Chain<Planar<f64>> {
 }
 
 #[test]
-fn accelerations_equal_those_of_the_recursion() {
+fn accelerations_of_the_closed_form_equal_those_of_the_recursion() {
     let mut rng = fastrand::Rng::with_seed(41);
     for round in 0..400 {
         let n = 1 + round % 4;
@@ -32,7 +32,7 @@ fn accelerations_equal_those_of_the_recursion() {
             let mut workspace = chain.workspace();
             let mut kin = workspace.update(&chain, &q).unwrap();
             let other = kin.forward_dynamics(&qd, &tau, gravity).unwrap();
-            // The solve's condition number on the rounding of both ways, and of the sines' angles.
+            // Rounding of both methods and of the angles, times the condition number of M.
             let eigenvalues = kin.mass_matrix().symmetric_eigenvalues();
             let solved = 100.0 * f64::EPSILON * eigenvalues.max() / eigenvalues.min();
             close("qdd", &qdd, other.iter(), solved, 1.0);
@@ -41,7 +41,7 @@ fn accelerations_equal_those_of_the_recursion() {
 }
 
 #[test]
-fn the_double_pendulum_has_its_textbook_accelerations() {
+fn accelerations_of_a_double_pendulum_equal_the_textbooks() {
     // Two uniform rods of 1 m and 1 kg: M = [[5/3 + cos q₂, 1/3 + cos q₂/2], [·, 1/3]], and M q̈ is minus the bias
     // ½ sin q₂ (−2 q̇₁q̇₂ − q̇₂², q̇₁²) + g (3/2 cos q₁ + ½ cos(q₁+q₂), ½ cos(q₁+q₂)).
     let flat = uniform_chain(2, 2.0, 2.0).unwrap().to_planar().unwrap();
@@ -58,10 +58,10 @@ fn the_double_pendulum_has_its_textbook_accelerations() {
 }
 
 #[test]
-fn what_is_no_row_of_a_few_hinges_is_left_to_the_recursion() {
+fn chains_that_are_not_rows_of_at_most_four_hinges_have_no_planar_row() {
     let of = |n: usize| PlanarRow::of(&uniform_chain(n, 1.0, 1.0).unwrap().to_planar().unwrap().chain);
     assert!(of(4).is_some() && of(5).is_none());
-    // Chains with sliders and branches, and with joints that follow others.
+    // Chains with sliders, branches and mimic joints.
     let mut rows = 0;
     for seed in 0..200 {
         let sample = common::sample(3, Zoo::Plane, seed);
@@ -80,8 +80,8 @@ fn what_is_no_row_of_a_few_hinges_is_left_to_the_recursion() {
 }
 
 #[test]
-fn a_joint_without_inertia_is_refused_by_both_ways() {
-    // A point mass on the last joint's own axis.
+fn joint_without_inertia_is_refused_by_closed_form_and_recursion() {
+    // A point mass on the axis of the last joint.
     let mut rng = fastrand::Rng::with_seed(5);
     let mut robot = robot(3, Zoo::Plane, &mut rng);
     for (k, joint) in robot.joints.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! The fused kernel against the general path, for every shape that it distinguishes.
+//! Comparison of the probe with `Kinematics`, for every shape of chain that the probe distinguishes.
 
 mod common;
 
@@ -8,11 +8,11 @@ use carom_chain::{Chain, ChainError, Point, uniform_chain};
 use common::{Sample, Zoo, close, robot, sample};
 use nalgebra::{DMatrix, UnitQuaternion, Vector2, Vector3};
 
-/// Position, J, M and H to 1e-13 of their largest entry; the solve with M, and H, lose its condition number on top.
+/// Compares position, J and M to 1e-13 of their largest entry, and H and the response to that times the condition number of M.
 fn agrees<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, q: &[f64]) {
     let probe = chain.probe(point).unwrap();
     let mut reading = probe.reading();
-    // What an earlier pose left must not show.
+    // The reading is used for another pose first: no values of it may remain.
     probe.read_into(&q.iter().map(|x| x + 0.3).collect::<Vec<_>>(), normal, &mut reading).unwrap();
     probe.read_into(q, normal, &mut reading).unwrap();
     let found = reading.found();
@@ -31,7 +31,7 @@ fn agrees<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A
     kin.add_point_force(point, normal, &mut along).unwrap();
     close("Jᵀn", found.joint_impulse, &along, 1e-13, 1.0);
 
-    // 100 ε for the recursions' own rounding, times the condition number.
+    // 100 ε for the rounding of the recursions, times the condition number.
     let eigenvalues = m.symmetric_eigenvalues();
     let solved = 1e-13 + 100.0 * f64::EPSILON * eigenvalues.max() / eigenvalues.min();
     let mut response = vec![0.0; n];
@@ -50,7 +50,7 @@ fn direction(s: &mut Sample) -> Vector3<f64> {
 }
 
 #[test]
-fn the_fused_kernel_equals_the_general_path_on_any_tree() {
+fn probe_equals_kinematics_on_any_tree() {
     for seed in 0..300 {
         let mut s = sample(1 + seed as usize % 9, Zoo::Uncoupled, seed);
         let moving: Vec<_> = s.chain.frames().iter().filter(|f| f.body.is_some()).map(|f| f.name.clone()).collect();
@@ -64,12 +64,12 @@ fn the_fused_kernel_equals_the_general_path_on_any_tree() {
 }
 
 #[test]
-fn what_one_point_of_a_chain_left_does_not_show_at_another() {
+fn reused_reading_has_no_stale_values() {
     for seed in 0..60 {
         let mut s = match seed % 3 {
-            // Hinges in a row: a row for the point on the last, and a tree for all others.
+            // Hinges in a row: the shape is a row for a point on the last body, and a tree for all others.
             0 => row(2 + seed as usize % 5, seed),
-            // Others: the first is none, so that all points have trees of the same kind.
+            // The first joint is a slider, so that the shape is a tree of any joints for all points.
             _ => {
                 let mut rng = fastrand::Rng::with_seed(seed);
                 let mut robot = robot(6, Zoo::Uncoupled, &mut rng);
@@ -82,7 +82,7 @@ fn what_one_point_of_a_chain_left_does_not_show_at_another() {
         let at = |name: &String| s.chain.probe(s.chain.point(s.chain.frame(name).unwrap(), offset)).unwrap();
         let probes: Vec<_> = moving.iter().map(at).collect();
         let mut reading = probes[0].reading();
-        // There and back, and each next to the last.
+        // All probes forwards and backwards, then each before and after the last.
         let last = probes.last().unwrap();
         let tour = probes.iter().chain(probes.iter().rev()).chain(probes.iter().flat_map(|p| [p, last, p]));
         for probe in tour {
@@ -99,7 +99,7 @@ fn what_one_point_of_a_chain_left_does_not_show_at_another() {
 }
 
 #[test]
-fn the_fused_kernel_equals_the_general_path_on_trees_of_hinges() {
+fn probe_equals_kinematics_on_trees_of_hinges() {
     for seed in 0..200 {
         let mut rng = fastrand::Rng::with_seed(seed);
         let mut robot = robot(4 + seed as usize % 9, Zoo::Uncoupled, &mut rng);
@@ -113,7 +113,7 @@ fn the_fused_kernel_equals_the_general_path_on_trees_of_hinges() {
     }
 }
 
-/// Random hinges one after another, in space.
+/// A row of random hinges in space.
 fn row(hinges: usize, seed: u64) -> Sample {
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut robot = robot(hinges, Zoo::Uncoupled, &mut rng);
@@ -124,7 +124,7 @@ fn row(hinges: usize, seed: u64) -> Sample {
 }
 
 #[test]
-fn the_fused_kernel_equals_the_general_path_on_rows_of_hinges() {
+fn probe_equals_kinematics_on_rows_of_hinges() {
     for seed in 0..100 {
         for hinges in 1..=8 {
             let mut s = row(hinges, seed);
@@ -138,8 +138,8 @@ fn the_fused_kernel_equals_the_general_path_on_rows_of_hinges() {
 }
 
 #[test]
-fn nearly_parallel_axes_lose_no_digits() {
-    // Where two axes are parallel their frames' turns about them can't be told apart, and next to it hardly.
+fn probe_keeps_its_accuracy_for_nearly_parallel_axes() {
+    // The rotations of the frames about two parallel axes are not determined separately; for nearly parallel ones barely.
     for seed in 0..30 {
         for tilt in [0.0, 1e-15, 1e-12, 1e-8, 1e-4, std::f64::consts::PI] {
             let mut rng = fastrand::Rng::with_seed(seed);
@@ -160,7 +160,7 @@ fn nearly_parallel_axes_lose_no_digits() {
 }
 
 #[test]
-fn the_fused_kernel_equals_the_general_path_in_the_plane() {
+fn probe_equals_kinematics_in_the_plane() {
     for seed in 0..300 {
         let mut s = sample(1 + seed as usize % 9, Zoo::Plane, seed);
         let Ok(flat) = s.chain.to_planar() else { continue };
@@ -184,7 +184,7 @@ fn the_fused_kernel_equals_the_general_path_in_the_plane() {
 }
 
 #[test]
-fn a_probe_is_refused_where_it_has_no_meaning() {
+fn probe_refuses_fixed_points_mimic_joints_and_wrong_lengths() {
     let chain = uniform_chain(2, 1.0, 1.0).unwrap();
     let base = chain.point(chain.frame("link0").unwrap(), Vector3::zeros());
     assert!(matches!(chain.probe(base), Err(ChainError::FixedPoint { .. })));

@@ -1,4 +1,4 @@
-//! Ring 1: the same kernels over f32, SIMD lanes and dual numbers.
+//! The recursions over f32, SIMD lanes and dual numbers, compared with f64.
 
 mod common;
 
@@ -9,7 +9,7 @@ use nalgebra::{SimdValue, Vector3};
 use num_dual::{Dual2_64, Dual64};
 use simba::simd::{WideF32x8, WideF64x4};
 
-/// M, H, bias and forward dynamics in one row of numbers.
+/// M, bias, forward dynamics and H, in one vector.
 fn everything<T: Real>(
     kin: &mut Kinematics<Spatial<T>>,
     tip: carom_chain::Point<Spatial<T>>,
@@ -39,7 +39,7 @@ where
 }
 
 #[test]
-fn four_lanes_of_f64_are_four_chains() {
+fn each_of_four_f64_lanes_equals_the_scalar_result() {
     for seed in 0..40 {
         let mut s = sample(7, Zoo::Uncoupled, seed);
         let states: Vec<_> = (0..4).map(|_| (s.q(), s.v(), s.v())).collect();
@@ -56,13 +56,13 @@ fn four_lanes_of_f64_are_four_chains() {
         for (k, (q, qd, tau)) in states.iter().enumerate() {
             let alone = at(&s.chain, q, qd, tau);
             let lane: Vec<f64> = together.iter().map(|x| x.extract(k)).collect();
-            // Lanes may use another sine: rounding of the input angles, amplified like any other (see two_routes.rs).
+            // Lanes may use another sine: rounding of the angles, with the tolerance of two_routes.rs.
             blocks(&s.chain, "lane", &lane, &alone, 1e-10);
         }
     }
 }
 
-/// M, bias, q̈ and H each against its own largest entry.
+/// Compares M, bias, q̈ and H, each relative to its largest entry.
 fn blocks(chain: &Chain, name: &str, got: &[f64], want: &[f64], tolerance: f64) {
     let n = chain.nv();
     let ends = [n * n, n * n + n, n * n + 2 * n, want.len()];
@@ -74,16 +74,16 @@ fn blocks(chain: &Chain, name: &str, got: &[f64], want: &[f64], tolerance: f64) 
 }
 
 #[test]
-fn f32_and_its_lanes_agree_with_f64_to_their_precision() {
+fn f32_and_its_lanes_equal_f64_to_single_precision() {
     for seed in 0..40 {
         let mut s = sample(4, Zoo::Uncoupled, seed);
         let (q, qd, tau) = (s.q(), s.v(), s.v());
         let m = s.chain.workspace().update(&s.chain, &q).unwrap().mass_matrix();
         let eigenvalues = m.symmetric_eigenvalues();
-        // A few hundred roundings of 6e-8, and the condition number of M where it is solved with.
+        // A few hundred roundings of 6e-8, times the condition number of M.
         let tolerance = 2e-5 * eigenvalues.max() / eigenvalues.min();
         if tolerance > 0.1 {
-            continue; // f32 has nothing to say about such a chain
+            continue; // M of this chain is too ill-conditioned for f32
         }
         let alone = at(&s.chain, &q, &qd, &tau);
         let single = |x: &[f64]| -> Vec<f32> { x.iter().map(|&x| x as f32).collect() };
@@ -100,11 +100,11 @@ fn f32_and_its_lanes_agree_with_f64_to_their_precision() {
 }
 
 #[test]
-fn duals_carry_the_value_unchanged() {
+fn values_of_dual_numbers_equal_f64_exactly() {
     for seed in 0..40 {
         let mut s = sample(6, Zoo::Uncoupled, seed);
-        // f64 has a sine of its own, a neighbour of the library's in the last digit: where both have the same digits for
-        // all joints, and some state soon has, so has everything.
+        // f64 uses the sine of `carom_chain::sine`, which can differ from the library's in the last digit. Some states have
+        // equal sines for all joints; there all results must be equal.
         let unchanged = (0..200).any(|_| {
             let (q, qd, tau) = (s.q(), s.v(), s.v());
             let dual = |x: &[f64]| -> Vec<Dual64> { x.iter().map(|&x| Dual64::from(x)).collect() };
@@ -117,7 +117,7 @@ fn duals_carry_the_value_unchanged() {
 }
 
 #[test]
-fn duals_of_either_order_carry_the_same_value() {
+fn first_and_second_order_duals_have_equal_values() {
     for seed in 0..40 {
         let mut s = sample(6, Zoo::Uncoupled, seed);
         let (q, qd, tau) = (s.q(), s.v(), s.v());
@@ -126,16 +126,16 @@ fn duals_of_either_order_carry_the_same_value() {
         let first: Vec<f64> = at(&s.chain, &once(&q), &once(&qd), &once(&tau)).iter().map(|x| x.re).collect();
         let second: Vec<f64> = at(&s.chain, &twice(&q), &twice(&qd), &twice(&tau)).iter().map(|x| x.re).collect();
         assert_eq!(first, second);
-        // f64 has a sine of its own: rounding of the input angles, as between lanes.
+        // f64 uses another sine: rounding of the angles, as for lanes.
         blocks(&s.chain, "dual", &first, &at(&s.chain, &q, &qd, &tau), 1e-10);
     }
 }
 
 #[test]
-fn long_chains_keep_their_digits() {
-    // The same chain in f32 and f64: what f32 loses, in its ε. M against the diagonal, τ against the largest of the joints
-    // beyond, q̈ against its largest. Inertias summed about each body's own origin lost 15, 78 and 18 ε at 100 links before
-    // any of them was moved to the body below; twice that is the bound.
+fn rounding_errors_of_long_chains_are_bounded() {
+    // Errors of f32 compared with f64, in units of the ε of f32: of M relative to the diagonal, of τ relative to the largest
+    // of the joints beyond, of q̈ relative to its largest entry. Without base inertial parameters the errors were 15, 78 and
+    // 18 ε at 100 links; the bounds are twice that.
     for n in [10, 30, 100] {
         let chain = carom_chain::uniform_chain(n, 1.0, 1.0).unwrap();
         let in_f32 = chain.cast::<f32>();

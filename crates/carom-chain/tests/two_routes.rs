@@ -1,8 +1,8 @@
-//! Every quantity by two routes, over random chains of 1 to 12 joints of all types.
+//! Every quantity, computed by two methods, for random chains of 1 to 12 joints of all types.
 //!
-//! Tolerances: a chain of n bodies needs some hundred operations per body, each rounding at ε = 2.2e-16 of numbers up to
-//! the largest on the way; random masses differ by up to 30 and poses are not near singular, so results agree to about
-//! 1e3·ε of their largest entry, and solves with M lose its condition number on top (up to some 1e4 here).
+//! Tolerances: a chain of n bodies needs a few hundred operations per body, each with a rounding error of ε = 2.2e-16 of its
+//! operands. Masses differ by a factor of up to 30, and poses are not near singular ones, so results agree to about 1e3·ε of
+//! their largest entry. Solves with M lose accuracy by its condition number (up to about 1e4).
 
 mod common;
 
@@ -32,7 +32,7 @@ fn tip(s: &mut Sample) -> carom_chain::Point<Spatial<f64>> {
     s.chain.point(s.chain.frame(&last).unwrap(), offset)
 }
 
-/// The chain at q moving along qd, in dual numbers: the ε part is the derivative in time.
+/// Evaluates the chain at q, moving with qd, in dual numbers: the ε part is the time derivative.
 fn moving<R>(chain: &Chain, q: &[f64], qd: &[f64], read: impl FnOnce(&mut Kinematics<Spatial<Dual64>>) -> R) -> R {
     let dual = chain.cast::<Dual64>();
     let q: Vec<Dual64> = q.iter().zip(q_rate(chain, q, qd)).map(|(&x, dx)| Dual64::new(x, dx)).collect();
@@ -81,7 +81,7 @@ proptest! {
         let qdd = kin.forward_dynamics(&qd, &tau, GRAVITY).unwrap();
         let left = DVector::from_column_slice(&tau) - kin.bias(&qd, GRAVITY).unwrap();
         let m = kin.mass_matrix();
-        // Backward error: M q̈ gives τ − bias back to rounding of the terms, whatever M's condition.
+        // Backward error: M q̈ equals τ − bias to rounding, independently of M's condition number.
         close("M qdd", (&m * &qdd).iter(), left.iter(), 1e-11, m.amax() * qdd.amax());
         let dense = m.clone().cholesky().unwrap().solve(&left);
         close("qdd", qdd.iter(), dense.iter(), solved(&m), 1.0);
@@ -117,7 +117,7 @@ proptest! {
     }
 
     #[test]
-    fn contact_inertia_of_coupled_chains_is_the_dense_one(mut s in zoo()) {
+    fn contact_inertia_equals_its_definition(mut s in zoo()) {
         let (q, tip) = (s.q(), tip(&mut s));
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
@@ -127,7 +127,7 @@ proptest! {
         let inertia = kin.contact_inertia(tip).unwrap();
         close("H", inertia.delassus.iter(), h.iter(), solved(&m), 1e-300);
         prop_assert_eq!(inertia.rank, j.svd(false, false).rank(1e-12));
-        // 1/nᵀHn is the effective mass, in every direction that moves
+        // the effective mass is 1/nᵀHn in every direction that is not singular
         let n = s.vector().normalize();
         let c = (n.transpose() * &h * n)[0];
         if let Some(mass) = inertia.effective_mass(n.as_slice()) {
@@ -174,9 +174,9 @@ proptest! {
             s.chain.workspace().update(&s.chain, &moved).unwrap().mass_matrix()
         };
         let central: DMatrix<f64> = (at(h) - at(-h)) / (2.0 * h);
-        // Central differences: h² of the third derivative and ε/h of the entry.
+        // Error of central differences: h² times the third derivative, and ε/h times the entry.
         close("dM/dt", central.iter(), exact.iter(), 1e-6, at(0.0).amax() * 10.0);
-        // Coriolis forces do the work that a changing mass matrix needs: q̇ᵀ(C q̇) = ½ q̇ᵀ Ṁ q̇.
+        // Conservation of energy: q̇ᵀ(C q̇) = ½ q̇ᵀ Ṁ q̇.
         let qd_ = DVector::from_column_slice(&qd);
         let work = s.chain.workspace().update(&s.chain, &q).unwrap().bias(&qd, Vector3::zeros()).unwrap().dot(&qd_);
         let needed = 0.5 * (qd_.transpose() * &exact * &qd_)[0];
@@ -199,7 +199,7 @@ proptest! {
     }
 
     #[test]
-    fn momentum_of_a_free_robot_only_gravity_changes((n, seed) in (0..=8_usize, any::<u64>())) {
+    fn momentum_rate_of_a_free_robot_equals_its_weight((n, seed) in (0..=8_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Uncoupled, seed);
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
         s.chain = Chain::from_robot(common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
@@ -213,7 +213,7 @@ proptest! {
             (momentum, mass_at.force.map(|x| x.re))
         });
         prop_assert_eq!(mass_at, Vector3::zeros());
-        // Σ force = total mass · gravity: the internal motion cancels, though it is not small.
+        // Σ force = total mass · gravity, though the internal motion is not small.
         let weight = GRAVITY * s.chain.total_mass();
         let m = s.chain.workspace().update(&s.chain, &q).unwrap().mass_matrix();
         close("dp/dt", rate.force.map(|x| x.eps).iter(), weight.iter(), solved(&m), qdd.amax().max(1.0));
@@ -221,7 +221,7 @@ proptest! {
     }
 
     #[test]
-    fn planar_chains_agree_with_space((n, seed) in (1..=12_usize, any::<u64>())) {
+    fn planar_chains_equal_their_chains_in_space((n, seed) in (1..=12_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Plane, seed);
         let (q, qd, tau, offset) = (s.q(), s.v(), s.v(), s.vector());
         let flat = s.chain.to_planar().unwrap();
@@ -256,7 +256,7 @@ proptest! {
     }
 
     #[test]
-    fn locking_joints_equals_holding_them((n, seed) in (2..=12_usize, any::<u64>())) {
+    fn locked_chain_equals_the_full_chain_with_those_joints_at_rest((n, seed) in (2..=12_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::All, seed);
         let (q, mut qd, tip_offset) = (s.q(), s.v(), s.vector());
         let own: Vec<(String, Vec<f64>, std::ops::Range<usize>)> = s.chain.joints().iter().filter_map(|j| match &j.coordinates {
@@ -290,7 +290,7 @@ proptest! {
     }
 
     #[test]
-    fn pruned_branches_do_not_matter((n, seed) in (2..=12_usize, any::<u64>())) {
+    fn pruned_branches_do_not_change_velocity_jumps((n, seed) in (2..=12_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::All, seed);
         let (q, f) = (s.q(), s.vector());
         let pick = s.rng.usize(0..s.chain.frames().len());
@@ -319,9 +319,9 @@ proptest! {
     }
 
     #[test]
-    fn locked_delassus_is_that_of_the_frozen_robot_set_free((n, seed) in (1..=8_usize, any::<u64>())) {
+    fn locked_delassus_equals_that_of_a_floating_robot_with_locked_joints((n, seed) in (1..=8_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Uncoupled, seed);
-        // One free robot: lock all but its floating base, and H is the locked one.
+        // A floating robot: H with all joints locked but the floating base is the locked Delassus matrix.
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
         s.chain = Chain::from_robot(common::robot(n, Zoo::Uncoupled, &mut s.rng), &floating);
         let (q, tip_offset) = (s.q(), s.vector());
@@ -342,7 +342,7 @@ proptest! {
 
     #[test]
     fn inertia_added_to_joints_is_added_to_the_mass_matrix(mut s in zoo()) {
-        // Some joints free, some with a rotor, some locked; mimic couplings take the dense way, the others the recursion.
+        // Some joints are free, some have a rotor, some are locked. Chains with mimic joints use the dense method.
         let (q, tip) = (s.q(), tip(&mut s));
         let nv = s.chain.nv();
         let added: Vec<f64> = (0..nv).map(|_| match s.rng.u8(0..4) {
@@ -372,14 +372,14 @@ proptest! {
                 }
             }
         }
-        // Nothing added is nothing; endless inertia is a lock.
+        // Zero added inertia changes nothing.
         let without = kin.contact_inertia_with(tip, &vec![0.0; nv]).unwrap();
         prop_assert_eq!(without.delassus, kin.contact_inertia(tip).unwrap().delassus);
     }
 
     #[test]
-    fn turning_a_little_turns_a_little((size, seed) in (-9.0..0.3_f64, any::<u64>())) {
-        // The screw of a rotation by θ, from 1e-9 to 2 rad: two half steps make one.
+    fn integration_in_two_half_steps_equals_one_step((size, seed) in (-9.0..0.3_f64, any::<u64>())) {
+        // Screw motions with rotations from 1e-9 to 2 rad.
         let mut s = sample(0, Zoo::All, seed);
         let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
         s.chain = Chain::from_robot(common::robot(0, Zoo::All, &mut s.rng), &floating);
@@ -394,12 +394,12 @@ proptest! {
     #[test]
     fn integrate_and_difference_are_inverse(mut s in zoo()) {
         let (q, qd) = (s.q(), s.v());
-        // Half a turn is where the shorter way changes sides: |ω| < π stays this side of it.
+        // The rotation is less than half a turn, so that the difference is unique.
         let to = s.chain.integrate(&q, &qd, 0.8).unwrap();
         let back = s.chain.difference(&q, &to).unwrap();
         let expected: Vec<f64> = qd.iter().map(|x| x * 0.8).collect();
         close("difference", back.iter(), expected.iter(), 1e-11, 1.0);
-        // The first-order step is the rate of q.
+        // To first order a step is dt times the rate of q.
         let h = 1e-6;
         let step = s.chain.integrate(&q, &qd, h).unwrap();
         let rate: Vec<f64> = step.iter().zip(&q).map(|(a, b)| (a - b) / h).collect();
@@ -426,7 +426,7 @@ fn quaternions_stay_unit_over_a_million_steps() {
     }
     let norm = q[3..].iter().map(|x| x * x).sum::<f64>().sqrt();
     assert!((norm - 1.0).abs() < 4.0 * f64::EPSILON, "{norm}");
-    // A constant screw over 1000 s in one step and in a million.
+    // A constant velocity over 1000 s, in one step and in a million.
     let once = chain.integrate(&chain.zero_configuration(), &qd, 1000.0).unwrap();
     let apart = chain.difference(&once, &q).unwrap();
     assert!(apart.iter().all(|x| x.abs() < 1e-8), "{apart:?}");

@@ -1,4 +1,4 @@
-//! One gap, by closed form and by the search: `cargo bench -p carom-contact`.
+//! Time of one gap for several shapes and obstacles: `cargo bench -p carom-contact`.
 
 use carom_chain::algebra::Pose;
 use carom_chain::{Chain, Spatial};

@@ -7,8 +7,8 @@
 //! | r, l | radius and half length of the cylinder |
 //! | n | unit normal, from the second body to the first |
 //!
-//! All positions of one call are in the same axes. Distances are exact to rounding on both sides of zero; a normal that
-//! the geometry leaves open (a point on a segment) is z.
+//! All positions of one call are in the same axes. Distances are exact to rounding on both sides of zero. Where the normal
+//! is not determined (a point on a segment), it is z.
 
 use nalgebra::Vector3;
 
@@ -22,7 +22,7 @@ pub(crate) struct Nearest {
 }
 
 impl Nearest {
-    /// Of two points: d = |a − b|.
+    /// The distance of two points, |a − b|.
     pub fn of_points(a: Vector3<f64>, b: Vector3<f64>) -> Self {
         let distance = (a - b).norm();
         let normal = if distance > 0.0 { (a - b) / distance } else { Vector3::z() };
@@ -62,7 +62,7 @@ pub(crate) fn point_segment(p: Vector3<f64>, segment: &Segment) -> Nearest {
 /// Two segments c + s h, c′ + t h′: where both derivatives of |c + s h − c′ − t h′|² vanish,
 /// s = ((h·h′)(h′·w) − (h′·h′)(h·w)) / ((h·h)(h′·h′) − (h·h′)²) with w = c − c′, clamped to [−1, 1]; t is then nearest to
 /// that point, and s to t's if t was clamped. (Ericson, *Real-Time Collision Detection* (2005), 5.1.9.) Parallel segments
-/// touch along a stretch; the middle of it is taken.
+/// are nearest along an interval; its middle is used.
 pub(crate) fn segment_segment(first: &Segment, second: &Segment) -> Nearest {
     let w = first.middle - second.middle;
     let (aa, ab, bb) = (first.half.norm_squared(), first.half.dot(&second.half), second.half.norm_squared());
@@ -70,7 +70,7 @@ pub(crate) fn segment_segment(first: &Segment, second: &Segment) -> Nearest {
     let s = if determinant > 1e-14 * aa * bb {
         (ab * second.half.dot(&w) - bb * first.half.dot(&w)) / determinant
     } else {
-        // Parallel: the middle of the stretch of `first` that the ends of `second` span.
+        // Parallel: the middle of the interval of `first` nearest to `second`.
         let ends = [first.nearest(second.at(-1.0)), first.nearest(second.at(1.0))];
         (ends[0] + ends[1]) / 2.0
     };
@@ -84,8 +84,8 @@ pub(crate) fn segment_segment(first: &Segment, second: &Segment) -> Nearest {
     Nearest { normal: across.try_normalize(0.0).unwrap_or(Vector3::z()), ..nearest }
 }
 
-/// A point and a box: outside the distance of p to its clamped self, inside the least of |pᵢ| − hᵢ (the nearest face;
-/// of equally near ones the first of x, y, z).
+/// A point and a box: outside, the distance of p from p clamped to the box; inside, the largest |pᵢ| − hᵢ (the nearest face;
+/// of equally near faces the first of x, y, z).
 pub(crate) fn point_box(p: Vector3<f64>, half: Vector3<f64>) -> Nearest {
     let clamped = p.zip_map(&half, |p, h| p.clamp(-h, h));
     let distance = (p - clamped).norm();
@@ -129,9 +129,9 @@ pub(crate) fn point_cylinder(p: Vector3<f64>, radius: f64, half: f64) -> Nearest
 
 /// A segment c + s d and a box.
 ///
-/// The squared distance f(s) = Σ max(|cᵢ + s dᵢ| − hᵢ, 0)² is convex and made of parabolas that meet where a coordinate
-/// passes ±hᵢ. Its derivative g grows, on straight lines between these places, so its zeros are a point or a stretch (of
-/// a segment along a face); the middle is taken.
+/// The squared distance f(s) = Σ max(|cᵢ + s dᵢ| − hᵢ, 0)² is convex and piecewise quadratic, with breakpoints where a
+/// coordinate is ±hᵢ. Its derivative g is non-decreasing and piecewise linear, so its zeros are a point or an interval (for
+/// a segment along a face), whose middle is used.
 pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
     let (c, d) = (segment.middle, segment.half);
     let zero = 4.0 * f64::EPSILON * d.norm() * (c.norm() + d.norm() + half.norm());
@@ -140,9 +140,9 @@ pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
         let g: f64 = (0..3).map(|i| (x[i] - x[i].clamp(-half[i], half[i])) * d[i]).sum();
         if g.abs() <= zero { 0.0 } else { g }
     };
-    // The last place where f falls, the first where it grows.
+    // The last breakpoint where f decreases, and the first where it increases.
     let (mut falls, mut grows) = ((-1.0, slope(-1.0)), (1.0, slope(1.0)));
-    let (mut first, mut last) = (grows, falls); // of the places where g = 0
+    let (mut first, mut last) = (grows, falls); // of the breakpoints where g = 0
     for s in (0..3).flat_map(|i| [(half[i] - c[i]) / d[i], (-half[i] - c[i]) / d[i]]).chain([-1.0, 1.0]) {
         if (-1.0..=1.0).contains(&s) {
             let here = (s, slope(s));
@@ -169,9 +169,9 @@ pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
     if nearest.distance > 1e-9 * half.max() { nearest } else { segment_in_box(segment, half) }
 }
 
-/// A segment that meets a box. The difference of the two is a polyhedron whose faces are the box's and those that an edge
-/// of the box spans with the segment, so the way out is along one of the six normals n: the greatest of
-/// |n·c| − Σ|nᵢ|hᵢ − |n·d|.
+/// A segment that intersects a box. The Minkowski difference of the two is a polyhedron whose faces are those of the box and
+/// those spanned by an edge of the box and the segment. The direction of greatest separation is therefore one of their six
+/// normals n: that with the largest |n·c| − Σ|nᵢ|hᵢ − |n·d|.
 fn segment_in_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
     let (c, d) = (segment.middle, segment.half);
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
@@ -185,7 +185,7 @@ fn segment_in_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
     }
     let (distance, normal) = best;
     let lowest = if normal.dot(&d) > 0.0 { -1.0 } else { 1.0 };
-    // Of a segment parallel to the face, the middle.
+    // For a segment parallel to the face, the middle.
     let s = if normal.dot(&d).abs() <= 1e-12 * d.norm() { 0.0 } else { lowest };
     let a = segment.at(s);
     Nearest { distance, normal, a, b: a - normal * distance }

@@ -4,20 +4,20 @@
 //! | --- | --- |
 //! | A, B | the first and the second core |
 //! | n | unit vector from B to A |
-//! | s(n) | separation: lowest point of A along n less highest point of B |
+//! | s(n) | separation: height along n of A's lowest point minus that of B's highest point |
 //! | v | vector from the nearest point of B to that of A |
 //!
-//! **Signed distance** is the greatest separation over all directions, d = max s(n), on both sides of zero. Any n gives
-//! a lower bound, so nothing that is returned here claims more room than there is.
+//! **Signed distance** is the greatest separation over all directions, d = max s(n), on both sides of zero. s(n) of any n is
+//! a lower bound, so the distance returned is never too large.
 //!
-//! **Apart**: the search of Gilbert, Johnson and Keerthi (IEEE J. Robotics Autom. 4 (1988) 193) over the difference A − B.
-//! It ends when bounds from both sides meet to rounding, or on a rim, which its corners only approach, at some 1e-8;
-//! `polish.rs` takes it from there.
+//! **Separate bodies**: the algorithm of Gilbert, Johnson and Keerthi (IEEE J. Robotics Autom. 4 (1988) 193) on the
+//! Minkowski difference A − B. It ends when its lower and upper bounds agree to rounding; on a rim, which its corners only
+//! approximate, at a relative error of about 1e-8. `polish.rs` then refines the result.
 //!
-//! **Near and overlapping**: v is short or zero there and tells no direction. A is lifted by t along a guess n₀ until
-//! the bodies are well apart: the lifted pair has max s(n) + t n·n₀, and its n has s(n) ≥ s(n₀). Lifting along the new
-//! n, ever less, climbs to the direction that needs no correction. This is the proximal-point iteration for max s(n): it
-//! ends after a step or two between polyhedra, and gains three digits a step on rims.
+//! **Close and overlapping bodies**: v is too short to give a direction, or zero. A is translated (lifted) by t along a
+//! guess n₀, so that the bodies are well apart. The lifted pair maximises s(n) + t n·n₀, and its n has s(n) ≥ s(n₀). This is
+//! repeated with the new n until n does not change. It is the proximal-point iteration for max s(n): it converges in one or
+//! two steps for polyhedra, and gains three digits per step on rims.
 
 use crate::closed_form::Nearest;
 use crate::parry;
@@ -27,12 +27,12 @@ use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use nalgebra::Vector3;
 
-/// A core somewhere.
+/// A core and its pose.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Placed<'a> {
     pub core: Core<'a>,
     pub pose: Pose<Spatial<f64>>,
-    /// Radius of a ball about the pose's origin that holds it.
+    /// Radius of a sphere about the pose's origin that contains it, m.
     pub radius: f64,
 }
 
@@ -42,13 +42,13 @@ impl Placed<'_> {
     }
 }
 
-/// Two cores, positions counted from B's origin.
+/// Two cores, with positions relative to B's origin.
 struct Pair<'a> {
     a: &'a Placed<'a>,
     b: &'a Placed<'a>,
     /// From B's origin to A's.
     offset: Vector3<f64>,
-    /// A length of the size of both.
+    /// Sum of the two radii: the length scale of tolerances.
     size: f64,
 }
 
@@ -61,11 +61,11 @@ pub(crate) struct Vertex {
     pub b: Vector3<f64>,
 }
 
-/// Apart by less than this share of the size, the pair is lifted: above it, rounding turns no normal by more than 1e-8,
-/// and where an edge or face fixes it by no more than 1e-15.
+/// Pairs closer than this fraction of the size are lifted. Above it, rounding changes a normal by at most 1e-8, and one that
+/// is determined by an edge or face by at most 1e-15.
 const NEAR: f64 = 1e-7;
 
-/// How far apart lifted bodies are, as a share of the size.
+/// Distance of lifted bodies, as a fraction of the size.
 const LIFTED: f64 = 1e-3;
 
 /// The nearest points of two cores. `a` and `b` are in world axes.
@@ -93,8 +93,8 @@ impl Pair<'_> {
         n.dot(&self.lowest(n).w)
     }
 
-    /// The nearest points while A is lifted (not lifted in the answer but for `distance`); `None` if they overlap. A lift,
-    /// where there is one, sets the pair apart.
+    /// The nearest points of B and of A translated by `lift`; `None` if they overlap. In the result, `distance` is that of
+    /// the lifted pair, and `a` is a point of A before the translation. A non-zero lift must separate the pair.
     fn search(&self, lift: Vector3<f64>, guess: Vector3<f64>) -> Option<Nearest> {
         let lifted = |n| {
             let corner = self.lowest(n);
@@ -113,7 +113,7 @@ impl Pair<'_> {
             if length - separation <= rounding {
                 break;
             }
-            // Of a flat tetrahedron rounding may say anything: not asked where the pair is known to be apart.
+            // For a flat tetrahedron the test is unreliable: omitted if the pair is known to be separate.
             if separation <= 0.0 && lift == Vector3::zeros() && simplex.surrounds_with(&corner) {
                 return None;
             }
@@ -129,7 +129,7 @@ impl Pair<'_> {
         Some(polish((self.a, self.b), &simplex.corners[..simplex.count], rough, lifted))
     }
 
-    /// Lifts and lowers until the direction stays. `apart` is what the search without lift found.
+    /// Repeats the search with lifts until the direction does not change. `apart` is the result of the search without lift.
     fn climb(&self, apart: Option<Nearest>) -> Nearest {
         let found = match apart {
             Some(nearest) => Some(nearest.normal),
@@ -143,7 +143,7 @@ impl Pair<'_> {
             let Some(found) = self.search(n * lift, n) else { break };
             let next = self.separation(found.normal);
             if next < separation - f64::EPSILON * self.size {
-                // Rounding: no step is downwards. The points are as good as any.
+                // The separation decreased, which is rounding: the direction is kept.
                 best = best.or(Some(Nearest { normal: n, ..found }));
                 break;
             }
@@ -162,8 +162,8 @@ impl Pair<'_> {
         }
     }
 
-    /// The direction of greatest separation among the likely ones: what was found, from centre to centre, the axes of both
-    /// bodies and the products of these.
+    /// The direction of greatest separation among some candidates: `found`, the vector between the origins, the axes of both
+    /// bodies, and the cross products of these axes.
     fn guess(&self, found: Option<Vector3<f64>>) -> Vector3<f64> {
         let axes = |placed: &Placed| {
             let own = placed.core.has_axes();
@@ -185,7 +185,7 @@ impl Pair<'_> {
     }
 }
 
-/// Up to three corners whose mixture, with positive weights, is nearest to the origin.
+/// Up to three corners of A − B, with the positive weights of their point nearest to the origin.
 #[derive(Debug, Clone, Copy)]
 struct Simplex {
     corners: [Vertex; 3],
@@ -206,8 +206,8 @@ impl Simplex {
         self.mix(|corner| corner.w)
     }
 
-    /// With one corner more, and without those that then do not count. The new corner counts if anything improves, so
-    /// only its faces are looked at.
+    /// Adds a corner and removes those whose weight becomes zero. Only faces with the new corner are examined, because any
+    /// improvement includes it.
     fn with(&self, new: Vertex) -> Self {
         let old = &self.corners[..self.count];
         let mut best = Self::of(new);

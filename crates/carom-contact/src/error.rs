@@ -1,67 +1,67 @@
-//! What can be wrong with shapes, meshes and obstacles.
+//! Errors of shapes, meshes and obstacles.
 
 use std::path::PathBuf;
 
-/// Every way in which this crate refuses its input.
+/// Errors of this crate. Each message names the link or obstacle, the value, and the rule that it breaks.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ContactError {
-    /// A mesh file can't be used.
+    /// A mesh file cannot be used.
     #[error("{owner}: mesh '{}' {fault}", file.display())]
     Mesh {
-        /// Whose mesh: `link 'palm'` or `obstacle`.
+        /// Owner of the mesh: `link 'palm'` or `obstacle`.
         owner: String,
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// What is wrong with it.
+        /// The error in it.
         fault: MeshFault,
     },
-    /// A length, radius or size that no body has.
+    /// A length, radius or side that is not positive and finite.
     #[error("{owner}: {what} is {value}: it must be positive and finite")]
     Size {
-        /// Whose: `link 'palm'` or `obstacle`.
+        /// Owner of the shape: `link 'palm'` or `obstacle`.
         owner: String,
-        /// `radius`, `length`, `size x` …
+        /// Name of the size: `radius`, `length`, `size x` …
         what: &'static str,
-        /// The value.
+        /// Its value, m.
         value: f64,
     },
-    /// A position or direction that is not finite, or a direction without length.
+    /// A position or direction that is not finite, or a direction of zero length.
     #[error("{owner}: {what} is ({}, {}, {}): {rule}", value[0], value[1], value[2])]
     Vector {
-        /// Whose.
+        /// Owner of the vector: `obstacle`.
         owner: String,
-        /// `point`, `normal` …
+        /// Name of the vector: `point`, `normal` …
         what: &'static str,
-        /// The value.
+        /// Its value.
         value: [f64; 3],
-        /// What it must be.
+        /// The rule that it breaks.
         rule: &'static str,
     },
 }
 
-/// What is wrong with a mesh.
+/// An error in a mesh.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeshFault {
-    /// The file can't be read, or is not what its name says.
+    /// The file cannot be read or is not in the format of its extension; or an index of a vertex is out of range.
     #[error("cannot be read: {0}")]
     Unreadable(String),
-    /// The name ends in something else than stl, dae or obj.
-    #[error("is of the kind '{0}': stl, dae and obj are read")]
+    /// The extension is not stl, dae or obj.
+    #[error("has the file type '{0}', which is not supported: give an stl, dae or obj file")]
     UnknownKind(String),
-    /// Nothing to touch.
+    /// The mesh has no triangle of non-zero area.
     #[error("has no triangle of non-zero area ({0} triangles in the file): give a mesh with triangles, or a box")]
     NoTriangles(usize),
-    /// NaN or infinite.
+    /// A coordinate is NaN or infinite.
     #[error("has a vertex ({}, {}, {}) after scaling (vertex {index}, counted from 0): every coordinate must be finite", at[0], at[1], at[2])]
     NotFinite {
-        /// Which vertex.
+        /// Index of the vertex, from 0.
         index: usize,
-        /// Its coordinates, scaled.
+        /// Its coordinates after scaling, m.
         at: [f64; 3],
     },
-    /// A scale that flattens the mesh or is no number.
+    /// A factor of the scale is zero or not finite.
     #[error("has the scale ({}, {}, {}): each factor must be finite and not zero", .0[0], .0[1], .0[2])]
     Scale([f64; 3]),
 }

@@ -1,4 +1,4 @@
-//! The gap of two bodies: signed distance, normal, witness points.
+//! The gap between two bodies: signed distance, normal, nearest points.
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
@@ -6,7 +6,7 @@
 //! | n | unit normal, from the environment to the robot | [`Gap::normal`] |
 //! | a, b | nearest points of robot and environment; g = n·(a − b) | [`Gap::on_robot`], [`Gap::on_environment`] |
 //!
-//! Which way a pair goes (sphere and capsule are a point and a segment with a skin):
+//! Method for each pair (a sphere is a point, and a capsule a segment, with a skin of constant thickness):
 //!
 //! | | half-space | point | segment | box | cylinder | hull | mesh |
 //! | --- | --- | --- | --- | --- | --- | --- | --- |
@@ -14,8 +14,8 @@
 //! | segment | closed form | | closed form | closed form | search | search | search |
 //! | box, cylinder, hull | closed form | | | search | search | search | search |
 //!
-//! Closed forms are exact to rounding; the search (`convex.rs`) is to about 1e-14 of the bodies' size. Against a mesh the
-//! pair's triangle with the least gap counts.
+//! Closed forms are exact to rounding; the search (`convex.rs`) is accurate to about 1e-14 of the bodies' size. The gap to a
+//! mesh is the smallest gap to one of its triangles.
 
 use crate::closed_form::{self, Nearest, Segment};
 use crate::convex::{self, Placed};
@@ -27,14 +27,15 @@ use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use nalgebra::Vector3;
 
-/// How far a body is from touching, and where. World axes, m.
+/// Signed distance, normal and nearest points of two bodies. World axes, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gap {
-    /// Signed distance: > 0 open, < 0 overlapping (the least way back out).
+    /// Signed distance: > 0 for separate bodies; < 0 for overlapping ones, minus the shortest translation that separates
+    /// them.
     pub distance: f64,
     /// Unit normal, from the environment to the robot.
     pub normal: Vector3<f64>,
-    /// The robot's point nearest to the environment (or deepest in it).
+    /// The robot's point nearest to the environment, or deepest in it.
     pub on_robot: Vector3<f64>,
     /// The environment's point nearest to the robot.
     pub on_environment: Vector3<f64>,
@@ -42,28 +43,29 @@ pub struct Gap {
 
 /// The gap between a shape of a link, whose frame is at `pose` in the world, and an obstacle.
 ///
-/// The normal's rate of change does not enter the gap's: d(gap)/dt = n · velocity of the robot at [`Gap::on_robot`].
-/// Where a whole edge or face is nearest, the points are one fixed choice of it ([`Solid::lowest`] for half-spaces);
-/// [`gap_points`] lists them all.
+/// d(gap)/dt = n · v, with v the velocity of the robot at [`Gap::on_robot`]; the rate of change of the normal does not occur
+/// in it. If a whole edge or face is nearest, the points are a fixed choice on it ([`Solid::lowest`] for half-spaces);
+/// [`gap_points`] returns all of its corners.
 ///
-/// A mesh is a surface with two sides, but for a closed one, whose inside is solid: what is wholly inside has a negative
-/// gap, measured from its centre.
+/// An open mesh is a surface with two sides. A closed mesh is solid: a body that lies completely inside has a negative gap,
+/// measured from the body's centre.
 pub fn gap(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle) -> Gap {
     solid_gap(shape.solid(), &pose.then(shape.origin()), obstacle)
 }
 
-/// The gap between two links' shapes. The first is the robot in [`Gap`]'s words, the second its environment: n points
-/// from the second to the first, and d(gap)/dt is n · the difference of their velocities.
+/// The gap between two shapes of links, each with the pose of its link's frame in the world. In [`Gap`] the first is the
+/// robot and the second the environment: n points from the second to the first, and d(gap)/dt is n · the velocity of the
+/// first relative to the second.
 pub fn gap_between(shape: (&LinkShape, &Pose<Spatial<f64>>), other: (&LinkShape, &Pose<Spatial<f64>>)) -> Gap {
     let place = |(shape, pose): (&LinkShape, &Pose<Spatial<f64>>)| pose.then(shape.origin());
     solids(shape.0.solid(), &place(shape), other.0.solid(), &place(other))
 }
 
-/// The gaps of all corners ([`LinkShape::corners`]) that are at most `tolerance` (m) wider than the narrowest of them, in
-/// their order: the several points of a body at rest on a face or edge.
+/// The gaps of all corners ([`LinkShape::corners`]) that exceed the smallest of them by at most `tolerance` (m), in the
+/// order of the corners. They are the contact points of a body that rests on a face or edge.
 ///
-/// A cylinder also has its exact lowest point against a half-space, first. Corners of the *obstacle* that touch a face of
-/// the robot are not among them.
+/// For a cylinder and a half-space, the gap of its exact lowest point comes first. Corners of the *obstacle* on a face of
+/// the robot are not included.
 pub fn gap_points(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle, tolerance: f64) -> Vec<Gap> {
     let mut gaps = Vec::new();
     if matches!((shape.solid(), obstacle.surface()), (Solid::Cylinder { .. }, Surface::HalfSpace { .. })) {
@@ -89,7 +91,7 @@ pub(crate) fn solid_gap(solid: &Solid, pose: &Pose<Spatial<f64>>, obstacle: &Obs
     }
 }
 
-/// g = n·(x − p) + (height of the body's lowest point along n, in its own axes).
+/// g = n·(x − p) + (height along n of the body's lowest point, in body axes).
 fn above_plane(solid: &Solid, pose: &Pose<Spatial<f64>>, point: &Vector3<f64>, normal: &Vector3<f64>) -> Gap {
     let (height, lowest) = solid.lowest(pose.rotation.tr_mul(normal));
     let distance = normal.dot(&(pose.translation - point)) + height;
@@ -97,7 +99,7 @@ fn above_plane(solid: &Solid, pose: &Pose<Spatial<f64>>, point: &Vector3<f64>, n
     Gap { distance, normal: *normal, on_robot, on_environment: on_robot - normal * distance }
 }
 
-/// The gap of two bodies: that of their cores, less the skins.
+/// The gap of two bodies: the signed distance of their cores minus the skins.
 fn solids(a: &Solid, pose_a: &Pose<Spatial<f64>>, b: &Solid, pose_b: &Pose<Spatial<f64>>) -> Gap {
     let ((core_a, skin_a), (core_b, skin_b)) = (a.core(), b.core());
     let nearest = cores(&placed(core_a, a, pose_a), &placed(core_b, b, pose_b));
@@ -119,7 +121,7 @@ fn placed<'a>(core: Core<'a>, solid: &Solid, pose: &Pose<Spatial<f64>>) -> Place
     Placed { core, pose: *pose, radius: centre.norm() + radius }
 }
 
-/// The way of the table above.
+/// The method of the table in the module's documentation.
 fn cores(a: &Placed, b: &Placed) -> Nearest {
     use Core::{Box, Cylinder, Point, Segment as Line};
     let line = |placed: &Placed, half: f64, origin: &Vector3<f64>| Segment {
@@ -148,7 +150,7 @@ fn cores(a: &Placed, b: &Placed) -> Nearest {
     }
 }
 
-/// Works in the axes of `b`: `work` gets the map of world points into them, and its answer is turned back.
+/// Calls `work` with the map from world points to the axes of `b`, and transforms the result back to world axes.
 fn in_axes_of(b: &Placed, work: impl FnOnce(&dyn Fn(Vector3<f64>) -> Vector3<f64>) -> Nearest) -> Nearest {
     let nearest = work(&|p| b.pose.rotation.tr_mul(&(p - b.pose.translation)));
     Nearest {
@@ -159,7 +161,7 @@ fn in_axes_of(b: &Placed, work: impl FnOnce(&dyn Fn(Vector3<f64>) -> Vector3<f64
     }
 }
 
-/// The least gap over the triangles of a mesh, in the mesh's axes.
+/// The smallest gap to the triangles of a mesh.
 fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, place: &Pose<Spatial<f64>>) -> Gap {
     let (core, skin) = solid.core();
     let body = placed(core, solid, &place.inverse().then(pose));
@@ -204,7 +206,7 @@ fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, p
     }
 }
 
-/// One triangle, counted from its middle.
+/// The distance to one triangle, computed relative to its centroid.
 fn above_triangle(body: &Placed, corners: &[Vector3<f64>; 3]) -> Nearest {
     let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
     let corners = corners.map(|corner| corner - middle);

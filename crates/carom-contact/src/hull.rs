@@ -4,8 +4,8 @@ use crate::mesh::Mesh;
 use crate::parry;
 use nalgebra::Vector3;
 
-/// The corners of a mesh's convex hull. Against a plane the hull is exact; against everything else it fills the hollows
-/// of the mesh.
+/// The convex hull of a mesh, by its corners. Its gap to a half-space is exactly that of the mesh; for other obstacles it
+/// fills the concavities of the mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull {
     vertices: Vec<Vector3<f64>>,

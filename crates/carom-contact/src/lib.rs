@@ -1,18 +1,20 @@
-//! Shapes on links and in the surroundings: **signed gap, normal, witness points, gap rate, contact point**.
+//! Gaps between the shapes of a robot's links and obstacles: **signed distance, contact normal, nearest points, gap rate,
+//! contact point**.
 //!
-//! The way of the data: the collision elements of a [`Chain`](carom_chain::Chain) → [`link_shapes`] (sizes checked, meshes
-//! read) → [`reachable_pairs`] with the [`Obstacle`]s, once → [`gap`] at every pose → [`contact_point`], whose Jacobian is
-//! the contact's.
+//! Order of use: the collision elements of a [`Chain`](carom_chain::Chain) → [`link_shapes`], which checks sizes and reads
+//! meshes → [`reachable_pairs`] with the [`Obstacle`]s, once → [`gap`] at every pose → [`contact_point`], whose Jacobian is
+//! the contact Jacobian.
 //!
-//! **Why this shape.** Events are found as zeros of gaps, so a gap must be right to rounding on both sides of zero, and a
-//! normal too. Closed forms give that where they are short. The rest goes through one search over convex bodies that
-//! says how good its answer is. parry finds convex hulls and triangles; none of its types is seen outside `parry.rs`.
+//! **Design.** Contact events are zeros of gaps, so a gap and its normal must be accurate to rounding on both sides of
+//! zero. Simple pairs of shapes use closed forms; all others use one search over convex bodies that also computes a bound
+//! of its error. parry is used for convex hulls and for finding triangles of meshes; its types do not occur in any
+//! signature outside `parry.rs`.
 //!
-//! **Conventions.** SI units, world axes. The normal is a unit vector from the environment to the robot; gap > 0 is open,
-//! gap < 0 overlaps; approach means a negative gap rate.
+//! **Conventions.** SI units, world axes. The normal is a unit vector from the environment to the robot. The gap is > 0 for
+//! separate bodies and < 0 for overlapping ones; a negative gap rate is an approach.
 //!
-//! **Limits.** A link's mesh counts as its convex hull: exact against a half-space, filled elsewhere. An obstacle's mesh
-//! counts as it is. Obstacles stand still.
+//! **Limits.** A link's mesh is replaced by its convex hull, which is exact against a half-space and fills concavities
+//! otherwise. An obstacle's mesh is used as it is. Obstacles do not move.
 //!
 //! ```
 //! use carom_chain::Chain;

@@ -1,4 +1,4 @@
-//! What stands still in the world: half-spaces, boxes, balls, meshes.
+//! Fixed obstacles: half-spaces, boxes, spheres and meshes.
 
 use crate::error::{ContactError, MeshFault};
 use crate::mesh::Mesh;
@@ -10,7 +10,7 @@ use carom_chain::algebra::Pose;
 use nalgebra::{Isometry3, Vector3};
 use std::path::Path;
 
-/// A fixed thing in the world, checked and prepared.
+/// An obstacle that is fixed in the world, checked and prepared for [`crate::gap`].
 #[derive(Debug, Clone)]
 pub struct Obstacle {
     surface: Surface,
@@ -18,33 +18,33 @@ pub struct Obstacle {
     triangles: Option<MeshSurface>,
 }
 
-/// What an [`Obstacle`] is. World axes, m.
+/// The geometry of an [`Obstacle`]. World axes, m.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Surface {
     /// All points x with normal · (x − point) ≤ 0.
     HalfSpace {
         /// A point of its boundary.
         point: Vector3<f64>,
-        /// Unit normal, out of the solid.
+        /// Unit normal, pointing out of the solid.
         normal: Vector3<f64>,
     },
     /// A convex body.
     Solid {
-        /// Where it is.
+        /// Pose of the body's axes in the world, m.
         pose: Isometry3<f64>,
-        /// What it is.
+        /// The body, in its own axes.
         solid: Solid,
     },
-    /// Triangles.
+    /// A triangle mesh.
     Mesh {
-        /// Where it is.
+        /// Pose of the mesh's axes in the world, m.
         pose: Isometry3<f64>,
-        /// The triangles, in axes of their own.
+        /// The mesh, in its own axes.
         mesh: Mesh,
     },
 }
 
-/// A mesh made ready for questions.
+/// A mesh prepared for distance queries.
 #[derive(Debug, Clone)]
 pub(crate) struct MeshSurface(Triangles);
 
@@ -57,23 +57,24 @@ impl MeshSurface {
 const OWNER: &str = "obstacle";
 
 impl Obstacle {
-    /// A half-space: `point` on its boundary, `normal` out of the solid (any length).
+    /// A half-space: `point` on its boundary (m), `normal` out of the solid (any length), world axes.
     ///
     /// # Errors
-    /// [`ContactError::Vector`] if a coordinate is not finite or the normal has no length.
+    /// [`ContactError::Vector`] if a coordinate is not finite or the normal is zero.
     pub fn half_space(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, ContactError> {
         finite("point", point)?;
         finite("normal", normal)?;
-        // Divided by its greatest coordinate first: no overflow.
+        // Divided by its largest coordinate first, to avoid overflow.
         let unit = (normal / normal.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
-        let normal = unit.ok_or_else(|| refuse("normal", normal, "a direction needs a length"))?;
+        let normal = unit.ok_or_else(|| refuse("normal", normal, "a direction must not be zero"))?;
         Ok(Self { surface: Surface::HalfSpace { point, normal }, pose: Pose::identity(), triangles: None })
     }
 
-    /// A box with full sides `size`, centred at `pose`.
+    /// A box with full sides `size` (m), centred at `pose`.
     ///
     /// # Errors
-    /// [`ContactError::Size`], [`ContactError::Vector`].
+    /// [`ContactError::Size`] for a side that is not positive and finite; [`ContactError::Vector`] for a pose that is not
+    /// finite.
     pub fn cuboid(pose: Isometry3<f64>, size: Vector3<f64>) -> Result<Self, ContactError> {
         for (what, value) in ["size x", "size y", "size z"].into_iter().zip(size.iter()) {
             positive(OWNER, what, *value)?;
@@ -81,10 +82,11 @@ impl Obstacle {
         Self::solid(pose, Solid::Box { half: size / 2.0 })
     }
 
-    /// A ball.
+    /// A sphere. `centre` in world axes; both in m.
     ///
     /// # Errors
-    /// [`ContactError::Size`], [`ContactError::Vector`].
+    /// [`ContactError::Size`] for a radius that is not positive and finite; [`ContactError::Vector`] for a centre that is
+    /// not finite.
     pub fn sphere(centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
         positive(OWNER, "radius", radius)?;
         Self::solid(
@@ -93,10 +95,10 @@ impl Obstacle {
         )
     }
 
-    /// A mesh file (STL, DAE or OBJ) with its scale, at `pose`.
+    /// A mesh at `pose`, read from an STL, DAE or OBJ file. `scale`: see [`Mesh::read`].
     ///
     /// # Errors
-    /// [`ContactError::Mesh`], [`ContactError::Vector`].
+    /// [`ContactError::Mesh`]; [`ContactError::Vector`] for a pose that is not finite.
     pub fn mesh_file(file: &Path, scale: Vector3<f64>, pose: Isometry3<f64>) -> Result<Self, ContactError> {
         let mesh = Mesh::read(file, scale, OWNER)?;
         Self::mesh(mesh, pose).map_err(|error| match error {
@@ -105,10 +107,10 @@ impl Obstacle {
         })
     }
 
-    /// Triangles at `pose`.
+    /// A mesh at `pose`.
     ///
     /// # Errors
-    /// [`ContactError::Vector`] for a pose that is not finite.
+    /// [`ContactError::Vector`] for a pose that is not finite; [`ContactError::Mesh`] if parry refuses the triangles.
     pub fn mesh(mesh: Mesh, pose: Isometry3<f64>) -> Result<Self, ContactError> {
         let place = finite_pose(&pose)?;
         let triangles = Triangles::new(mesh.vertices(), mesh.triangles(), mesh.is_closed());
@@ -124,7 +126,7 @@ impl Obstacle {
         Ok(Self { pose: finite_pose(&pose)?, surface: Surface::Solid { pose, solid }, triangles: None })
     }
 
-    /// What it is.
+    /// The geometry.
     pub fn surface(&self) -> &Surface {
         &self.surface
     }

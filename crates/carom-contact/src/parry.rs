@@ -1,9 +1,9 @@
-//! The one place where parry and its vectors are seen.
+//! Wrapper of parry; no other module uses parry or its vectors.
 //!
-//! parry gives the convex hull, the tree of boxes over a mesh's triangles, which side of a closed mesh a point is on, and
-//! the first guess of the shortest way out of an overlap. Its distances are not used: they are right to rounding between
-//! polyhedra, but its search stops at a relative 5e-8, which was measured as gaps of cylinders wrong by up to 2e-6 m and
-//! their normals by up to 2e-3 (`tests/against_parry.rs`).
+//! parry is used for convex hulls, for the bounding-volume hierarchy of a mesh's triangles, for whether a point is inside a
+//! closed mesh, and for the first guess of the direction that separates overlapping bodies. Its distances are not used.
+//! They are exact to rounding between polyhedra, but its search stops at a relative 5e-8: measured errors of the gaps of
+//! cylinders are up to 2e-6 m, and of their normals up to 2e-3 (`tests/against_parry.rs`).
 
 use nalgebra::Vector3;
 use parry3d_f64::math::{Pose, Vector};
@@ -21,15 +21,15 @@ fn back(v: Vector) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)
 }
 
-/// The corners of the convex hull; `None` where the points are (nearly) in a plane.
+/// The corners of the convex hull; `None` if the points are (nearly) coplanar.
 pub(crate) fn hull_vertices(points: &[Vector3<f64>]) -> Option<Vec<Vector3<f64>>> {
     let points: Vec<Vector> = points.iter().map(|p| out(*p)).collect();
     let (vertices, _) = try_convex_hull(&points).ok()?;
     Some(vertices.into_iter().map(back).collect())
 }
 
-/// Given the furthest point of A − B along a direction: the direction from B to A of the shortest way out of their
-/// overlap, roughly (by the expanding-polytope algorithm).
+/// The approximate direction, from B to A, of the shortest translation that separates A from B, by the expanding-polytope
+/// algorithm. `furthest` returns the furthest point of A − B along a direction.
 pub(crate) fn way_out_of(furthest: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Option<Vector3<f64>> {
     struct Difference<F>(F);
     impl<F: Fn(Vector3<f64>) -> Vector3<f64>> SupportMap for Difference<F> {
@@ -41,7 +41,7 @@ pub(crate) fn way_out_of(furthest: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Opt
     Some(-back(contact.normal1))
 }
 
-/// A box along the axes.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     pub lower: Vector3<f64>,
@@ -49,14 +49,14 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    /// Distance of two boxes; 0 where they overlap.
+    /// Distance of two boxes; 0 if they overlap.
     pub fn distance(&self, other: &Self) -> f64 {
         let between = (self.lower - other.upper).sup(&(other.lower - self.upper));
         between.sup(&Vector3::zeros()).norm()
     }
 }
 
-/// Triangles, found by place.
+/// The triangles of a mesh, with a bounding-volume hierarchy.
 #[derive(Debug, Clone)]
 pub(crate) struct Triangles {
     mesh: TriMesh,
@@ -64,15 +64,15 @@ pub(crate) struct Triangles {
 }
 
 impl Triangles {
-    /// `closed`: the triangles bound a volume and face outwards. `None` if parry refuses them.
+    /// `closed`: the triangles bound a volume and are oriented outwards. `None` if parry refuses them.
     pub fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], closed: bool) -> Option<Self> {
         let flags = if closed { TriMeshFlags::ORIENTED } else { TriMeshFlags::empty() };
         let vertices = vertices.iter().map(|v| out(*v)).collect();
         Some(Self { mesh: TriMesh::with_flags(vertices, triangles.to_vec(), flags).ok()?, closed })
     }
 
-    /// The least value of `gap` over all triangles, and what came with it. `bound` is what any part of the mesh within a
-    /// box must at least give.
+    /// The smallest value of `gap` over all triangles, with the data returned for it. `bound` is a lower bound of `gap` for
+    /// all triangles in a box.
     pub fn least<T>(
         &self,
         bound: impl Fn(&Bounds) -> f64,

@@ -1,27 +1,27 @@
-//! From nearly to exactly the greatest separation: the last step of the search in `convex.rs`.
+//! Refines the direction of greatest separation to rounding accuracy: the last step of the search in `convex.rs`.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
 //! | n | unit vector from B to A |
-//! | w(n) | lowest point of A along n less highest point of B; s = n·w |
-//! | e | a direction along which a body is flat where it is touched: an edge, two of a face |
-//! | T | directions in which n may still turn: n·δ = 0 and e·δ = 0 |
-//! | K | how fast w moves when n turns: κ t tᵀ with κ = r/\|n⊥\| for a rim of radius r with tangent t |
+//! | w(n) | lowest point of A along n minus highest point of B; s = n·w |
+//! | e | a direction along which a body is flat at its nearest point: that of an edge, or two of a face |
+//! | T | directions in which n may change: n·δ = 0 and e·δ = 0 |
+//! | K | derivative of −w with respect to n: κ t tᵀ with κ = r/\|n⊥\| for a rim of radius r with tangent t |
 //!
-//! The search ends with a few corners of each body. Two corners of a body span an edge, three a face, and n is at right
-//! angles to both: that alone fixes n between polyhedra that meet in edge and edge or in corner and face. Otherwise w must
-//! be along n; where n turns by δ in T, w turns by −K δ, so Newton's step is (s + K) δ = w in T. The matrix is positive
-//! where s > 0, that is for bodies apart.
+//! The search ends with a few corners of each body. Two corners of a body span an edge and three a face, and n is
+//! perpendicular to both. This determines n for polyhedra that are nearest at two edges or at a corner and a face. Otherwise
+//! w must be parallel to n. A change of n by δ in T changes w by −K δ, so Newton's step is (s + K) δ = w in T. The matrix is
+//! positive definite for s > 0, that is, for separate bodies.
 //!
-//! A cylinder is flat along its side, or on its cap, or round at its rim; near the border between these each is tried, and
-//! the greatest s is the best, because no s is too great.
+//! A cylinder is flat along its side and on its caps, and round at its rims. Near the border between these features all of
+//! them are tried. The largest s is the best, because every s is a lower bound.
 
 use crate::closed_form::Nearest;
 use crate::convex::{Placed, Vertex};
 use crate::solid::Core;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-/// Directions at right angles to each other, at most two.
+/// At most two perpendicular unit vectors.
 #[derive(Debug, Clone, Copy)]
 struct Flat {
     along: [Vector3<f64>; 2],
@@ -35,12 +35,12 @@ impl Flat {
         &self.along[..self.count]
     }
 
-    /// One direction more, unless it is (nearly) among them or there are two.
+    /// Adds a direction, unless it is (nearly) in their span or there are two already.
     fn with(mut self, direction: Vector3<f64>) -> Self {
         if self.count < 2 {
             let rest = self.directions().iter().fold(direction, |rest, e| rest - e * e.dot(&rest));
             if let Some(e) = rest.try_normalize(1e-6 * direction.norm()) {
-                // Once more: the difference above may have lost digits.
+                // Orthogonalised again: the difference above may have lost digits.
                 let e = self.directions().iter().fold(e, |e, f| e - f * f.dot(&e)).normalize();
                 self.along[self.count] = e;
                 self.count += 1;
@@ -49,12 +49,12 @@ impl Flat {
         self
     }
 
-    /// `v` without its parts along them.
+    /// `v` without its components along them.
     fn remove(&self, v: Vector3<f64>) -> Vector3<f64> {
         self.directions().iter().fold(v, |v, e| v - e * e.dot(&v))
     }
 
-    /// Unit vectors at right angles to `n` and to them.
+    /// Unit vectors perpendicular to `n` and to them.
     fn turns(&self, n: Vector3<f64>) -> Self {
         let mut both = *self;
         let mut turns = Self::NONE;
@@ -74,10 +74,10 @@ impl Flat {
     }
 }
 
-/// Within this of a cylinder's axis or cross-section, a normal may belong to the cap or to the side, too.
+/// Sine of the angle from a cylinder's axis or cross-section up to which the cap or the side is tried, too.
 const BORDER: f64 = 0.03;
 
-/// Where a body is touched: a corner and what is flat about it, or a rim, side or cap of a cylinder.
+/// The feature of a body that is nearest to the other: a corner, edge or face, or the rim, side or cap of a cylinder.
 #[derive(Debug, Clone, Copy)]
 struct Feature {
     /// `None` for a cylinder, whose extreme point moves with n.
@@ -85,8 +85,8 @@ struct Feature {
     flat: Flat,
 }
 
-/// The features that may be touched along `n`, given corners of a body. `doubted`: the corners are not just those of the
-/// place, so that each of them alone, and each two, are offered too.
+/// Calls `visit` with the features of a body that may be extreme along `n`, given some of its corners. `doubted`: the corners
+/// may include others than those of the feature, so that each of them and each pair are visited too.
 fn features(body: &Placed, corners: &[Vector3<f64>], n: Vector3<f64>, doubted: bool, mut visit: impl FnMut(Feature)) {
     let feature = |corner, flat| Feature { corner, flat };
     match body.core {
@@ -115,7 +115,7 @@ fn features(body: &Placed, corners: &[Vector3<f64>], n: Vector3<f64>, doubted: b
     }
 }
 
-/// κ and t of a cylinder touched along `n`.
+/// κ and t of a cylinder for the normal `n`.
 fn curvature(body: &Placed, n: Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     let Core::Cylinder { radius, .. } = body.core else { return None };
     let tangent = body.pose.rotation.column(2).cross(&n);
@@ -123,9 +123,9 @@ fn curvature(body: &Placed, n: Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     (across > 1e-9).then(|| (radius / across, tangent / across))
 }
 
-/// The best direction, and the nearest points for it. `lowest` gives w(n) of the bodies `a` and `b` apart, `corners` are
-/// those of the search (at most three), `rough` is its answer, whose distance is that of two points and so not too small.
-/// Where s stays below it, the search had a corner too much or too few.
+/// The direction of greatest separation and the nearest points. `lowest` returns w(n), `corners` are those of the search (at
+/// most three), and `rough` is its result, whose distance is that of two points of the bodies and so an upper bound. If s
+/// stays below it, the search has returned a corner too many or too few, and further corners are added.
 pub(crate) fn polish(
     bodies: (&Placed, &Placed),
     corners: &[Vertex],
@@ -144,7 +144,7 @@ pub(crate) fn polish(
             features(bodies.1, &of_b[..count], start, doubted, |b| {
                 let n = turn(bodies, (&a, &b), start, &lowest);
                 let s = n.dot(&lowest(n).w);
-                // Flat before round, unless round is better by more than rounding: a round cap has no points inside.
+                // Flat features are visited first, and kept unless a round one is better by more than rounding.
                 if s > best.distance + if touched.is_some() { rounding } else { -rounding } {
                     best = Nearest { distance: s, normal: n, ..rough };
                     touched = Some((a, b));
@@ -162,8 +162,8 @@ pub(crate) fn polish(
     }
 }
 
-/// Newton's iteration for the greatest n·w, within the directions that the features leave. |w| (without what is along the flats) stands for
-/// s, its value at the end: that makes the steps far from it shorter.
+/// Newton's iteration for the largest n·w over the directions perpendicular to the features. |w|, without its components
+/// along the features, is used for s, to which it converges: this shortens the first steps.
 fn turn(
     bodies: (&Placed, &Placed),
     (a, b): (&Feature, &Feature),
@@ -194,7 +194,7 @@ fn turn(
         let Some(inverse) = matrix.try_inverse() else { break };
         let step = inverse * part(&w);
         let way: Vector3<f64> = (0..turns.count).map(|k| turns.along[k] * step[k]).sum();
-        // The whole step, or as much of it as leads upwards (up to rounding: s is flat at its top).
+        // The full step, halved until s does not decrease by more than rounding.
         let least = n.dot(&w) - 4.0 * f64::EPSILON * (bodies.0.radius + bodies.1.radius + w.norm());
         let tries = (0..20).map(|halved| {
             let next = flat.remove(n + way * 0.5_f64.powi(halved)).normalize();
@@ -211,7 +211,7 @@ fn turn(
     n
 }
 
-/// The points that meet along n: on the features, nearest to the rough ones, a − b = s n.
+/// The nearest points: on the features, with a − b = s n, as close as possible to the rough ones.
 fn meet(best: Nearest, a: &Feature, b: &Feature, lowest: &impl Fn(Vector3<f64>) -> Vertex) -> Nearest {
     let n = best.normal;
     let extreme = lowest(n);
@@ -223,7 +223,7 @@ fn meet(best: Nearest, a: &Feature, b: &Feature, lowest: &impl Fn(Vector3<f64>) 
     let (a, b) = (on(a, extreme.a, best.a), on(b, extreme.b, best.b));
     let lift = extreme.w - (extreme.a - extreme.b);
     let missing = n * best.distance - lift - (a - b);
-    // The shortest pair of moves along the flats: y with (E Eᵀ + F Fᵀ) y = missing; what they do not span is filled up.
+    // The smallest displacements along the features: y with (E Eᵀ + F Fᵀ) y = missing. `rest` makes the matrix regular.
     let (of_a, of_b) = (flat_a.projector(), flat_b.projector());
     let both = flat_b.directions().iter().fold(*flat_a, |flat, e| flat.with(*e));
     let rest = Matrix3::identity() - both.projector();

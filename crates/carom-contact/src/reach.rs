@@ -1,16 +1,16 @@
-//! Which pairs can touch at all, decided once.
+//! Selection of the pairs of shapes and obstacles that can touch at some configuration.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
-//! | c | origin of the first joint below the world: it stays (or slides by its limits) |
-//! | R | sum of the offsets from c to the shape's centre, the strokes of sliding joints, and the shape's own radius |
-//! | a | axis that all turning joints on the way share, if they do |
-//! | [lo, hi] | heights along a that the shape takes |
+//! | c | origin of the first joint between world and shape, at q = 0 |
+//! | R | sum of the offsets from c to the shape's centre, the strokes of the sliders, and the shape's radius, m |
+//! | a | common direction of all hinge axes between world and shape, if they are parallel |
+//! | [lo, hi] | range of the heights along a that the shape can reach, m |
 //!
-//! The shape stays in the ball (c, R). If all joints turn about parallel axes a (a planar arm), heights along a change by
-//! strokes only, so it also stays in the slab [lo, hi]. Turning joints are given all angles, sliding ones their limits;
-//! a slider without limits, a planar joint and a floating base reach everything. Nothing that can touch is left out, if
-//! sliding joints keep their limits.
+//! The shape stays in the ball (c, R). If all hinge axes are parallel to a (a planar arm), its heights along a change only by
+//! the strokes of sliders, so it also stays in the slab [lo, hi]. Hinges are assumed to reach all angles and sliders all
+//! positions within their limits. With a slider without limits, a planar joint or a floating base, R is infinite. If
+//! sliders stay within their limits, no pair that can touch is left out.
 
 use crate::obstacle::{Obstacle, Surface};
 use crate::shape::LinkShape;
@@ -21,7 +21,7 @@ use carom_chain::{Chain, Coordinates, Spatial};
 use nalgebra::Vector3;
 use std::fmt;
 
-/// A shape and an obstacle, by their place in the lists.
+/// A pair of a shape and an obstacle, by their indices in the lists given to [`reachable_pairs`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Pair {
     /// Index of the shape.
@@ -30,22 +30,23 @@ pub struct Pair {
     pub obstacle: usize,
 }
 
-/// Why a pair can't touch.
+/// The reason why a pair cannot touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum LeftOut {
-    /// The link is fixed to the world: no joint moves it.
+    /// No joint moves the link: it is fixed to the world.
     Fixed,
-    /// The obstacle is beyond the shape's furthest reach.
+    /// The obstacle is out of the shape's reach.
     OutOfReach {
-        /// R, m.
+        /// Greatest distance of a point of the shape from the origin c of the first joint, m.
         reach: f64,
-        /// From c to the obstacle, m.
+        /// Distance of the obstacle from c, m.
         distance: f64,
     },
-    /// The chain moves in parallel planes, and the obstacle is beside all those of this shape.
+    /// The chain moves in parallel planes, and the obstacle does not intersect those of this shape.
     BesidePlane {
-        /// Room between them along the common axis, m.
+        /// Distance between them along the planes' normal, m; for a half-space, from the reachable region to the
+        /// half-space.
         room: f64,
     },
 }
@@ -55,25 +56,25 @@ impl fmt::Display for LeftOut {
         match self {
             Self::Fixed => write!(f, "the link is fixed to the world"),
             Self::OutOfReach { reach, distance } => {
-                write!(f, "it reaches {reach:.6} m, the obstacle is {distance:.6} m away")
+                write!(f, "its reach is {reach:.6} m, the obstacle is {distance:.6} m away")
             }
             Self::BesidePlane { room } => {
-                write!(f, "it moves in planes, the obstacle is {room:.6} m beside them")
+                write!(f, "it moves in parallel planes, the obstacle is {room:.6} m away from them")
             }
         }
     }
 }
 
-/// What [`reachable_pairs`] finds.
+/// The result of [`reachable_pairs`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Reachable {
-    /// The pairs to watch, by shape, then by obstacle.
+    /// The pairs that may touch, by shape, then by obstacle.
     pub pairs: Vec<Pair>,
-    /// The others, each with its reason.
+    /// The pairs that cannot touch, each with the reason.
     pub left_out: Vec<(Pair, LeftOut)>,
 }
 
-/// Sorts all pairs of a shape and an obstacle into those that may touch at some q and those that can't.
+/// Divides all pairs of a shape and an obstacle into those that may touch at some q and those that cannot.
 pub fn reachable_pairs(chain: &Chain, shapes: &[LinkShape], obstacles: &[Obstacle]) -> Reachable {
     let mut found = Reachable::default();
     for (i, shape) in shapes.iter().enumerate() {
@@ -89,7 +90,7 @@ pub fn reachable_pairs(chain: &Chain, shapes: &[LinkShape], obstacles: &[Obstacl
     found
 }
 
-/// Where a shape can be.
+/// A region that contains the shape at every configuration.
 struct Region {
     centre: Vector3<f64>,
     reach: f64,
@@ -111,7 +112,7 @@ impl Region {
         way.reverse();
         let bodies = || way.iter().map(|i| (*i, &chain.bodies()[*i]));
 
-        // Everything at zero: where c is, and which way the axes point.
+        // At q = 0: position of c, and directions of the axes.
         let mut pose = Pose::<Spatial<f64>>::identity();
         let mut axes = Vec::with_capacity(way.len());
         let mut reach = 0.0;
@@ -146,7 +147,7 @@ impl Region {
             let (low, high) = (shape.solid().lowest(own).0, -shape.solid().lowest(-own).0);
             Slab { axis, low: height + low - slide, high: height + high + slide }
         });
-        // Rounding of the sums must not decide.
+        // Enlarged by the rounding error of the sums.
         Some(Self { centre, reach: reach * (1.0 + 1e-12), slab })
     }
 
@@ -160,7 +161,7 @@ impl Region {
         let slab = self.slab.as_ref()?;
         let rounding = 1e-12 * (slab.low.abs() + slab.high.abs() + self.reach);
         let room = match obstacle.surface() {
-            // The lowest point along n: axial part in the slab, the rest in the ball.
+            // The lowest point along n: its axial part is limited by the slab, the rest by the ball.
             Surface::HalfSpace { point, normal } => {
                 let along = normal.dot(&slab.axis);
                 let across = (normal - slab.axis * along).norm();
@@ -177,7 +178,7 @@ impl Region {
     }
 }
 
-/// How far a sliding joint goes from zero, m; infinite without limits.
+/// Greatest distance of a slider from zero, m; infinite without limits and for joints that are not sliders.
 fn stroke(chain: &Chain, index: usize) -> f64 {
     let body = &chain.bodies()[index];
     if !matches!(body.joint, SpatialJoint::Prismatic) {
@@ -194,12 +195,12 @@ fn stroke(chain: &Chain, index: usize) -> f64 {
     }
 }
 
-/// A length's part along an axis; none of a length across it, even an infinite one.
+/// The projection of a stroke on an axis; zero for a perpendicular stroke, even an infinite one.
 fn slide(stroke: f64, along: f64) -> f64 {
     if along.abs() <= 1e-12 { 0.0 } else { stroke * along.abs() }
 }
 
-/// The heights of an obstacle along a unit vector.
+/// The lowest and the highest coordinate of an obstacle along a unit vector.
 fn extent(surface: &Surface, axis: Vector3<f64>) -> (f64, f64) {
     match surface {
         Surface::HalfSpace { .. } => (f64::NEG_INFINITY, f64::INFINITY),

@@ -1,4 +1,4 @@
-//! The shapes of a chain's links, prepared: sizes checked, meshes read, hulls taken.
+//! Collision shapes of a chain's links, prepared for gaps: sizes checked, meshes read and replaced by their convex hulls.
 
 use crate::error::ContactError;
 use crate::gap::Gap;
@@ -10,7 +10,7 @@ use carom_chain::urdf::{Collision, Shape};
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Point, Spatial};
 use nalgebra::Isometry3;
 
-/// A shape of a link.
+/// A collision shape of a link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkShape {
     link: String,
@@ -20,11 +20,11 @@ pub struct LinkShape {
     solid: Solid,
 }
 
-/// The collision shapes of all links of a chain, in the order of the file. A mesh becomes its convex hull. Links that a
-/// reduction has left out of the chain have no shapes here.
+/// The collision shapes of all links of a chain, in the order of the file. A mesh is replaced by its convex hull. Links that
+/// were pruned from the chain are left out.
 ///
 /// # Errors
-/// [`ContactError::Size`] and [`ContactError::Mesh`], with the link's name.
+/// [`ContactError::Size`], [`ContactError::Mesh`], with the link's name.
 pub fn link_shapes<A: Algebra>(chain: &Chain<A>) -> Result<Vec<LinkShape>, ContactError> {
     let mut shapes = Vec::new();
     for link in chain.links() {
@@ -37,7 +37,7 @@ pub fn link_shapes<A: Algebra>(chain: &Chain<A>) -> Result<Vec<LinkShape>, Conta
 }
 
 impl LinkShape {
-    /// A collision element of the link `link`, whose frame is `frame`.
+    /// The shape of a collision element of the link `link`, whose frame is `frame`.
     ///
     /// # Errors
     /// [`ContactError::Size`], [`ContactError::Mesh`].
@@ -51,7 +51,7 @@ impl LinkShape {
     pub fn link(&self) -> &str {
         &self.link
     }
-    /// The collision element's own name, if it has one.
+    /// Name of the collision element, if it has one.
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref()
     }
@@ -59,16 +59,16 @@ impl LinkShape {
     pub fn frame(&self) -> FrameId {
         self.frame
     }
-    /// Pose of the body's axes in the link's frame.
+    /// Pose of the body's axes in the link's frame, m.
     pub fn origin(&self) -> &Pose<Spatial<f64>> {
         &self.origin
     }
-    /// The body.
+    /// The body, in its own axes.
     pub fn solid(&self) -> &Solid {
         &self.solid
     }
 
-    /// The points on which it can rest, in the link's frame: see [`Solid::corners`].
+    /// The points on which the body can rest, in the link's frame: see [`Solid::corners`].
     pub fn corners(&self) -> Vec<Corner> {
         let mut corners = self.solid.corners();
         corners.iter_mut().for_each(|corner| corner.position = self.origin.point(corner.position));
@@ -76,14 +76,14 @@ impl LinkShape {
     }
 }
 
-/// The material point of the chain that touches: `kin.point_jacobian(point)` is the contact Jacobian (3×nv, world axes),
-/// `kin.add_point_force(point, normal, …)` its normal row.
+/// The contact point as a material point of the chain: that at [`Gap::on_robot`]. `kin.point_jacobian(point)` is the contact
+/// Jacobian (3×nv, world axes), and `kin.add_point_force(point, normal, …)` adds its normal row.
 pub fn contact_point(kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, gap: &Gap) -> Point<Spatial<f64>> {
     let in_link = kin.pose(shape.frame).inverse().point(gap.on_robot);
     kin.chain().point(shape.frame, in_link)
 }
 
-/// d(gap)/dt = n · J qd against an obstacle at rest, m/s; < 0 approaching.
+/// The gap rate d(gap)/dt = n · J qd, m/s, for an obstacle at rest; < 0 for an approach. `qd` has length nv.
 ///
 /// # Errors
 /// [`ChainError::WrongLength`].

@@ -1,4 +1,4 @@
-//! Convex bodies in axes of their own.
+//! Convex bodies, each in its own axes.
 //!
 //! | symbol | size | meaning |
 //! | --- | --- | --- |
@@ -8,15 +8,15 @@
 //! | m | 3 | unit direction in the body's axes |
 //!
 //! Each body is a *core* with a skin of constant thickness: a sphere is a point with the skin r, a capsule a segment with
-//! the skin r; the others are all core. The gap between two bodies is the signed distance of their cores less the skins.
+//! the skin r; the other bodies have no skin. The gap of two bodies is the signed distance of their cores minus the skins.
 
 use crate::hull::Hull;
 use nalgebra::Vector3;
 
-/// A convex body, in axes of its own: centred, and along z where it has an axis.
+/// A convex body, in its own axes: centred at the origin, its axis along z. (A hull is in the axes of its mesh.)
 #[derive(Debug, Clone, PartialEq)]
 pub enum Solid {
-    /// A ball.
+    /// A sphere.
     Sphere {
         /// Radius, m.
         radius: f64,
@@ -25,40 +25,41 @@ pub enum Solid {
     Capsule {
         /// Radius, m.
         radius: f64,
-        /// Half the segment's length, m.
+        /// Half length of the segment, m.
         half_length: f64,
     },
     /// A cylinder along z.
     Cylinder {
         /// Radius, m.
         radius: f64,
-        /// Half its length, m.
+        /// Half length, m.
         half_length: f64,
     },
     /// A box along the axes.
     Box {
-        /// Half its sides, m.
+        /// Half sides, m.
         half: Vector3<f64>,
     },
     /// The convex hull of a mesh, in the mesh's axes.
     Hull(Hull),
 }
 
-/// A point that may carry a body at rest, with a skin: a corner of a box, an end of a capsule.
+/// A point on which a body can rest: a corner of a box, an end of a capsule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corner {
-    /// Where, in the axes of the body (of the link, from [`crate::LinkShape::corners`]), m.
+    /// Position in body axes, m; from [`crate::LinkShape::corners`] in link axes.
     pub position: Vector3<f64>,
-    /// Radius of the ball around it that belongs to the body, m; 0 for sharp corners.
+    /// Radius of the sphere about it that belongs to the body, m; 0 for sharp corners.
     pub radius: f64,
 }
 
-/// How many points stand for a cylinder's rim in [`Solid::corners`].
+/// Number of points that represent each rim of a cylinder in [`Solid::corners`].
 const RIM: usize = 8;
 
 impl Solid {
-    /// The lowest point along the unit direction `m`, and its height m · x. Of equally low points a fixed one: the corner
-    /// towards the negative axes, a capsule's or cylinder's end at −z, a rim's point on −x, a hull's first vertex.
+    /// The height m · x of the body's lowest point along the unit direction `m`, m, and that point, in body axes. Of several
+    /// lowest points it is a fixed one: the corner towards the negative axes, a capsule's or cylinder's end at −z, the point
+    /// of a rim on −x, a hull's first vertex.
     ///
     /// | body | height of the lowest point |
     /// | --- | --- |
@@ -78,7 +79,7 @@ impl Solid {
                 let (core, _) = self.core();
                 let point = core.support(-m);
                 let height = match self {
-                    // The rim point in one expression: rounding of its direction must not enter the height.
+                    // In one expression, so that the rounding error of the rim point's direction does not affect the height.
                     Self::Cylinder { radius, half_length } => -half_length * m.z.abs() - radius * m.x.hypot(m.y),
                     _ => m.dot(&point),
                 };
@@ -87,7 +88,7 @@ impl Solid {
         }
     }
 
-    /// Centre (in the body's axes) and radius of a ball that holds the body, m.
+    /// Centre (body axes) and radius of a sphere that contains the body, m.
     pub fn bounding_sphere(&self) -> (Vector3<f64>, f64) {
         match self {
             Self::Sphere { radius } => (Vector3::zeros(), *radius),
@@ -99,8 +100,8 @@ impl Solid {
     }
 
     /// The points on which the body can rest: a sphere's centre and a capsule's ends (with their radius), the corners of
-    /// a box, the vertices of a hull. Eight points each stand for the rims of a cylinder, the first on +x; which point of
-    /// a rim is the lowest only [`crate::gap`] says exactly.
+    /// a box, the vertices of a hull. Eight points represent each rim of a cylinder, the first on +x; [`crate::gap`] computes
+    /// the exact lowest point of a rim.
     pub fn corners(&self) -> Vec<Corner> {
         let sharp = |position| Corner { position, radius: 0.0 };
         match self {
@@ -142,18 +143,18 @@ impl Solid {
 pub(crate) enum Core<'a> {
     /// The origin.
     Point,
-    /// Along z, half length.
+    /// A segment along z, by its half length.
     Segment(f64),
-    /// Half sides.
+    /// A box, by its half sides.
     Box(Vector3<f64>),
-    /// Along z.
+    /// A cylinder along z.
     Cylinder { radius: f64, half: f64 },
     /// The convex hull of some points; at least one.
     Points(&'a [Vector3<f64>]),
 }
 
 impl Core<'_> {
-    /// The point furthest along `d` (any length). Of equally far ones a fixed one, see [`Solid::lowest`].
+    /// The point furthest along `d` (any length). Of several furthest points it is a fixed one, see [`Solid::lowest`].
     pub fn support(&self, d: Vector3<f64>) -> Vector3<f64> {
         match *self {
             Self::Point => Vector3::zeros(),
@@ -162,7 +163,7 @@ impl Core<'_> {
             Self::Cylinder { radius, half } => {
                 let z = against(-d.z, half);
                 let across = d.x.hypot(d.y);
-                // Along the axis to rounding: every rim point is as far.
+                // Parallel to the axis up to rounding: every rim point is equally far.
                 if across <= 4.0 * f64::EPSILON * d.z.abs() {
                     return Vector3::new(-radius, 0.0, z);
                 }
@@ -181,13 +182,13 @@ impl Core<'_> {
         }
     }
 
-    /// Directions in which it is likely to be left on the shortest way: its faces' normals where they are the axes.
+    /// Whether the body's axes are normals of its faces, and so likely directions of greatest separation.
     pub fn has_axes(&self) -> bool {
         matches!(self, Self::Box(_) | Self::Cylinder { .. } | Self::Segment(_))
     }
 }
 
-/// `size` with the sign that is opposite to `m`'s; −`size` for zero of either sign.
+/// `size` with the sign opposite to that of `m`; −`size` for zero of either sign.
 fn against(m: f64, size: f64) -> f64 {
     if m < 0.0 { size } else { -size }
 }

@@ -1,8 +1,8 @@
-//! Gaps against parry's, over random poses: two routes to the same number.
+//! Comparison of gaps with parry's over random poses.
 //!
-//! parry's distances of polyhedra (box, hull, segment) are right to rounding; of bodies with round parts they are not, so
-//! spheres and capsules are compared by their cores (a tiny ball for the point), and cylinders loosely here, exactly in
-//! `optimality.rs`.
+//! parry's distances between polyhedra (box, hull, segment) are exact to rounding; those of round bodies are not. Spheres
+//! and capsules are therefore compared by their cores (a tiny sphere for the point), and cylinders with a large tolerance;
+//! `optimality.rs` tests cylinders to rounding.
 
 mod common;
 
@@ -25,7 +25,7 @@ fn place(isometry: &Isometry3<f64>) -> Pose {
     Pose::from_parts(out(isometry.translation.vector), Rotation::from_scaled_axis(out(isometry.rotation.scaled_axis())))
 }
 
-/// The core as parry's shape, the skin, and the turn from parry's axis y to z.
+/// The core as a shape of parry, the skin, and the rotation from parry's axis y to z.
 fn core(solid: &Solid) -> (SharedShape, f64, Isometry3<f64>) {
     let none = Isometry3::identity();
     match solid {
@@ -56,7 +56,7 @@ impl IntoIsometry for UnitQuaternion<f64> {
     }
 }
 
-/// parry's gap: of the cores, less the skins; normal from the second body to the first.
+/// parry's gap (of the cores, minus the skins), its distance of the cores, and its normal from the second body to the first.
 fn parry_gap(a: (&LinkShape, &Isometry3<f64>), b: (&LinkShape, &Isometry3<f64>)) -> (f64, f64, Vector3<f64>) {
     let ((shape_a, skin_a, turn_a), (shape_b, skin_b, turn_b)) = (core(a.0.solid()), core(b.0.solid()));
     let (at_a, at_b) = (place(&(a.1 * turn_a)), place(&(b.1 * turn_b)));
@@ -72,12 +72,12 @@ fn compare(kinds: (&str, &str), spread: f64, tolerance: f64, turn: f64) {
         let (at_a, at_b) = (isometry(&mut rng, spread), isometry(&mut rng, spread));
         let ours: Gap = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
         let (distance, of_cores, normal) = parry_gap((&a, &at_a), (&b, &at_b));
-        // Cores of lower dimension that meet: parry's answer for a point in a body is fine, for crossing segments not.
+        // Cores of lower dimension that intersect: parry's result is right for a point in a body, but not for crossing segments.
         if of_cores < 0.0 && kinds == ("capsule", "capsule") {
             continue;
         }
         assert!((ours.distance - distance).abs() < tolerance, "{kinds:?}: {} against {distance}", ours.distance);
-        // Near a core's surface the difference of two points tells no direction; deep inside several may be as short.
+        // Close to a core's surface parry's normal is inaccurate; deep inside, several directions may be equally short.
         if of_cores > 1e-3 {
             assert!((ours.normal - normal).norm() < turn, "{kinds:?}: {:?} against {normal:?}", ours.normal);
         }
@@ -93,25 +93,25 @@ macro_rules! pairs {
 }
 
 pairs! {
-    sphere_and_sphere: "sphere", "sphere", 1e-9, 1e-6;
-    sphere_and_capsule: "sphere", "capsule", 1e-9, 1e-6;
-    sphere_and_box: "sphere", "box", 1e-9, 1e-6;
-    sphere_and_hull: "sphere", "hull", 1e-9, 1e-6;
-    capsule_and_capsule: "capsule", "capsule", 1e-9, 1e-6;
-    capsule_and_box: "capsule", "box", 1e-9, 1e-6;
-    capsule_and_hull: "capsule", "hull", 1e-9, 1e-6;
-    box_and_box: "box", "box", 1e-9, 1e-6;
-    box_and_hull: "box", "hull", 1e-9, 1e-6;
-    hull_and_hull: "hull", "hull", 1e-9, 1e-6;
-    sphere_and_cylinder_as_well_as_parry_can: "sphere", "cylinder", 1e-4, 3e-2;
-    capsule_and_cylinder_as_well_as_parry_can: "capsule", "cylinder", 1e-4, 3e-2;
-    box_and_cylinder_as_well_as_parry_can: "box", "cylinder", 1e-4, 3e-2;
-    hull_and_cylinder_as_well_as_parry_can: "hull", "cylinder", 1e-4, 3e-2;
-    cylinder_and_cylinder_as_well_as_parry_can: "cylinder", "cylinder", 1e-4, 3e-2;
+    sphere_sphere_gap_equals_parrys: "sphere", "sphere", 1e-9, 1e-6;
+    sphere_capsule_gap_equals_parrys: "sphere", "capsule", 1e-9, 1e-6;
+    sphere_box_gap_equals_parrys: "sphere", "box", 1e-9, 1e-6;
+    sphere_hull_gap_equals_parrys: "sphere", "hull", 1e-9, 1e-6;
+    capsule_capsule_gap_equals_parrys: "capsule", "capsule", 1e-9, 1e-6;
+    capsule_box_gap_equals_parrys: "capsule", "box", 1e-9, 1e-6;
+    capsule_hull_gap_equals_parrys: "capsule", "hull", 1e-9, 1e-6;
+    box_box_gap_equals_parrys: "box", "box", 1e-9, 1e-6;
+    box_hull_gap_equals_parrys: "box", "hull", 1e-9, 1e-6;
+    hull_hull_gap_equals_parrys: "hull", "hull", 1e-9, 1e-6;
+    sphere_cylinder_gap_is_near_parrys: "sphere", "cylinder", 1e-4, 3e-2;
+    capsule_cylinder_gap_is_near_parrys: "capsule", "cylinder", 1e-4, 3e-2;
+    box_cylinder_gap_is_near_parrys: "box", "cylinder", 1e-4, 3e-2;
+    hull_cylinder_gap_is_near_parrys: "hull", "cylinder", 1e-4, 3e-2;
+    cylinder_cylinder_gap_is_near_parrys: "cylinder", "cylinder", 1e-4, 3e-2;
 }
 
 #[test]
-fn every_body_and_a_half_space() {
+fn half_space_gap_of_every_body_equals_parrys() {
     let mut rng = fastrand::Rng::with_seed(5);
     for kind in KINDS {
         for _ in 0..1000 {

@@ -1,4 +1,4 @@
-//! Gaps of robots: their rates, what is in reach, meshes from files.
+//! Gaps of robots: gap rates, reachable pairs, meshes from files.
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
@@ -17,8 +17,8 @@ fn surroundings() -> [Obstacle; 3] {
     ]
 }
 
-/// d(gap)/dt = n · J qd, against central differences along the motion. Where the nearest feature changes within the step
-/// the derivative has a kink: those are few.
+/// d(gap)/dt = n · J qd, compared with central differences along the motion. Where the nearest feature changes within the
+/// step, the derivative has a kink; at most 1 % of the samples may be such.
 #[test]
 fn gap_rate_is_the_derivative_of_the_gap() {
     let mut rng = fastrand::Rng::with_seed(11);
@@ -52,7 +52,7 @@ fn gap_rate_is_the_derivative_of_the_gap() {
 }
 
 #[test]
-fn what_random_poses_touch_is_in_reach_and_a_far_wall_is_not() {
+fn reachable_pairs_include_all_touching_pairs_and_exclude_a_far_wall() {
     let chain = robot("planar2");
     let shapes = link_shapes(&chain).unwrap();
     let walls = [
@@ -77,18 +77,18 @@ fn what_random_poses_touch_is_in_reach_and_a_far_wall_is_not() {
         }
     }
     assert!(touched > 100);
-    assert!((0..shapes.len()).all(|s| !in_reach(s, 1)), "nothing of the arm is 2 m long");
+    assert!((0..shapes.len()).all(|s| !in_reach(s, 1)), "no link of the arm reaches 2 m");
 }
 
 #[test]
-fn a_chain_without_shapes_has_none() {
+fn chain_without_collision_elements_has_no_link_shapes() {
     let chain = uniform_chain(3, 1.0, 1.0).unwrap();
     assert!(link_shapes(&chain).unwrap().is_empty());
 }
 
 /// A tetrahedron with corners at 1, 2 and 3 m on the axes, written in mm, in three formats.
 #[test]
-fn meshes_are_read_with_their_scale_and_count_as_hulls_against_a_plane() {
+fn meshes_of_all_formats_are_read_with_scale_unit_and_upward_axis() {
     let folder = std::env::temp_dir().join(format!("carom-meshes-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let corners = [[0.0, 0.0, 0.0], [1000.0, 0.0, 0.0], [0.0, 2000.0, 0.0], [0.0, 0.0, 3000.0_f32]];
@@ -130,7 +130,7 @@ fn meshes_are_read_with_their_scale_and_count_as_hulls_against_a_plane() {
         let found = gap(&shapes[0], &carom_chain::algebra::Pose::identity(), &floor);
         assert!((found.distance - 1.0).abs() < 1e-6, "{file}: {found:?}");
     }
-    // COLLADA: the corner that points up is z in one file and y in the other; units of mm and of m, one moved by a node.
+    // COLLADA: z up and y up, two units, one geometry moved by its node.
     let dae = |up: &str, unit: &str, tip: &str, node: &str| {
         format!(
             r##"<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -1,5 +1,5 @@
-//! A gap proves itself: its points belong to the bodies and are extreme along its normal, and no other direction separates
-//! more. Nothing outside this crate is needed for that.
+//! Optimality of gaps, without a reference: the nearest points belong to the bodies and are extreme along the normal, and no
+//! other direction has a greater separation.
 
 mod common;
 
@@ -12,12 +12,12 @@ fn lowest(body: &LinkShape, at: &Isometry3<f64>, n: Vector3<f64>) -> f64 {
     n.dot(&at.translation.vector) + body.solid().lowest(at.rotation.inverse() * n).0
 }
 
-/// max over n of (lowest of a along n) − (highest of b along n), at n.
+/// Separation along n: height of the lowest point of a minus that of the highest point of b.
 fn separation(a: (&LinkShape, &Isometry3<f64>), b: (&LinkShape, &Isometry3<f64>), n: Vector3<f64>) -> f64 {
     lowest(a.0, a.1, n) + lowest(b.0, b.1, -n)
 }
 
-/// How far a point is outside a body, by the body's definition (0 for hulls, whose points are mixtures of corners).
+/// Distance of a point outside a body, by the body's definition (0 for hulls, whose points are combinations of corners).
 fn outside(body: &LinkShape, at: &Isometry3<f64>, x: Vector3<f64>) -> f64 {
     let p = at.inverse_transform_point(&x.into()).coords;
     match body.solid() {
@@ -34,7 +34,7 @@ fn outside(body: &LinkShape, at: &Isometry3<f64>, x: Vector3<f64>) -> f64 {
 const ROUNDING: f64 = 2e-13;
 
 #[test]
-fn distances_and_points_of_open_pairs_are_optimal() {
+fn nearest_points_of_separate_bodies_are_optimal() {
     let mut rng = fastrand::Rng::with_seed(1);
     for first in KINDS {
         for second in KINDS {
@@ -59,7 +59,7 @@ fn distances_and_points_of_open_pairs_are_optimal() {
 }
 
 #[test]
-fn no_direction_leads_out_of_an_overlap_sooner() {
+fn normal_of_an_overlap_has_the_greatest_separation() {
     let mut rng = fastrand::Rng::with_seed(2);
     for first in KINDS {
         for second in KINDS {
@@ -84,11 +84,11 @@ fn no_direction_leads_out_of_an_overlap_sooner() {
     }
 }
 
-/// A gap shifts with the body along its normal, through zero, to rounding. Where a corner comes to lie on a corner or a
-/// rim, the normal of an open gap is the way from point to point, and at the touch there is none, and an overlap
-/// may be left in other ways: there the gap only must be between zero and what it was shifted to.
+/// Translating a body along the normal changes the gap by the same amount, through zero, to rounding. Exception: where a
+/// corner comes to lie on a corner or a rim, the normal is not determined at the touch, and an overlap may be separated in
+/// another direction. There the gap must only lie between zero and the value that was aimed at.
 #[test]
-fn shifting_along_the_normal_shifts_the_gap() {
+fn translation_along_the_normal_changes_the_gap_by_the_same_amount() {
     let mut rng = fastrand::Rng::with_seed(3);
     let obstacles = |rng: &mut fastrand::Rng| {
         let at = isometry(rng, 0.1);

@@ -1,5 +1,5 @@
-//! Random robots that contain everything: every joint type, branches, mimics, welded links, slanted frames.
-#![allow(dead_code)] // each test binary uses its own part
+//! Random robots with every joint type, branches, mimic joints, links on fixed joints, and rotated frames.
+#![allow(dead_code)] // each test binary uses a part
 
 use carom_chain::urdf::{Inertial, Joint, JointType, Link, LoadOptions, Mimic, Robot};
 use carom_chain::{Chain, Coordinates};
@@ -8,11 +8,11 @@ use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
 /// Which joints a random robot may have.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Zoo {
-    /// Everything.
+    /// All types, and mimic joints.
     All,
-    /// Everything but mimic joints.
+    /// All types, without mimic joints.
     Uncoupled,
-    /// Hinges and sliders that keep to one slanted plane.
+    /// Hinges and sliders of one inclined plane, and mimic joints.
     Plane,
 }
 
@@ -40,7 +40,7 @@ pub fn rotation(rng: &mut fastrand::Rng) -> UnitQuaternion<f64> {
     UnitQuaternion::from_scaled_axis(vector(rng) * 2.0)
 }
 
-/// Masses within a factor of 30 and inertias of real boxes: what the tolerances of the tests are scaled for.
+/// Masses within a factor of 30, and inertias of boxes. The tolerances of the tests are chosen for these.
 fn inertial(rng: &mut fastrand::Rng) -> Inertial {
     let mass = 0.2 + 5.0 * rng.f64();
     let side = vector(rng).map(|x| 0.05 + 0.3 * x.abs());
@@ -142,7 +142,7 @@ pub fn q_rate(chain: &Chain, q: &[f64], qd: &[f64]) -> Vec<f64> {
     rate
 }
 
-/// Largest |a − b| against the largest |b|, or against `floor` where everything is smaller.
+/// Checks |a − b| ≤ `relative` · max(largest |b|, `floor`) for all entries.
 #[track_caller]
 pub fn close<'a>(
     name: &str,

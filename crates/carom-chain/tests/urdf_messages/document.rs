@@ -1,9 +1,9 @@
-//! The document: elements, names, one tree, and what is not used.
+//! Messages about the document: format, elements, names, the tree, and what is not used.
 
 use crate::texts::*;
 
 #[test]
-fn what_is_no_urdf() {
+fn documents_that_are_not_urdf_are_refused() {
     refused(&[
         (
             "<robot".into(),
@@ -37,7 +37,7 @@ fn what_is_no_urdf() {
 }
 
 #[test]
-fn names_and_structure() {
+fn missing_and_repeated_names_and_elements_are_refused() {
     refused(&[
         (robot("<link/>"), "<string>:1: <link>: the attribute name is missing: add it"),
         (robot(r#"<link name=""/>"#), r#"<string>:1: <link name>: "" is empty: a name is needed"#),
@@ -90,7 +90,7 @@ fn names_and_structure() {
 }
 
 #[test]
-fn one_tree() {
+fn links_that_do_not_form_one_tree_are_refused() {
     let join = |name, parent, child| {
         format!("<joint name='{name}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>\n")
     };
@@ -142,7 +142,7 @@ fn one_tree() {
 }
 
 #[test]
-fn what_is_not_used() {
+fn unused_elements_and_attributes_are_listed_in_warnings() {
     warned(&[
         ("<robot><link name='a'/></robot>".into(), &["<robot> (line 1): has no name; 'unnamed' is used"]),
         (
@@ -181,7 +181,7 @@ fn what_is_not_used() {
 }
 
 #[test]
-fn a_namespace_of_the_whole_document_is_no_obstacle() {
+fn default_namespace_and_byte_order_mark_are_accepted() {
     let text = joint("continuous", "<axis xyz='0 0 1'/>");
     let plain = read(&text).unwrap();
     assert_eq!(
@@ -192,7 +192,7 @@ fn a_namespace_of_the_whole_document_is_no_obstacle() {
 }
 
 #[test]
-fn long_chains_and_deep_documents() {
+fn long_chains_and_deeply_nested_documents_are_read() {
     let mut inside = String::from("<link name='l0'/>");
     for i in 1..=3000 {
         inside += &format!(
@@ -204,9 +204,9 @@ fn long_chains_and_deep_documents() {
     let start = std::time::Instant::now();
     assert_eq!(read(&robot(&inside)).unwrap().joints.len(), 3000);
     let took = start.elapsed();
-    assert!(took.as_secs_f64() < 3.0, "{took:?}: half a second without optimisation, far less with it");
+    assert!(took.as_secs_f64() < 3.0, "{took:?}; half a second is usual without optimisation");
 
-    // the same, closed to a loop
+    // the same chain, closed to a loop
     inside += "<joint name='j0' type='fixed'><parent link='l3000'/><child link='l0'/></joint>";
     refused(&[(
         robot(&inside),

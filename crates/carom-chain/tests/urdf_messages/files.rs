@@ -1,4 +1,4 @@
-//! Files: meshes that are there or not, robots that cannot be read.
+//! Messages about files: mesh paths, missing meshes, unreadable robots.
 
 use crate::texts::*;
 use carom_chain::ChainError;
@@ -6,7 +6,7 @@ use carom_chain::urdf::{self, LoadOptions, Meshes, Shape};
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 
-/// A folder that goes when the test ends.
+/// A temporary folder, removed when the test ends.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -35,7 +35,7 @@ fn mesh(name: &str) -> String {
 }
 
 #[test]
-fn meshes_are_found() {
+fn mesh_paths_of_every_form_are_resolved() {
     let folder = Folder::new("found");
     let urdf = folder.write("arm_description/urdf/arm.urdf", "");
     let part = folder.write("arm_description/meshes/part one.stl", "");
@@ -58,7 +58,7 @@ fn meshes_are_found() {
 }
 
 #[test]
-fn meshes_are_missing() {
+fn missing_meshes_are_errors_or_warnings_by_option() {
     let folder = Folder::new("missing");
     let urdf = folder.write("arm/arm.urdf", "");
     let base = urdf.parent().unwrap().display().to_string();
@@ -96,7 +96,7 @@ fn meshes_are_missing() {
 }
 
 #[test]
-fn unreadable_file() {
+fn unreadable_file_is_named_in_the_error() {
     let error = urdf::read_file("no/such/robot.urdf", &LoadOptions::default()).unwrap_err();
     assert!(matches!(&error, ChainError::Unreadable { path, .. } if path == Path::new("no/such/robot.urdf")));
     assert!(error.to_string().starts_with("no/such/robot.urdf: cannot be read: "), "{error}");

@@ -1,7 +1,7 @@
-//! Every message of the URDF reader, quoted whole next to a file that provokes it, and what a good file reads as.
+//! Every message of the URDF reader, next to a file that causes it, and the result for valid files.
 
-mod as_written;
 mod document;
 mod files;
 mod texts;
+mod valid_files;
 mod values;

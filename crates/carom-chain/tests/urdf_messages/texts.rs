@@ -1,4 +1,4 @@
-//! URDF texts with one thing in them, and what is said of them.
+//! URDF texts for the tests, and checks of the messages about them.
 
 use carom_chain::ChainError;
 use carom_chain::urdf::{self, LoadOptions, Robot};
@@ -6,22 +6,22 @@ use carom_chain::urdf::{self, LoadOptions, Robot};
 pub const INERTIAL: &str =
     r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
 
-/// A robot on one line, so that everything is on line 1.
+/// A robot on one line, so that every message names line 1.
 pub fn robot(inside: &str) -> String {
     format!(r#"<robot name="r">{inside}</robot>"#)
 }
 
-/// Links `a` (root, without inertia) and `b`, and what joins them.
+/// Links `a` (root, without inertia) and `b`, and the joint between them.
 pub fn joined(joint: &str) -> String {
     robot(&format!(r#"<link name="a"/><link name="b">{INERTIAL}</link>{joint}"#))
 }
 
-/// Joint `j` of type `kind` from `a` to `b`, with more elements in it.
+/// Joint `j` of type `kind` from `a` to `b`, containing `inside`.
 pub fn joint(kind: &str, inside: &str) -> String {
     joined(&format!(r#"<joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{inside}</joint>"#))
 }
 
-/// Joints `j0`, `j1`, ... with children `b0`, `b1`, ...: type and what is in it.
+/// Joints `j0`, `j1`, ... from `a` to `b0`, `b1`, ..., each by its type and its contents.
 pub fn star(joints: &[(&str, &str)]) -> String {
     let mut inside = String::from(r#"<link name="a"/>"#);
     for (i, (kind, more)) in joints.iter().enumerate() {
@@ -33,7 +33,7 @@ pub fn star(joints: &[(&str, &str)]) -> String {
     robot(&inside)
 }
 
-/// Link `b` moves and holds this `<inertial>`.
+/// Link `b` with this `<inertial>`, on a moving joint.
 pub fn moving(mass: &str, inertia: &str) -> String {
     on_b(&inertial(mass, inertia), "continuous")
 }

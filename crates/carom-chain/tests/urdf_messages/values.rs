@@ -1,10 +1,10 @@
-//! What elements hold: numbers, axes, limits, inertias, couplings.
+//! Messages about values: numbers, axes, limits, inertias, mimic joints.
 
 use crate::texts::*;
 use carom_chain::urdf::{self, LoadOptions};
 
 #[test]
-fn numbers() {
+fn invalid_numbers_are_refused() {
     let origin = |text: &str| joint("fixed", &format!("<origin {text}/>"));
     refused(&[
         (origin("xyz='0 0'"), r#"<string>:1: joint 'j' <origin xyz>: "0 0" contains 2 numbers, 3 are needed"#),
@@ -111,7 +111,7 @@ fn numbers() {
 }
 
 #[test]
-fn axes_and_limits() {
+fn invalid_axes_and_limits_are_refused_or_warned_of() {
     refused(&[
         (
             joint("continuous", "<axis xyz='0 0 0'/>"),
@@ -169,7 +169,7 @@ fn axes_and_limits() {
 }
 
 #[test]
-fn limits_read_as_written() {
+fn limits_are_read_by_joint_type_and_urdf_version() {
     let limits = |kind, inside| {
         let limits = read(&joint(kind, inside)).unwrap().joints[0].limits;
         [limits.lower, limits.upper, limits.velocity, limits.effort]
@@ -182,13 +182,13 @@ fn limits_read_as_written() {
     assert_eq!(limits("revolute", ""), [None; 4]);
     assert_eq!(limits("revolute", "<limit lower='-1' upper='2'/>"), [Some(-1.0), Some(2.0), None, None]);
     assert_eq!(limits("revolute", "<limit upper='2'/>"), [Some(0.0), Some(2.0), None, None]);
-    // since version 1.2 what is missing is no limit
+    // from version 1.2 a missing limit means no limit
     let open = joint("revolute", "<limit upper='-2'/>").replace("<robot", "<robot version='1.2'");
     assert_eq!(read(&open).unwrap().joints[0].limits.lower, None);
 }
 
 #[test]
-fn inertias() {
+fn impossible_inertias_are_refused_on_moving_links() {
     refused(&[
         (
             moving("-1", "1 1 1 0"),
@@ -247,7 +247,7 @@ fn inertias() {
 }
 
 #[test]
-fn what_moves_has_mass() {
+fn moving_joint_without_mass_is_refused() {
     let chain = |kind: &str, tip: &str| {
         robot(&format!(
             "<link name='a'/><link name='b'/><link name='c'>{tip}</link>
@@ -256,7 +256,7 @@ fn what_moves_has_mass() {
         ))
     };
     for kind in ["continuous", "planar", "floating"] {
-        assert!(read(&chain(kind, INERTIAL)).is_ok(), "mass further out counts");
+        assert!(read(&chain(kind, INERTIAL)).is_ok(), "mass of a link fixed to the moving one counts");
     }
     assert!(read(&chain("fixed", "")).is_ok());
     refused(&[
@@ -283,7 +283,7 @@ fn what_moves_has_mass() {
 }
 
 #[test]
-fn followers() {
+fn mimic_joints_are_resolved_or_refused() {
     let follow = |joint: &str| format!("<mimic joint='{joint}'/>");
     refused(&[
         (

@@ -399,7 +399,10 @@ fn shapes_that_can_not_be_are_refused() {
         ("mesh = { file = \"empty.stl\" }", nothing("empty.stl", 0)),
         ("mesh = { file = \"line.obj\" }", nothing("line.obj", 1)),
         ("mesh = { file = \"no.stl\" }", "mesh 'no.stl' cannot be read: No such file or directory (os error 2)".into()),
-        ("mesh = { file = \"m.ply\" }", "mesh 'm.ply' is of the kind 'ply': stl, dae and obj are read".into()),
+        (
+            "mesh = { file = \"m.ply\" }",
+            "mesh 'm.ply' has the file type 'ply', which is not supported: give an stl, dae or obj file".into(),
+        ),
         (
             "mesh = { file = \"line.obj\", scale = [0, 1, 1] }",
             "mesh 'line.obj' has the scale (0, 1, 1): each factor must be finite and not zero".into(),

@@ -70,7 +70,7 @@ fn scenes_that_can_not_be_are_refused_with_the_reason() {
     );
     desk.refuses_scene(
         |text| text.replace("normal = [-1, 0, 0]", "normal = [0, 0, 0]"),
-        "s.toml: [[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction needs a length",
+        "s.toml: [[surface]] 'surface 1': obstacle: normal is (0, 0, 0): a direction must not be zero",
     );
 }
 

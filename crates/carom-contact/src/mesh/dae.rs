@@ -1,19 +1,19 @@
-//! COLLADA: geometries, the scene's nodes that place them, the unit and the upward axis.
+//! COLLADA: geometries, the nodes of the scene that place them, the unit and the upward axis.
 //!
-//! A point of a geometry is at U·s·T₁·…·Tₖ x: the transforms of its nodes from the outermost inwards, s the unit in m and U
-//! the turn that brings the file's upward axis to z. (COLLADA 1.4 specification, `<node>`, `<asset>`.)
+//! The position of a geometry's point x is U·s·T₁·…·Tₖ x, with the transforms T of its nodes from the outermost inwards, the
+//! unit s in m, and the rotation U that maps the file's upward axis to z. (COLLADA 1.4 specification, `<node>`, `<asset>`.)
 
 use super::Soup;
 use nalgebra::{Matrix3, Matrix4, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-/// Nodes may use nodes; a file in which they go round ends here.
+/// Greatest depth of nested nodes: ends the recursion in files whose nodes refer to each other in a loop.
 const DEEPEST: usize = 100;
 
 /// Reads the text of a file.
 ///
 /// # Errors
-/// What can't be understood.
+/// A text that names the element and what is wrong with it.
 pub(super) fn read(text: &str) -> Result<Soup, String> {
     let document = Document::parse(text).map_err(|error| error.to_string())?;
     let file = File { root: document.root_element() };
@@ -21,7 +21,7 @@ pub(super) fn read(text: &str) -> Result<Soup, String> {
     let to_metres = file.to_metres()?;
     match file.scene()? {
         Some(scene) => file.add_nodes(scene, to_metres, 0, &mut soup)?,
-        // A library without a scene: everything, as it stands.
+        // A library without a scene: all geometries, without transforms.
         None => {
             for geometry in file.root.descendants().filter(|node| node.has_tag_name_of("geometry")) {
                 file.add_geometry(geometry, &to_metres, &mut soup)?;
@@ -36,26 +36,27 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    /// The element that `#id` means.
+    /// The element with the id of the reference `#id`.
     fn target(&self, url: Option<&str>) -> Result<Node<'a, 'a>, String> {
-        let url = url.ok_or("a reference without a target")?;
+        let url = url.ok_or("a reference has no url or source")?;
         let id = url.strip_prefix('#').unwrap_or(url);
         let found = self.root.descendants().find(|node| node.attribute("id") == Some(id));
-        found.ok_or_else(|| format!("nothing has the id '{id}'"))
+        found.ok_or_else(|| format!("no element has the id '{id}'"))
     }
 
-    /// Unit and upward axis.
+    /// The transform U·s from the unit and the upward axis.
     fn to_metres(&self) -> Result<Matrix4<f64>, String> {
         let asset = self.root.child("asset");
         let unit = asset.and_then(|asset| asset.child("unit")).and_then(|unit| unit.attribute("meter"));
-        let unit: f64 = unit.map_or(Ok(1.0), |word| word.parse().map_err(|_| format!("<unit meter=\"{word}\">")))?;
+        let unit: f64 =
+            unit.map_or(Ok(1.0), |word| word.parse().map_err(|_| format!("<unit meter=\"{word}\">: not a number")))?;
         let upward = asset.and_then(|asset| asset.child("up_axis")).and_then(|node| node.text());
         let turn = match upward.map_or("Y_UP", str::trim) {
             "Z_UP" => Matrix3::identity(),
             "Y_UP" => Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0),
-            // Right is −y, up is x, towards the viewer is z.
+            // X_UP: −y is to the right, x is up, z is towards the viewer.
             "X_UP" => Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0),
-            other => return Err(format!("<up_axis>{other}</up_axis>: X_UP, Y_UP and Z_UP are known")),
+            other => return Err(format!("<up_axis>{other}</up_axis>: only X_UP, Y_UP and Z_UP are supported")),
         };
         Ok((turn * unit).to_homogeneous())
     }
@@ -65,10 +66,10 @@ impl<'a> File<'a> {
         instance.map(|instance| self.target(instance.attribute("url"))).transpose()
     }
 
-    /// What is below a scene or a node that `outer` places.
+    /// Adds the geometries of a scene or node, which has the transform `outer`.
     fn add_nodes(&self, node: Node<'a, 'a>, outer: Matrix4<f64>, depth: usize, soup: &mut Soup) -> Result<(), String> {
         if depth > DEEPEST {
-            return Err(format!("nodes within nodes, {DEEPEST} deep"));
+            return Err(format!("nodes are nested more than {DEEPEST} deep; does a node refer to itself?"));
         }
         let mut here = outer;
         for child in node.children().filter(Node::is_element) {
@@ -97,7 +98,7 @@ impl<'a> File<'a> {
             let inputs: Vec<_> = part.children().filter(|node| node.has_tag_name_of("input")).collect();
             let offset = |input: &Node| input.attribute("offset").unwrap_or("0").parse::<usize>();
             let vertex = inputs.iter().find(|input| input.attribute("semantic") == Some("VERTEX"));
-            let vertex = vertex.ok_or_else(|| format!("<{kind}> without vertices"))?;
+            let vertex = vertex.ok_or_else(|| format!("<{kind}> has no <input> with the semantic VERTEX"))?;
             let offsets: Result<Vec<_>, _> = inputs.iter().map(offset).collect();
             let stride = offsets.map_err(|error| error.to_string())?.into_iter().max().unwrap_or(0) + 1;
             let own = offset(vertex).map_err(|error| error.to_string())?;
@@ -110,15 +111,19 @@ impl<'a> File<'a> {
                 let indices: Vec<u32> = numbers(list)?;
                 let corners: Vec<u32> = indices.chunks_exact(stride).map(|chunk| chunk[own]).collect();
                 if let Some(bad) = corners.iter().find(|k| **k >= count) {
-                    return Err(format!("<{kind}> uses vertex {bad} (counted from 0) of {count}"));
+                    return Err(format!(
+                        "<{kind}> has the vertex {bad} (counted from 0), but there are {count} vertices"
+                    ));
                 }
                 let corners: Vec<u32> = corners.into_iter().map(|k| base + k).collect();
                 match kind {
                     "triangles" => corners.chunks_exact(3).for_each(|corners| soup.add_polygon(corners)),
                     "polylist" => {
                         let mut rest = corners.as_slice();
-                        for size in numbers::<usize>(part.child("vcount").ok_or("<polylist> without <vcount>")?)? {
-                            let polygon = rest.split_at_checked(size).ok_or("<polylist> with too few corners")?;
+                        for size in numbers::<usize>(part.child("vcount").ok_or("<polylist> has no <vcount>")?)? {
+                            let polygon = rest
+                                .split_at_checked(size)
+                                .ok_or("<polylist> has fewer indices in <p> than <vcount> needs")?;
                             soup.add_polygon(polygon.0);
                             rest = polygon.1;
                         }
@@ -136,14 +141,17 @@ impl<'a> File<'a> {
     /// The positions of a `<vertices>` element.
     fn positions(&self, vertices: Node<'a, 'a>) -> Result<Vec<Vector3<f64>>, String> {
         let input = vertices.children().find(|node| node.attribute("semantic") == Some("POSITION"));
-        let source = self.target(input.ok_or("<vertices> without positions")?.attribute("source"))?;
+        let source =
+            self.target(input.ok_or("<vertices> has no <input> with the semantic POSITION")?.attribute("source"))?;
         let accessor = source.descendants().find(|node| node.has_tag_name_of("accessor"));
         let stride = accessor.and_then(|accessor| accessor.attribute("stride")).unwrap_or("3");
-        let stride: usize = stride.parse().map_err(|_| format!("<accessor stride=\"{stride}\">"))?;
+        let stride: usize =
+            stride.parse().map_err(|_| format!("<accessor stride=\"{stride}\">: not a whole number"))?;
         if stride < 3 {
-            return Err(format!("positions of {stride} numbers"));
+            return Err(format!("<accessor stride=\"{stride}\">: a position needs 3 numbers"));
         }
-        let values: Vec<f64> = numbers(source.child("float_array").ok_or("positions without numbers")?)?;
+        let values: Vec<f64> =
+            numbers(source.child("float_array").ok_or("a <source> of positions has no <float_array>")?)?;
         Ok(values.chunks_exact(stride).map(|p| Vector3::new(p[0], p[1], p[2])).collect())
     }
 }
@@ -158,17 +166,21 @@ fn transform(name: &str, node: Node) -> Result<Matrix4<f64>, String> {
             let axis = Unit::try_new(Vector3::new(*x, *y, *z), 0.0);
             Ok(axis.map_or(Matrix4::identity(), |axis| Matrix4::from_axis_angle(&axis, degrees.to_radians())))
         }
-        _ => Err(format!("<{name}> with {} numbers: matrix, translate, rotate and scale are read", values.len())),
+        _ => Err(format!(
+            "<{name}> with {} numbers: supported are <matrix> (16 numbers), <translate> (3), <rotate> (4) and <scale> (3)",
+            values.len()
+        )),
     }
 }
 
 /// The numbers in an element's text.
 fn numbers<T: std::str::FromStr>(node: Node) -> Result<Vec<T>, String> {
-    let parse = |word: &str| word.parse().map_err(|_| format!("<{}>: '{word}'", node.tag_name().name()));
+    let parse =
+        |word: &str| word.parse().map_err(|_| format!("<{}>: '{word}' is not a number", node.tag_name().name()));
     node.text().unwrap_or_default().split_whitespace().map(parse).collect()
 }
 
-/// Elements by their tag, in any namespace: COLLADA has one for each version.
+/// Access to elements by their tag in any namespace: COLLADA has one for each version.
 trait ByTag<'a>: Sized {
     fn has_tag_name_of(&self, name: &str) -> bool;
     fn child(&self, name: &str) -> Option<Self>;

@@ -1,4 +1,4 @@
-//! Triangle meshes from files: STL, COLLADA (`.dae`), Wavefront (`.obj`).
+//! Triangle meshes, read from STL, COLLADA (`.dae`) and Wavefront (`.obj`) files.
 
 mod dae;
 mod obj;
@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Triangles in axes of their own; at least one, every coordinate finite.
+/// A triangle mesh in its own axes, with at least one triangle of non-zero area and finite coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
     vertices: Vec<Vector3<f64>>,
@@ -17,7 +17,7 @@ pub struct Mesh {
     closed: bool,
 }
 
-/// What a file holds, before it is checked.
+/// The contents of a file, before they are checked.
 #[derive(Debug, Default)]
 struct Soup {
     vertices: Vec<Vector3<f64>>,
@@ -34,9 +34,9 @@ impl Soup {
 }
 
 impl Mesh {
-    /// Reads a mesh. `scale` multiplies its coordinates along x, y, z: it turns the file's unit into m (a `.dae` that
-    /// states its unit and its upward axis is turned into m, z upwards, before). `owner` is named in errors:
-    /// `link 'palm'`, `obstacle`.
+    /// Reads a mesh from an STL, DAE or OBJ file. `scale` multiplies the coordinates along x, y and z, and so converts the
+    /// file's unit to m. A `.dae` is first converted to m with z upwards, by the unit and the upward axis that it states (by
+    /// default m and y). `owner` is named in errors: `link 'palm'`, `obstacle`.
     ///
     /// # Errors
     /// [`ContactError::Mesh`].
@@ -60,7 +60,7 @@ impl Mesh {
         read().map_err(refuse)
     }
 
-    /// From vertices and triangles (corners by index, from 0).
+    /// A mesh from vertices (m) and triangles (indices of their vertices, from 0).
     ///
     /// # Errors
     /// [`MeshFault`]: no triangle of non-zero area, a vertex that is not finite, an index out of range.
@@ -78,7 +78,9 @@ impl Mesh {
         }
         let count = scaled.len();
         if let Some(bad) = soup.triangles.iter().flatten().find(|k| **k as usize >= count) {
-            return Err(MeshFault::Unreadable(format!("a triangle uses vertex {bad} (counted from 0) of {count}")));
+            return Err(MeshFault::Unreadable(format!(
+                "a triangle has the vertex {bad} (counted from 0), but there are {count} vertices"
+            )));
         }
         let mut weld = Weld::default();
         let mut triangles = Vec::with_capacity(soup.triangles.len());
@@ -99,17 +101,17 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Its vertices, m.
+    /// The vertices, m; each position occurs once.
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
     }
 
-    /// Its triangles: three vertices each, counter-clockwise seen from outside if the mesh is closed.
+    /// The triangles: indices of three vertices each, counter-clockwise seen from outside if the mesh is closed.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Whether it bounds a volume: every edge belongs to two triangles that agree on which side is out.
+    /// Whether the mesh bounds a volume: every edge belongs to exactly two triangles, of the same orientation.
     pub fn is_closed(&self) -> bool {
         self.closed
     }
@@ -136,7 +138,7 @@ impl Mesh {
     }
 }
 
-/// Vertices at the same place become one.
+/// Merges vertices of equal position.
 #[derive(Default)]
 struct Weld {
     vertices: Vec<Vector3<f64>>,
@@ -145,7 +147,7 @@ struct Weld {
 
 impl Weld {
     fn index(&mut self, v: Vector3<f64>) -> u32 {
-        // + 0.0 makes −0 and 0 the same bits.
+        // + 0.0 maps −0 to 0.
         let place: [u64; 3] = v.map(|x| (x + 0.0).to_bits()).into();
         *self.places.entry(place).or_insert_with(|| {
             self.vertices.push(v);

@@ -1,4 +1,4 @@
-//! Random bodies and poses, with seeds fixed by the tests.
+//! Random bodies and poses; the tests fix the seeds.
 #![allow(dead_code)]
 
 use carom_chain::urdf::{Collision, Shape};
@@ -28,7 +28,7 @@ pub fn pose(isometry: &Isometry3<f64>) -> Pose<Spatial<f64>> {
     Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
 }
 
-/// Any frame: these tests place shapes by hand.
+/// An arbitrary frame: these tests place the shapes themselves.
 pub fn some_frame() -> FrameId {
     carom_chain::uniform_chain(1, 1.0, 1.0).unwrap().frame("link1").unwrap()
 }
@@ -39,7 +39,7 @@ pub fn link_shape(shape: Shape) -> LinkShape {
 
 pub const KINDS: [&str; 5] = ["sphere", "capsule", "cylinder", "box", "hull"];
 
-/// A body of a kind, of sizes from 0.05 to 0.3 m. Hulls come from an OBJ file of random points.
+/// A body of a kind, with sizes from 0.05 to 0.3 m. A hull is that of random points in an OBJ file.
 pub fn body(kind: &str, rng: &mut fastrand::Rng) -> LinkShape {
     let mut size = || 0.05 + 0.25 * rng.f64();
     link_shape(match kind {
@@ -70,7 +70,7 @@ pub fn temp(name: &str) -> std::path::PathBuf {
     folder.join(name)
 }
 
-/// The twelve triangles of a box with sides `size`, facing outwards.
+/// The twelve triangles of a box with sides `size`, oriented outwards.
 pub fn box_mesh(size: Vector3<f64>) -> Mesh {
     let h = size / 2.0;
     let side = |bit: u32, h: f64| if bit == 0 { -h } else { h };

@@ -1,11 +1,11 @@
-//! Good robots read as written.
+//! Results of the reader for valid files.
 
 use crate::texts::*;
 use carom_chain::urdf::{JointType, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 #[test]
-fn a_good_robot_reads_as_written() {
+fn valid_robot_is_read_with_all_its_values() {
     let robot = read(
         r#"<?xml version="1.0"?>
         <robot name="arm &amp; hand">
@@ -61,7 +61,7 @@ fn a_good_robot_reads_as_written() {
 }
 
 #[test]
-fn angles_turn_about_fixed_axes_in_the_order_x_y_z() {
+fn roll_pitch_yaw_are_about_fixed_axes_x_y_z() {
     let (r, p, y) = (0.3, -0.7, 1.9);
     let about = |axis, angle| Rotation3::from_axis_angle(&axis, angle);
     let by_hand = about(Vector3::z_axis(), y) * about(Vector3::y_axis(), p) * about(Vector3::x_axis(), r);
