@@ -34,6 +34,7 @@ use std::process::ExitCode;
     name = "carom",
     version,
     about,
+    term_width = 100, // on every terminal and in every build the lines of the book
     after_help = "Numbers are SI: m, rad, kg, s, N s. Normals point from the environment to the robot."
 )]
 struct Cli {
