@@ -1,0 +1,98 @@
+//! The book's page on scene files names every key and every value that the parser accepts, and no other.
+#![cfg(unix)]
+
+use carom_impact::{Damping, LAW_NAMES, NormalForce};
+use carom_sim::{Scene, SeveralLaw};
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+fn page() -> String {
+    std::fs::read_to_string(Path::new(ROOT).join("book/src/reference-scene.md")).unwrap()
+}
+
+/// A folder beside a link to the presets, in which scenes can be written as in `scenes/`.
+fn folder(name: &str) -> PathBuf {
+    let desk = std::env::temp_dir().join(format!("carom-scene-reference-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(desk.join("scenes")).unwrap();
+    std::os::unix::fs::symlink(Path::new(ROOT).join("robots"), desk.join("robots")).unwrap();
+    desk
+}
+
+/// What stands in backticks at the beginning of the rows of the table under a heading.
+fn named(page: &str, heading: &str) -> BTreeSet<String> {
+    let mut lines = page.lines().skip_while(|line| *line != heading);
+    assert!(lines.next().is_some(), "the page has no heading {heading}");
+    let section = lines.take_while(|line| !line.starts_with('#'));
+    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+}
+
+/// The names that the parser would accept in place of `zzz`.
+fn expected(folder: &Path, text: &str) -> BTreeSet<String> {
+    let file = folder.join("scenes/probe.toml");
+    std::fs::write(&file, text).unwrap();
+    let message = Scene::from_file(&file).unwrap_err().to_string();
+    let (_, names) = message.split_once("expected").unwrap_or_else(|| panic!("{text}\n{message}"));
+    names.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+}
+
+#[test]
+fn page_names_the_keys_and_values_that_the_parser_accepts() {
+    let (page, desk) = (page(), folder("keys"));
+    let robot = "[robot]\nurdf = \"x\"\nq = [0]\n";
+    for (heading, text) in [
+        ("## Tables", "zzz = 1".to_owned()),
+        ("## `[robot]`", "[robot]\nzzz = 1".to_owned()),
+        ("### `tip_velocity`", format!("{robot}tip_velocity = {{ zzz = 1 }}")),
+        ("## `[[surface]]`", "[[surface]]\nzzz = 1".to_owned()),
+        ("### `shape`", "[[surface]]\nshape = { zzz = {} }".to_owned()),
+        ("### `halfspace`", "[[surface]]\nshape = { halfspace = { zzz = 1 } }".to_owned()),
+        ("### `box`", "[[surface]]\nshape = { box = { zzz = 1 } }".to_owned()),
+        ("### `sphere`", "[[surface]]\nshape = { sphere = { zzz = 1 } }".to_owned()),
+        ("### `mesh`", "[[surface]]\nshape = { mesh = { zzz = 1 } }".to_owned()),
+        ("### `contact` of a surface", "[[surface]]\ncontact = { zzz = 1 }".to_owned()),
+        ("### `motion`", "[[surface]]\nmotion = { zzz = 1 }".to_owned()),
+        ("## `[contact]`", "[contact]\nzzz = 1".to_owned()),
+        ("### `compliance`", "[contact]\ncompliance = { zzz = 1 }".to_owned()),
+        ("### `bristle`", "[contact]\ncompliance = { bristle = { zzz = 1 } }".to_owned()),
+        ("### `several`", "[contact]\nseveral = \"zzz\"".to_owned()),
+        ("## `[[contact.pair]]`", "[[contact.pair]]\nzzz = 1".to_owned()),
+        ("## `[run]`", "[run]\nzzz = 1".to_owned()),
+        ("### `method`", "[run]\nmethod = \"zzz\"".to_owned()),
+        ("### `model`", "[run]\nmodel = \"zzz\"".to_owned()),
+        ("### `controller`", "[run]\ncontroller = \"zzz\"".to_owned()),
+    ] {
+        let known = expected(&desk, &text);
+        assert!(known.len() > 1, "{heading}: {known:?}");
+        assert_eq!(named(&page, heading), known, "{heading}: the page on the left, the parser on the right");
+    }
+    std::fs::remove_dir_all(desk).unwrap();
+}
+
+#[test]
+fn page_names_the_laws_forces_and_damping_formulas() {
+    let page = page();
+    let set = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<BTreeSet<_>>();
+    assert_eq!(named(&page, "### `law`"), set(&LAW_NAMES));
+    assert_eq!(named(&page, "### `force`"), set(&NormalForce::NAMES));
+    assert_eq!(named(&page, "### `damping`"), set(&Damping::ALL.map(Damping::name)));
+    assert_eq!(named(&page, "### `several`"), set(&SeveralLaw::ALL.map(SeveralLaw::name)));
+}
+
+#[test]
+fn examples_of_the_page_parse_and_can_be_planned() {
+    let (page, desk) = (page(), folder("examples"));
+    let mut parsed = 0;
+    for block in page.split("```toml\n").skip(1) {
+        let text = block.split("```").next().unwrap();
+        let file = desk.join("scenes/example.toml");
+        std::fs::write(&file, text).unwrap();
+        let scene = Scene::from_file(&file).unwrap_or_else(|e| panic!("{text}\n{e}"));
+        scene.plan().unwrap();
+        assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
+        parsed += 1;
+    }
+    assert_eq!(parsed, 2);
+    std::fs::remove_dir_all(desk).unwrap();
+}
