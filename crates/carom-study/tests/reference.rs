@@ -1,0 +1,91 @@
+//! The book's page on study files names every key, quantity and class that the parser accepts, and no other.
+#![cfg(unix)]
+
+use carom_study::Study;
+use carom_study::study::CLASSES;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+fn page() -> String {
+    std::fs::read_to_string(Path::new(ROOT).join("book/src/reference-study.md")).unwrap()
+}
+
+/// A folder beside a link to the presets, in which studies can be written as in `studies/`.
+fn folder() -> tempfile::TempDir {
+    let desk = tempfile::tempdir().unwrap();
+    std::fs::create_dir(desk.path().join("studies")).unwrap();
+    std::os::unix::fs::symlink(Path::new(ROOT).join("robots"), desk.path().join("robots")).unwrap();
+    desk
+}
+
+fn read(folder: &Path, text: &str) -> Result<Study, String> {
+    let file: PathBuf = folder.join("studies/probe.toml");
+    std::fs::write(&file, text).unwrap();
+    Study::from_file(&file).map_err(|e| e.to_string())
+}
+
+/// What stands in backticks at the beginning of the rows of the table under a heading.
+fn named(page: &str, heading: &str) -> BTreeSet<String> {
+    let mut lines = page.lines().skip_while(|line| *line != heading);
+    assert!(lines.next().is_some(), "the page has no heading {heading}");
+    let section = lines.take_while(|line| !line.starts_with('#'));
+    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+}
+
+#[test]
+fn page_names_the_keys_that_the_parser_accepts() {
+    let (page, desk) = (page(), folder());
+    for (heading, text) in [
+        ("## Tables", "zzz = 1"),
+        ("## Values", "[tip]\nx = { zzz = 1 }"),
+        ("## `[robot]`", "[robot]\nzzz = 1"),
+        ("## `[tip]`", "[tip]\nzzz = 1"),
+        ("### `elbow`", "[tip]\nelbow = \"zzz\""),
+        ("## `[impact]`", "[impact]\nzzz = 1"),
+        ("## `[map]`", "[map]\nzzz = 1"),
+        ("## `[advise]`", "[advise]\nzzz = 1"),
+    ] {
+        let message = read(desk.path(), text).unwrap_err();
+        let (_, names) = message.split_once("expected").unwrap_or_else(|| panic!("{text}\n{message}"));
+        let known: BTreeSet<String> = names.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+        assert!(!known.is_empty(), "{heading}: {message}");
+        assert_eq!(named(&page, heading), known, "{heading}: the page on the left, the parser on the right");
+    }
+}
+
+/// The quantities are those of the error message about an unknown one: a list separated by commas, at its end.
+#[test]
+fn page_names_the_quantities_and_classes() {
+    let (page, desk) = (page(), folder());
+    let study = |name: &str| {
+        format!(
+            "[robot]\nurdf = \"../robots/planar2.urdf\"\n[tip]\nx = 0.5\ny = 0.1\n[impact]\nnormal = [-1, 0, 0]\n\
+             approach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.3\n[map]\nquantities = [\"{name}\"]\n"
+        )
+    };
+    let message = read(desk.path(), &study("zzz")).unwrap_err();
+    let known: BTreeSet<String> =
+        message.split(", ").filter_map(|part| part.split_whitespace().last()).map(str::to_owned).collect();
+    let quantities = named(&page, "### `quantities`");
+    assert!(quantities.len() > 20);
+    assert_eq!(quantities, known, "the page on the left, the parser's message on the right: {message}");
+    for quantity in &quantities {
+        read(desk.path(), &study(quantity)).unwrap();
+    }
+    assert_eq!(named(&page, "### `class`"), CLASSES.map(str::to_owned).into_iter().collect());
+}
+
+#[test]
+fn examples_of_the_page_are_studies() {
+    let (page, desk) = (page(), folder());
+    let mut parsed = 0;
+    for block in page.split("```toml\n").skip(1) {
+        let text = block.split("```").next().unwrap();
+        let study = read(desk.path(), text).unwrap_or_else(|e| panic!("{text}\n{e}"));
+        assert!(study.rows() > 1);
+        parsed += 1;
+    }
+    assert_eq!(parsed, 2);
+}
