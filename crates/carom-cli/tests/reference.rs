@@ -1,0 +1,155 @@
+//! The book's pages on output files and commands name what real runs write.
+#![cfg(unix)]
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+fn page(name: &str) -> String {
+    std::fs::read_to_string(Path::new(ROOT).join("book/src").join(name)).unwrap()
+}
+
+/// A folder in which the presets are found, as in the root of the repository.
+fn folder(name: &str) -> PathBuf {
+    let desk = std::env::temp_dir().join(format!("carom-reference-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&desk).unwrap();
+    for presets in ["robots", "scenes", "studies"] {
+        std::os::unix::fs::symlink(Path::new(ROOT).join(presets), desk.join(presets)).unwrap();
+    }
+    desk
+}
+
+fn carom(desk: &Path, args: &str) -> String {
+    let ran =
+        Command::new(env!("CARGO_BIN_EXE_carom")).args(args.split_whitespace()).current_dir(desk).output().unwrap();
+    assert!(ran.status.success(), "carom {args}: {}", String::from_utf8_lossy(&ran.stderr));
+    String::from_utf8(ran.stdout).unwrap()
+}
+
+/// What stands in backticks at the beginning of the rows of the table under a heading, in order.
+fn named(page: &str, heading: &str) -> Vec<String> {
+    let mut lines = page.lines().skip_while(|line| *line != heading);
+    assert!(lines.next().is_some(), "the page has no heading {heading}");
+    let section = lines.take_while(|line| !line.starts_with('#'));
+    section.filter_map(|line| Some(line.strip_prefix("| `")?.split_once('`')?.0.to_owned())).collect()
+}
+
+fn header(file: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(file).unwrap();
+    text.lines().next().unwrap().split(',').map(str::to_owned).collect()
+}
+
+/// The column with its joint and number as the page writes them.
+fn general(column: &str) -> String {
+    let mut parts = column.split('.');
+    match (parts.next(), parts.next(), parts.next()) {
+        (Some(head @ ("q" | "qd")), Some(_), None) => format!("{head}.JOINT"),
+        (Some(head @ ("q" | "qd")), Some(_), Some(_)) => format!("{head}.JOINT.K"),
+        _ => column.to_owned(),
+    }
+}
+
+#[test]
+fn columns_of_a_simulation_are_those_of_the_page() {
+    let (page, desk) = (page("reference-output.md"), folder("simulation"));
+    let mut seen = BTreeSet::new();
+    for scene in ["planar2", "bounce"] {
+        carom(&desk, &format!("simulate scenes/{scene}.toml --csv {scene}.csv"));
+        seen.extend(header(&desk.join(format!("{scene}.csv"))).iter().map(|column| general(column)));
+    }
+    assert_eq!(seen, named(&page, "## Simulation").into_iter().collect());
+    std::fs::remove_dir_all(desk).unwrap();
+}
+
+/// Studies in which each axis varies in turn, with every quantity of the page on study files.
+#[test]
+fn columns_of_a_map_are_those_of_the_pages() {
+    let (output, study, desk) = (page("reference-output.md"), page("reference-study.md"), folder("map"));
+    let axes = named(&output, "## Map");
+    let quantities = named(&study, "### `quantities`");
+    let wanted = quantities.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    let planar = "[robot]\nurdf = \"robots/planar2.urdf\"\n";
+    let space = "[robot]\nurdf = \"robots/arm7.urdf\"\n";
+    let grid = "[joints]\nshoulder = [0.7, 0.8]\nelbow = -1.5\n";
+    let place = "[tip]\nx = [0.4, 0.5]\ny = [0.1, 0.2]\nelbow = \"both\"\n";
+    let spatial = "[tip]\nx = [0.4, 0.45]\ny = 0.1\nz = [0.5, 0.6]\nseeds = [[0, 0.5, 0, 1, 0, 0.8, 0], [0, 0.6, 0, 1, 0, 0.8, 0]]\n";
+    let normal = "[impact]\nnormal = [-1, 0, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3\n";
+    let degrees = "[impact]\nnormal_deg = [170, 180]\napproach_deg = [40, 50]\nspeed = [0.1, 0.2]\n\
+        law = [\"newton\", \"chatterjee-ruina\"]\nrestitution = [0.3, 0.4]\nfriction = [0.1, 0.2]\n\
+        tangential_restitution = [0, 0.1]\n";
+    let normals = "[impact]\nnormal = [[-1, 0, 0], [0, 0, 1]]\nalong = [1, 1, 1]\napproach_deg = 80\nspeed = 0.2\n\
+        law = \"frictionless\"\nrestitution = 0.3\n";
+    let mut seen = BTreeSet::new();
+    for (robot, poses, impact, quantities) in [
+        (planar, grid, normal, wanted.as_str()),
+        (planar, place, degrees, "\"impulse\""),
+        (space, spatial, normals, "\"impulse\""),
+    ] {
+        std::fs::write(desk.join("study.toml"), format!("{robot}{poses}{impact}[map]\nquantities = [{quantities}]\n"))
+            .unwrap();
+        carom(&desk, "map study.toml --out map.csv");
+        let columns: Vec<String> = header(&desk.join("map.csv")).iter().map(|column| general(column)).collect();
+        let class = columns.iter().position(|column| column == "class").unwrap();
+        let place = |column: &String| {
+            axes.iter().position(|axis| axis == column).unwrap_or_else(|| panic!("{column}: {axes:?}"))
+        };
+        let given = columns[..=class].iter().filter(|column| *column != "q.JOINT");
+        assert!(given.map(place).is_sorted(), "{columns:?}");
+        seen.extend(columns[..=class].iter().cloned());
+        for column in &columns[class + 1..] {
+            let name = column.split('.').next().unwrap();
+            assert!(quantities.contains(&format!("\"{name}\"")), "{column}");
+            seen.insert(name.to_owned());
+        }
+    }
+    let all: BTreeSet<String> = axes.into_iter().chain(quantities).collect();
+    assert_eq!(seen, all);
+    std::fs::remove_dir_all(desk).unwrap();
+}
+
+#[test]
+fn columns_of_a_chart_and_of_the_paper_are_those_of_the_page() {
+    let (page, desk) = (page("reference-output.md"), folder("paper"));
+    carom(&desk, "chart scenes/planar2.toml --out chart.svg --budget 0.01");
+    assert_eq!(header(&desk.join("chart.csv")), named(&page, "## Chart"));
+    carom(&desk, "paper --out figures");
+    let mut tables = 0;
+    for entry in std::fs::read_dir(desk.join("figures")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|ending| ending == "csv") {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            assert_eq!(header(&path), named(&page, &format!("### `{name}`")), "{name}");
+            tables += 1;
+        }
+    }
+    assert_eq!(tables, page.lines().filter(|line| line.starts_with("### `fig") || *line == "### `table1.csv`").count());
+    std::fs::remove_dir_all(desk).unwrap();
+}
+
+/// Every command stands on the page with its help, whole and as it is printed.
+#[test]
+fn help_of_every_command_is_on_the_page() {
+    let (page, desk) = (page("reference-cli.md"), folder("help"));
+    let block = |command: &str| {
+        let (_, after) = page.split_once(&format!("```sh\n{command}\n```\n\n```text\n")).unwrap_or_else(|| {
+            panic!("the page has no block `{command}` with a block of text directly after it");
+        });
+        after.split_once("```").unwrap().0.to_owned()
+    };
+    let lines = |text: &str| text.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n");
+    let general = carom(&desk, "--help");
+    assert_eq!(lines(&block("carom --help")), lines(&general));
+    let commands = general.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    let names: Vec<&str> = commands
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help")
+        .collect();
+    assert!(names.len() >= 13, "{names:?}");
+    for name in names {
+        assert_eq!(lines(&block(&format!("carom {name} --help"))), lines(&carom(&desk, &format!("{name} --help"))));
+    }
+    std::fs::remove_dir_all(desk).unwrap();
+}
