@@ -20,7 +20,7 @@
 //! | Jᵢ | 1 | rotational inertia about joint i of the same, kg m² | `inertia` |
 //! | Q | n | generalised forces on φ: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, with s = ±1 the sense of a joint | `push` |
 //!
-//! `docs/speed.md` gives the gain in speed; `tests/planar_row.rs` compares the results with the recursion.
+//! `book/src/benchmarks.md` gives the gain in speed; `tests/planar_row.rs` compares the results with the recursion.
 
 use crate::algebra::{Algebra, Planar, PlanarJoint};
 use crate::chain::Chain;

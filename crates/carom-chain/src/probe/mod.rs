@@ -19,7 +19,7 @@
 //! **Shapes.** The kernel (`kernel.rs`) is generic over the shape of the chain, which is determined once, when the probe is
 //! made. A row of hinges (`row.rs`) needs no branches on joint types and parents, and its configuration-independent
 //! quantities are precomputed; rows of two and three hinges have unrolled kernels. Any other chain is a tree (`tree.rs`): of
-//! hinges alone, so that the joint type is known statically, or of any joints. `docs/speed.md` gives the gain in speed of
+//! hinges alone, so that the joint type is known statically, or of any joints. `book/src/benchmarks.md` gives the gain in speed of
 //! each; `tests/probe.rs` compares all of them with [`crate::Kinematics`].
 //!
 //! **SIMD lanes.** Code that runs in lanes must be inlined, because it is otherwise compiled without AVX instructions. The
