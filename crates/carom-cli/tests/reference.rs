@@ -153,3 +153,20 @@ fn help_of_every_command_is_on_the_page() {
     }
     std::fs::remove_dir_all(desk).unwrap();
 }
+
+/// A page that names a test as `file::name`, or a source file alone.
+#[test]
+fn tests_named_on_the_page_exist() {
+    let page = page("tested.md");
+    let (mut missing, mut named) = (Vec::new(), 0);
+    for name in page.split('`').skip(1).step_by(2).filter(|name| name.contains(".rs")) {
+        let (file, test) = name.split_once("::").unwrap_or((name, ""));
+        match std::fs::read_to_string(Path::new(ROOT).join(file)) {
+            Ok(text) if test.is_empty() || text.contains(&format!("fn {test}(")) => named += 1,
+            Ok(_) => missing.push(format!("{file} has no fn {test}")),
+            Err(_) => missing.push(format!("{file} does not exist")),
+        }
+    }
+    assert!(missing.is_empty(), "{}", missing.join("\n"));
+    assert!(named > 100, "only {named} tests are named");
+}
