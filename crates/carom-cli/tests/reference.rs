@@ -1,9 +1,11 @@
 //! The book's pages on output files and commands name what real runs write.
 #![cfg(unix)]
 
+use serde_json::Value;
 use std::collections::BTreeSet;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
@@ -15,17 +17,25 @@ fn page(name: &str) -> String {
 fn folder(name: &str) -> PathBuf {
     let desk = std::env::temp_dir().join(format!("carom-reference-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&desk).unwrap();
-    for presets in ["robots", "scenes", "studies"] {
+    for presets in ["robots", "scenes", "studies", "docs"] {
         std::os::unix::fs::symlink(Path::new(ROOT).join(presets), desk.join(presets)).unwrap();
     }
     desk
 }
 
-fn carom(desk: &Path, args: &str) -> String {
-    let ran =
-        Command::new(env!("CARGO_BIN_EXE_carom")).args(args.split_whitespace()).current_dir(desk).output().unwrap();
+/// Runs `carom` with lines on standard input.
+fn feed(desk: &Path, args: &str, input: &str) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
+    command.args(args.split_whitespace()).current_dir(desk);
+    let mut ran = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    ran.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let ran = ran.wait_with_output().unwrap();
     assert!(ran.status.success(), "carom {args}: {}", String::from_utf8_lossy(&ran.stderr));
     String::from_utf8(ran.stdout).unwrap()
+}
+
+fn carom(desk: &Path, args: &str) -> String {
+    feed(desk, args, "")
 }
 
 /// What stands in backticks at the beginning of the rows of the table under a heading, in order.
@@ -169,4 +179,86 @@ fn tests_named_on_the_page_exist() {
     }
     assert!(missing.is_empty(), "{}", missing.join("\n"));
     assert!(named > 100, "only {named} tests are named");
+}
+
+/// The paths of all keys of an answer: `a.b`, and `a[].b` of what is in a list. The keys of `values` are columns.
+fn paths(value: &Value, at: &str, found: &mut BTreeSet<String>) {
+    match value {
+        Value::Object(all) if !at.ends_with("values") => {
+            for (key, value) in all {
+                let path = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
+                found.insert(path.clone());
+                paths(value, &path, found);
+            }
+        }
+        Value::Array(all) => all.iter().for_each(|value| paths(value, &format!("{at}[]"), found)),
+        _ => {}
+    }
+}
+
+/// A key of an answer is a row of its command's table, or is named in the text of the row of what holds it; and every row
+/// that is not optional has its key in an answer.
+#[test]
+fn keys_of_answers_are_those_of_the_page() {
+    let (page, desk) = (page("reference-cli.md"), folder("json"));
+    let state = r#"{"q":[0.7854,-1.5708],"qd":[-0.15,0.6],"tau":[0,0],"qdd":[0,0]}"#;
+    let kane = r#"{"delassus":[[2.440338,1.521309],[1.521309,1.009560]],"u":[-0.267174,-0.134202]}"#;
+    let jumps: String = (0..12)
+        .map(|k| f64::from(k) * 0.1 + 0.5)
+        .map(|u| format!("{{\"delassus\":[[1,0],[0,1]],\"u_minus\":[{u},-1],\"u_plus\":[{},0.5]}}\n", u - 0.3))
+        .collect();
+    let robot = "robots/planar2.urdf --tip tip --states - --json";
+    let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
+    let runs: [(&str, Vec<(String, &str)>); 12] = [
+        ("inspect", vec![("inspect robots/arm7.urdf --json".into(), "")]),
+        ("dynamics", vec![(format!("dynamics {robot}"), state)]),
+        (
+            "impact",
+            vec![
+                (format!("{strike} --derivatives --restitution-range 0.3:0.4"), state),
+                (format!("{strike} --joint-stiffness 2000 --contact-time 0.005"), state),
+            ],
+        ),
+        ("law", vec![("law --law poisson --restitution 0.5 --friction 0.5 --problems - --json".into(), kane)]),
+        ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
+        ("plan", vec![("plan scenes/planar2.toml --json".into(), "")]),
+        ("simulate", vec![("simulate scenes/planar2.toml --json".into(), "")]),
+        ("chart", vec![("chart scenes/planar2.toml --out c.svg --budget 0.01 --json".into(), "")]),
+        ("stress", vec![("stress --out stress --scene jam --json".into(), "")]),
+        ("paper", vec![("paper --out paper --json".into(), "")]),
+        ("consistency", vec![("consistency docs/table1.csv --json".into(), "")]),
+        ("fit", vec![("fit --velocities - --json".into(), jumps.as_str())]),
+    ];
+    for (command, runs) in runs {
+        let (_, section) = page.split_once(&format!("\n## {command}\n")).unwrap();
+        let section = section.split("\n## ").next().unwrap();
+        let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| `")).collect();
+        let mut seen = BTreeSet::new();
+        for (args, input) in runs {
+            for line in feed(&desk, &args, input).lines() {
+                paths(&serde_json::from_str(line).unwrap(), "", &mut seen);
+            }
+        }
+        for path in &seen {
+            let own = rows.iter().any(|row| row.starts_with(&format!("| `{path}` |")));
+            let above = rows
+                .iter()
+                .any(|row| row.starts_with(&format!("| `{path}.")) || row.starts_with(&format!("| `{path}[]")));
+            let leaf = path.rsplit('.').next().unwrap();
+            let inside = rows.iter().any(|row| {
+                let key = row[3..].split('`').next().unwrap().trim_end_matches("[]");
+                path.starts_with(key) && row.contains(&format!("`{leaf}`"))
+            });
+            assert!(own || above || inside, "carom {command} answers {path}, which is not on the page");
+        }
+        if command == "fit" {
+            continue; // its section has tables of what it reads, too
+        }
+        // tables of flags and events have two columns, tables of keys three
+        for row in rows.iter().filter(|row| row.matches(" | ").count() == 2 && !row.contains("optional")) {
+            let key = row[3..].split('`').next().unwrap().trim_end_matches("[]");
+            assert!(seen.contains(key), "carom {command} has no key {key}, which is on the page");
+        }
+    }
+    std::fs::remove_dir_all(desk).unwrap();
 }
