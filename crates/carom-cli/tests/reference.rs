@@ -207,6 +207,10 @@ fn keys_of_answers_are_those_of_the_page() {
         .map(|k| f64::from(k) * 0.1 + 0.5)
         .map(|u| format!("{{\"delassus\":[[1,0],[0,1]],\"u_minus\":[{u},-1],\"u_plus\":[{},0.5]}}\n", u - 0.3))
         .collect();
+    let scene = std::fs::read_to_string(desk.join("scenes/planar2.toml")).unwrap();
+    let scene = scene.replace("friction = 0.0", "friction = 0.1").replace("[run]", "[run]\nneglect = 0.5");
+    std::fs::create_dir(desk.join("own")).unwrap();
+    std::fs::write(desk.join("own/scene.toml"), scene).unwrap();
     let robot = "robots/planar2.urdf --tip tip --states - --json";
     let strike = format!("impact {robot} --normal -1,0,0 --law energetic --restitution 0.35 --friction 0.2");
     let runs: [(&str, Vec<(String, &str)>); 12] = [
@@ -221,7 +225,7 @@ fn keys_of_answers_are_those_of_the_page() {
         ),
         ("law", vec![("law --law poisson --restitution 0.5 --friction 0.5 --problems - --json".into(), kane)]),
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
-        ("plan", vec![("plan scenes/planar2.toml --json".into(), "")]),
+        ("plan", vec![("plan own/scene.toml --json".into(), "")]),
         ("simulate", vec![("simulate scenes/planar2.toml --json".into(), "")]),
         ("chart", vec![("chart scenes/planar2.toml --out c.svg --budget 0.01 --json".into(), "")]),
         ("stress", vec![("stress --out stress --scene jam --json".into(), "")]),
