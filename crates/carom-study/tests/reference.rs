@@ -47,7 +47,7 @@ fn page_names_the_keys_that_the_parser_accepts() {
         ("## `[map]`", "[map]\nzzz = 1"),
         ("## `[advise]`", "[advise]\nzzz = 1"),
     ] {
-        let message = read(desk.path(), text).unwrap_err();
+        let message = read(desk.path(), text).err().unwrap();
         let (_, names) = message.split_once("expected").unwrap_or_else(|| panic!("{text}\n{message}"));
         let known: BTreeSet<String> = names.split('`').skip(1).step_by(2).map(str::to_owned).collect();
         assert!(!known.is_empty(), "{heading}: {message}");
@@ -65,7 +65,7 @@ fn page_names_the_quantities_and_classes() {
              approach_deg = 45\nspeed = 0.2\nlaw = \"energetic\"\nrestitution = 0.3\n[map]\nquantities = [\"{name}\"]\n"
         )
     };
-    let message = read(desk.path(), &study("zzz")).unwrap_err();
+    let message = read(desk.path(), &study("zzz")).err().unwrap();
     let known: BTreeSet<String> =
         message.split(", ").filter_map(|part| part.split_whitespace().last()).map(str::to_owned).collect();
     let quantities = named(&page, "### `quantities`");
