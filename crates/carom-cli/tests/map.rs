@@ -222,7 +222,7 @@ fn the_books_recipes_make_parts_that_are_the_whole() {
     std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();
     assert!(desk.run("map study.toml --out whole.csv").status.success());
     let whole = std::fs::read_to_string(desk.0.join("whole.csv")).unwrap();
-    let book = std::fs::read_to_string(format!("{ROOT}/book/src/impact-maps.md")).unwrap();
+    let book = std::fs::read_to_string(format!("{ROOT}/book/src/task-impact-maps.md")).unwrap();
     let recipe = |holds: &str| {
         let block = book.split("```").find(|block| block.starts_with("sh,ignore\n") && block.contains(holds));
         let text = block.unwrap_or_else(|| panic!("the book has no {holds}")).split_once('\n').unwrap().1;

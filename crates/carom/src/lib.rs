@@ -31,12 +31,12 @@ pub mod prelude {
 /// The book's pages that have Rust in them: `cargo test --doc` compiles and runs it.
 #[cfg(doctest)]
 mod book {
-    #[doc = include_str!("../../../book/src/first-steps.md")]
-    mod first_steps {}
-    #[doc = include_str!("../../../book/src/one-impact.md")]
-    mod one_impact {}
+    #[doc = include_str!("../../../book/src/tutorial-first-impact.md")]
+    mod tutorial_first_impact {}
+    #[doc = include_str!("../../../book/src/task-derivatives.md")]
+    mod task_derivatives {}
+    #[doc = include_str!("../../../book/src/task-rust.md")]
+    mod task_rust {}
     #[doc = include_str!("../../../book/src/law-several.md")]
     mod law_several {}
-    #[doc = include_str!("../../../book/src/scenes.md")]
-    mod scenes {}
 }
