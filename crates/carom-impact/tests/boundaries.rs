@@ -313,6 +313,60 @@ fn sphere_in_space_has_the_closed_forms_of_the_plane() {
     }
 }
 
+/// H = 1, u⁻ = (0.75, -1), e = μ = 0.5, without rounding: slip stops exactly at the end, `p₁ = P_n = 1.5`, in the plane
+/// and in space.
+#[test]
+fn exact_stop_at_the_end_has_margin_zero() {
+    let plane = ImpactProblem::new(matrix![1.0, 0.0; 0.0, 1.0], vector![0.75, -1.0]).unwrap();
+    let space = ImpactProblem::new(Matrix3::identity(), vector![0.0, 0.75, -1.0]).unwrap();
+    for name in ["newton", "poisson", "energetic"] {
+        let law = AnyLaw::named(name, rough(E, 0.5)).unwrap();
+        let hit: ImpactOutcome<f64, 3> = law.resolve(&space).unwrap();
+        assert_eq!((hit.u_plus, hit.slip_end), (vector![0.0, 0.0, 0.5], None), "{name}");
+        for found in [boundaries(&plane, &law), boundaries(&space, &law)] {
+            assert_eq!(
+                (found[0].edge, found[0].beyond, found[0].margin),
+                (Edge::StopsAtEnd, Mode::Stick, 0.0),
+                "{name}"
+            );
+        }
+    }
+}
+
+/// Slip that keeps its speed (`B = μ A`) or grows has no stop to extrapolate.
+#[test]
+fn slip_that_does_not_decrease_has_no_boundary_at_the_end() {
+    let problem = ImpactProblem::new(matrix![2.0, 1.0; 1.0, 2.0], vector![1.0, -1.0]).unwrap();
+    for mu in [0.2, 0.5] {
+        for (law, name) in following(mu) {
+            let found = boundaries(&problem, &*law);
+            assert_eq!(edges(&found), ["jams", "no-approach", "no-slip"], "{name} {mu}");
+            expect(&found, Edge::Jams, Mode::Slip, apart(mu, 2.0));
+        }
+    }
+}
+
+/// Slip that turns and does not stop: the stop is extrapolated with the rate `u·(h - μ A u)` of the slip at the end,
+/// whose direction u is not the initial one.
+#[test]
+fn stop_of_turning_slip_is_extrapolated_from_its_end() {
+    let h: SMatrix<f64, 3, 3> = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
+    let start: SVector<f64, 3> = vector![-0.9, 0.6, -0.4];
+    let problem = ImpactProblem::new(h, start).unwrap();
+    for friction in [0.1, 0.3] {
+        for name in ["newton", "poisson", "energetic"] {
+            let law = AnyLaw::named(name, rough(0.6, friction)).unwrap();
+            let hit: ImpactOutcome<f64, 3> = law.resolve(&problem).unwrap();
+            let u = hit.u_plus.xy().normalize();
+            assert!(hit.slip_end.is_none() && u.perp(&start.xy().normalize()).abs() > 1e-3, "{name} {hit:?}");
+            let rate = (h * vector![-friction * u.x, -friction * u.y, 1.0]).xy().dot(&u);
+            assert!(rate < 0.0, "{name} {rate}");
+            let stop = hit.impulse.z - hit.u_plus.xy().norm() / rate;
+            expect(&boundaries(&problem, &law), Edge::StopsAtEnd, Mode::ReverseSlip, apart(stop, hit.impulse.z));
+        }
+    }
+}
+
 /// Slip that turns: along a line in μ the class (mode, phase of the stop) changes; at each change, found by bisection,
 /// the nearest boundary has the margin 0 from both sides, names the same edge, and the modes of each other's side.
 #[test]
