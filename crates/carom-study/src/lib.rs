@@ -5,7 +5,7 @@
 //! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements;
 //! - [`chart`]: work–precision diagrams; [`stress`]: the stress table of impact laws and methods;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
-//! - [`self_motion`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables.
+//! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables.
 //!
 //! P. R. Pagilla, B. Yu, *An Experimental Study of Planar Impact of a Robot Manipulator*, IEEE/ASME Transactions on
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888, is called "the paper" in this crate.

@@ -240,7 +240,7 @@ fn the_frame_is_the_window_and_the_legend_is_beside_it() {
                 assert!(off.abs() < pixel, "{} {off}", diagram.title);
             }
         }
-        assert!(diagram.shapes.len() >= 5, "{}", diagram.shapes.len());
+        assert!(diagram.shapes.len() >= 4, "{}", diagram.shapes.len());
         for shape in &diagram.shapes {
             let text = document.descendants().find(|n| n.text().is_some_and(|text| text.trim() == shape.name)).unwrap();
             let text = text.ancestors().find(|n| n.has_tag_name("text")).unwrap();
@@ -260,16 +260,12 @@ fn diagrams_exist_for_impacts_with_representable_numbers() {
     let row = vector![0.3, 0.0, 0.7];
     let wedged = ImpactProblem::new(row * row.transpose(), vector![0.5, 0.0, -0.7]).unwrap();
     assert!(hodograph(&wedged, 4.0, &[]).is_none() && impulse_space(&wedged, 4.0, &[]).is_none());
-    let mut refused = Vec::new();
     for exponent in [-300, -120, -12, 0, 12, 120, 300] {
         let scale = 10.0_f64.powi(exponent);
         for (k, (h, u)) in
             [(H, vector![0.6, -0.2, -1.0] * scale), (H * scale, vector![0.0, 0.0, -1.0])].into_iter().enumerate()
         {
-            let Ok(problem) = ImpactProblem::new(h, u) else {
-                refused.push((exponent, k));
-                continue;
-            };
+            let problem = ImpactProblem::new(h, u).unwrap();
             for mu in [0.0, 0.3, 1e6] {
                 let picture = hodograph(&problem, mu, &[]).map(|diagram| diagram.svg().is_some());
                 assert_ne!(picture, Some(false), "{exponent} {mu}");
@@ -281,5 +277,4 @@ fn diagrams_exist_for_impacts_with_representable_numbers() {
             }
         }
     }
-    assert_eq!(refused, [(0, 0)], "numbers beyond the range of impact problems");
 }

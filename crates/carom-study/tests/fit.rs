@@ -383,7 +383,7 @@ fn a_fit_recovers_the_scale_of_inertia() {
     let (frame, mut rng) = (nominal.frame("box").unwrap(), Rng::with_seed(9));
     let law = law_by_name::<3>("chatterjee-ruina", rough(0.4, 0.2)).unwrap();
     let (mut impacts, mut receding) = (Vec::new(), 0);
-    for _ in 0..24 {
+    while impacts.len() < 12 {
         let (q, qd_minus) = tossed(&mut rng);
         let (frame_there, offset) = lowest_point(&nominal, &q, Vector3::z()).unwrap();
         assert_eq!(frame_there, frame);
@@ -393,12 +393,11 @@ fn a_fit_recovers_the_scale_of_inertia() {
         let jump = ChainJump { q, qd_minus, qd_plus, frame, offset, normal };
         match MeasuredImpact::of_chain(&nominal, &jump) {
             Ok(impact) => impacts.push(impact),
-            Err(FitError::NoApproach { .. }) => receding += 1,
+            // a bound on the contact points that recede, about half of all
+            Err(FitError::NoApproach { .. }) if receding < 30 => receding += 1,
             Err(error) => panic!("{error}"),
         }
     }
-    // about half of the random contact points approach
-    assert_eq!((impacts.len(), receding), (0, 0));
     let options = FitOptions { law: "chatterjee-ruina", inertia: true, ..ALL };
     let fit = fit_velocities(&impacts, Some(&nominal), &options, QUIET).unwrap();
     assert_eq!(fit.coefficients.len(), 3);

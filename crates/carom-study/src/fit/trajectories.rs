@@ -174,7 +174,7 @@ impl Work<'_> {
         let test = of(false);
         let trials = self.trials.borrow();
         let mut notes = vec![
-            "fitted to whole trajectories: a fit to velocities of single impacts gives different coefficients"
+            "fitted to trajectories of whole tosses: a fit to velocities of single impacts gives different coefficients"
                 .to_owned(),
         ];
         let coefficients = intervals(&trials, &x, cost, &region, options, &mut notes);

@@ -258,7 +258,11 @@ fn single_impacts_change_their_mode_at_the_distances_of_a_row() {
     assert_eq!(compared, 150);
     let [friction, restitution, approach] = &checked;
     let checked_of = |it: &Checked| (it.changes, it.never, it.tiny);
-    assert_eq!([friction, restitution, approach].map(checked_of), [(0, 0, 0); 3], "{checked:?}");
+    assert_eq!(
+        [friction, restitution, approach].map(checked_of),
+        [(84, 66, 0), (16, 134, 0), (150, 0, 0)],
+        "{checked:?}"
+    );
 }
 
 /// Eq. (15) of Pagilla and Yu: without friction the tangential jump is −(1+e) h times the approach speed.
@@ -369,7 +373,10 @@ fn poses_of_a_tip_grid_have_the_tip_at_its_target_with_both_elbows() {
         compare(&study, &chain, &row, &q, [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], "energetic", with);
         counted[usize::from(up)] += 1;
     }
-    assert_eq!((counted, Vec::from_iter(others)), ([0; 2], vec![]));
+    assert_eq!(
+        (counted, Vec::from_iter(others)),
+        ([246; 2], vec![("outside-limits", 8), ("singular", 6), ("unreachable", 376)])
+    );
 }
 
 /// Inverse kinematics by Newton's method: it finds a pose for every target within reach and for none beyond it.
@@ -381,7 +388,7 @@ fn poses_of_redundant_arms_have_the_tip_at_every_target_within_reach() {
     // planar3 has links of 0.45, 0.45 and 0.25 m; the targets of arm7 with x = 3 are beyond its length
     let within: [fn(f64, f64) -> bool; 2] = [|x, y| x.hypot(y) < 1.15, |x, _| x < 1.0];
     for (name, poses, within, counts) in
-        [("planar3", planar, within[0], [0, 0, 0]), ("arm7", space, within[1], [0, 0, 0])]
+        [("planar3", planar, within[0], [128, 54, 0]), ("arm7", space, within[1], [16, 8, 0])]
     {
         let study = study(name, poses, impact, "\"position\"");
         let mut evaluator = study.evaluator();
@@ -428,7 +435,7 @@ fn a_row_does_not_depend_on_the_rows_computed_before() {
         &impact.replace("normal = [-1, 0, 0]", normals).replace("along = [0, -1, 0]", ""),
         EVERYTHING,
     );
-    for (study, classes) in [(sought, 0), (stretched, 0)] {
+    for (study, least) in [(sought, 264), (stretched, 150)] {
         let width = study.columns().len();
         let bits = |row: &[f64]| row.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         let mut row = vec![0.0; width];
@@ -440,7 +447,7 @@ fn a_row_does_not_depend_on_the_rows_computed_before() {
         let alone: Vec<Vec<u64>> = (0..study.rows()).map(&mut fresh).collect();
         let class = study.columns().iter().position(|column| column.name == "class").unwrap();
         let numbers = alone.iter().filter(|row| f64::from_bits(row[class]) > 4.0).count();
-        assert_eq!(numbers, classes, "rows with numbers of {}", study.rows());
+        assert!(numbers >= least, "only {numbers} of {} rows have numbers", study.rows());
         let mut backward = study.evaluator();
         for k in 0..study.rows() {
             let mut row = vec![0.0; width];
