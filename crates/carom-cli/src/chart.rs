@@ -1,4 +1,4 @@
-//! `carom chart`: error against time, for every method that can run a scene.
+//! `carom chart`: work–precision chart of a scene.
 
 use crate::error::CliError;
 use crate::files;
@@ -12,26 +12,43 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// Chart error against run time for every method that can run a scene
+///
+/// Runs the scene with event-driven integrators (parameter: tolerance), time steps (step) and
+/// compliant contacts (stiffness), and compares each run with a reference solution: an event-driven
+/// run in space at the tightest tolerance. The error of the reference solution is estimated with a
+/// second integrator.
+///
+/// Input: a scene (TOML); runs of other programs (--peers).
+/// Output: a picture (SVG), the numbers (CSV) and a table: method, parameter, run time (ms, median),
+/// error of qd right after the first impact, error of q and qd at the end (both relative to the
+/// largest entry), contact law; then the methods that did not run, with the reason.
+/// JSON keys: law, runs [{method, law, knob, value, wall_time (s), after_impact, at_end}],
+///   absent [{method, reason}], doubt_after_impact and doubt_at_end (errors of the reference
+///   solution).
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct ChartCommand {
-    /// The scene, TOML
+    /// Scene (TOML file)
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// The picture; the numbers go beside it, with the ending .csv
+    /// Picture to write; the numbers go to the file of the same name with the ending .csv
     #[arg(long, value_name = "X.svg")]
     out: PathBuf,
-    /// Runs of other programs, JSON lines as benches/peers/ writes them; those of other scenes are left out
-    #[arg(long, value_name = "F.jsonl")]
+    /// Runs of other programs, one JSON object per line, in the format of benches/peers
+    ///
+    /// Lines of other scenes are skipped; the scene is recognised by the name of its file.
+    #[arg(long, value_name = "F.jsonl", verbatim_doc_comment)]
     peers: Option<PathBuf>,
-    /// The longest that a single run may take, s
+    /// Longest run time of a single run, s
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, allow_hyphen_values = true)]
     budget: f64,
-    /// One line of JSON
+    /// Print one line of JSON instead of a table
     #[arg(long)]
     json: bool,
 }
 
-/// A peer's line; what a chart does not need is left alone.
+/// A line of `--peers`; keys that a chart does not need are ignored.
 #[derive(Deserialize)]
 struct PeerLine {
     scene: String,
@@ -91,7 +108,7 @@ impl ChartCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let budget = Duration::try_from_secs_f64(self.budget).ok().filter(|budget| !budget.is_zero());
         let Some(budget) = budget else {
-            return Err(CliError::Option(format!("--budget {}: it must be a number of seconds above 0", self.budget)));
+            return Err(CliError::Option(format!("--budget {}: give a number of seconds above 0", self.budget)));
         };
         if self.out.extension().is_none_or(|ending| ending != "svg") {
             return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
@@ -143,7 +160,7 @@ fn read_peers(file: &Path, scene: &str) -> Result<Vec<PeerRun>, CliError> {
                 at_end: (result.r#final.q, result.r#final.qd),
             }),
             (Some(_), Some(time)) => return Err(refuse(format!("wall_time_s is {time}: it must be positive"))),
-            _ => Err(line.failure.unwrap_or_else(|| "it gave no result".to_owned())),
+            _ => Err(line.failure.unwrap_or_else(|| "the run has no result".to_owned())),
         };
         let method = format!("{} {}, {}", line.peer, line.version, line.method);
         peers.push(PeerRun { method, knob: line.knob, value: line.value, outcome });
@@ -173,7 +190,7 @@ fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(
         out,
         "{:36} {:>20} {:>10} {:>12} {:>10}  law",
-        "method", "knob", "time, ms", "after impact", "at the end"
+        "method", "parameter", "time, ms", "after impact", "at the end"
     )?;
     for run in &chart.runs {
         let knob = format!("{} {}", run.knob, knob_value(run.value));
@@ -185,5 +202,5 @@ fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "not run: {}: {}", absent.method, absent.reason)?;
     }
     let doubt = number(chart.doubt_after_impact);
-    writeln!(out, "the yardstick's own error: {doubt} after the impact, {:.1e} at the end", chart.doubt_at_end)
+    writeln!(out, "error of the reference solution: {doubt} after the impact, {:.1e} at the end", chart.doubt_at_end)
 }

@@ -1,4 +1,4 @@
-//! `carom consistency`: whether measured restitutions and energies are those of one frictionless impact.
+//! `carom consistency`: whether measured restitutions and energies can come from a frictionless impact.
 
 use crate::error::CliError;
 use crate::files;
@@ -9,19 +9,37 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+/// Test whether measured restitutions and energies can come from a frictionless impact
+///
+/// For a rigid, frictionless impact with Newton's coefficient e, at the angle α between path and
+/// surface, E = √(T⁺/T⁻) obeys Y = √((1−e²)/(1−E²) − 1) = |cot α − h|/√D: over cot α a V with two
+/// parameters h and D of the pose (Pagilla & Yu 2004, eqs. (10) to (16)). A row of measurements is
+/// consistent if some V passes through all its values within their rounding.
+///
+/// Input: a CSV table.
+/// Output, for each row: the verdict; cot α, e, E and Y with its range; the implied tangential
+/// velocity after the impact; the ranges of h and D; the nearest V; single changes of one number
+/// that would make the row consistent.
+/// JSON keys: rows [{row, consistent, points, branches, fit {factor, h, d}, changes, directions,
+///   verdict}]; an end of a range is left out if it is unbounded.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct ConsistencyCommand {
-    /// Columns row, angle_deg, newton (e, ratio of normal velocities), energy_root (√(T⁺/T⁻)) and, if seen, tangential
-    /// (grows, shrinks, reverses, shrinks or reverses, grows or shrinks); lines that begin with # are remarks
-    #[arg(value_name = "TABLE.csv")]
+    /// Table with the columns row, angle_deg, newton, energy_root and, optionally, tangential
+    ///
+    /// row: name of the row that the line belongs to; angle_deg: α (degrees); newton: e, the ratio
+    /// of normal velocities; energy_root: E; tangential: the observed change of the tangential
+    /// velocity (grows, shrinks, reverses, shrinks or reverses, grows or shrinks). Lines that
+    /// begin with # are comments.
+    #[arg(value_name = "TABLE.csv", verbatim_doc_comment)]
     table: PathBuf,
-    /// How far off a number may be; half a unit of its last printed digit if not given
+    /// Half-width of the rounding of every number [default: half a unit of its last digit]
     #[arg(long, value_name = "HALF", allow_hyphen_values = true)]
     rounding: Option<f64>,
-    /// Draw the energies over cot α, with the V that each row comes nearest to
+    /// Draw Y over cot α with the nearest V of each row (SVG)
     #[arg(long, value_name = "X.svg")]
     svg: Option<PathBuf>,
-    /// One line of JSON
+    /// Print one line of JSON instead of text
     #[arg(long)]
     json: bool,
 }
@@ -130,7 +148,7 @@ impl ConsistencyCommand {
         let found: Vec<(MeasuredRow, Findings)> =
             rows.into_iter().map(|row| (row.clone(), consistency(&row))).collect();
         let report = Report { rows: found.iter().map(|(row, findings)| told(row, findings)).collect() };
-        // Written first: whoever can't have the picture gets no answer that looks whole.
+        // Written before the answer: if the picture cannot be written, nothing is printed.
         if let Some(path) = &self.svg {
             let svg = v_plot(&found).map_err(|e| CliError::Option(format!("{}: {e}", self.table.display())))?;
             write_whole(path, &svg)?;
@@ -190,7 +208,7 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "\n{}: {}", row.row, if row.consistent { "consistent" } else { "NOT consistent" })?;
         writeln!(
             out,
-            "{:>8} {:>9} {:>7} {:>7} {:>9}   {:19}   tangential velocity: v_t⁺/V, and what it does",
+            "{:>8} {:>9} {:>7} {:>7} {:>9}   {:19}   tangential velocity: v_t⁺/V and its change",
             "angle", "cot α", "e", "E", "Y", "Y within rounding"
         )?;
         for point in &row.points {
@@ -226,6 +244,6 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     }
     writeln!(
         out,
-        "\nThis is arithmetic about the table under eqs. (10) to (16): rigid, frictionless, Newton's coefficient."
+        "\nTested is the table against eqs. (10) to (16) only: a rigid, frictionless impact with Newton's coefficient."
     )
 }

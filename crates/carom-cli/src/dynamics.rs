@@ -10,13 +10,27 @@ use nalgebra::Vector3;
 use serde::Serialize;
 use std::io::{self, Write};
 
+/// Compute mass matrix, Jacobian, bias, energies and Delassus matrix at given states
+///
+/// Input: a URDF file and a file of states, one JSON object per line (--states).
+/// Output, for each state:
+///   mass matrix M (kg m², kg); Jacobian J of the contact point (3 rows, world axes); Delassus
+///   matrix H = J M⁻¹ Jᵀ (1/kg); bias (Coriolis, centrifugal and gravity forces, N m or N); gravity
+///   force (the joint forces that hold the robot against gravity); kinetic and potential energy
+///   (J; the potential energy is zero at the world's origin); qdd = M⁻¹ (tau − bias) if the state
+///   has tau; tau = M qdd + bias if the state has qdd.
+/// JSON keys: joints, mass_matrix, jacobian, bias, gravity_force, kinetic_energy, potential_energy,
+///   delassus, and qdd or tau.
+/// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
+/// before it have been printed, and the exit status is 1.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct Dynamics {
     #[command(flatten)]
     robot: RobotArgs,
     #[command(flatten)]
     state: StateArgs,
-    /// Acceleration of free fall, world axes, m/s²
+    /// Acceleration of gravity in world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
 }

@@ -1,4 +1,4 @@
-//! One line for everything that is refused.
+//! Errors of the commands, each printed as one line.
 
 use crate::input::Refused;
 use carom_chain::ChainError;
@@ -6,80 +6,80 @@ use carom_sim::SimError;
 use std::io;
 use std::path::Path;
 
-/// Why a command stopped.
+/// Error that ends a command.
 #[derive(Debug, thiserror::Error)]
 pub enum CliError {
-    /// The robot's file, which names itself in its message.
+    /// A robot; the message names its file.
     #[error(transparent)]
     Robot(ChainError),
-    /// A scene, or its simulation; a scene names its file itself.
+    /// A scene or its simulation; the message names the file.
     #[error("{0}")]
     Scene(String),
-    /// A recording, which names its file itself.
+    /// A recording; the message names its file.
     #[cfg(feature = "rerun")]
     #[error(transparent)]
     Recording(#[from] carom_record::RecordError),
     /// A table.
     #[error(transparent)]
     Table(#[from] carom_study::TableError),
-    /// Measurements, which name their file themselves.
+    /// Measurements; the message names their file.
     #[error(transparent)]
     Measured(#[from] carom_study::consistency::MeasuredError),
-    /// The paper's figures, which name their folder themselves.
+    /// The figures of the paper; the message names their folder.
     #[error(transparent)]
     Paper(#[from] carom_study::paper::PaperError),
-    /// A file that can't be written.
+    /// A file that cannot be written.
     #[error("{file}: cannot be written: {reason}")]
     Unwritable {
         /// The file.
         file: String,
-        /// What the system said.
+        /// Message of the system.
         reason: io::Error,
     },
-    /// A study or its map, which name their files themselves.
+    /// A study or its map; the message names their files.
     #[error(transparent)]
     Study(#[from] carom_study::StudyError),
-    /// A map that was stopped.
+    /// A map whose computation was interrupted.
     #[error(
-        "interrupted after {rows} of {total} rows, which are in {}: the same command with --resume goes on",
+        "interrupted after {rows} of {total} rows, which are in {}: run the same command with --resume to continue",
         partial.display()
     )]
     Interrupted {
-        /// Rows that are done.
+        /// Number of rows that are done.
         rows: u64,
-        /// Rows wanted.
+        /// Number of rows of the map or its part.
         total: u64,
-        /// Where they are.
+        /// The file that holds them.
         partial: std::path::PathBuf,
     },
-    /// An option, with the file it speaks of.
+    /// An option; the message names it, and its file if it has one.
     #[error("{0}")]
     Option(String),
-    /// A line of input.
+    /// A line of input that is refused.
     #[error("{file}:{line}: {reason}")]
     Line {
         /// The file, or `<stdin>`.
         file: String,
         /// Counted from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The rule that it breaks.
         reason: String,
     },
-    /// Input that can't be read.
+    /// Input that cannot be read.
     #[error("{file}: cannot be read: {reason}")]
     Unreadable {
         /// The file.
         file: String,
-        /// What the system said.
+        /// Message of the system.
         reason: io::Error,
     },
-    /// Output that can't be written.
+    /// Standard output that cannot be written.
     #[error("cannot write the answer: {0}")]
     Output(#[from] io::Error),
 }
 
 impl CliError {
-    /// What a scene is refused for, with its file; some errors name theirs.
+    /// Error of a scene, with its file unless the error names it.
     pub fn scene(file: &Path, error: SimError) -> Self {
         match error {
             SimError::Scene { .. } | SimError::Chain(ChainError::Urdf { .. }) => Self::Scene(error.to_string()),
@@ -87,7 +87,7 @@ impl CliError {
         }
     }
 
-    /// An answer about a scene that can't be given.
+    /// Error of the one answer of a command, with the file that it is about.
     pub fn refused(file: &Path, refused: Refused) -> Self {
         match refused {
             Refused::Output(e) => Self::Output(e),
@@ -96,7 +96,7 @@ impl CliError {
     }
 }
 
-/// Why one line can't be answered; the reader of lines adds file and number.
+/// Why a line is refused; the reader of lines adds file and number.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct LineError(pub String);

@@ -1,12 +1,12 @@
-//! Files that a command reads and writes: looked at before any work, so that no answer takes the place of what was read, or
-//! of another answer, and no long run ends at a folder that isn't there.
+//! Checks of the files that a command reads and writes, made before any work: no output replaces an input or another
+//! output, and every output has an existing folder.
 
 use crate::error::CliError;
 use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Refuses outputs, named by their options, that could not be written as files of their own.
+/// Refuses outputs, each named by its option, that are no files, have no folder, or are an input or another output.
 pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), CliError> {
     let refuse = |(option, path): (&str, &Path), why: String| {
         Err(CliError::Option(format!("{option} {}: {why}", path.display())))
@@ -15,23 +15,23 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
     for (option, path) in writes.iter().filter_map(|(option, path)| Some((*option, (*path)?))) {
         check_parent(option, path)?;
         let (Some(name), false) = (path.file_name(), path.exists() && !path.is_file()) else {
-            return refuse((option, path), "it is a folder or a device: give a file's name".into());
+            return refuse((option, path), "it is a folder or a device: give the name of a file".into());
         };
         let own = place(path, name).map_err(|reason| unwritable(path, reason))?;
-        // What can't be found here is not read either.
+        // An input that cannot be found is not read.
         if reads.iter().any(|read| read.canonicalize().is_ok_and(|read| read == own)) {
-            return refuse((option, path), "this file is read, and would be lost: give another name".into());
+            return refuse((option, path), "the command reads this file and would replace it: give another name".into());
         }
         if let Some((other, theirs, _)) = taken.iter().find(|(_, _, theirs)| *theirs == own) {
             let theirs = theirs.display();
-            return refuse((option, path), format!("this is the file of {other} {theirs}: give each its own"));
+            return refuse((option, path), format!("{other} {theirs} names the same file: give each its own"));
         }
         taken.push((option, path, own));
     }
     Ok(())
 }
 
-/// Refuses a folder for outputs whose own folder isn't there; itself it may be made.
+/// Refuses a folder for outputs that is a file or whose parent does not exist; the folder itself may be missing.
 pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
         return Ok(());
@@ -53,7 +53,7 @@ fn check_parent(option: &str, path: &Path) -> Result<(), CliError> {
     }
 }
 
-/// Where a file is, or will be, links followed.
+/// Absolute path of a file that exists or will be written, with links resolved.
 fn place(path: &Path, name: &OsStr) -> io::Result<PathBuf> {
     path.canonicalize().or_else(|_| {
         let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty());

@@ -1,4 +1,4 @@
-//! `carom impact`: what an impact at a point does to every joint.
+//! `carom impact`: the outcome of one impact at a point of a robot.
 
 use crate::RobotArgs;
 use crate::error::CliError;
@@ -14,50 +14,113 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::Path;
 
+/// Compute the outcome of one impact at a point of the robot, under one law or all
+///
+/// The impact takes no time: positions stay, velocities jump by qd⁺ = qd⁻ + M⁻¹ Jᵀ p. Joints move
+/// freely during it unless --locked, --joint-stiffness or --joint-damping is given.
+///
+/// Input: a URDF file, states (--states), the contact point (--tip, --point), the surface normal
+/// (--normal) and a law with its coefficients.
+/// Output, for each state and law: qd⁺ (rad/s, m/s); velocity of the contact point before and after,
+/// u⁻ and u⁺ (m/s), and impulse p on the robot (N s), all three in world axes; kinetic energy before
+/// and after (J); work of the normal and of the friction impulse (J); mode (open, stick, slip,
+/// reverse-slip) and flags as in `carom law --help`; what the options below add.
+/// JSON keys: law, qd_plus, impulse, u_minus, u_plus, energy_before, energy_after, mode,
+///   normal_work, friction_work, flags; with --law all {"outcomes":[…],"refused":[…]}.
+///   branches: all solutions, if there are several.
+///   drive_impulse (N m s or N s per joint), drive_work (J): with locked joints or drives.
+///   derivatives {q, qd, restitution, friction}, mode_margin {margin, edge, beyond}: --derivatives.
+///   band {restitution, friction, qd_plus, u_plus, impulse, exact}: with a range.
+/// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
+/// before it have been printed, and the exit status is 1.
 #[derive(Args)]
+#[command(verbatim_doc_comment, override_usage = USAGE)]
 pub struct Impact {
     #[command(flatten)]
     robot: RobotArgs,
     #[command(flatten)]
     state: StateArgs,
-    /// Surface normal in world axes, from the environment to the robot
+    /// Surface normal in world axes, from the environment to the robot, of any length but 0
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, allow_hyphen_values = true)]
     normal: [f64; 3],
     #[command(flatten)]
     law: LawArgs,
     #[command(flatten)]
     drives: Drives,
-    /// The derivatives of qd⁺ by q (along unit motions of qd), qd⁻, restitution and friction, and how far the nearest
-    /// boundary is at which they change
-    #[arg(long, conflicts_with_all = ["locked", "contact_time"])]
+    /// Add the derivatives of qd⁺ with respect to q, qd⁻, restitution and friction
+    ///
+    /// Those with respect to q are along unit joint velocities, so that they have nv columns. They
+    /// hold within a contact mode. The margin, 0 to 1, is the normalised distance to the nearest
+    /// boundary at which they change; edge names the boundary, beyond the mode behind it.
+    #[arg(long, conflicts_with_all = ["locked", "contact_time"], verbatim_doc_comment)]
     derivatives: bool,
-    /// Bounds of the outcome while the restitution lies in this range, whatever --restitution is
-    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    /// Add bounds of the outcome for all restitutions in this range, 0:1 at most
+    ///
+    /// The outcome itself is still that of --restitution. The bounds are exact where a proof holds,
+    /// else sampled and possibly too narrow; the answer states which.
+    #[arg(
+        long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true, verbatim_doc_comment
+    )]
     restitution_range: Option<[f64; 2]>,
-    /// Bounds of the outcome while the friction lies in this range, whatever --friction is
-    #[arg(long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true)]
+    /// Add bounds of the outcome for all coefficients of friction in this range
+    ///
+    /// As --restitution-range; both together give the bounds over both ranges.
+    #[arg(
+        long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true, verbatim_doc_comment
+    )]
     friction_range: Option<[f64; 2]>,
 }
 
-/// What the drives do during the impact; nothing, if none of this is given.
+/// Usage in two lines of less than 100 columns.
+const USAGE: &str = "\
+carom impact [OPTIONS] --tip <LINK> --normal <X,Y,Z> --law <LAW> --restitution <E>
+                    --states <FILE> <ROBOT.urdf>";
+
+// Behaviour of the joints during the impact; free if none of these options is given.
 #[derive(Args)]
 struct Drives {
-    /// Joints that keep their rates through the impact, or `all` but a floating base: the inertia of a stiffly controlled arm
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',', conflicts_with_all = ["joint_stiffness", "joint_damping"])]
+    /// Joints whose velocities stay the same through the impact, or `all` (without a floating base)
+    ///
+    /// A model of joints under stiff position control. Names of moving joints, or `all` alone.
+    #[arg(
+        long,
+        value_name = "A,B,…",
+        value_delimiter = ',',
+        conflicts_with_all = ["joint_stiffness", "joint_damping"],
+        verbatim_doc_comment
+    )]
     locked: Option<Vec<String>>,
-    /// Stiffness K of the drives, N m/rad or N/m: one number for all joints but a floating base, or one for each number
-    /// of qd. The contact feels M + Δt (K Δt + D)
-    #[arg(long, value_name = "K,…", value_delimiter = ',', requires = "contact_time", allow_hyphen_values = true)]
+    /// Stiffness K of the joint drives during the contact, N m/rad or N/m [default: 0]
+    ///
+    /// One number for all joints (0 for a floating base), or one for each entry of qd. The impact
+    /// is resolved with the inertia M + Δt (K Δt + D), where Δt is --contact-time.
+    #[arg(
+        long,
+        value_name = "K,…",
+        value_delimiter = ',',
+        requires = "contact_time",
+        allow_hyphen_values = true,
+        verbatim_doc_comment
+    )]
     joint_stiffness: Option<Vec<f64>>,
-    /// Damping D of the drives, N m s/rad or N s/m, likewise
-    #[arg(long, value_name = "D,…", value_delimiter = ',', requires = "contact_time", allow_hyphen_values = true)]
+    /// Damping D of the joint drives during the contact, N m s/rad or N s/m [default: 0]
+    ///
+    /// Numbers as for --joint-stiffness.
+    #[arg(
+        long,
+        value_name = "D,…",
+        value_delimiter = ',',
+        requires = "contact_time",
+        allow_hyphen_values = true,
+        verbatim_doc_comment
+    )]
     joint_damping: Option<Vec<f64>>,
-    /// Duration Δt of the contact, s
+    /// Duration Δt of the contact, s; required with --joint-stiffness or --joint-damping
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     contact_time: Option<f64>,
 }
 
-/// Drives as springs and dampers, one number for each velocity coordinate of the chain.
+/// Joint drives as springs and dampers, one number for each velocity coordinate of the chain.
 struct Impedance {
     stiffness: Vec<f64>,
     damping: Vec<f64>,
@@ -65,12 +128,12 @@ struct Impedance {
 }
 
 impl Drives {
-    /// The joints that keep their rates, each named once; `all` stands alone.
+    /// The locked joints, each named once, or `all` alone.
     fn locked(&self, urdf: &Path) -> Result<Vec<&str>, CliError> {
         let names: Vec<&str> = self.locked.iter().flatten().map(String::as_str).collect();
         let refuse = |why: String| Err(CliError::Option(format!("{}: --locked: {why}", urdf.display())));
         if names.len() > 1 && names.contains(&"all") {
-            return refuse("'all' is every joint but a floating base: give it alone, or names without it".into());
+            return refuse("'all' locks every joint but a floating base: give it alone, or give names without it".into());
         }
         match names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
             Some((_, twin)) => refuse(format!("joint '{twin}' is named twice")),
@@ -81,13 +144,13 @@ impl Drives {
     fn impedance(&self, chain: &Chain, order: &JointOrder) -> Result<Option<Impedance>, CliError> {
         let Some(contact_time) = self.contact_time else { return Ok(None) };
         if self.joint_stiffness.is_none() && self.joint_damping.is_none() {
-            let why = "--contact-time says how long the drives resist: give --joint-stiffness or --joint-damping too";
+            let why = "--contact-time is the duration of the contact with the joint drives: give --joint-stiffness or --joint-damping too";
             return Err(CliError::Option(why.into()));
         }
         let spread = |option: &str, given: &Option<Vec<f64>>| {
             let given = given.as_deref().unwrap_or(&[0.0]);
             if let Some(x) = given.iter().find(|x| !(**x >= 0.0 && x.is_finite())) {
-                let rule = "a drive resists, so it is finite and 0 or more";
+                let rule = "stiffness and damping of a drive are finite and 0 or more";
                 return Err(CliError::Option(format!("{option} {x}: {rule}")));
             }
             if let [one] = given
@@ -103,7 +166,7 @@ impl Drives {
             }
             if given.len() != chain.nv() {
                 let (got, names) = (given.len(), order.names.join(", "));
-                let why = format!("{option}: {got} numbers; give one, or {} as qd has ({names})", chain.nv());
+                let why = format!("{option}: {got} numbers: give one, or {} in the order of qd ({names})", chain.nv());
                 return Err(CliError::Option(why));
             }
             Ok(order.v(given))
@@ -127,12 +190,12 @@ struct Answer {
     normal_work: f64,
     friction_work: f64,
     flags: Vec<&'static str>,
-    /// Only where drives act.
+    /// Left out if the joints are free.
     #[serde(skip_serializing_if = "Option::is_none")]
     drive_impulse: Option<Vec<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     drive_work: Option<f64>,
-    /// Every outcome that satisfies the law, this one first; only where there are several.
+    /// All outcomes that satisfy the law, this one first; left out if there is one only.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     branches: Vec<Branch>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -152,7 +215,7 @@ struct Branch {
     energy_ratio: f64,
 }
 
-/// Of qd⁺; matrices as rows.
+/// Derivatives of qd⁺; matrices as rows.
 #[derive(Serialize)]
 struct Derivatives {
     q: Vec<Vec<f64>>,
@@ -161,7 +224,7 @@ struct Derivatives {
     friction: Vec<f64>,
 }
 
-/// The nearest boundary of the mode; left out where there is no impact.
+/// The nearest boundary of the contact mode; left out if there is no impact.
 #[derive(Serialize)]
 struct Margin {
     margin: f64,
@@ -197,10 +260,10 @@ impl Impact {
             (None, ["all"]) => JointModel::AllLocked,
             (None, names) => JointModel::Locked(names),
         };
-        // What the options say is wrong with every state, and none of them is to be blamed for it.
+        // Options that no state can satisfy are refused before any state is read, without a line number.
         let strike = chain.impact(&[], &[]).at(tip).offset(self.state.point).normal(self.normal).joints(joints);
         strike.check().map_err(|why| {
-            // What a robot has is said with its file.
+            // Faults of the robot are named with its file.
             let robot = format!("{}: ", self.robot.urdf.display());
             let (robot, option) = match &why {
                 SimError::Chain(ChainError::NoDirection { .. }) => ("", "--normal"),
@@ -361,7 +424,7 @@ fn for_people(all: &All<Answer>, order: &JointOrder, out: &mut dyn Write) -> io:
             writeln!(out, "{:29} {:12} {}", "", "∂qd⁺/∂μ", row(friction))?;
         }
         if let Some(Margin { margin, edge, beyond }) = &a.mode_margin {
-            // Slip that stops in another phase ends under the same name, and still has a kink there.
+            // Slip that stops in another phase has the same mode, but other derivatives.
             let still = if *beyond == a.mode { "still " } else { "" };
             let margin = short(*margin);
             writeln!(out, "{:29} nearest boundary {edge}, margin {margin}; beyond it {still}{beyond}", "")?;

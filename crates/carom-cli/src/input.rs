@@ -1,4 +1,4 @@
-//! What comes in: robots, JSON lines, vectors on the command line, the order of the joints.
+//! Input of the commands: robots, JSON lines, vectors on the command line, the order of the joints.
 
 use crate::RobotArgs;
 use crate::error::{CliError, LineError};
@@ -35,12 +35,12 @@ pub fn parse_vector(text: &str) -> Result<[f64; 3], String> {
     numbers.try_into().map_err(|n: Vec<f64>| format!("{} numbers, three are needed: x,y,z", n.len()))
 }
 
-/// A number of an option that keeps its rule.
+/// Refuses a number of an option that lies outside its range; `rule` is the message.
 pub fn within(option: &str, x: f64, range: RangeInclusive<f64>, rule: &str) -> Result<(), CliError> {
     if range.contains(&x) { Ok(()) } else { Err(CliError::Option(format!("{option} {x}: {rule}"))) }
 }
 
-/// Coefficients that every law has.
+/// Refuses coefficients outside the range that is common to all laws.
 pub fn check_coefficients(restitution: f64, friction: f64) -> Result<(), CliError> {
     within("--restitution", restitution, 0.0..=1.0, "a coefficient of restitution lies between 0 and 1")?;
     within("--friction", friction, 0.0..=f64::MAX, "a coefficient of friction is finite and not negative")
@@ -67,7 +67,10 @@ pub struct State {
     pub qdd: Option<Vec<f64>>,
 }
 
-/// Answers each JSON line of a file (`-` is standard input), in order, and flushes after each when a pipe waits for it.
+/// Answers each JSON line of a file (`-` is standard input), in order; with standard input, flushes after each answer.
+///
+/// # Errors
+/// Stops at the first line that is refused; the answers to the lines before it have been written.
 pub fn for_each_line<T: DeserializeOwned>(
     path: &Path,
     out: &mut dyn Write,
@@ -105,12 +108,12 @@ pub fn for_each_line<T: DeserializeOwned>(
     Ok(out.flush()?)
 }
 
-/// serde counts lines within our one line: leave its line number out.
+/// The message of serde without its line number, which counts within this one line and is always 1.
 fn shorten(error: &serde_json::Error) -> String {
     error.to_string().replace(" at line 1 column ", " at column ")
 }
 
-/// Where a line stands.
+/// File and number of a line.
 pub struct Place {
     pub file: String,
     pub line: usize,
@@ -118,9 +121,9 @@ pub struct Place {
 
 /// Why a line was not answered.
 pub enum Refused {
-    /// What it says.
+    /// Its content is refused.
     Input(LineError),
-    /// The answer can't be written.
+    /// The answer cannot be written.
     Output(io::Error),
 }
 
@@ -130,7 +133,7 @@ impl<E: Into<LineError>> From<E> for Refused {
     }
 }
 
-/// Says once for each joint, not for each line, that a pose is outside its limits.
+/// Warns of positions outside the joint limits, once for each joint.
 #[derive(Default)]
 pub struct LimitWarnings {
     said: std::collections::HashSet<String>,
@@ -146,7 +149,7 @@ impl LimitWarnings {
     }
 }
 
-/// The order in which the caller writes the joints: a permutation of the chain's q and qd.
+/// The caller's order of the joints, as a permutation of the chain's q and qd.
 pub struct JointOrder {
     /// Names, in the caller's order.
     pub names: Vec<String>,
@@ -156,7 +159,10 @@ pub struct JointOrder {
 }
 
 impl JointOrder {
-    /// The caller's list (`--joints a,b,c`), or the order of the file. A floating base that is not named comes first.
+    /// The caller's list (`--joints a,b,c`), or the order of the file. A floating base that is missing from the list comes first.
+    ///
+    /// # Errors
+    /// [`CliError::Option`] if a name is unknown, fixed, a mimic joint or repeated, or if a moving joint is missing.
     pub fn new(chain: &Chain, urdf: &Path, list: Option<&[String]>) -> Result<Self, CliError> {
         let own: Vec<&JointInfo> =
             chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. })).collect();
@@ -172,7 +178,7 @@ impl JointOrder {
                         Coordinates::None => return Err(refuse(format!("joint '{name}' is fixed: leave it out"))),
                         Coordinates::Follows { joint, .. } => {
                             return Err(refuse(format!(
-                                "joint '{name}' mimics '{joint}' and has no number of its own: leave it out"
+                                "joint '{name}' mimics '{joint}' and has no coordinate of its own: leave it out"
                             )));
                         }
                     }
@@ -207,7 +213,7 @@ impl JointOrder {
         Ok(order)
     }
 
-    /// The chain's q from the caller's. A wrong length is passed on, for the chain to refuse.
+    /// The chain's q from the caller's. A vector of wrong length is returned as it is; the chain refuses it.
     pub fn q(&self, theirs: &[f64]) -> Vec<f64> {
         permute(&self.q, theirs)
     }
@@ -244,22 +250,29 @@ fn permute(order: &[usize], theirs: &[f64]) -> Vec<f64> {
     ours
 }
 
-/// Options of every command that reads states of a robot.
+// Options of every command that reads states of a robot.
 #[derive(clap::Args)]
 pub struct StateArgs {
-    /// Link whose frame holds the point
+    /// Link of the contact point
     #[arg(long, value_name = "LINK")]
     pub tip: String,
-    /// The point, in the link's own axes
+    /// Contact point in the axes of the link, m
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
     pub point: [f64; 3],
-    /// Order of the joints in q and qd, where it differs from the file's
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
+    /// Order of the joints in all vectors of input and output [default: the order of the file]
+    ///
+    /// Names every moving joint once; fixed and mimic joints have no coordinates. A floating base
+    /// that is not named comes first.
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',', verbatim_doc_comment)]
     pub joints: Option<Vec<String>>,
-    /// JSON lines {"q":[…],"qd":[…],"tau":[…]?,"qdd":[…]?}; - is standard input
-    #[arg(long, value_name = "FILE")]
+    /// States, one JSON object per line; - is standard input
+    ///
+    /// {"q":[…],"qd":[…]}: positions (rad, m) and velocities (rad/s, m/s). `dynamics` also reads
+    /// "tau" (joint forces, N m or N) and "qdd" (accelerations, rad/s² or m/s²). Empty lines are
+    /// skipped.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub states: PathBuf,
-    /// One line of JSON for each line read
+    /// Print one line of JSON for each line of input instead of tables
     #[arg(long)]
     pub json: bool,
 }

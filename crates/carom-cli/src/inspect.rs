@@ -1,4 +1,4 @@
-//! `carom inspect`: what a URDF says.
+//! `carom inspect`: the content of a URDF file.
 
 use crate::RobotArgs;
 use crate::error::CliError;
@@ -8,11 +8,20 @@ use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
 
+/// Print what a URDF file contains: joints, links, degrees of freedom, mass, warnings
+///
+/// Input: one URDF file.
+/// Output: the robot's name; degrees of freedom; the lengths nq and nv of q and qd; the total mass
+/// (kg); whether all motion stays in one plane, with its unit normal or the reason why not; each
+/// joint with type, parent link, child link, position limits (rad or m) and mimic relation;
+/// warnings for elements of the file that are not used.
+/// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, warnings.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct Inspect {
     #[command(flatten)]
     robot: RobotArgs,
-    /// One line of JSON
+    /// Print one line of JSON instead of a table; also holds the limits of velocity and effort
     #[arg(long)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! `carom law`: an impact law on plain numbers.
+//! `carom law`: impact laws on given Delassus matrices and contact velocities.
 
 use crate::error::{CliError, LineError};
 use crate::files;
@@ -7,30 +7,56 @@ use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
 use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use carom_study::{Diagram, LawPoint, hodograph, impulse_space, routh_diagram};
-use clap::{Args, builder::PossibleValuesParser};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Which law, with which coefficients.
+/// What a law is, in the help texts of `--law`; lines of 70 columns at most.
+fn describe(law: &str) -> &'static str {
+    match law {
+        "frictionless" => "Newton's coefficient, no friction",
+        "whittaker" => "Newton's, Coulomb friction against the final slip; can gain energy",
+        "newton" => "slip followed (Routh, Keller), Newton's end; can gain energy",
+        "poisson" => "slip followed, Poisson's end (ratio of impulses)",
+        "energetic" => "slip followed, Stronge's end (ratio of works)",
+        "chatterjee-ruina" => "formula with normal and tangential restitution",
+        "brach" => "impulse ratio, limited so that no energy is gained",
+        "smith" => "friction against a mean of the first and the last slip",
+        "all" => "every law; those without an answer are listed with the reason",
+        _ => "",
+    }
+}
+
+/// The values of an option that takes a law, each with its description.
+pub fn laws(more: Option<&'static str>) -> PossibleValuesParser {
+    let value = |law: &'static str| PossibleValue::new(law).help(describe(law));
+    PossibleValuesParser::new(LAW_NAMES.into_iter().chain(more).map(value))
+}
+
+// Which law, with which coefficients.
 #[derive(Args)]
 pub struct LawArgs {
-    /// The impact law, or `all`
-    #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES.into_iter().chain(["all"])))]
+    /// Impact law
+    #[arg(long, value_parser = laws(Some("all")))]
     law: String,
-    /// Coefficient of restitution, 0 to 1, in the law's own sense (Newton, Poisson, Energetic)
-    #[arg(long, value_name = "E", allow_hyphen_values = true)]
+    /// Coefficient of restitution, 0 to 1
+    ///
+    /// As the law defines it: the ratio of normal velocities (Newton), of normal impulses (poisson)
+    /// or the square root of the ratio of normal works (energetic).
+    #[arg(long, value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
     pub restitution: f64,
-    /// Coefficient of friction, 0 or more
+    /// Coefficient of Coulomb friction, 0 or more
     #[arg(long, value_name = "MU", default_value_t = 0.0, allow_hyphen_values = true)]
     pub friction: f64,
-    /// Coefficient of tangential restitution, -1 to 1, for `chatterjee-ruina`; 0 if not given
+    /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]
     tangential_restitution: Option<f64>,
 }
 
-/// Laws with the names they go by.
+/// Laws with their names.
 type Named<const D: usize> = Vec<(&'static str, Box<dyn Law<f64, D> + Send + Sync>)>;
 
 impl LawArgs {
@@ -55,7 +81,7 @@ impl LawArgs {
     }
 }
 
-/// The answers of `--law all`, and the laws that have none here.
+/// The answers of `--law all`, and the laws that have no solution for this problem.
 #[derive(Serialize)]
 pub struct All<A> {
     pub outcomes: Vec<A>,
@@ -63,7 +89,7 @@ pub struct All<A> {
     pub refused: Vec<Refusal>,
 }
 
-/// A law that has no answer here, and why.
+/// A law that has no solution for this problem, and why.
 #[derive(Serialize)]
 pub struct Refusal {
     pub law: &'static str,
@@ -77,7 +103,10 @@ impl<A> Default for All<A> {
 }
 
 impl<A: Serialize> All<A> {
-    /// One law's refusal beside the others' answers. What is wrong with the problem itself refuses the line.
+    /// Keeps the refusal of one law beside the answers of the others.
+    ///
+    /// # Errors
+    /// A reason that holds for every law: the whole line is refused.
     pub fn refuse(&mut self, law: &'static str, why: &ImpactError) -> Result<(), LineError> {
         match why {
             ImpactError::Wedged { .. } => {
@@ -88,7 +117,7 @@ impl<A: Serialize> All<A> {
         }
     }
 
-    /// Writes the answers: one law's outcome alone, or all of them.
+    /// Writes the answers: the outcome itself if one law was asked for, else the lists of outcomes and refusals.
     pub fn answer(
         &self,
         out: &mut dyn Write,
@@ -103,21 +132,48 @@ impl<A: Serialize> All<A> {
     }
 }
 
+/// Apply impact laws to a given Delassus matrix and contact velocity
+///
+/// Solves u⁺ = u⁻ + H p for the impulse p of one contact, in the plane or in space; no robot is
+/// needed.
+///
+/// Input: problems, one JSON object per line (--problems), in contact axes.
+/// Output, for each problem and law: mode (open, stick, slip, reverse-slip), u⁺ (m/s), impulse p on
+/// the robot (N s), ratio of kinetic energies T⁺/T⁻, and flags:
+///   energy-gain  the law created kinetic energy
+///   jam          friction drives the contact deeper at first (Painlevé)
+///   singular     H has a null direction with a normal component, and the answer depends on it
+///   grazing      the approach is slower than 1e-9 of the contact speed
+///   non-unique   other impulses satisfy the law too; the answer lists them as branches
+///   no-approach  the contact does not approach; the impulse is zero
+/// JSON keys: law, impulse, u_plus, energy_ratio, mode, normal_work and friction_work (J), flags,
+///   branches if there are several; with --law all {"outcomes":[…],"refused":[…]}.
+/// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
+/// before it have been printed, no picture and no recording is written, and the exit status is 1.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
+#[command(override_usage = "carom law [OPTIONS] --law <LAW> --restitution <E> --problems <FILE>")]
 pub struct LawCommand {
     #[command(flatten)]
     law: LawArgs,
-    /// JSON lines {"delassus":[[…]],"u":[…]} in contact axes, tangents first, normal last; - is standard input
-    #[arg(long, value_name = "FILE")]
+    /// Problems, one JSON object per line; - is standard input
+    ///
+    /// {"delassus":[[…],…],"u":[…]}: H = J M⁻¹ Jᵀ (1/kg) and u⁻ (m/s) in contact axes, tangents
+    /// first, normal last: (t, n) in the plane, (t1, t2, n) in space. The normal points to the
+    /// robot, so an approach has u_n < 0. Empty lines are skipped.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     problems: PathBuf,
-    /// Draw the first problem. A planar one as Routh diagram: the plane of impulses with cone, lines of compression and
-    /// sticking, energy ellipse, permissible region, and every law's impulse. One in space as hodograph: the plane of
-    /// slip velocities with the path of the slip, the directions in which slip does not turn, and every law's u⁺
-    #[arg(long, value_name = "X.svg")]
+    /// Draw the first problem and the answers of the laws (SVG)
+    ///
+    /// In the plane, the Routh diagram: the plane of impulses with friction cone, lines of
+    /// compression and sticking, energy ellipse, permissible region and every law's impulse. In
+    /// space, the hodograph: the plane of slip velocities with the path of the slip, the invariant
+    /// directions and every law's u⁺.
+    #[arg(long, value_name = "X.svg", verbatim_doc_comment)]
     svg: Option<PathBuf>,
     #[command(flatten)]
     record: Record,
-    /// One line of JSON for each line read
+    /// Print one line of JSON for each line of input instead of a table
     #[arg(long)]
     json: bool,
 }
@@ -139,7 +195,7 @@ struct Answer {
     normal_work: f64,
     friction_work: f64,
     flags: Vec<&'static str>,
-    /// Every outcome that satisfies the law, this one first; only where there are several.
+    /// All outcomes that satisfy the law, this one first; left out if there is one only.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     branches: Vec<Branch>,
 }
@@ -191,7 +247,7 @@ impl LawCommand {
             };
             all.answer(out, self.json, plane.len(), for_people)
         })?;
-        // Not before: nothing is written where anything is refused.
+        // Files are written only after every line has been answered.
         if let Some(Drawing { svg, plane, space, words }) = &drawing {
             if self.record.is_asked() {
                 record_diagrams(&self.record, plane, space.as_ref(), words)?;
@@ -202,7 +258,7 @@ impl LawCommand {
             return Ok(());
         }
         let file = if self.problems == Path::new("-") { "<stdin>".into() } else { self.problems.display().to_string() };
-        Err(CliError::Option(format!("{file}: there is no problem to draw")))
+        Err(CliError::Option(format!("{file}: it holds no problem to draw: give at least one line")))
     }
 }
 
@@ -210,7 +266,7 @@ impl LawCommand {
 struct Drawing {
     svg: String,
     plane: Diagram<2>,
-    /// For recordings alone.
+    /// Used by recordings only.
     space: Option<Diagram<3>>,
     words: String,
 }
@@ -218,7 +274,7 @@ struct Drawing {
 impl Drawing {
     fn of(all: &All<Answer>, plane: Option<Diagram<2>>, space: Option<Diagram<3>>) -> Result<Self, LineError> {
         let missing =
-            || LineError("a picture needs a contact that approaches, and a delassus that is not singular".into());
+            || LineError("no picture can be drawn: the contact must approach (u_n < 0) and delassus must not be singular".into());
         let plane = plane.ok_or_else(missing)?;
         Ok(Self { svg: plane.svg().ok_or_else(missing)?, plane, space, words: page(all) })
     }
@@ -237,7 +293,7 @@ fn points<const D: usize>(all: &All<Answer>) -> Vec<LawPoint<D>> {
     all.outcomes.iter().map(point).collect()
 }
 
-/// The answers as a page for a recording.
+/// The answers as a Markdown page of a recording.
 fn page(all: &All<Answer>) -> String {
     let vector = |numbers: &[f64]| numbers.iter().map(|x| short(*x)).collect::<Vec<_>>().join(", ");
     let mut page = "| law | mode | u⁺, m/s | P, N s | T⁺/T⁻ | |\n| --- | --- | --- | --- | --- | --- |\n".to_owned();

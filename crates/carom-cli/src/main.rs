@@ -1,8 +1,12 @@
-//! `carom`: from a URDF to kinematics, dynamics and impacts, on the command line.
+//! The `carom` command: kinematics, dynamics, impacts, simulation and fits on the command line.
 //!
-//! Each command is a module: it reads its input through [`input`], asks the library, and writes for people or, with
-//! `--json`, one line of JSON for each line it read. Exit status: 0 done; 1 the input or the physics was refused, said
-//! in one `error: …` line on standard error; 2 usage.
+//! Each command is a module: it reads its input through [`input`], calls the library, and writes tables for people or, with
+//! `--json`, one line of JSON for each line of input.
+//!
+//! Contract of the streams (also in `carom --help`): the exit status is 0 when all is done; 1 when an input is refused, with
+//! one line `error: …` on standard error; 2 for a wrong command line. Commands that read lines write the answer to each line
+//! before they read the next, so the answers to the lines before a refused one are on standard output. A file that is named
+//! by an option is complete or not there.
 
 mod chart;
 mod consistency;
@@ -29,60 +33,69 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 
 /// Impacts of kinematic chains: qd⁺ = qd⁻ + M⁻¹ Jᵀ p
+///
+/// carom computes what an impact does to a robot that is read from a URDF file: the joint velocities
+/// qd⁺ after it, the impulse p, and the energy lost, under eight impact laws. It also evaluates the
+/// robot's dynamics, simulates scenes with contacts, maps impacts over poses and parameters, and
+/// fits coefficients of restitution and friction to measurements.
 #[derive(Parser)]
 #[command(
     name = "carom",
     version,
-    about,
-    term_width = 100, // on every terminal and in every build the lines of the book
-    after_help = "Numbers are SI: m, rad, kg, s, N s. Normals point from the environment to the robot."
+    verbatim_doc_comment,
+    term_width = 100,
+    after_help = AFTER_HELP
 )]
 struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
+/// Conventions and the contract of the streams. Lines end by hand before column 100, as those of all help texts.
+const AFTER_HELP: &str = "\
+Units: SI (m, rad, kg, s, N s, J); degrees only in names that end in _deg.
+Normals: unit vectors from the environment to the robot; an approach has u·n < 0.
+Floating base: q = x y z qx qy qz qw; qd = linear, then angular velocity in the link's own axes.
+
+Exit status:
+  0  Done.
+  1  An input is refused. One line `error: …` on standard error names the file, the line or element,
+     the value and the rule. Commands that read one problem per line (dynamics, impact, law) have
+     then written the answers to all lines before the refused one.
+  2  Wrong command line.
+A file that an option names is complete or not there: it is written beside its place and renamed.
+Warnings are lines `warning: …` on standard error.";
+
 #[derive(Subcommand)]
 enum Command {
-    /// What a URDF says: joints, degrees of freedom, mass, whether it moves in a plane, warnings
     Inspect(inspect::Inspect),
-    /// Mass matrix, Jacobian, bias, energies and Delassus matrix at given states
     Dynamics(dynamics::Dynamics),
-    /// What an impact at a point does to every joint, under one law or all
     Impact(impact::Impact),
-    /// An impact law on plain numbers: Delassus matrix and contact velocity in, impulse out
     Law(law::LawCommand),
-    /// An impact map: a study's quantities over poses, approaches, coefficients and laws
     Map(map::MapCommand),
-    /// What a scene needs, what it leaves out exactly, and what within which bound
     Plan(plan::PlanCommand),
-    /// The motion before, through and after the impacts of a scene
     Simulate(simulate::Simulate),
-    /// Error against time for every method that can run a scene, other programs' runs on the same axes
     Chart(chart::ChartCommand),
-    /// Where methods fail: scenes that break laws and simulators, and what each makes of them
     Stress(stress::StressCommand),
-    /// Figures 4 to 10 and Table I of Pagilla & Yu (2004) from the preset arm, and what the model confirms of the paper
     Paper(paper::PaperCommand),
-    /// Whether a table of restitutions and energies over angles can come from a frictionless impact at all, and of which pose
     Consistency(consistency::ConsistencyCommand),
-    /// Measured tosses from a folder, rolled out from their first free sample, and how far the pose ends from the measured
     Tosses(tosses::TossesCommand),
-    /// Coefficients from recorded impacts: velocity jumps, flights around an impact, or whole tosses
     Fit(fit::FitCommand),
 }
 
-/// Options of every command that reads a robot.
+// Options of every command that reads a robot.
 #[derive(Args)]
 struct RobotArgs {
-    /// The robot's URDF file
+    /// Robot (URDF file)
     #[arg(value_name = "ROBOT.urdf")]
     urdf: std::path::PathBuf,
-    /// Put a floating joint between world and root: q = x y z qx qy qz qw, qd = linear then angular velocity of the root
-    /// link in its own axes, both first in the arrays
-    #[arg(long)]
+    /// Add a floating joint `root_joint` between the world and the root link
+    ///
+    /// Its coordinates come first: q = x y z qx qy qz qw (m, unit quaternion), qd = linear, then
+    /// angular velocity of the root link in its own axes (m/s, rad/s).
+    #[arg(long, verbatim_doc_comment)]
     floating: bool,
-    /// Load the robot although meshes of its collision geometry are missing
+    /// Load the robot without its collision meshes where their files are missing
     #[arg(long)]
     no_meshes: bool,
 }
@@ -107,7 +120,7 @@ fn main() -> ExitCode {
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever reads us has had enough: `carom … | head`.
+        // The reader has closed the pipe, as in `carom … | head`.
         Err(error::CliError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             output::say(&format!("error: {error}"));

@@ -1,4 +1,4 @@
-//! `carom map`: a study, from its file to its map.
+//! `carom map`: impact maps of a study.
 
 use crate::error::CliError;
 use crate::files;
@@ -15,37 +15,58 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Compute an impact map: quantities of an impact over poses, approaches, coefficients and laws
+///
+/// Input: a study (TOML) that names the robot, the axes of the map (joint positions or tip
+/// positions, approach angles, speeds, restitution, friction, normals, laws) and the quantities.
+/// Output: one row for each combination of the values, with the columns of the axes, the class of
+/// the row and the quantities. The last axis of the study varies fastest. At least one of --out,
+/// --svg, --rrd and --advise is needed; a summary is printed: the axes, the number of rows, the
+/// columns and the files written.
+/// JSON keys: study, rows, columns, out, svg, rrd, advice {column, goal, fulfil, best_median_worst,
+///   best [{row, q, values, self_motion}]}.
+/// An interruption (Ctrl-C) keeps the rows that are done in X.partial.csv or X.partial.parquet, with
+/// a note X.partial.csv.json or X.partial.parquet.json; the exit status is 1, and --resume continues.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
+#[command(override_usage = "carom map [OPTIONS] <--out <X.parquet|csv>|--svg <X.svg>|--rrd <X.rrd>|--advise> <STUDY.toml>")]
 #[command(group(ArgGroup::new("result").args(["out", "svg", "rrd", "advise"]).required(true).multiple(true)))]
 pub struct MapCommand {
-    /// The study, TOML
+    /// Study (TOML file)
     #[arg(value_name = "STUDY.toml")]
     study: PathBuf,
-    /// Write the map, .csv or .parquet
+    /// Write the map as CSV or Parquet, by the ending of the name
     #[arg(long, value_name = "X.parquet|csv")]
     out: Option<PathBuf>,
-    /// Draw a quantity of the whole map: a curve over one axis, a heat map over two, several over a third of few values
-    #[arg(long, value_name = "X.svg", conflicts_with = "shard")]
+    /// Draw one column of the whole map (SVG)
+    ///
+    /// A curve over one axis, a heat map over two, one heat map for each value of a third axis.
+    #[arg(long, value_name = "X.svg", conflicts_with = "shard", verbatim_doc_comment)]
     svg: Option<PathBuf>,
-    /// Record a quantity of the whole map for the Rerun viewer: images, places of the tip, poses of the arm
-    #[arg(long, value_name = "X.rrd", conflicts_with = "shard")]
+    /// Record one column of the whole map for the Rerun viewer
+    ///
+    /// The recording holds images, tip positions in space and poses of the arm. Needs a carom that
+    /// is built with the feature `rerun`.
+    #[arg(long, value_name = "X.rrd", conflicts_with = "shard", verbatim_doc_comment)]
     rrd: Option<PathBuf>,
-    /// The column that is drawn and recorded; the first quantity if not given
+    /// Column that is drawn and recorded [default: the first quantity of the study]
     #[arg(long, value_name = "COLUMN")]
     show: Option<String>,
-    /// Say which rows are best under the study's [advise], and what a redundant arm's self-motion adds
-    #[arg(long, conflicts_with = "shard")]
+    /// Print the best rows under the conditions in [advise] of the study
+    ///
+    /// For a redundant arm also the best pose along the self-motion through each of these rows.
+    #[arg(long, conflicts_with = "shard", verbatim_doc_comment)]
     advise: bool,
-    /// Threads; as many as the machine has cores if not given
+    /// Number of threads, 1 or more [default: one for each core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
-    /// Write only part I of N (counted from 1); the parts, one after another, are the whole
+    /// Compute part I of N only, 1 ≤ I ≤ N; the parts in order are the whole map
     #[arg(long, value_name = "I/N", value_parser = parse_shard, requires = "out")]
     shard: Option<(u64, u64)>,
-    /// Go on with what an interrupted run left, if it left something
+    /// Continue from the partial file of an interrupted run, if there is one
     #[arg(long, requires = "out")]
     resume: bool,
-    /// One line of JSON
+    /// Print the summary as one line of JSON
     #[arg(long)]
     json: bool,
 }
@@ -85,7 +106,7 @@ struct Best<'a> {
     self_motion: Option<Moved<'a>>,
 }
 
-/// Where a self-motion leads.
+/// The best pose along a self-motion.
 #[derive(Serialize)]
 struct Moved<'a> {
     q: &'a [f64],
@@ -113,12 +134,12 @@ impl<'a> Advised<'a> {
     }
 }
 
-/// Where the columns of the pose and the conditions end.
+/// Index of the column `class`, which follows the columns of the pose and the conditions.
 fn class(study: &Study) -> usize {
     study.columns().iter().position(|column| column.name == "class").unwrap_or_default()
 }
 
-/// A row by its columns' names; what has no value is left out.
+/// A row by the names of its columns; columns without a value are left out.
 fn named(study: &Study, row: &[f64], keep: impl Fn(usize) -> bool) -> Map<String, Value> {
     let columns = study.columns().iter().zip(row).enumerate().filter(|(k, _)| keep(*k));
     let cells = columns.filter_map(|(_, (column, x))| {
@@ -154,7 +175,7 @@ impl MapCommand {
         if !names.contains(&shown) {
             let names = names.join(", ");
             return Err(CliError::Option(format!(
-                "--show {shown}: no column of this map is called so: it has {names}"
+                "--show {shown}: this map has no such column: its columns are {names}"
             )));
         }
         let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
@@ -190,11 +211,11 @@ impl MapCommand {
     fn write(&self, study: &Study, file: &MapFile, pool: &rayon::ThreadPool) -> Result<(), CliError> {
         let left = file.partial();
         if !self.resume && left.exists() {
-            say(&format!("warning: {} is left of an interrupted run: --resume would go on with it", left.display()));
+            say(&format!("warning: {} is the partial file of an interrupted run and will be replaced: --resume would continue from it", left.display()));
         }
         let total = file.rows.end - file.rows.start;
         let stop = interrupts();
-        // drawn on a terminal, and not elsewhere
+        // shown on a terminal only
         let bar = ProgressBar::new(total);
         if let Ok(style) = ProgressStyle::with_template("{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left")
         {
@@ -209,7 +230,7 @@ impl MapCommand {
     }
 }
 
-/// A flag that an interruption (Ctrl-C, or the signal that ends a process) raises; the second one ends the process.
+/// A flag that is set by an interruption (SIGINT, SIGTERM); a second interruption ends the process.
 fn interrupts() -> Arc<AtomicBool> {
     let stop = Arc::new(AtomicBool::new(false));
     let raised = Arc::clone(&stop);
@@ -219,7 +240,7 @@ fn interrupts() -> Arc<AtomicBool> {
         }
     });
     if let Err(e) = handler {
-        say(&format!("warning: an interruption will leave nothing: {e}"));
+        say(&format!("warning: interruptions cannot be caught ({e}): an interrupted run will leave no partial file"));
     }
     stop
 }

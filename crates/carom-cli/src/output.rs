@@ -1,4 +1,4 @@
-//! What goes out: JSON lines, or tables for people.
+//! Output of the commands: JSON lines, or tables for people; whole files.
 
 use crate::error::{CliError, LineError};
 use crate::input::Refused;
@@ -8,10 +8,10 @@ use serde_json::ser::{CompactFormatter, Formatter};
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Writes one answer: as a line of JSON, or in the words of `for_people`.
+/// Writes one answer: as a line of JSON, or as text by `for_people`.
 ///
 /// # Errors
-/// Where a number of the answer is not finite: what was asked is too large, or too small, for `f64`.
+/// A number of the answer is not finite, or the answer cannot be written.
 pub fn answer<A: Serialize>(
     out: &mut dyn Write,
     answer: &A,
@@ -19,12 +19,12 @@ pub fn answer<A: Serialize>(
     for_people: impl FnOnce(&A, &mut dyn Write) -> io::Result<()>,
 ) -> Result<(), Refused> {
     let text = to_json(answer).map_err(|e| LineError(e.to_string()))?;
-    // JSON has no word for what is not finite, and puts a null there; no answer holds another null.
+    // serde_json writes null for numbers that are not finite; the answers of this function hold no other null.
     if text.contains("null") {
         let value = serde_json::to_value(answer).map_err(|e| LineError(e.to_string()))?;
         if let Some(key) = first_null("", &value) {
             let why = format!(
-                "{key} comes out as no finite number: the numbers of this line are too large, or too small, for f64"
+                "{key} is not finite: the numbers of this line are too large, or too small, for f64"
             );
             return Err(LineError(why).into());
         }
@@ -39,7 +39,7 @@ pub fn to_json(answer: &impl Serialize) -> io::Result<String> {
     String::from_utf8(text).map_err(io::Error::other)
 }
 
-/// A zero has no sign here: which way it was rounded to is nothing that a reader should wonder about.
+/// Writes zeros without their sign, which depends on rounding only.
 struct Unsigned;
 
 impl Formatter for Unsigned {
@@ -57,7 +57,7 @@ fn first_null(key: &str, value: &Value) -> Option<String> {
     }
 }
 
-/// Writes a file beside its place and moves it there, so that it is whole or not there.
+/// Writes a file beside its place and renames it, so that it is complete or not there.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
@@ -69,7 +69,7 @@ pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
     })
 }
 
-/// Makes a folder for files, before any long work, if it isn't there.
+/// Makes a folder if it is missing.
 pub fn make_folder(path: &Path) -> Result<(), CliError> {
     if path.is_dir() {
         return Ok(());
@@ -77,20 +77,20 @@ pub fn make_folder(path: &Path) -> Result<(), CliError> {
     std::fs::create_dir(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
 }
 
-/// One line on standard error. That nobody listens there is no failure.
+/// Writes one line to standard error; control characters are escaped, errors of writing are ignored.
 pub fn say(text: &str) {
     let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
     let line: String = text.chars().map(escaped).collect();
     let _ = writeln!(io::stderr(), "{line}");
 }
 
-/// A vector for people.
+/// A vector as a row of a table.
 pub fn row(numbers: &[f64]) -> String {
     let cells: Vec<String> = numbers.iter().map(|x| format!("{:>13}", short(*x))).collect();
     cells.join(" ")
 }
 
-/// Seven digits, plain where that is readable.
+/// Seven decimals from 1e-4 to 1e6, exponents outside.
 pub fn short(x: f64) -> String {
     let size = x.abs();
     if x == 0.0 {

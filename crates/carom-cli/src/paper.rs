@@ -1,4 +1,4 @@
-//! `carom paper`: the figures and the table of Pagilla & Yu (2004) from the preset arm.
+//! `carom paper`: the figures and the table of Pagilla & Yu (2004), computed for the preset arm.
 
 use crate::error::CliError;
 use crate::files;
@@ -9,13 +9,26 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+/// Compute Figures 4 to 10 and Table I of Pagilla & Yu (2004) for the preset arm
+///
+/// The paper prints no inertia and no joint angles, so the arm robots/planar2.urdf stands in for
+/// the authors' robot: 2 elbow poses × 4 approach angles × 3 speeds, without friction, with the
+/// restitutions of Table I.
+///
+/// Output: figures (SVG), their numbers (CSV) and report.md in --out; and each claim of the paper,
+/// with whether the model confirms it and the numbers that show it.
+/// JSON keys: arm, stand_in, files, claims [{place, statement, confirmed, evidence}],
+///   impacts [{elbow, speed (m/s), angle_deg, newton, tangential and normal ([before, after], m/s),
+///   energy_loss (J), energy_root = √(T⁺/T⁻), coupling, change}].
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct PaperCommand {
-    /// Folder for figures (SVG), the numbers behind them (CSV) and report.md: a new or empty one, or one of an earlier
-    /// report, which is replaced; it is made if it isn't there, but not the folders above it
-    #[arg(long, value_name = "DIR")]
+    /// Folder to write to: new, empty, or of an earlier report, which is replaced
+    ///
+    /// It is made if it is missing; its parent must exist.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
-    /// One line of JSON
+    /// Print one line of JSON instead of text
     #[arg(long)]
     json: bool,
 }
@@ -37,7 +50,7 @@ struct Claim<'a> {
     evidence: &'a str,
 }
 
-/// One impact of the experiment, tangential down the wall, normal off it.
+/// One impact of the experiment. Tangential: down the wall; normal: off the wall.
 #[derive(Serialize)]
 struct Impact {
     elbow: &'static str,
@@ -92,7 +105,7 @@ fn report(paper: &Paper) -> Report<'_> {
 }
 
 fn for_people(report: &Report, folder: &std::path::Path, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "What the paper says, and what {} says (a stand-in, not the authors' arm):", report.arm)?;
+    writeln!(out, "Claims of the paper, and whether {} confirms them (a stand-in, not the authors' arm):", report.arm)?;
     for claim in &report.claims {
         let verdict = if claim.confirmed { "yes" } else { "NO " };
         writeln!(out, "  {verdict} {}\n      {}", claim.statement, claim.evidence)?;

@@ -1,4 +1,4 @@
-//! `carom plan`: what a scene needs, and what it does not.
+//! `carom plan`: the model that a scene is simulated with.
 
 use crate::error::CliError;
 use crate::output::{answer, short};
@@ -9,12 +9,21 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+/// Print the plan of a scene: what is modelled, what is reduced exactly, what within a bound
+///
+/// Input: a scene (TOML).
+/// Output: the parts of the model that `carom simulate` uses, each with the reason; the parts that
+/// are left out without any error (motion out of a plane, joints that cannot move, pairs that
+/// cannot touch); the parts that are left out within a bound, which `[run] neglect` of the scene
+/// allows, each with its bound. The bounds hold per impact, not over a run.
+/// JSON keys: joints, kept and left_out [{what, choice, why}], bounded [{what, choice, bound, of}].
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct PlanCommand {
-    /// The scene, TOML
+    /// Scene (TOML file)
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// One line of JSON
+    /// Print one line of JSON instead of a table
     #[arg(long)]
     json: bool,
 }
@@ -56,7 +65,7 @@ impl<'a> Account<'a> {
     }
 }
 
-/// The joints that q and qd of a plan go by.
+/// Names of the joints whose coordinates are in q and qd of a plan.
 pub fn moving_joints(plan: &Plan) -> Vec<&str> {
     let own = |joint: &&carom_chain::JointInfo| matches!(joint.coordinates, carom_chain::Coordinates::Own { .. });
     plan.simulation.chain.joints().iter().filter(own).map(|joint| joint.name.as_str()).collect()

@@ -1,4 +1,4 @@
-//! Recordings for the Rerun viewer, with the feature `rerun`; without it, asking for one is refused.
+//! Recordings for the Rerun viewer, with the feature `rerun`; without it, the options that ask for one are refused.
 
 use crate::error::CliError;
 use carom_sim::{Plan, Scene, Seen, Summary};
@@ -6,29 +6,31 @@ use carom_study::{Diagram, Study};
 use clap::Args;
 use std::path::{Path, PathBuf};
 
-/// Where a recording goes: one place, or none.
+// Destination of a recording: a file, a viewer, or none.
 #[derive(Args)]
 #[group(multiple = false)]
 pub struct Record {
     /// Write a recording for the Rerun viewer
+    ///
+    /// This and the next two options need a carom that is built with the feature `rerun`.
     #[arg(long, value_name = "X.rrd")]
     out: Option<PathBuf>,
-    /// Record into a viewer that runs already, at its address or Rerun's default
+    /// Record into a running Rerun viewer [default URL: rerun+http://127.0.0.1:9876/proxy]
     #[arg(long, value_name = "URL")]
-    #[allow(clippy::option_option)] // as clap says "an option whose value may be left out"
+    #[allow(clippy::option_option)] // clap's type for an option whose value is optional
     connect: Option<Option<String>>,
-    /// Start a viewer and record into it
+    /// Start a Rerun viewer (`rerun` on the PATH) and record into it
     #[arg(long)]
     spawn: bool,
 }
 
 impl Record {
-    /// Whether there is to be one.
+    /// Whether a recording is asked for.
     pub fn is_asked(&self) -> bool {
         self.out.is_some() || self.connect.is_some() || self.spawn
     }
 
-    /// Refuses a recording where there can be none.
+    /// Refuses a recording in a build without the feature `rerun`.
     pub fn check(&self) -> Result<(), CliError> {
         if self.is_asked() && !cfg!(feature = "rerun") {
             Err(without("--out, --connect and --spawn need"))
@@ -37,7 +39,7 @@ impl Record {
         }
     }
 
-    /// The file that is written, if it is a file.
+    /// The file that is written, if the destination is a file.
     pub fn file(&self) -> Option<&Path> {
         self.out.as_deref()
     }
@@ -54,7 +56,7 @@ impl Record {
     }
 }
 
-/// Records the diagrams of one impact, with a page of words.
+/// Records the diagrams of one impact and a page of text.
 #[cfg(feature = "rerun")]
 pub fn record_diagrams(
     asked: &Record,
@@ -68,18 +70,18 @@ pub fn record_diagrams(
     }
 }
 
-/// Refuses: there are no recordings.
+/// Refuses: this build has no recordings.
 #[cfg(not(feature = "rerun"))]
 pub fn record_diagrams(asked: &Record, _: &Diagram<2>, _: Option<&Diagram<3>>, _: &str) -> Result<(), CliError> {
     asked.check()
 }
 
-/// `who` ends in its verb.
+/// The refusal in a build without recordings; `who` ends in its verb.
 fn without(who: &str) -> CliError {
-    CliError::Option(format!("{who} recordings, without which this carom was built (feature rerun)"))
+    CliError::Option(format!("{who} recordings: build carom with the feature rerun"))
 }
 
-/// Refuses to record a map where there can be no recordings.
+/// Refuses the recording of a map in a build without the feature `rerun`.
 pub fn check_map(rrd: Option<&Path>) -> Result<(), CliError> {
     if rrd.is_some() && !cfg!(feature = "rerun") { Err(without("--rrd needs")) } else { Ok(()) }
 }
@@ -90,13 +92,13 @@ pub fn record_map(study: &Study, column: &str, path: &Path) -> Result<(), CliErr
     Ok(carom_record::record_map(study, column, &carom_record::Target::File(path.to_owned()))?)
 }
 
-/// There are no recordings.
+/// Refuses: this build has no recordings.
 #[cfg(not(feature = "rerun"))]
 pub fn record_map(_: &Study, _: &str, path: &Path) -> Result<(), CliError> {
     check_map(Some(path))
 }
 
-/// A recording on its way.
+/// A recording that is being written.
 #[cfg(feature = "rerun")]
 pub struct Recorder(carom_record::SceneRecorder);
 
@@ -116,7 +118,7 @@ impl Recorder {
     }
 }
 
-/// There is none.
+/// No recording exists in this build.
 #[cfg(not(feature = "rerun"))]
 pub enum Recorder {}
 

@@ -1,11 +1,11 @@
-//! Scenes as commands get them.
+//! Reading of scenes.
 
 use crate::error::CliError;
 use crate::output::say;
 use carom_sim::Scene;
 use std::path::Path;
 
-/// Reads a scene, and says what looks odd in it.
+/// Reads a scene and prints its warnings.
 pub fn load(file: &Path) -> Result<Scene, CliError> {
     let scene = Scene::from_file(file).map_err(|e| CliError::scene(file, e))?;
     for warning in &scene.warnings {

@@ -1,4 +1,4 @@
-//! `carom simulate`: a scene, from its file to its events.
+//! `carom simulate`: simulation of a scene.
 
 use crate::error::CliError;
 use crate::files;
@@ -14,23 +14,43 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Samples of tables and recordings where the scene names no interval: the paper's 4 ms.
+/// Sampling interval of tables and recordings if the scene names none, s: that of the paper.
 const SAMPLE: f64 = 0.004;
 
+/// Simulate a scene: motion, impacts, sliding and sticking contact of a robot among surfaces
+///
+/// Input: a scene (TOML) that names the robot and its start, the surfaces, the contact law with its
+/// coefficients, the controller and the duration.
+/// Output: the events in order of time (impact, limit, mode changes, lift-off, rest …), each with
+/// its time (s), the contact and, for an impact, u⁻, u⁺ (m/s) in world axes, the size of the impulse
+/// (N s) and the mode; the final q and qd; the energy balance (J); the work of the integrator.
+/// JSON keys:
+///   joints, stop_reason (duration, events), mode (of contact at the end);
+///   events [{time, kind, contact, q, qd_minus, qd_plus, impact, impulses}];
+///   final {time, q, qd};
+///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
+///     end = start + drive + resistance − lost_in_impacts + error;
+///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
+///     neglected_frictions, neglected_bound, neglected_depth}.
+/// If the run fails, nothing is printed, and no table and no recording is written.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct Simulate {
-    /// The scene, TOML
+    /// Scene (TOML file)
     #[arg(value_name = "SCENE.toml")]
     scene: PathBuf,
-    /// Write a table of time, q and qd, at the scene's sampling interval (or 4 ms)
-    #[arg(long, value_name = "X.csv")]
+    /// Write the motion as a CSV table: time (s), q, qd
+    ///
+    /// Sampled at the interval `[run] sample` of the scene, or every 0.004 s. Columns: time,
+    /// q.<joint> (rad, m), qd.<joint> (rad/s, m/s); numbered where a joint has several coordinates.
+    #[arg(long, value_name = "X.csv", verbatim_doc_comment)]
     csv: Option<PathBuf>,
-    /// The same table as Parquet
+    /// Write the same table as Parquet
     #[arg(long, value_name = "X.parquet")]
     parquet: Option<PathBuf>,
     #[command(flatten)]
     record: Record,
-    /// One line of JSON
+    /// Print one line of JSON instead of text
     #[arg(long)]
     json: bool,
 }
@@ -267,7 +287,7 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     )?;
     if s.neglected > 0 {
         let bound = short(s.neglected_bound);
-        writeln!(out, "friction left out of {} impacts: at most {bound} of the touching point's speed", s.neglected)?;
+        writeln!(out, "friction left out of {} impacts: velocity error of the contact point at most {bound} of its speed before the impact", s.neglected)?;
     }
     Ok(())
 }
@@ -289,7 +309,7 @@ fn columns(chain: &Chain) -> Vec<String> {
     [vec!["time".to_owned()], q, qd].concat()
 }
 
-/// Tables on their way; the first failure is kept.
+/// The tables that are being written; keeps the first error.
 struct Tables {
     tables: Vec<Table>,
     failed: Option<TableError>,

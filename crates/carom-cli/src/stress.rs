@@ -1,4 +1,4 @@
-//! `carom stress`: where methods fail.
+//! `carom stress`: the table of failures of impact laws and simulation methods.
 
 use crate::error::CliError;
 use crate::files;
@@ -10,15 +10,26 @@ use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
 
+/// Run impact laws and simulation methods on built-in scenes on which methods are known to fail
+///
+/// Compares the result of each method on each scene with a closed form, an invariant or a theorem.
+/// The result is the same on every machine.
+///
+/// Output: stress.md (table with figures and reasons), stress.json and stress.svg in --out, and the
+/// number of cells of each verdict: exact, within tolerance, degrades, refused, fails as theory
+/// says (predicts), defect (a failure that theory does not predict).
+/// JSON keys: methods, scenes [{scene, story, measures, tolerance, cells [{method, verdict, figure,
+///   note}]}].
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct StressCommand {
-    /// Folder for stress.md, stress.json and stress.svg; it is made if it isn't there, but not the folders above it
+    /// Folder to write to; it is made if it is missing, its parent must exist
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Only scenes whose name contains this
+    /// Run only the scenes whose names contain this text [default: all]
     #[arg(long, value_name = "TEXT")]
     scene: Option<String>,
-    /// The JSON on standard output too
+    /// Print the content of stress.json instead of the counts
     #[arg(long)]
     json: bool,
 }
@@ -56,13 +67,13 @@ impl StressCommand {
             let names: Vec<&str> = stress::SCENES.iter().map(|scene| scene.name).collect();
             let text = self.scene.unwrap_or_default();
             return Err(CliError::Option(format!(
-                "--scene {text}: no scene's name has that; they are {}",
+                "--scene {text}: no name of a scene contains it: the scenes are {}",
                 names.join(", ")
             )));
         }
         files::check_folder("--out", &self.out)?;
         make_folder(&self.out)?;
-        // Draws on a terminal only.
+        // Shown on a terminal only.
         let bar = ProgressBar::new(scenes.len() as u64);
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {bar:30} {pos}/{len} {msg}") {
             bar.set_style(style);

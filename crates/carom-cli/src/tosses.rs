@@ -1,40 +1,56 @@
-//! `carom tosses`: measured tosses, rolled out.
+//! `carom tosses`: simulation of measured tosses.
 
 use crate::error::CliError;
 use crate::input::{check_coefficients, within};
+use crate::law::laws;
 use crate::output::{answer, say, short};
 use carom_impact::LAW_NAMES;
 use carom_sim::ContactRule;
 use carom_study::{PoseError, RollOut, TossError, Tosses};
-use clap::{Args, builder::PossibleValuesParser};
+use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
+/// Simulate measured tosses and print the error of the simulated poses
+///
+/// Simulates each toss of a floating robot from its first sample that does not touch the floor to
+/// its last. The floor is z = 0, and gravity is 9.81 m/s² along −z.
+///
+/// Input: a folder with a URDF and the table tosses.csv, whose columns are toss, k, t (s), px, py,
+/// pz (m), qw, qx, qy, qz (rotation of the root link in the world), vx, vy, vz (m/s, world axes),
+/// wx, wy, wz (rad/s, the link's own axes) and, if the robot has a joint, theta, dtheta.
+/// Output: how many tosses were simulated, refused and at rest (below 0.001 m/s) at the last sample;
+/// the deepest overlap (m); the errors of position (m), rotation and joint (degrees; rad in JSON),
+/// at the last sample and averaged over the samples, each as mean and median over the tosses.
+/// JSON keys: tosses, failures, at_rest, deepest_overlap, last and mean {position_mean,
+///   position_median, rotation_…, joint_…}, each [{toss, samples, events, position, rotation,
+///   joint, final_speed (m/s), deepest_overlap}].
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
 pub struct TossesCommand {
     /// Folder with tosses.csv and a URDF
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
-    /// The robot's file in the folder, if there are several
+    /// Name of the URDF in the folder [default: the only one]
     #[arg(long, value_name = "ROBOT.urdf")]
     robot: Option<String>,
     /// Impact law
-    #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES), default_value = "whittaker")]
+    #[arg(long, value_parser = laws(None), default_value = "whittaker")]
     law: String,
-    /// Coefficient of restitution
+    /// Coefficient of restitution, 0 to 1
     #[arg(long, value_name = "E", default_value_t = 0.0, allow_hyphen_values = true)]
     restitution: f64,
-    /// Coefficient of friction
+    /// Coefficient of Coulomb friction, 0 or more
     #[arg(long, value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
     friction: f64,
     /// Relative tolerance of the integration
     #[arg(long, default_value_t = 1e-9, allow_hyphen_values = true)]
     tolerance: f64,
-    /// Step while several contacts last, s
+    /// Time step while several contacts last, s
     #[arg(long, value_name = "SECONDS", default_value_t = 5e-4, allow_hyphen_values = true)]
     contact_step: f64,
-    /// One line of JSON
+    /// Print one line of JSON instead of a table
     #[arg(long)]
     json: bool,
 }
@@ -73,7 +89,7 @@ struct One {
     deepest_overlap: f64,
 }
 
-/// Slower than this is at rest, m/s.
+/// Speed of the root link below which a toss counts as at rest, m/s.
 const REST: f64 = 1e-3;
 
 impl TossesCommand {
@@ -148,7 +164,7 @@ fn report(rolled: &[RollOut], failures: Vec<String>) -> Report {
 fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
-        "{} tosses rolled out, {} refused, {} at rest at their last sample, deepest overlap {} m",
+        "{} tosses simulated, {} refused, {} at rest at their last sample, deepest overlap {} m",
         report.tosses - report.failures.len(),
         report.failures.len(),
         report.at_rest,

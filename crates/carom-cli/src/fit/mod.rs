@@ -1,4 +1,4 @@
-//! `carom fit`: coefficients from recorded impacts.
+//! `carom fit`: coefficients of restitution and friction fitted to recorded impacts.
 
 mod read;
 mod report;
@@ -6,8 +6,8 @@ mod report;
 use crate::RobotArgs;
 use crate::error::CliError;
 use crate::input::parse_vector;
+use crate::law::laws;
 use crate::output::{answer, say};
-use carom_impact::LAW_NAMES;
 use carom_study::Tosses;
 use carom_study::fit::{Fit, FitError, FitOptions, Loss, RollOutOptions, fit_trajectories, fit_velocities};
 use clap::{Args, builder::PossibleValuesParser};
@@ -15,95 +15,119 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// Fit coefficients of restitution and friction to recorded impacts
+///
+/// Minimises the error of the law's predictions over restitution (0 to 1), friction (0 to
+/// --max-friction) and, with --inertia, the scale of rotational inertia (0.5 to 2).
+///
+/// Input: one of --velocities, --flights and --tosses. The three kinds of data give different
+/// coefficients; the output names the kind.
+/// Output: the coefficients with their confidence intervals; the errors (m/s for velocities and
+/// flights, the pose error of --length for tosses) of the part that was fitted (train) and of the
+/// rest (test): mean and median, and for impacts the error that the best impulse in the friction
+/// cone and the best impulse of any direction would leave; the worst impacts or tosses; notes.
+/// JSON keys: fitted_to, law, loss, threshold, confidence, seed, coefficients [{name, value, low,
+///   high, interval}], train and test {count, mean, median, below_half, least_in_cone, least},
+///   flights {joined, rest (m), deviation (m/s), left_out}, notes, trials, each [{number, trained,
+///   error, least_in_cone, least}].
+/// All lines are read before the fit: if one is refused, nothing is printed, and the exit status
+/// is 1.
 #[derive(Args)]
+#[command(verbatim_doc_comment)]
+#[command(override_usage = "carom fit [OPTIONS] <--velocities <FILE>|--flights <FILE|FOLDER>|--tosses <FOLDER>>")]
 pub struct FitCommand {
     #[command(flatten)]
     source: Source,
-    /// The robot's URDF; of a folder of tosses, its file in there
+    /// Robot (URDF file); for a folder of tosses, its name in the folder [default: the only one]
     #[arg(long, value_name = "ROBOT.urdf")]
     robot: Option<PathBuf>,
-    /// Put a floating joint between world and root, as in `impact`; tosses have one anyway
+    /// Add a floating joint between the world and the root link; always so for folders of tosses
     #[arg(long)]
     floating: bool,
-    /// Load the robot although meshes of its collision geometry are missing
+    /// Load the robot without its collision meshes where their files are missing
     #[arg(long)]
     no_meshes: bool,
-    /// Order of the joints in q and qd, where it differs from the file's
+    /// Order of the joints in q and qd [default: the order of the file]
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     joints: Option<Vec<String>>,
-    /// Link whose frame holds the touching point; without it flights touch with the lowest point of the robot's shapes
+    /// Link of the contact point [default for flights: the lowest point of the collision shapes]
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// The point, in the link's own axes; a line's own "point" goes first
+    /// Contact point in the axes of the link, m; "point" of a line replaces it
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0", value_parser = parse_vector, allow_hyphen_values = true)]
     point: [f64; 3],
-    /// Surface normal, world, from the environment to the robot
+    /// Surface normal in world axes, from the environment to the robot
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,1", value_parser = parse_vector, allow_hyphen_values = true)]
     normal: [f64; 3],
-    /// Acceleration of free fall in flights, m/s²
+    /// Acceleration of gravity in flights, world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
-    /// Impact law
-    #[arg(long, value_parser = PossibleValuesParser::new(LAW_NAMES), default_value = "energetic")]
+    /// Impact law; any but frictionless
+    #[arg(long, value_parser = laws(None), default_value = "energetic")]
     law: String,
-    /// Fit the scale of rotational inertia too, from 0.5 to 2
+    /// Fit the scale of rotational inertia as well, from 0.5 to 2; needs a robot
     #[arg(long)]
     inertia: bool,
-    /// What a residual costs: huber is squares up to twice the median residual, in proportion beyond
+    /// Loss of an error: huber is its square up to twice the median error, linear beyond
     #[arg(long, value_parser = PossibleValuesParser::new(["huber", "squares"]), default_value = "huber")]
     loss: String,
-    /// Upper end of the search for friction
+    /// Largest friction of the search, above 0, at most 100
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
-    /// Share of the impacts or tosses to fit on; the rest is for the test
+    /// Share of the impacts or tosses that is fitted, above 0, at most 1; the rest is the test
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, allow_hyphen_values = true)]
     train: f64,
-    /// Seed of that split, and of the bootstrap
+    /// Seed of the split into train and test, and of the bootstrap
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Confidence of the intervals
+    /// Confidence level of the intervals, 0.5 or more, below 1
     #[arg(long, default_value_t = 0.95, allow_hyphen_values = true)]
     confidence: f64,
-    /// Length of the tosses' error measure, m: mean |Δp|²/length + mean Δθ²
+    /// Length L of the tosses' pose error, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
-    /// Relative tolerance of the tosses' integration
+    /// Relative tolerance of the integration of tosses
     #[arg(long, default_value_t = 1e-6, allow_hyphen_values = true)]
     tolerance: f64,
-    /// Step of the tosses while several contacts last, s
+    /// Time step of tosses while several contacts last, s
     #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
     contact_step: f64,
-    /// One line of JSON, with every impact's residual
+    /// Print one line of JSON, with the error of every impact or toss, instead of a table
     #[arg(long)]
     json: bool,
 }
 
-/// What was recorded.
+// The recorded data.
 #[derive(Args)]
 #[group(required = true, multiple = false)]
 struct Source {
-    /// Velocity jumps: JSON lines {"delassus":[[…]],"u_minus":[…],"u_plus":[…]} in contact axes, tangents first, normal
-    /// last, or {"q":[…],"qd_minus":[…],"qd_plus":[…],"point":[…]?} of a robot; - is standard input
-    #[arg(long, value_name = "FILE")]
+    /// Velocities before and after impacts, one JSON object per line; - is standard input
+    ///
+    /// {"delassus":[[…],…],"u_minus":[…],"u_plus":[…]} (1/kg, m/s) in contact axes, tangents first,
+    /// normal last; or, with --robot and --tip, {"q":[…],"qd_minus":[…],"qd_plus":[…]}, to which
+    /// "point":[x,y,z] (m) may be added.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     velocities: Option<PathBuf>,
-    /// Poses in the flights around impacts: JSON lines
-    /// {"before":{"t":[…],"q":[[…],…]},"after":{"t":[…],"q":[[…],…]},"point":[…]?}; or a folder of tosses, for the first
-    /// impact of each
-    #[arg(long, value_name = "FILE|FOLDER")]
+    /// Poses in the flights before and after impacts, one JSON object per line, or a folder
+    ///
+    /// {"before":{"t":[…],"q":[[…],…]},"after":{"t":[…],"q":[[…],…]}} (s; rad, m), with --robot;
+    /// "point":[x,y,z] (m) may be added. Velocities, pose and time of the impact come from fits of
+    /// both flights. A folder of tosses gives the first impact of each toss.
+    #[arg(long, value_name = "FILE|FOLDER", verbatim_doc_comment)]
     flights: Option<PathBuf>,
-    /// Whole tosses: a folder with tosses.csv and a URDF, as for `tosses`
+    /// Whole tosses: a folder with tosses.csv and a URDF, as for `carom tosses`
     #[arg(long, value_name = "FOLDER")]
     tosses: Option<PathBuf>,
 }
 
-/// What the flights told.
+/// Results of joining flights.
 #[derive(Default)]
 pub struct Flights {
     /// Numbers of the tosses, or of the lines, that were joined.
     numbers: Vec<i64>,
-    /// What each misses its samples by, m.
+    /// Root mean square distance of each fit from its samples, m.
     rests: Vec<f64>,
-    /// How exactly each knows its jump, m/s.
+    /// Standard deviation of each velocity jump, m/s.
     deviations: Vec<f64>,
     /// Tosses that were left out, with the reason.
     left_out: Vec<(i64, String)>,
@@ -167,19 +191,19 @@ impl FitCommand {
     }
 }
 
-/// Names the impacts by their toss where they have one, by their line counted from 1 where not.
+/// Numbers the impacts by their toss if they have one, else by their line, counted from 1.
 fn number(fit: &mut Fit, numbers: &[i64]) {
     for one in &mut fit.each {
         one.number = numbers.get(one.number as usize).copied().unwrap_or(one.number + 1);
     }
 }
 
-/// A file's name for people.
+/// The name of a file in messages.
 fn name(path: &Path) -> String {
     if path == Path::new("-") { "<stdin>".into() } else { path.display().to_string() }
 }
 
-/// A progress bar on a terminal, and none elsewhere.
+/// A progress bar, shown on a terminal only.
 struct Bar(ProgressBar);
 
 impl Bar {

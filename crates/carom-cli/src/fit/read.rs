@@ -39,7 +39,7 @@ struct Samples {
     q: Vec<Vec<f64>>,
 }
 
-/// Flights whose fit misses the samples by more than so many medians are no two free flights.
+/// Flights whose fit misses the samples by more than this many medians are left out: they are not two free flights.
 const UNLIKE: f64 = 3.0;
 
 /// The robot of a file of impacts.
@@ -65,7 +65,7 @@ impl FitCommand {
         Ok(Some(Robot { chain, order, tip }))
     }
 
-    /// Velocity jumps, one a line.
+    /// Velocity jumps, one on each line.
     pub fn jumps(&self, path: &Path) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let robot = self.robot()?;
         let mut impacts = Vec::new();
@@ -79,7 +79,7 @@ impl FitCommand {
         if let (Some(args), false) = (self.robot_args(), of_robot) {
             let (file, robot) = (name(path), args.urdf.display());
             return Err(CliError::Option(format!(
-                "--robot {robot}: no line of {file} has a q for it: leave it out, or give q, qd_minus, qd_plus instead of delassus"
+                "--robot {robot}: no line of {file} has a q: leave --robot out, or give q, qd_minus, qd_plus instead of delassus"
             )));
         }
         Ok((impacts, robot.map(|robot| robot.chain)))
@@ -90,7 +90,7 @@ impl FitCommand {
         match ((delassus, u_minus, u_plus), (q, qd_minus, qd_plus)) {
             ((Some(h), Some(before), Some(after)), (None, None, None)) => {
                 if point.is_some() {
-                    return Err(LineError("point belongs to a robot's q, not to a delassus: leave it out".into()));
+                    return Err(LineError("point belongs to q of a robot, not to delassus: leave it out".into()));
                 }
                 match before.len() {
                     2 => MeasuredImpact::in_plane(square(&h)?, vector("u_minus", &before)?, vector("u_plus", &after)?),
@@ -105,10 +105,10 @@ impl FitCommand {
             }
             ((None, None, None), (Some(q), Some(before), Some(after))) => {
                 let Some(robot) = robot else {
-                    return Err(LineError("q is of a robot: say which with --robot, and --tip".into()));
+                    return Err(LineError("q needs a robot: give --robot and --tip".into()));
                 };
                 let Some(frame) = robot.tip else {
-                    return Err(LineError("say with --tip which link touches".into()));
+                    return Err(LineError("q needs a contact point: give its link with --tip".into()));
                 };
                 let measured = ChainJump {
                     q: robot.order.q(&q),
@@ -126,11 +126,11 @@ impl FitCommand {
         }
     }
 
-    /// Flights around impacts, one pair a line.
+    /// Flights before and after impacts, one pair on each line.
     pub fn flights(&self, path: &Path, told: &mut Flights) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let Some(robot) = self.robot()? else {
             let file = name(path);
-            return Err(CliError::Option(format!("{file}: flights are of a robot: say which with --robot")));
+            return Err(CliError::Option(format!("{file}: flights need a robot: give --robot")));
         };
         let mut impacts = Vec::new();
         for_each_line(path, &mut io::sink(), |line: FlightLine, place, _| {
@@ -193,7 +193,7 @@ impl FitCommand {
         let mut impacts = Vec::new();
         for (number, one) in joined {
             if one.rest > most {
-                let why = format!("its flights miss the samples by {} m, over {UNLIKE} medians", one.rest);
+                let why = format!("the fit of its flights misses the samples by {} m, more than {UNLIKE} medians", one.rest);
                 told.left_out.push((number, why));
                 continue;
             }
@@ -216,7 +216,7 @@ fn not_empty(path: &Path, found: usize) -> Result<(), CliError> {
     if found > 0 {
         return Ok(());
     }
-    Err(CliError::Option(format!("{}: holds no impacts: there is nothing to fit", name(path))))
+    Err(CliError::Option(format!("{}: it holds no impacts: give at least one", name(path))))
 }
 
 fn square<const D: usize>(rows: &[Vec<f64>]) -> Result<SMatrix<f64, D, D>, LineError> {
@@ -231,7 +231,7 @@ fn square<const D: usize>(rows: &[Vec<f64>]) -> Result<SMatrix<f64, D, D>, LineE
 
 fn vector<const D: usize>(what: &str, numbers: &[f64]) -> Result<SVector<f64, D>, LineError> {
     if numbers.len() != D {
-        return Err(LineError(format!("{what} has {} numbers, and u_minus {D}", numbers.len())));
+        return Err(LineError(format!("{what} has {} numbers, u_minus has {D}: give as many", numbers.len())));
     }
     Ok(SVector::from_column_slice(numbers))
 }

@@ -1,4 +1,4 @@
-//! What a fit answers: everything as JSON, the gist for people.
+//! Output of a fit: all results as JSON, the main ones for people.
 
 use super::{FitCommand, Flights};
 use crate::output::short;
@@ -134,7 +134,7 @@ impl Report {
     }
 }
 
-/// So many of the worst are shown to people.
+/// Number of the largest errors that are printed for people.
 const WORST: usize = 5;
 
 pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
@@ -150,7 +150,7 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     if let Some(flights) = &report.flights {
         writeln!(
             out,
-            "{} impacts from flights that miss their samples by {} m (rms, median); jumps known to {} m/s (median); {} left out",
+            "{} impacts from flights; median distance of the fits from the samples {} m (rms), median deviation of the jumps {} m/s; {} left out",
             flights.joined,
             short(flights.rest),
             short(flights.deviation),
