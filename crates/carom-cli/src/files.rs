@@ -20,7 +20,10 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
         let own = place(path, name).map_err(|reason| unwritable(path, reason))?;
         // An input that cannot be found is not read.
         if reads.iter().any(|read| read.canonicalize().is_ok_and(|read| read == own)) {
-            return refuse((option, path), "the command reads this file and would replace it: give another name".into());
+            return refuse(
+                (option, path),
+                "the command reads this file and would replace it: give another name".into(),
+            );
         }
         if let Some((other, theirs, _)) = taken.iter().find(|(_, _, theirs)| *theirs == own) {
             let theirs = theirs.display();

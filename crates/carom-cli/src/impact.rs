@@ -133,7 +133,9 @@ impl Drives {
         let names: Vec<&str> = self.locked.iter().flatten().map(String::as_str).collect();
         let refuse = |why: String| Err(CliError::Option(format!("{}: --locked: {why}", urdf.display())));
         if names.len() > 1 && names.contains(&"all") {
-            return refuse("'all' locks every joint but a floating base: give it alone, or give names without it".into());
+            return refuse(
+                "'all' locks every joint but a floating base: give it alone, or give names without it".into(),
+            );
         }
         match names.iter().enumerate().find(|(k, name)| names[..*k].contains(name)) {
             Some((_, twin)) => refuse(format!("joint '{twin}' is named twice")),

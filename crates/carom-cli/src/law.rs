@@ -273,8 +273,11 @@ struct Drawing {
 
 impl Drawing {
     fn of(all: &All<Answer>, plane: Option<Diagram<2>>, space: Option<Diagram<3>>) -> Result<Self, LineError> {
-        let missing =
-            || LineError("no picture can be drawn: the contact must approach (u_n < 0) and delassus must not be singular".into());
+        let missing = || {
+            LineError(
+                "no picture can be drawn: the contact must approach (u_n < 0) and delassus must not be singular".into(),
+            )
+        };
         let plane = plane.ok_or_else(missing)?;
         Ok(Self { svg: plane.svg().ok_or_else(missing)?, plane, space, words: page(all) })
     }

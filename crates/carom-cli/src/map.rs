@@ -29,7 +29,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// a note X.partial.csv.json or X.partial.parquet.json; the exit status is 1, and --resume continues.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
-#[command(override_usage = "carom map [OPTIONS] <--out <X.parquet|csv>|--svg <X.svg>|--rrd <X.rrd>|--advise> <STUDY.toml>")]
+#[command(
+    override_usage = "carom map [OPTIONS] <--out <X.parquet|csv>|--svg <X.svg>|--rrd <X.rrd>|--advise> <STUDY.toml>"
+)]
 #[command(group(ArgGroup::new("result").args(["out", "svg", "rrd", "advise"]).required(true).multiple(true)))]
 pub struct MapCommand {
     /// Study (TOML file)
@@ -211,7 +213,10 @@ impl MapCommand {
     fn write(&self, study: &Study, file: &MapFile, pool: &rayon::ThreadPool) -> Result<(), CliError> {
         let left = file.partial();
         if !self.resume && left.exists() {
-            say(&format!("warning: {} is the partial file of an interrupted run and will be replaced: --resume would continue from it", left.display()));
+            say(&format!(
+                "warning: {} is the partial file of an interrupted run and will be replaced: --resume would continue from it",
+                left.display()
+            ));
         }
         let total = file.rows.end - file.rows.start;
         let stop = interrupts();

@@ -23,9 +23,7 @@ pub fn answer<A: Serialize>(
     if text.contains("null") {
         let value = serde_json::to_value(answer).map_err(|e| LineError(e.to_string()))?;
         if let Some(key) = first_null("", &value) {
-            let why = format!(
-                "{key} is not finite: the numbers of this line are too large, or too small, for f64"
-            );
+            let why = format!("{key} is not finite: the numbers of this line are too large, or too small, for f64");
             return Err(LineError(why).into());
         }
     }

@@ -287,7 +287,11 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     )?;
     if s.neglected > 0 {
         let bound = short(s.neglected_bound);
-        writeln!(out, "friction left out of {} impacts: velocity error of the contact point at most {bound} of its speed before the impact", s.neglected)?;
+        writeln!(
+            out,
+            "friction left out of {} impacts: velocity error of the contact point at most {bound} of its speed before the impact",
+            s.neglected
+        )?;
     }
     Ok(())
 }

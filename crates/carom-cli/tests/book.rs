@@ -69,7 +69,7 @@ fn check_output(page: &str, printed: &str, place: &str) {
 
 /// Every `sh` block runs, and prints the `text` block that follows it. `sh,ignore` is for what takes long or needs more.
 #[test]
-fn the_book_prints_what_carom_prints() {
+fn printed_outputs_of_the_book_are_those_of_carom() {
     let carom = Path::new(env!("CARGO_BIN_EXE_carom"));
     let path = format!("{}:{}", carom.parent().unwrap().display(), std::env::var("PATH").unwrap());
     let mut compared = 0;
@@ -98,7 +98,7 @@ fn the_book_prints_what_carom_prints() {
 }
 
 #[test]
-fn a_wrong_output_is_found_out() {
+fn check_output_detects_a_wrong_output() {
     let printed = "a 1\nb 2\n\nc 3\nd 4\n";
     check_output("b 2\nc …\n", printed, "");
     check_output("a 1\n…\nd 4\n", printed, "");
@@ -143,7 +143,7 @@ fn links_and_anchors(text: &str) -> (Vec<String>, HashSet<String>) {
 }
 
 #[test]
-fn every_link_leads_somewhere() {
+fn every_link_has_a_target() {
     let root = Path::new(ROOT).canonicalize().unwrap();
     let book = root.join("book/src");
     let mut documents = markdown("");

@@ -67,7 +67,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn numbers_give_their_coefficients_back() {
+fn fit_to_exact_jumps_recovers_the_coefficients() {
     let desk = Desk::new("numbers");
     desk.lines("jumps.jsonl", &jumps());
     let fit = desk.answer("fit --velocities jumps.jsonl --json");
@@ -92,7 +92,7 @@ fn numbers_give_their_coefficients_back() {
 
 /// A cube thrown at z = 0 twenty times, its joint velocities after each impact from `carom impact`.
 #[test]
-fn a_robot_s_joint_velocities_give_their_coefficients_back() {
+fn fit_to_joint_velocities_recovers_the_coefficients() {
     let desk = Desk::new("joints");
     let state = |k: u32| {
         let x = f64::from(k);
@@ -118,7 +118,7 @@ fn a_robot_s_joint_velocities_give_their_coefficients_back() {
 }
 
 #[test]
-fn flights_of_a_falling_box_are_joined_and_fitted() {
+fn fit_to_flights_of_a_box_recovers_the_coefficients() {
     let desk = Desk::new("flights");
     let pose = |z: f64, x: f64| json!([x, 0, z, 0, 0, 0, 1]);
     // A box that falls flat and does not turn: no corner is lower than another, so its middle is said to touch.
@@ -144,12 +144,12 @@ fn flights_of_a_falling_box_are_joined_and_fitted() {
 }
 
 #[test]
-fn what_can_t_be_fitted_is_refused() {
+fn data_that_cannot_be_fitted_are_refused() {
     let desk = Desk::new("refused");
     desk.lines("jumps.jsonl", &jumps());
     desk.lines("empty.jsonl", &[]);
     let laws = "whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
-    desk.refused("fit --velocities empty.jsonl", "empty.jsonl: holds no impacts: there is nothing to fit");
+    desk.refused("fit --velocities empty.jsonl", "empty.jsonl: it holds no impacts: give at least one");
     desk.refused(
         "fit --velocities jumps.jsonl --law frictionless",
         &format!(
@@ -165,7 +165,7 @@ fn what_can_t_be_fitted_is_refused() {
         "jumps.jsonl: the scale of inertia cannot be fitted to impacts given by a Delassus matrix: give a robot and the \
          configurations q",
     );
-    desk.refused("fit --flights jumps.jsonl", "jumps.jsonl: flights are of a robot: say which with --robot");
+    desk.refused("fit --flights jumps.jsonl", "jumps.jsonl: flights need a robot: give --robot");
     for (line, message) in [
         (
             json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, -1]}),
@@ -177,7 +177,7 @@ fn what_can_t_be_fitted_is_refused() {
         ),
         (
             json!({"delassus": [[1, 0], [0, 1]], "u_minus": [0, -1], "u_plus": [0, 1, 2]}),
-            "u_plus has 3 numbers, and u_minus 2",
+            "u_plus has 3 numbers, u_minus has 2: give as many",
         ),
         (
             json!({"delassus": [[1]], "u_minus": [-1], "u_plus": [1]}),
@@ -188,17 +188,14 @@ fn what_can_t_be_fitted_is_refused() {
             "the contact does not approach: its normal velocity before the impact is 1 m/s and must be negative; leave \
              this measurement out, or check the normal (from the environment to the robot)",
         ),
-        (
-            json!({"q": [0, 0], "qd_minus": [0, 0], "qd_plus": [0, 0]}),
-            "q is of a robot: say which with --robot, and --tip",
-        ),
+        (json!({"q": [0, 0], "qd_minus": [0, 0], "qd_plus": [0, 0]}), "q needs a robot: give --robot and --tip"),
     ] {
         desk.lines("bad.jsonl", &[jump([1.0, -1.0]), line]);
         desk.refused("fit --velocities bad.jsonl", &format!("bad.jsonl:2: {message}"));
     }
     desk.refused(
         "fit --velocities jumps.jsonl --robot planar2.urdf",
-        "--robot planar2.urdf: no line of jumps.jsonl has a q for it: leave it out, or give q, qd_minus, qd_plus instead of \
+        "--robot planar2.urdf: no line of jumps.jsonl has a q: leave --robot out, or give q, qd_minus, qd_plus instead of \
          delassus",
     );
     desk.refused(

@@ -75,7 +75,7 @@ quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode_margin
 
 /// The last digits differ: `carom impact` works in space, the map in the plane.
 #[test]
-fn a_row_is_what_carom_impact_answers() {
+fn rows_of_a_map_agree_with_carom_impact() {
     let desk = Desk::new("rows");
     desk.study(str::to_owned);
     let ran = desk.run("map s.toml --out m.csv --json");
@@ -118,7 +118,7 @@ fn a_row_is_what_carom_impact_answers() {
 }
 
 #[test]
-fn a_wrong_study_is_refused_by_file_key_value_and_rule() {
+fn invalid_studies_are_refused_with_file_key_value_and_rule() {
     let desk = Desk::new("refused");
     let values = "a number, a list of numbers, or { from, to, count }";
     for (old, new, message) in [
@@ -147,7 +147,7 @@ fn a_wrong_study_is_refused_by_file_key_value_and_rule() {
 }
 
 #[test]
-fn a_name_that_is_no_quantity_is_told_the_nearest() {
+fn an_unknown_quantity_is_refused_with_the_nearest_name() {
     let desk = Desk::new("nearest");
     desk.study(|text| text.replace("\"impulse\"", "\"impulses\""));
     let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
@@ -159,7 +159,7 @@ fn a_name_that_is_no_quantity_is_told_the_nearest() {
 }
 
 #[test]
-fn shards_and_threads_are_checked_as_usage() {
+fn invalid_shards_and_threads_are_usage_errors() {
     let desk = Desk::new("usage");
     desk.study(str::to_owned);
     for args in [
@@ -178,7 +178,7 @@ fn shards_and_threads_are_checked_as_usage() {
 /// Ctrl-C leaves a whole table of what is done, says so, and `--resume` ends with the bytes of a run left alone.
 #[cfg(unix)]
 #[test]
-fn an_interruption_leaves_what_is_done() {
+fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     let desk = Desk::new("interrupt");
     // Eight groups of rows: the first is written while the third is computed, and no more may be done when it is seen.
     desk.study(|text| text.replace("count = 7", "count = 512").replace("count = 6", "count = 512"));
@@ -216,7 +216,7 @@ fn an_interruption_leaves_what_is_done() {
 /// tasks; where there is no GNU parallel, a shell takes its place.
 #[cfg(unix)]
 #[test]
-fn the_books_recipes_make_parts_that_are_the_whole() {
+fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     let desk = Desk::new("recipes");
     desk.study(|text| text.replace("count = 7", "count = 40"));
     std::fs::rename(desk.0.join("s.toml"), desk.0.join("study.toml")).unwrap();

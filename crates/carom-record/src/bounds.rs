@@ -1,11 +1,11 @@
-//! How much room a scene takes: for the sizes of what is drawn, and for the eye's place.
+//! Extent of a scene, for the sizes of what is drawn and for the position of the viewer's eye.
 
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, FrameId, Kinematics, Spatial};
 use carom_contact::{LinkShape, Obstacle, Surface as Form};
 use nalgebra::Vector3;
 
-/// A box along the world's axes that grows.
+/// A growing box along the world's axes, m.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
     lower: Vector3<f64>,
@@ -26,7 +26,7 @@ impl Bounds {
         if self.is_empty() { Vector3::zeros() } else { (self.lower + self.upper) / 2.0 }
     }
 
-    /// The diagonal, m; never zero.
+    /// Length of the diagonal, m; 1 if it is zero or not finite.
     pub fn size(&self) -> f64 {
         let size = if self.is_empty() { 0.0 } else { (self.upper - self.lower).norm() };
         if size > 1e-9 && size.is_finite() { size } else { 1.0 }
@@ -41,7 +41,7 @@ impl Bounds {
         self.lower.x > self.upper.x
     }
 
-    /// Includes what has an end, and the nearest point of a plane that is not far.
+    /// Includes a finite obstacle, or the nearest point of a half-space if it is nearer than twice the size.
     pub fn include_obstacle(&mut self, obstacle: &Obstacle) {
         match obstacle.surface() {
             Form::HalfSpace { point, normal } => {
@@ -61,11 +61,11 @@ impl Bounds {
     }
 }
 
-/// Some balls that hold what a chain's links look like.
+/// Balls that enclose the links of a chain: frame, centre in its axes, radius (m).
 pub(crate) struct Outline(Vec<(FrameId, Vector3<f64>, f64)>);
 
 impl Outline {
-    /// More corners than this, and one ball stands for all.
+    /// A shape with more corners than this is enclosed by one ball.
     const MANY: usize = 32;
 
     pub fn of(chain: &Chain, shapes: &[LinkShape]) -> Self {
@@ -85,13 +85,13 @@ impl Outline {
         Self(balls)
     }
 
-    /// Lets the bounds grow to where the chain is.
+    /// Includes the chain at its current configuration.
     pub fn enter(&self, kin: &Kinematics<Spatial<f64>>, bounds: &mut Bounds) {
         self.0.iter().for_each(|(frame, centre, radius)| bounds.include(kin.pose(*frame).point(*centre), *radius));
     }
 }
 
-/// Where the viewer's eye is.
+/// Position and direction of the viewer's eye.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Eye {
     pub position: Vector3<f64>,
@@ -100,11 +100,12 @@ pub(crate) struct Eye {
 }
 
 impl Eye {
-    /// Half the viewer's field of view (vertical), tangent; and about how much wider than high the view is.
+    /// Tangent of half the viewer's vertical field of view.
     const SLOPE: f64 = 0.52;
+    /// Assumed ratio of width to height of the view.
     const ASPECT: f64 = 1.3;
 
-    /// An eye in the direction `from`, as near as the bounds allow.
+    /// The eye in the direction `from` of the centre, as near as all of the bounds are seen.
     pub fn looking(bounds: &Bounds, from: Vector3<f64>, up: Vector3<f64>) -> Self {
         let right = up.cross(&from).try_normalize(1e-9).unwrap_or_else(|| z_onto(from).column(0).into_owned());
         let above = from.cross(&right);
@@ -124,14 +125,14 @@ impl Eye {
     }
 }
 
-/// The place of a body's axes as rotation and translation in `f32`, for the viewer.
+/// The rotation of a pose as a quaternion in `f32`, for the viewer.
 pub(crate) fn quaternion(pose: &Pose<Spatial<f64>>) -> rerun::Quaternion {
     let rotation = nalgebra::Rotation3::from_matrix_unchecked(pose.rotation);
     let [x, y, z, w] = nalgebra::UnitQuaternion::from_rotation_matrix(&rotation).coords.into();
     rerun::Quaternion::from_xyzw([x as f32, y as f32, z as f32, w as f32])
 }
 
-/// In `f32`, for the viewer.
+/// A vector in `f32`, for the viewer.
 pub(crate) fn xyz(v: Vector3<f64>) -> [f32; 3] {
     v.map(|x| x as f32).into()
 }

@@ -1,9 +1,9 @@
-//! The recording of one impact's diagrams: in the plane, in space, and in words.
+//! The recording of the diagrams of one impact, in the plane and in space, and of its outcomes as text.
 //!
 //! | entity | what |
 //! | --- | --- |
 //! | `/plane/…`, `/space/…` | each shape and each mark of the diagram under its name; `axes`, `numbers` |
-//! | `/laws` | the answers, on a page |
+//! | `/laws` | the outcomes of the laws, as a page |
 
 use crate::bounds::{Bounds, Eye};
 use crate::geometry::fixed;
@@ -15,10 +15,10 @@ use nalgebra::Vector3;
 use rerun::{AsComponents, EntityPath, EntityPathPart, Radius};
 
 const AXES: u32 = 0x8a93_a3ff;
-/// Marks nearer than this share of the picture have one label between them.
+/// Marks nearer to each other than this share of the window share one label.
 const NEAR: f64 = 0.03;
 
-/// Records the diagrams of one impact and a page of markdown.
+/// Records the diagrams of one impact and a page of Markdown, `words`.
 ///
 /// # Errors
 /// [`RecordError::Unwritable`], [`RecordError::Viewer`].
@@ -30,7 +30,7 @@ pub fn record_diagrams(
 ) -> Result<(), RecordError> {
     let sink = Sink::open(target, &plane.title)?;
     draw(&sink, "plane", plane)?;
-    // Room for the numbers and names, which stand on the window's edge.
+    // Margins for the numbers and names at the edge of the window.
     let seen = plane.window.map(|[low, high]| [low - 0.08 * (high - low), high + 0.16 * (high - low)]);
     let mut views = vec![(1.0, layout::plane(&plane.title, "/plane", seen))];
     if let Some(space) = space {
@@ -49,13 +49,13 @@ pub fn record_diagrams(
     sink.finish()
 }
 
-/// How a coordinate's points and lines are drawn; widths in pixels, what has the greater `order` above.
+/// Drawing of lines and points in 2D and 3D; widths in pixels, a larger `order` is drawn above a smaller one.
 trait Place: Copy {
     fn lines(pieces: &[Vec<Self>], colour: u32, width: f32, order: f32) -> Box<dyn AsComponents>;
     fn points(points: &[(Self, String)], colour: u32, radius: f32, order: f32) -> Box<dyn AsComponents>;
 }
 
-/// On the screen y points down.
+/// Coordinates of the viewer, whose y axis points down.
 fn screen(p: [f64; 2]) -> [f32; 2] {
     [p[0] as f32, -p[1] as f32]
 }
@@ -99,7 +99,7 @@ where
     fixed(sink, &under("numbers"), Place::points(&numbers, AXES, 1.0, 0.0).as_ref())?;
     for (k, shape) in diagram.shapes.iter().enumerate() {
         let (width, closed) = match shape.stroke {
-            Stroke::Area => (1.5, true), // the viewer fills no polygon: its edge
+            Stroke::Area => (1.5, true), // the viewer cannot fill polygons: the outline is drawn
             Stroke::Thin => (0.7, false),
             Stroke::Thick => (2.0, false),
         };
@@ -118,14 +118,14 @@ where
     Ok(())
 }
 
-/// The colours are made for paper: before a dark ground greys change sides, and the others are lighter.
+/// Converts a colour for a white ground to the dark ground of the viewer: greys are inverted, other colours lightened.
 fn colour(rgb: [u8; 3]) -> u32 {
     let grey = rgb.iter().max().zip(rgb.iter().min()).is_some_and(|(most, least)| most - least < 30);
     let [r, g, b] = rgb.map(|x| if grey { (255 - x).saturating_add(24) } else { x + (255 - x) / 3 });
     u32::from_be_bytes([r, g, b, 0xff])
 }
 
-/// The names of the marks; those of a heap stand together at its first.
+/// The labels of the marks; the names of marks near to each other are joined at the first of them.
 fn labels<const D: usize>(diagram: &Diagram<D>) -> Vec<String> {
     let size = diagram.window.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
     let near = |a: &Mark<D>, b: &Mark<D>| a.at.iter().zip(&b.at).all(|(x, y)| (x - y).abs() < NEAR * size);
@@ -140,10 +140,10 @@ fn labels<const D: usize>(diagram: &Diagram<D>) -> Vec<String> {
     labels
 }
 
-/// Pieces of lines, and points with words.
+/// Pieces of lines, and points with their labels.
 type Axes<P> = (Vec<Vec<P>>, Vec<(P, String)>);
 
-/// Lines through zero along the axes with names at their ends; in the plane, numbers along the window's edge.
+/// The axes through zero with names at their ends; in 2D also numbers along the edge of the window.
 fn axes<const D: usize>(diagram: &Diagram<D>) -> Axes<[f64; D]> {
     let (mut lines, mut words) = (Vec::new(), Vec::new());
     for (k, ([low, high], name)) in diagram.window.iter().zip(&diagram.axes).enumerate() {

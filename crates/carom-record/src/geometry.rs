@@ -1,4 +1,4 @@
-//! What links and surfaces look like: logged once, and only moved afterwards.
+//! Shapes of links and surfaces: logged once; afterwards only their poses change.
 
 use crate::RecordError;
 use crate::bounds::{Bounds, quaternion, xyz};
@@ -11,14 +11,14 @@ use carom_sim::Surface;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
 
-/// Links take turns with these.
+/// Colours of the links, in turn.
 const LINKS: [u32; 3] = [0x4e79_a7ff, 0xa0cb_e8ff, 0x7f8f_a9ff];
 const BONE: u32 = 0xd0d7_e2ff;
 const JOINT: u32 = 0xf2f4_f8ff;
 const SURFACE: u32 = 0x8a93_a3ff;
 const GRID: u32 = 0xb6bd_c9ff;
 
-/// An entity below `world`, whatever is in the name.
+/// The entity `/world/group/name`; the name may hold any character.
 pub(crate) fn entity(group: &str, name: &str) -> EntityPath {
     EntityPath::new(["world", group, name].map(EntityPathPart::new).to_vec())
 }
@@ -27,7 +27,7 @@ fn part(of: &EntityPath, name: String) -> EntityPath {
     of.join(&EntityPath::from_single_string(name))
 }
 
-/// A link whose pose is logged as it moves.
+/// A link whose pose is logged during the motion.
 pub(crate) struct Drawn {
     pub frame: FrameId,
     pub path: EntityPath,
@@ -35,7 +35,7 @@ pub(crate) struct Drawn {
 
 /// Draws all links in their own axes, and returns those that may move.
 ///
-/// Bones, from each link's origin to those of its child joints, show what has no shape of its own.
+/// Lines from the origin of each link to those of its child joints (bones) show links without a shape.
 pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64) -> Result<Vec<Drawn>, RecordError> {
     let mut drawn = Vec::new();
     let (mut workspace, zero) = (chain.workspace(), chain.zero_configuration());
@@ -72,17 +72,18 @@ pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64)
     Ok(drawn)
 }
 
-/// Origins of the child joints of a link, in its axes.
+/// Origins of the child joints of a link in its axes, m.
 fn children(at_zero: &Kinematics<Spatial<f64>>, link: &str) -> Result<Vec<Vector3<f64>>, ChainError> {
-    // At zero a child's frame is that of its joint, for every type of joint.
+    // At the zero configuration the frame of a child link is that of its joint, for every type of joint.
     let (chain, kin) = (at_zero.chain(), at_zero);
     let into = kin.pose(chain.frame(link)?).inverse();
-    // Links that a reduction has left out have no frame.
+    // Links that a reduction has removed have no frame.
     let joints = chain.joints().iter().filter(|joint| joint.parent == link);
     Ok(joints.filter_map(|joint| chain.frame(&joint.child).ok()).map(|f| into.point(kin.pose(f).translation)).collect())
 }
 
-/// Draws all surfaces; half-spaces as a patch as large as the scene, which a planar chain sees from its edge.
+/// Draws all surfaces. A half-space is a rectangular patch of the size of the scene; for a planar chain, a strip seen from its
+/// edge.
 pub(crate) fn surfaces(
     sink: &Sink,
     surfaces: &[Surface],
@@ -120,7 +121,7 @@ fn half_space(
 ) -> Result<(), RecordError> {
     let size = bounds.size();
     let middle = bounds.centre() - normal * normal.dot(&(bounds.centre() - point));
-    // Seen from the edge, a patch that comes towards the eye would hide what is behind it: there it is a strip.
+    // For a planar chain the surface is seen from its edge, where a deep patch would hide the chain: a strip is drawn.
     let strip = plane.filter(|plane| plane.normal.dot(&normal).abs() < 1e-6);
     let (rotation, depth) = match strip {
         Some(plane) => (Matrix3::from_columns(&[plane.normal.cross(&normal), plane.normal, normal]), 0.03),
@@ -134,7 +135,7 @@ fn half_space(
     );
     fixed(sink, path, &slab.with_colors([SURFACE]).with_fill_mode(FillMode::Solid))?;
     if strip.is_none() {
-        // Just above, so that the lines are not lost in the slab's face.
+        // Just above the slab, so that its face does not hide the lines.
         let at = |x: f64, y: f64| xyz(Vector3::new(x, y, 0.001 * size));
         let lines = (-5..=5).map(|k| f64::from(k) / 5.0);
         let lines =
@@ -149,7 +150,7 @@ fn place(sink: &Sink, path: &EntityPath, pose: &Pose<Spatial<f64>>) -> Result<()
     fixed(sink, path, &transform(pose))
 }
 
-/// A pose, and nothing else of a transform.
+/// A transform of the viewer with the rotation and translation of a pose.
 pub(crate) fn transform(pose: &Pose<Spatial<f64>>) -> rerun::Transform3D {
     rerun::Transform3D::update_fields().with_translation(xyz(pose.translation)).with_quaternion(quaternion(pose))
 }
@@ -162,7 +163,7 @@ fn solid(sink: &Sink, path: &EntityPath, solid: &Solid, colour: u32) -> Result<(
             fixed(sink, path, &ball.with_colors([colour]).with_fill_mode(fill))
         }
         Solid::Capsule { radius, half_length } => {
-            // The viewer's capsules start at their first end.
+            // The origin of the viewer's capsules is at one end.
             let start = [0.0, 0.0, -*half_length as f32];
             let capsule = rerun::Capsules3D::from_lengths_and_radii([2.0 * *half_length as f32], [*radius as f32]);
             fixed(sink, path, &capsule.with_translations([start]).with_colors([colour]).with_fill_mode(fill))
@@ -175,7 +176,7 @@ fn solid(sink: &Sink, path: &EntityPath, solid: &Solid, colour: u32) -> Result<(
             let cuboid = rerun::Boxes3D::from_half_sizes([xyz(*half)]);
             fixed(sink, path, &cuboid.with_colors([colour]).with_fill_mode(fill))
         }
-        // Hulls come from meshes, which are drawn as they are.
+        // Hulls come from meshes, which are drawn as meshes.
         Solid::Hull(hull) => {
             let corners = rerun::Points3D::new(hull.vertices().iter().map(|v| xyz(*v)));
             fixed(sink, path, &corners.with_colors([colour]))
@@ -183,7 +184,7 @@ fn solid(sink: &Sink, path: &EntityPath, solid: &Solid, colour: u32) -> Result<(
     }
 }
 
-/// Triangles with their own corners, so that each has its own normal and the edges are seen.
+/// Draws triangles with separate corners and normals, so that their edges are visible.
 fn mesh(sink: &Sink, path: &EntityPath, mesh: &Mesh, colour: u32) -> Result<(), RecordError> {
     let corners = |triangle: &[u32; 3]| triangle.map(|k| mesh.vertices()[k as usize]);
     let triangles: Vec<[Vector3<f64>; 3]> = mesh.triangles().iter().map(corners).collect();
@@ -194,7 +195,7 @@ fn mesh(sink: &Sink, path: &EntityPath, mesh: &Mesh, colour: u32) -> Result<(), 
     fixed(sink, path, &drawn)
 }
 
-/// Logs what holds at all times.
+/// Logs a value that is valid at all times.
 pub(crate) fn fixed(sink: &Sink, path: &EntityPath, what: &dyn AsComponents) -> Result<(), RecordError> {
     sink.rec.log_static(path.clone(), what).map_err(|e| sink.error(e.to_string()))
 }

@@ -1,7 +1,7 @@
-//! The blueprint: which views the viewer opens with.
+//! The blueprint: the views that the viewer opens with.
 //!
-//! It is written entry by entry, as rerun's own builder has no words for the eye of a view in space, for the time that an
-//! entity stays visible and for linked time axes.
+//! It is logged entry by entry, because rerun's blueprint builder cannot set the eye of a 3D view, the visible time range of an
+//! entity, or linked time axes.
 
 use crate::RecordError;
 use crate::bounds::{Eye, xyz};
@@ -12,14 +12,14 @@ use rerun::blueprint::datatypes as datatype;
 use rerun::external::re_log_types::{BlueprintActivationCommand, LogMsg};
 use rerun::external::re_sdk_types::blueprint::archetypes as blueprint;
 
-/// A view, or a row or column of them with their shares of the room.
+/// A view, or a row or column of tiles with their shares of the space.
 pub(crate) enum Tile {
     View(View),
     Row(Vec<(f32, Tile)>),
     Column(Vec<(f32, Tile)>),
 }
 
-/// One view: what shows it, what it shows, and its settings, each at its place below the view.
+/// One view: its class, name, the root of the entities it shows, and its settings with their paths below the view.
 pub(crate) struct View {
     class: &'static str,
     name: String,
@@ -33,7 +33,7 @@ impl View {
     }
 }
 
-/// The scene in space. Of `trails` everything up to now is shown, of the rest the present.
+/// The 3D view of a scene. Entities of `trails` are shown from the start to the cursor, all others at the cursor.
 pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
     let mut view = View::new("3D", name, "/world");
     view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
@@ -53,7 +53,7 @@ pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
     Tile::View(view)
 }
 
-/// A diagram in the plane, as far as its window goes; y up.
+/// The 2D view of a diagram, y up, that shows its window.
 pub(crate) fn plane(name: &str, origin: &'static str, window: [[f64; 2]; 2]) -> Tile {
     let mut view = View::new("2D", name, origin);
     let [[left, right], [low, high]] = window;
@@ -64,7 +64,7 @@ pub(crate) fn plane(name: &str, origin: &'static str, window: [[f64; 2]; 2]) -> 
     Tile::View(view)
 }
 
-/// A diagram in space.
+/// The 3D view of a diagram.
 pub(crate) fn diagram_in_space(name: &str, origin: &'static str, eye: &Eye) -> Tile {
     let mut view = View::new("3D", name, origin);
     view.settings.push(("EyeControls3D".into(), Box::new(controls(eye))));
@@ -82,7 +82,7 @@ fn controls(eye: &Eye) -> blueprint::EyeControls3D {
     blueprint::EyeControls3D::new().with_position(position).with_look_target(target).with_eye_up(up)
 }
 
-/// Numbers over time; all of these views keep to one time axis. `legend`: names beside the colours.
+/// Time series; all of these views share one time axis. `legend`: whether the names of the lines are shown.
 pub(crate) fn series(name: &str, origin: &'static str, legend: bool) -> Tile {
     let mut view = View::new("TimeSeries", name, origin);
     let axis = blueprint::TimeAxis::new().with_link(part::LinkAxis::LinkToGlobal);
@@ -91,16 +91,16 @@ pub(crate) fn series(name: &str, origin: &'static str, legend: bool) -> Tile {
     Tile::View(view)
 }
 
-/// Spans of named states.
+/// Named states over time.
 pub(crate) fn states(name: &str, origin: &'static str) -> Tile {
     Tile::View(View::new("StateTimeline", name, origin))
 }
 
-/// What happened, line by line.
+/// The list of events.
 pub(crate) fn log(name: &str, origin: &'static str) -> Tile {
     use datatype::TextLogColumnKind::{Body, EntityPath, LogLevel};
     let mut view = View::new("TextLog", name, origin);
-    // One entity, one level; the words begin with the time.
+    // The columns for entity, level and time are hidden: there is one entity and one level, and the text begins with the time.
     let columns = [(EntityPath, false), (LogLevel, false), (Body, true)];
     let columns = columns.map(|(kind, visible)| datatype::TextLogColumn { visible: visible.into(), kind });
     let time = datatype::TimelineColumn { visible: false.into(), timeline: "time".into() };
@@ -109,15 +109,15 @@ pub(crate) fn log(name: &str, origin: &'static str) -> Tile {
     Tile::View(view)
 }
 
-/// A page of text.
+/// A text page.
 pub(crate) fn text(name: &str, origin: &'static str) -> Tile {
     Tile::View(View::new("TextDocument", name, origin))
 }
 
-/// Sends a layout; the cursor follows the newest time, and a replay takes `speed` seconds per second.
+/// Sends a layout. The cursor follows the newest time; a replay shows `speed` seconds of the recording per second.
 ///
 /// # Errors
-/// What the recorder says.
+/// [`RecordError`] of the recorder.
 pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordError> {
     let told = || -> rerun::RecordingStreamResult<Vec<LogMsg>> {
         let (rec, messages) = rerun::RecordingStreamBuilder::new(APPLICATION)
@@ -149,14 +149,14 @@ pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordErr
     Ok(())
 }
 
-/// Writes tiles under numbers of their own.
+/// Logs tiles, each under a number of its own.
 struct Page<'a> {
     rec: &'a rerun::RecordingStream,
     count: u8,
 }
 
 impl Page<'_> {
-    /// Where the tile is written, and its number.
+    /// Logs a tile; returns its path and its number.
     fn tile(&mut self, tile: &Tile) -> rerun::RecordingStreamResult<(String, [u8; 16])> {
         let (kind, tiles) = match tile {
             Tile::View(view) => return self.view(view),
@@ -189,7 +189,7 @@ impl Page<'_> {
         Ok((path, number))
     }
 
-    /// The next number, in the form of a UUID, which is what the viewer knows views and containers by.
+    /// The next number, also in the form of a UUID, by which the viewer identifies views and containers.
     fn number(&mut self, kind: &str) -> (String, [u8; 16]) {
         self.count += 1;
         let mut number = [0; 16];

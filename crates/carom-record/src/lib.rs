@@ -1,8 +1,8 @@
-//! Recordings for the Rerun viewer: rerun stops here, none of its types is in a public signature.
+//! Recordings of scenes, impacts and impact maps for the Rerun viewer. No type of `rerun` is in a public signature.
 //!
-//! A recording shows what the numbers mean: links, tip path, wall, impulse and velocity arrows, on the exact time of the
-//! impact (both sides of the jump at that time), with a blueprint that opens on the whole. Recordings are made anew, never
-//! kept: the format promises no compatibility.
+//! A recording of a motion holds links, surfaces, the path of the tip, arrows for impulses, and time series; the state at an
+//! impact is logged twice at its exact time, before and after the jump. Every recording has a blueprint, the layout that the
+//! viewer opens with. The format of Rerun is not compatible between versions: write recordings anew instead of keeping them.
 
 mod bounds;
 mod diagrams;
@@ -23,36 +23,36 @@ pub use target::Target;
 
 use std::path::PathBuf;
 
-/// Why a recording could not be written.
+/// Errors of writing a recording.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
-    /// The chain refuses.
+    /// The chain refuses a configuration, a link name or a velocity.
     #[error(transparent)]
     Chain(#[from] carom_chain::ChainError),
-    /// A shape can't be used.
+    /// A collision shape or mesh cannot be used.
     #[error(transparent)]
     Contact(#[from] carom_contact::ContactError),
-    /// A map can't be shown.
+    /// A map cannot be recorded; the message gives the reason.
     #[error("{0}")]
     Map(String),
-    /// A viewer can't be reached or started.
-    #[error("the viewer can't be used: {reason}")]
+    /// The viewer cannot be reached or started, or does not answer.
+    #[error("the viewer cannot be used: {reason}")]
     Viewer {
-        /// What the recorder said.
+        /// Message of the recorder or of the system.
         reason: String,
     },
-    /// The file can't be written.
-    #[error("{}: the recording can't be written: {reason}", path.display())]
+    /// The file cannot be written.
+    #[error("{}: the recording cannot be written: {reason}", path.display())]
     Unwritable {
         /// The file.
         path: PathBuf,
-        /// What the system or the recorder said.
+        /// Message of the system or of the recorder.
         reason: String,
     },
 }
 
-/// The nearest of 1, 2, 5, 10, … below.
+/// The largest number of the series …, 1, 2, 5, 10, … that is not above `scale`.
 fn round(scale: f64) -> f64 {
     let ten = 10.0_f64.powf(scale.log10().floor());
     [5.0, 2.0, 1.0].into_iter().map(|k| k * ten).find(|step| *step <= scale).unwrap_or(ten)

@@ -1,8 +1,8 @@
-//! The recording of an impact map: the map as images, its rows as points where the tip is, and the arm in poses of the map,
-//! chosen on the timeline `row`.
+//! The recording of an impact map: the map as images, its rows as points at the positions of the tip, and poses of the arm on
+//! the timeline `row`.
 //!
-//! `/map/k`: image k; `/map/k/here`: where the row of the timeline is on it. `/workspace/k`: the same rows in space.
-//! `/arm`: the pose. `/legend`: the colours in words and numbers.
+//! `/map/k`: image k; `/map/k/here`: the pixel of the row on the timeline. `/workspace/k`: the same rows as points in space.
+//! `/arm`: the pose of the row. `/legend`: the meaning of the colours.
 
 use crate::RecordError;
 use crate::target::{Sink, Target};
@@ -12,9 +12,9 @@ use carom_study::{Study, StudyError};
 use rerun::blueprint as view;
 use rerun::blueprint::components::PanelState;
 
-/// Most rows of a recording: each is a point.
+/// Largest number of rows of a recording; each row is a point.
 const MOST: usize = 1 << 20;
-/// About as many poses are recorded, spread evenly over the rows that have one.
+/// Approximate number of recorded poses, spread evenly over the rows that have one.
 const POSES: usize = 400;
 const ARM: u32 = 0xe8ec_f0ff;
 const HERE: u32 = 0xffff_ffff;
@@ -22,12 +22,12 @@ const HERE: u32 = 0xffff_ffff;
 /// Records one column of a whole map.
 ///
 /// # Errors
-/// [`RecordError`]: what [`Study::values`] refuses, a map of over 2²⁰ rows, a file or a viewer that can't be written to.
+/// [`RecordError`]: an error of [`Study::values`], a map of more than 2²⁰ rows, a file or a viewer that cannot be used.
 pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), RecordError> {
     let values = study.values(column)?;
     if values.rows.len() > MOST {
         return Err(RecordError::Map(format!(
-            "a recording of {} rows: {MOST} is the most, give the axes fewer values",
+            "the map has {} rows: a recording holds {MOST} at most, give the axes fewer values",
             values.rows.len()
         )));
     }
@@ -87,7 +87,7 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
 
     let layout = view::Horizontal::new([
         view::Vertical::new(images).into(),
-        view::Spatial3DView::new("the tip's places, and the arm").with_contents(["/workspace/**", "/arm"]).into(),
+        view::Spatial3DView::new("positions of the tip, and the arm").with_contents(["/workspace/**", "/arm"]).into(),
         view::TextDocumentView::new("colours").with_origin("legend").into(),
     ])
     .with_column_shares([3.0, 3.0, 1.0]);
@@ -109,14 +109,14 @@ impl From<StudyError> for RecordError {
     }
 }
 
-/// Where the tip of a row is, if it has a pose.
+/// The position of the tip in a row, m; `None` for a row without a pose.
 fn tip(evaluator: &mut Evaluator, row: u64) -> Option<[f32; 3]> {
     let q = evaluator.pose(row)?;
     let tip = evaluator.tip(&q)?;
     Some([tip.x as f32, tip.y as f32, tip.z as f32])
 }
 
-/// A line from each joint's parent link to its child link.
+/// Lines from the origin of each joint's parent link to that of its child link, m.
 fn links(chain: &Chain, workspace: &mut Workspace<Spatial<f64>>, q: &[f64]) -> Result<Vec<[[f32; 3]; 2]>, RecordError> {
     let kin = workspace.update(chain, q)?;
     let place = |link: &str| -> Result<[f32; 3], RecordError> {
@@ -127,7 +127,7 @@ fn links(chain: &Chain, workspace: &mut Workspace<Spatial<f64>>, q: &[f64]) -> R
     ends.map(|joint| Ok([place(&joint.parent)?, place(&joint.child)?])).collect()
 }
 
-/// The colours in words and numbers.
+/// The meaning of the colours, as Markdown.
 fn legend(values: &Values) -> String {
     let mut text = format!("## {}\n\n", values.label);
     if values.words.is_empty() {

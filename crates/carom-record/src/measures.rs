@@ -1,4 +1,4 @@
-//! The numbers that are shown over time, and their names.
+//! The time series of a recording: values and names.
 
 use crate::RecordError;
 use crate::geometry::fixed;
@@ -10,7 +10,7 @@ use carom_sim::{Scene, Simulation, Surface};
 use nalgebra::Vector3;
 use rerun::components::AggregationPolicy;
 
-/// Lines take turns with these.
+/// Colours of the lines, in turn.
 const LINES: [u32; 8] =
     [0x4e9b_e8ff, 0xf28e_2bff, 0x59c1_7aff, 0xe157_59ff, 0xb07a_a1ff, 0xedc9_48ff, 0x76b7_b2ff, 0xff9d_a7ff];
 
@@ -20,18 +20,18 @@ pub(crate) const TIP: &str = "series/tip";
 pub(crate) const ENERGY: &str = "series/energy";
 pub(crate) const GAP: &str = "series/gap";
 
-/// The link that is watched.
+/// The tip, whose velocity is shown.
 pub(crate) struct Tip {
     pub point: Point<Spatial<f64>>,
-    /// Its velocity's components: name and direction.
+    /// Components of its velocity: name and direction.
     axes: Vec<(&'static str, Vector3<f64>)>,
 }
 
-/// What is measured of a chain in motion.
+/// The values that are computed from each state of a chain.
 pub(crate) struct Measures {
     gravity: Vector3<f64>,
     pub tip: Option<Tip>,
-    /// Pairs that may touch: a shape, and the index of the surface.
+    /// Pairs that may touch: the shape of a link and the index of the surface.
     pairs: Vec<(LinkShape, usize)>,
     pub surfaces: Vec<Surface>,
 }
@@ -64,12 +64,12 @@ impl Measures {
         Ok(Self { gravity: sim.gravity, tip, pairs, surfaces: scene.surfaces.clone() })
     }
 
-    /// Whether any link may touch anything.
+    /// Whether any link may touch a surface.
     pub fn has_gaps(&self) -> bool {
         !self.pairs.is_empty()
     }
 
-    /// Names and colours of all lines.
+    /// Logs the names and colours of all lines.
     pub fn name(&self, sink: &Sink, chain: &Chain) -> Result<(), RecordError> {
         let [position, velocity] = coordinates(chain);
         let tip = self.tip.iter().flat_map(|tip| &tip.axes).map(|(name, _)| (*name).to_owned());
@@ -85,19 +85,19 @@ impl Measures {
         ] {
             let colours = (0..names.len()).map(|k| LINES[k % LINES.len()]);
             let style = rerun::SeriesLines::new().with_colors(colours).with_widths(vec![1.8; names.len()]);
-            // Means of what is near in time would blunt the jumps.
+            // Without aggregation, since means over time would smooth the jumps.
             let style = style.with_names(names).with_aggregation_policy(AggregationPolicy::Off);
             fixed(sink, &entity.into(), &style)?;
         }
         Ok(())
     }
 
-    /// Surfaces that something may touch.
+    /// Indices of the surfaces that a link may touch.
     fn near(&self) -> impl Iterator<Item = usize> {
         (0..self.surfaces.len()).filter(|k| self.pairs.iter().any(|(_, near)| near == k))
     }
 
-    /// All numbers at one state: entity and values.
+    /// All values at one state: entity and numbers (rad or m, rad/s or m/s, J).
     pub fn at(
         &self,
         kin: &mut Kinematics<Spatial<f64>>,
@@ -130,13 +130,13 @@ impl Measures {
 
     fn gap(&self, kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, surface: &Surface, time: f64) -> f64 {
         let mut pose = kin.pose(shape.frame());
-        // As the surface sees it, which may have moved.
+        // The gap is computed in the axes of the surface, which may have moved.
         pose.translation -= surface.motion.map_or(Vector3::zeros(), |motion| motion.at(time)[0]);
         gap(shape, &pose, &surface.obstacle).distance
     }
 }
 
-/// Along and off the first half-space, else the world's axes.
+/// Directions for the velocity of the tip: normal and tangents of the first half-space, else the axes of the plane or world.
 fn axes(surfaces: &[Surface], plane: Option<&Plane>) -> Vec<(&'static str, Vector3<f64>)> {
     let normal = |obstacle: &Obstacle| match obstacle.surface() {
         Form::HalfSpace { normal, .. } => Some(*normal),
@@ -156,7 +156,7 @@ fn axes(surfaces: &[Surface], plane: Option<&Plane>) -> Vec<(&'static str, Vecto
     }
 }
 
-/// Names of all entries of q and of qd.
+/// Names of all entries of q and qd.
 fn coordinates(chain: &Chain) -> [Vec<String>; 2] {
     let (mut q_names, mut v_names) = (vec![String::new(); chain.nq()], vec![String::new(); chain.nv()]);
     let alone = chain.joints().len() == 1;

@@ -1,6 +1,6 @@
-//! The recording of the two-link experiment: both elbows beside each other, from free motion into the impact and out of it.
+//! The recording of the two-link experiment: both elbow poses, from the free motion before the impact to that after it.
 //!
-//! Per elbow: `/up/map` (where would the tip reverse?), `/up/wall`, `/up/links`, `/up/path/…`,
+//! Per elbow pose: `/up/map` (where the tip would reverse), `/up/wall`, `/up/links`, `/up/path/…`,
 //! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
 use crate::RecordError;
@@ -14,14 +14,14 @@ use rerun::blueprint as view;
 use rerun::blueprint::components::PanelState;
 use std::path::Path;
 
-/// What is shown of one elbow.
+/// Data of one elbow pose.
 #[derive(Debug, Clone)]
 pub struct Side {
     /// The impact.
     pub run: Run,
-    /// Free motion into the impact, times from the first to 0.
+    /// Free motion before the impact; the last time is 0 s.
     pub before: Vec<Moment>,
-    /// Free motion out of it, times from 0 to the last.
+    /// Free motion after the impact; the first time is 0 s.
     pub after: Vec<Moment>,
     /// v_t⁺/v_t⁻ over the workspace.
     pub map: Vec<MapPoint>,
@@ -34,19 +34,20 @@ const JOINT: u32 = 0xffff_ffff;
 const BEFORE: u32 = 0x1f78_b4ff;
 const AFTER: u32 = 0xe31a_1cff;
 const IMPULSE: u32 = 0xff7f_00ff;
-/// Metres on the screen for one N s and for one m/s.
+/// Length of the arrow of 1 N s, m.
 const IMPULSE_SCALE: f64 = 0.5;
+/// Length of the arrow of 1 m/s, m.
 const VELOCITY_SCALE: f64 = 0.8;
 
-/// Writes the recording beside `path` and then moves it there.
+/// Writes the recording under a temporary name and then renames it to `path`; `table` is its page of Markdown.
 ///
 /// # Errors
-/// [`RecordError`].
+/// [`RecordError::Chain`] for a chain without the links of planar2, [`RecordError::Unwritable`].
 pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), RecordError> {
     let unwritable = |reason: String| RecordError::Unwritable { path: path.to_owned(), reason };
     let partial = path.with_extension("rrd.part");
     write(chain, sides, table, &partial).map_err(|trouble| {
-        let _ = std::fs::remove_file(&partial); // what there is of it helps nobody
+        let _ = std::fs::remove_file(&partial); // an incomplete recording cannot be opened
         match trouble {
             Trouble::Chain(error) => RecordError::Chain(error),
             Trouble::Recorder(reason) => unwritable(reason),
@@ -55,7 +56,7 @@ pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -
     std::fs::rename(&partial, path).map_err(|e| unwritable(e.to_string()))
 }
 
-/// What can go wrong in between; rerun's errors become words here.
+/// Errors while writing, without types of rerun.
 enum Trouble {
     Chain(ChainError),
     Recorder(String),
@@ -97,7 +98,7 @@ fn finish(rec: &RecordingStream, table: &str) -> Result<(), Trouble> {
         }
     }
     let arm = |elbow: &str| {
-        view::Spatial2DView::new(format!("{elbow}-elbow: the map says where the tip would reverse"))
+        view::Spatial2DView::new(format!("{elbow}-elbow: map of the tangential velocity ratio (red: the tip reverses)"))
             .with_origin(elbow.to_owned())
             .with_contents([format!("/{elbow}/**")])
     };
@@ -131,14 +132,14 @@ fn finish(rec: &RecordingStream, table: &str) -> Result<(), Trouble> {
     Ok(())
 }
 
-/// Draws in the chain's plane, y up.
+/// Draws in the plane of the chain, y up.
 struct Pen<'a> {
     rec: &'a RecordingStream,
     chain: &'a Chain,
     workspace: Workspace<Spatial<f64>>,
 }
 
-/// The viewer's y points down.
+/// Coordinates of the viewer, whose y axis points down.
 fn screen(p: Vector2<f64>) -> [f32; 2] {
     [p.x as f32, -p.y as f32]
 }
@@ -159,7 +160,7 @@ impl Pen<'_> {
         rec.log_static(at("map"), &map_points(side))?;
         rec.log_static(at("wall"), &wall(tip))?;
 
-        // The tip's path, and the arm where it comes from and where it goes.
+        // The path of the tip, and the arm at the first and the last sample.
         for (name, samples, colour) in [("before", &side.before, BEFORE), ("after", &side.after, AFTER)] {
             let path: Result<Vec<_>, _> = samples.iter().map(|s| Ok(screen(self.joints(&s.q)?[2]))).collect();
             let path = strips([path.map_err(Trouble::Chain)?], colour, 0.003).with_draw_order(35.0);
@@ -180,7 +181,7 @@ impl Pen<'_> {
             rec.log_static(at(&format!("velocity/{name}")), &velocity)?;
         }
 
-        // The viewer's clock starts at 0. The impact has two sides at one time: both are logged.
+        // Times of the viewer start at 0. At the impact the states before and after are logged at the same time.
         let start = side.before.first().map_or(0.0, |s| s.time);
         for sample in side.before.iter().chain(&side.after) {
             rec.set_duration_secs("time", sample.time - start);
@@ -189,7 +190,7 @@ impl Pen<'_> {
         Ok(())
     }
 
-    /// The arm and its velocities at one time.
+    /// Logs the arm, the velocities of the tip and the energy at one time.
     fn moment(&mut self, elbow: &str, sample: &Moment) -> Result<(), Trouble> {
         let arm = self.joints(&sample.q)?.map(screen);
         let tip = self.chain.point(self.chain.frame("tip")?, Vector3::zeros());
@@ -222,7 +223,7 @@ fn arrow(from: Vector2<f64>, along: Vector2<f64>, colour: u32) -> rerun::Arrows2
         .with_radii([0.005])
 }
 
-/// Red: reverses; grey-blue: shrinks; yellow to orange: grows.
+/// Points of the map by their ratio of tangential velocities. Red: reverses; grey-blue: shrinks; yellow to orange: grows.
 fn map_points(side: &Side) -> rerun::Points2D {
     let colour = |ratio: f64| -> u32 {
         let mix = |a: [f64; 3], b: [f64; 3], x: f64| {

@@ -5,13 +5,13 @@
 //! | `/world/links/…` | the links' shapes, once; their poses |
 //! | `/world/surfaces/…` | the surfaces; the displacement of those that move |
 //! | `/world/tip` | the tip's path, piece by piece |
-//! | `/world/contacts`, `/world/impulses`, `/world/impulse` | where impulses acted, all of them as arrows, the last one's value |
+//! | `/world/contacts`, `/world/impulses`, `/world/impulse` | points at which impulses acted, arrows of the impulses, size of the last one |
 //! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps |
-//! | `/contact` | the mode of contact, as spans |
-//! | `/events` | what happened, in words |
-//! | `/run` | how it ended |
+//! | `/contact` | the mode of contact over time |
+//! | `/events` | the events, as text |
+//! | `/run` | summary of the run |
 //!
-//! Numbers stand on exact times: an event's twice, before and after. Nothing is kept that grows with the run's length.
+//! Values are logged at exact times, at an event twice: before and after. Memory does not grow with the length of the run.
 
 use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, entity, fixed, transform};
@@ -37,14 +37,15 @@ const MODES: [(&str, u32); 5] = [
     ("latched", 0xb07a_a1ff),
     ("several", 0x59a1_4fff),
 ];
-/// A replay takes about so long, s.
+/// Duration of a replay, s, at most real time.
 const REPLAY: f64 = 8.0;
-/// The greatest impulse is drawn as long as this share of the scene.
+/// Length of the arrow of the largest impulse, as a share of the size of the scene.
 const ARROW: f64 = 0.3;
-/// A file waits for so many events with impulses before their scale is fixed; none later is drawn longer than three times.
+/// Number of events with impulses after which a file fixes the scale of the arrows; later arrows are cut at three times the
+/// length.
 const HELD: usize = 1000;
 
-/// A recording on its way; [`SceneRecorder::see`] takes what a run hands out.
+/// A recording that is being written; [`SceneRecorder::see`] records what a run reports.
 pub struct SceneRecorder {
     sink: Sink,
     live: bool,
@@ -59,13 +60,13 @@ pub struct SceneRecorder {
     outline: Outline,
     bounds: Bounds,
     duration: f64,
-    /// Size of the scene at the start, m: pieces of the path and arrows go by it.
+    /// Size of the scene at the start, m, which scales arrows and the pieces of the path.
     size: f64,
-    /// Metres for one N s, once it is fixed.
+    /// Length of the arrow of 1 N s, m, once it is fixed.
     arrow: Option<f64>,
-    /// Impulses that wait for it, each with its time.
+    /// Impulses that are not yet drawn, with their times, until the scale is fixed.
     held: Vec<(f64, Vec<Blow>)>,
-    /// Where the tip's path ends so far.
+    /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
     mode: Option<&'static str>,
     counts: BTreeMap<&'static str, usize>,
@@ -75,10 +76,10 @@ pub struct SceneRecorder {
 }
 
 impl SceneRecorder {
-    /// Opens the recording of a scene that runs as planned, and draws what there is before anything moves.
+    /// Opens the recording of a scene that runs by `plan`, and logs the links, the surfaces and the start.
     ///
     /// # Errors
-    /// [`RecordError`].
+    /// [`RecordError`]: a file or viewer that cannot be used, a mesh that cannot be read.
     pub fn begin(target: &Target, scene: &Scene, plan: &Plan) -> Result<Self, RecordError> {
         let sim = &plan.simulation;
         let chain = sim.chain.clone();
@@ -125,7 +126,7 @@ impl SceneRecorder {
         Ok(recorder)
     }
 
-    /// Records what a run hands out. The first error is kept for [`SceneRecorder::finish`], and ends the recording.
+    /// Records what a run reports. The first error ends the recording; [`SceneRecorder::finish`] returns it.
     pub fn see(&mut self, seen: Seen) {
         if self.failed.is_none() {
             let done = match seen {
@@ -137,7 +138,7 @@ impl SceneRecorder {
         }
     }
 
-    /// Records how the run ended, and closes. A file is in its place only after this.
+    /// Records the summary of the run and closes. A file has its own name only after this.
     ///
     /// # Errors
     /// The first error of the whole recording.
@@ -150,7 +151,7 @@ impl SceneRecorder {
         self.state(*time, (q, qd), true)?;
         let page = summary::markdown(&self.chain, summary, &self.counts, self.arrow);
         fixed(&self.sink, &"run".into(), &rerun::TextDocument::from_markdown(page))?;
-        // Only now it is known how far everything went.
+        // Half-spaces are drawn again, now that the extent of the motion is known.
         geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
         if !self.live {
             self.show()?;
@@ -158,7 +159,7 @@ impl SceneRecorder {
         self.sink.finish()
     }
 
-    /// What is there once.
+    /// Logs the world's axes, the surfaces and the names of the modes.
     fn begin_world(&mut self) -> Result<(), RecordError> {
         let up = xyz(self.up());
         let axes = Matrix3::<f64>::identity();
@@ -174,14 +175,14 @@ impl SceneRecorder {
         fixed(&self.sink, &"contact".into(), &modes.with_colors(MODES.map(|(_, colour)| colour)))
     }
 
-    /// Against gravity; without it z, or what is up in the chain's plane.
+    /// The upward direction: against gravity; without gravity z, or the second axis of the chain's plane.
     fn up(&self) -> Vector3<f64> {
         let in_plane = |v: Vector3<f64>| self.plane.map_or(v, |plane| v - plane.normal * plane.normal.dot(&v));
         let up = in_plane(-self.gravity).try_normalize(1e-9);
         up.unwrap_or_else(|| self.plane.map_or_else(Vector3::z, |plane| plane.y))
     }
 
-    /// A planar chain is seen squarely, the others from above one side.
+    /// The eye: along the plane's normal for a planar chain, else from above and one side.
     fn eye(&self) -> Eye {
         let up = self.up();
         let from = self.plane.map_or_else(
@@ -189,7 +190,7 @@ impl SceneRecorder {
                 let mut from = z_onto(up) * Vector3::new(0.45, -0.8, 0.4);
                 for surface in &self.measures.surfaces {
                     if let Form::HalfSpace { normal, .. } = surface.obstacle.surface() {
-                        // From outside of what is solid.
+                        // Keeps the eye outside the half-space.
                         from += normal * (0.25 - normal.dot(&from)).max(0.0);
                     }
                 }
@@ -204,8 +205,8 @@ impl SceneRecorder {
     fn show(&self) -> Result<(), RecordError> {
         let eye = self.eye();
         let scene = layout::space(self.chain.name(), &eye, &["/world/tip", "/world/contacts", "/world/impulses"]);
-        let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("the run", "/run"))]);
-        // Names once, beside the calmer curves, where each velocity is its position's.
+        let words = Tile::Row(vec![(3.0, layout::log("events", "/events")), (2.0, layout::text("summary", "/run"))]);
+        // Where positions and velocities have the same names, only the positions have a legend.
         let alike = self.chain.nq() == self.chain.nv();
         let mut plots = vec![
             layout::series("joint velocities (rad/s, m/s)", "/series/velocity", !alike),
@@ -229,7 +230,7 @@ impl SceneRecorder {
         layout::send(&self.sink, &root, (self.duration / REPLAY).min(1.0))
     }
 
-    /// The chain and all numbers at a time; `moved`: not only its velocity.
+    /// Logs the poses and all values at a time; `moved`: whether the configuration has changed too.
     fn state(&mut self, time: f64, (q, qd): (&[f64], &[f64]), moved: bool) -> Result<(), RecordError> {
         self.time = time;
         self.sink.rec.set_duration_secs("time", time);
@@ -272,7 +273,7 @@ impl SceneRecorder {
         now(&self.sink, "events".into(), &words)?;
         match &event.kind {
             EventKind::Mode { mode } => self.enter(mode.name())?,
-            // What lasts after an impact says so in an event of its own.
+            // A contact that lasts after an impact has an event of its own.
             EventKind::Impact { .. } | EventKind::LiftOff { .. } | EventKind::Limit { .. } => self.enter("free")?,
             _ => {}
         }
@@ -293,7 +294,7 @@ impl SceneRecorder {
         Ok(())
     }
 
-    /// Draws the impulses that have waited, to one scale.
+    /// Draws the impulses that are not yet drawn, to one scale.
     fn blows(&mut self) -> Result<(), RecordError> {
         let held = std::mem::take(&mut self.held);
         let greatest = held.iter().flat_map(|(_, blows)| blows).map(|blow| blow.impulse.norm()).fold(0.0, f64::max);
@@ -308,9 +309,9 @@ impl SceneRecorder {
         Ok(())
     }
 
-    /// Arrows for the impulses of one event, and in words how large they are.
+    /// Draws the arrows of the impulses of one event, and their sizes in N s.
     fn arrows(&self, blows: &[Blow], scale: f64) -> Result<(), RecordError> {
-        // A planar chain's links would hide them: they come before the links, along the lines of sight.
+        // The links of a planar chain would hide the arrows, so these are moved in front of them along the line of sight.
         let eye = self.eye();
         let share = self.plane.map_or(0.0, |plane| {
             let [depth, distance] = [self.bounds.half_depth(&plane.normal), (eye.position - eye.target).norm()];
@@ -323,7 +324,7 @@ impl SceneRecorder {
             let arrow = (impulse * scale).cap_magnitude(longest);
             points.push(xyz(before(*point)));
             arrows.push(xyz(arrow * (1.0 - share)));
-            // What can hardly be seen would only hide the last that can.
+            // Arrows too short to be seen have no label; the last label stays.
             if arrow.norm() > 0.02 * self.size {
                 ends.push(xyz(before(point + arrow)));
                 labels.push(format!("{} N s", summary::short(impulse.norm())));

@@ -1,11 +1,11 @@
-//! Events and the end of a run in words.
+//! Events and the summary of a run as text.
 
 use carom_chain::Chain;
 use carom_sim::{EnergyBooks, Event, EventKind, Statistics, Summary};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// An event in a line; `touches` are the names of all touches.
+/// An event as one line; `touches` are the names of all possible contacts, by index.
 pub(crate) fn words(event: &Event, touches: &[String]) -> String {
     let name = |touch: &usize| touches.get(*touch).map_or("", String::as_str);
     let what = format!("{} s  {}", short(event.time), event.kind.name());
@@ -28,7 +28,7 @@ pub(crate) fn words(event: &Event, touches: &[String]) -> String {
     }
 }
 
-/// The run on a page; `arrow`: metres that stand for one N s.
+/// The summary of a run as Markdown; `arrow`: length of the arrow of 1 N s, m.
 pub(crate) fn markdown(
     chain: &Chain,
     summary: &Summary,
@@ -38,7 +38,7 @@ pub(crate) fn markdown(
     let EnergyBooks { start, end, drive, resistance, impacts } = summary.energy;
     let Statistics { steps, rejections, evaluations, contact_steps, .. } = summary.statistics;
     let mut page = format!(
-        "**{}**, {} degrees of freedom, {} kg; {} s, then {}; stopped by {}\n\n",
+        "**{}**, {} degrees of freedom, {} kg; {} s simulated; contact at the end: {}; end of the run: {}\n\n",
         chain.name(),
         chain.nv(),
         short(chain.total_mass()),
@@ -51,9 +51,9 @@ pub(crate) fn markdown(
     page += "\n\n| energy | J |\n| --- | --- |\n";
     for (what, joules) in [
         ("at the start", start),
-        ("motors", drive),
-        ("damping, friction", resistance),
-        ("impacts", 0.0 - impacts),
+        ("work of the motors", drive),
+        ("work of damping, friction and lasting contacts", resistance),
+        ("change in impacts", 0.0 - impacts),
         ("at the end", end),
     ] {
         page += &format!("| {what} | {} |\n", short(joules));
@@ -74,10 +74,10 @@ fn vector(v: Vector3<f64>) -> String {
     format!("({}, {}, {})", short(v.x), short(v.y), short(v.z))
 }
 
-/// Four digits, for reading.
+/// A number with four significant digits.
 pub(crate) fn short(x: f64) -> String {
     if x == 0.0 || (1e-3..1e5).contains(&x.abs()) {
-        // As many places as four digits need.
+        // Decimals of four significant digits.
         let places = if x == 0.0 { 0.0 } else { (3.0 - x.abs().log10().floor()).clamp(0.0, 6.0) };
         let text = format!("{x:.*}", places as usize);
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }

@@ -1,4 +1,4 @@
-//! Where a recording goes: into a file that is whole or not there at all, or to a viewer.
+//! Destinations of recordings: a file, which is complete or not there, or a viewer.
 
 use crate::RecordError;
 use rerun::external::re_uri::{self, RedapUri};
@@ -6,35 +6,35 @@ use rerun::{RecordingStream, RecordingStreamBuilder};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// What the viewer knows these recordings, and their layout, by.
+/// The application id under which the viewer keeps recordings and their layout.
 pub(crate) const APPLICATION: &str = "carom";
 
-/// Where a recording goes.
+/// Destination of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
-    /// Into a file, written beside its place and moved there when it is whole.
+    /// A file. It is written under a temporary name in the same folder and renamed when it is complete.
     File(PathBuf),
-    /// To a viewer that runs already, at an address like `rerun+http://127.0.0.1:9876/proxy`; `None`: Rerun's default.
+    /// A running viewer at an address like `rerun+http://127.0.0.1:9876/proxy`; `None` is Rerun's default address.
     Connect(Option<String>),
-    /// To a viewer that is started for it: the `rerun` on the PATH.
+    /// A viewer that is started for the recording: the program `rerun` on the PATH.
     Spawn,
 }
 
 impl Target {
-    /// Whether somebody may be looking while the recording grows.
+    /// Whether the recording is shown while it is written.
     pub(crate) fn is_live(&self) -> bool {
         !matches!(self, Self::File(_))
     }
 }
 
-/// A viewer answers within this time, or it is not there.
+/// Longest wait for the viewer's answer when the recording is flushed.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 /// An open recording. Fields are dropped in their order: the stream ends before its file is removed.
 pub(crate) struct Sink {
     pub rec: RecordingStream,
     file: Option<Partial>,
-    /// The viewer has not answered.
+    /// The viewer did not answer in time.
     lost: bool,
 }
 
@@ -42,7 +42,7 @@ impl Sink {
     /// # Errors
     /// [`RecordError::Unwritable`], [`RecordError::Viewer`].
     pub fn open(target: &Target, name: &str) -> Result<Self, RecordError> {
-        // Whoever asks for a recording gets it, whatever the environment variable RERUN says.
+        // A recording that is asked for is made whatever the value of the environment variable RERUN.
         let builder = RecordingStreamBuilder::new(APPLICATION).recording_name(name).enabled(true);
         let viewer = |e: rerun::RecordingStreamError| RecordError::Viewer { reason: e.to_string() };
         match target {
@@ -60,7 +60,7 @@ impl Sink {
         }
     }
 
-    /// What went wrong, with the file's name if it goes into one.
+    /// The error with this reason: of the file if the destination is one, else of the viewer.
     pub fn error(&self, reason: String) -> RecordError {
         match &self.file {
             Some(file) => file.unwritable(reason),
@@ -68,7 +68,7 @@ impl Sink {
         }
     }
 
-    /// Hands over what is left and closes.
+    /// Writes what is buffered and closes the recording.
     ///
     /// # Errors
     /// As [`Self::open`].
@@ -77,7 +77,7 @@ impl Sink {
         self.lost = flushed.is_err();
         flushed?;
         let file = self.file.take();
-        drop(self); // a file gets its last bytes when its stream ends
+        drop(self); // the end of the stream writes the last bytes of the file
         file.map_or(Ok(()), Partial::keep)
     }
 
@@ -92,24 +92,24 @@ impl Sink {
 
 impl Drop for Sink {
     fn drop(&mut self) {
-        // A stream that ends waits for its viewer, for ever if there is none any more: then it never ends.
+        // Dropping a stream waits for its viewer without a time limit: if the viewer does not answer, it is not dropped.
         if self.lost || (self.file.is_none() && self.flush().is_err()) {
             std::mem::forget(self.rec.clone());
         }
     }
 }
 
-/// Rerun would wait for ever for a viewer that does not run.
+/// Checks that a viewer listens at the address, since Rerun waits for it without a time limit.
 fn answers(url: &str) -> Result<(), RecordError> {
     let refuse = |reason: String| RecordError::Viewer { reason: format!("{url}: {reason}") };
     let RedapUri::Proxy(uri) = url.parse().map_err(|e: re_uri::Error| refuse(e.to_string()))? else {
-        return Err(refuse("a viewer's address ends in /proxy".into()));
+        return Err(refuse("the address of a viewer ends in /proxy".into()));
     };
     let address = format!("{}:{}", uri.origin.host, uri.origin.port);
     std::net::TcpStream::connect(address).map(drop).map_err(|e| refuse(e.to_string()))
 }
 
-/// A file on its way.
+/// A file that is being written.
 struct Partial {
     path: PathBuf,
     partial: PathBuf,
@@ -123,7 +123,7 @@ impl Partial {
     }
 
     fn unwritable(&self, reason: String) -> RecordError {
-        // The partial file is nobody's business.
+        // The message names the file itself, not its temporary name.
         let reason = reason.replace(&self.partial.display().to_string(), &self.path.display().to_string());
         RecordError::Unwritable { path: self.path.clone(), reason }
     }
@@ -134,7 +134,7 @@ impl Partial {
 }
 
 impl Drop for Partial {
-    /// What is not kept leaves nothing behind.
+    /// Removes the temporary file unless it was renamed by `keep`.
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.partial);
     }

@@ -1,10 +1,10 @@
-//! Recordings of diagrams: they are there, whole, or there is nothing.
+//! Recordings of diagrams: the file is complete or not there.
 
 use carom_record::{RecordError, Target, record_diagrams};
 use carom_study::{LawPoint, hodograph, impulse_space, routh_diagram};
 use nalgebra::{matrix, vector};
 
-/// A folder of its own, gone afterwards.
+/// A folder of its own, removed when the test ends.
 struct Desk(std::path::PathBuf);
 
 impl Drop for Desk {
@@ -14,7 +14,7 @@ impl Drop for Desk {
 }
 
 #[test]
-fn diagrams_of_an_impact_give_a_file_or_a_message() {
+fn diagrams_of_an_impact_are_recorded_or_refused_with_the_file_named() {
     let desk = Desk(std::env::temp_dir().join(format!("carom-record-diagrams-{}", std::process::id())));
     std::fs::create_dir_all(&desk.0).unwrap();
     let h = matrix![2.0, 0.3, 0.5; 0.3, 1.5, -0.4; 0.5, -0.4, 1.2];
@@ -25,7 +25,7 @@ fn diagrams_of_an_impact_give_a_file_or_a_message() {
     record_diagrams(&Target::File(path.clone()), &plane, Some(&space), "words").unwrap();
     let file = std::fs::read(&path).unwrap();
     assert!(file.starts_with(b"RRF2"));
-    // The format packs what it holds: that the space is in it shows in its size.
+    // The format is compressed, so the presence of the 3D diagram is checked by the size of the file.
     record_diagrams(&Target::File(path.clone()), &plane, None, "words").unwrap();
     assert!(std::fs::metadata(&path).unwrap().len() + 10_000 < file.len() as u64);
 

@@ -1,4 +1,4 @@
-//! Recordings of impact maps: they are there, whole, or there is nothing.
+//! Recordings of impact maps: the file is complete or not there.
 
 use carom_record::{RecordError, Target, record_map};
 use carom_study::Study;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A folder of its own for each test, gone afterwards.
+/// A folder of its own for each test, removed when the test ends.
 struct Desk(PathBuf);
 
 impl Desk {
@@ -16,7 +16,7 @@ impl Desk {
         Self(folder)
     }
 
-    /// The study of the README with `count` places along each axis.
+    /// The study of the README with `count` tip positions along each axis.
     fn study(&self, count: usize) -> Study {
         let text = std::fs::read_to_string(format!("{ROOT}/studies/reversal.toml")).unwrap();
         let text =
@@ -37,7 +37,7 @@ fn size(path: &Path) -> u64 {
 }
 
 #[test]
-fn a_recorded_map_holds_its_images_and_its_points() {
+fn a_recorded_map_contains_its_images_and_points() {
     let desk = Desk::new("whole");
     let study = desk.study(31);
     let path = desk.0.join("m.rrd");
@@ -48,22 +48,24 @@ fn a_recorded_map_holds_its_images_and_its_points() {
     for entity in ["/map/0", "/map/1", "/map/1/here", "/workspace/1", "/arm", "/legend"] {
         assert!(holds(entity), "no {entity}");
     }
-    assert!(!holds("/map/2"), "there are two elbows");
-    // nine times the rows: more points (compressed, so that no bound is exact)
+    assert!(!holds("/map/2"), "there are two elbow poses");
+    // Nine times the rows give more points. The file is compressed, so its size has no exact bound.
     let fine = desk.0.join("fine.rrd");
     record_map(&desk.study(93), "class", &Target::File(fine.clone())).unwrap();
     assert!(size(&fine) > size(&path));
 }
 
 #[test]
-fn what_cannot_be_recorded_leaves_nothing() {
+fn maps_that_cannot_be_recorded_are_refused_and_no_file_is_written() {
     let desk = Desk::new("nothing");
     let path = desk.0.join("m.rrd");
-    for (count, column, why) in [(5, "clas", "did you mean \"class\"?"), (800, "class", "rows: 1048576 is the most")] {
+    for (count, column, why) in
+        [(5, "clas", "did you mean \"class\"?"), (800, "class", "rows: a recording holds 1048576 at most")]
+    {
         match record_map(&desk.study(count), column, &Target::File(path.clone())) {
             Err(RecordError::Map(said)) => assert!(said.contains(why), "{said}"),
             other => panic!("{other:?}"),
         }
     }
-    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1, "the study alone");
+    assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 1, "only the study is there");
 }

@@ -1,4 +1,4 @@
-//! Recordings of scenes: they are there, whole, or there is nothing.
+//! Recordings of scenes: the file is complete or not there.
 
 use carom_record::{RecordError, SceneRecorder, Target};
 use carom_sim::{Sampling, Scene, Seen};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A folder of its own for each test, gone afterwards.
+/// A folder of its own for each test, removed when the test ends.
 struct Desk(PathBuf);
 
 impl Desk {
@@ -43,18 +43,18 @@ fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
 }
 
 #[test]
-fn every_scene_gives_a_file_that_begins_as_rerun_wants_it() {
+fn recordings_of_scenes_begin_with_the_header_of_the_format() {
     let desk = Desk::new("good");
     for name in ["planar2", "ball", "table"] {
         let path = desk.0.join(format!("{name}.rrd"));
         record(&scene(name), &path, 0.004).unwrap();
         assert!(std::fs::read(&path).unwrap().starts_with(b"RRF2"), "{name}");
     }
-    assert_eq!(desk.files(), ["ball.rrd", "planar2.rrd", "table.rrd"], "and nothing beside them");
+    assert_eq!(desk.files(), ["ball.rrd", "planar2.rrd", "table.rrd"], "no other file is left");
 }
 
 #[test]
-fn moments_make_the_file_grow_in_proportion() {
+fn the_file_grows_linearly_with_the_number_of_samples() {
     let desk = Desk::new("linear");
     let size = |duration: f64| {
         let path = desk.0.join("x.rrd");
@@ -66,7 +66,7 @@ fn moments_make_the_file_grow_in_proportion() {
 }
 
 #[test]
-fn an_older_recording_stays_until_the_new_one_is_whole() {
+fn an_older_recording_stays_until_the_new_one_is_complete() {
     let desk = Desk::new("older");
     let path = desk.0.join("x.rrd");
     std::fs::write(&path, "older").unwrap();
@@ -81,18 +81,18 @@ fn an_older_recording_stays_until_the_new_one_is_whole() {
     });
     assert!(run.is_ok() && moments > 5);
     assert_eq!(desk.files(), ["x.rrd", "x.rrd.part"]);
-    drop(recorder); // the run was given up
+    drop(recorder); // without `finish`: the recording is abandoned
     assert_eq!((desk.files(), std::fs::read_to_string(&path).unwrap()), (vec!["x.rrd".to_owned()], "older".into()));
 }
 
 #[test]
-fn a_file_that_can_not_be_written_is_named_and_leaves_nothing() {
+fn a_file_that_cannot_be_written_is_named_and_leaves_no_partial_file() {
     let desk = Desk::new("bad");
     let path = desk.0.join("no folder").join("x.rrd");
     let error = record(&scene("planar2"), &path, 0.1).unwrap_err();
     assert!(matches!(&error, RecordError::Unwritable { path: named, .. } if *named == path), "{error}");
     assert!(!error.to_string().contains(".part"), "{error}");
-    // A folder in the file's place is seen when all is done.
+    // A folder of the same name is noticed when the complete file is renamed.
     let path = desk.0.join("folder");
     std::fs::create_dir_all(path.join("not empty")).unwrap();
     let error = record(&scene("planar2"), &path, 0.1).unwrap_err();
@@ -101,7 +101,7 @@ fn a_file_that_can_not_be_written_is_named_and_leaves_nothing() {
 }
 
 #[test]
-fn an_address_that_is_none_is_refused() {
+fn an_invalid_address_of_a_viewer_is_refused() {
     let scene = scene("planar2");
     let plan = scene.plan().unwrap();
     let error = SceneRecorder::begin(&Target::Connect(Some("nowhere".into())), &scene, &plan).err().unwrap();

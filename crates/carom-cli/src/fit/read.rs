@@ -193,7 +193,8 @@ impl FitCommand {
         let mut impacts = Vec::new();
         for (number, one) in joined {
             if one.rest > most {
-                let why = format!("the fit of its flights misses the samples by {} m, more than {UNLIKE} medians", one.rest);
+                let why =
+                    format!("the fit of its flights misses the samples by {} m, more than {UNLIKE} medians", one.rest);
                 told.left_out.push((number, why));
                 continue;
             }

@@ -71,7 +71,7 @@ fn every_answer_has_the_keys_of_the_contract() {
 }
 
 #[test]
-fn inspect_says_what_the_file_says() {
+fn inspect_reports_the_content_of_the_file() {
     let desk = Desk::new("inspect");
     let report = &desk.answers("inspect planar2.urdf --json", "")[0];
     for (key, value) in [
@@ -113,7 +113,7 @@ fn inspect_says_what_the_file_says() {
 }
 
 #[test]
-fn a_robot_without_mass_weighs_nothing() {
+fn the_total_mass_of_a_massless_robot_is_zero() {
     let desk = Desk::new("weightless");
     desk.write("r.urdf", robot("<link name='a'/>"));
     let ran = desk.run("inspect r.urdf --json");
@@ -122,7 +122,7 @@ fn a_robot_without_mass_weighs_nothing() {
 }
 
 #[test]
-fn in_space_every_law_answers() {
+fn every_law_has_an_answer_in_space() {
     let desk = Desk::new("space");
     let state = json!({"q": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7], "qd": [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]});
     let args = "impact arm7.urdf --json --tip tip --normal -1,-0.2,-0.4 --restitution 0.35 --states -";
@@ -144,7 +144,7 @@ fn in_space_every_law_answers() {
 }
 
 #[test]
-fn tangential_restitution_reaches_the_law_that_has_one() {
+fn tangential_restitution_acts_on_chatterjee_ruina_and_warns_with_other_laws() {
     let desk = Desk::new("tangential");
     let sphere = json!({"delassus": [[3.5, 0, 0], [0, 3.5, 0], [0, 0, 1]], "u": [0.6, -0.8, -1]});
     let args = "law --json --restitution 0.8 --friction 0.9 --problems - --law";
@@ -161,7 +161,7 @@ fn tangential_restitution_reaches_the_law_that_has_one() {
 }
 
 #[test]
-fn a_law_that_wedges_does_not_silence_the_others() {
+fn laws_without_an_answer_are_listed_beside_the_answers_of_the_others() {
     let desk = Desk::new("wedge");
     let problem = json!({"delassus": [[1, 1], [1, 1]], "u": [-1, -1]});
     let args = "law --json --restitution 0.5 --friction 2 --problems - --law";
@@ -171,7 +171,7 @@ fn a_law_that_wedges_does_not_silence_the_others() {
 }
 
 #[test]
-fn joints_permutes_all_that_comes_in_and_all_that_goes_out() {
+fn joints_option_permutes_all_inputs_and_outputs() {
     let desk = Desk::new("permuted");
     let (file, asked) = (["shoulder", "elbow", "wrist"], ["wrist", "shoulder", "elbow"]);
     let place: Vec<usize> = asked.iter().map(|name| file.iter().position(|own| own == name).unwrap()).collect();
@@ -217,7 +217,7 @@ fn floater() -> String {
 }
 
 #[test]
-fn floating_puts_root_joint_first_or_where_joints_names_it() {
+fn floating_base_comes_first_or_where_joints_option_names_it() {
     let desk = Desk::new("floating");
     desk.write("r.urdf", floater());
     let (base_q, base_qd) = ([0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8], [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
@@ -251,7 +251,7 @@ fn floating_puts_root_joint_first_or_where_joints_names_it() {
 }
 
 #[test]
-fn floating_does_not_confuse_its_joint_with_one_of_the_file() {
+fn a_joint_of_the_file_named_root_joint_keeps_all_degrees_of_freedom() {
     let desk = Desk::new("namesake");
     desk.write("r.urdf", floater().replace("continuous_b", "root_joint"));
     let args = "dynamics r.urdf --floating --json --tip b --states -";
@@ -268,7 +268,7 @@ fn floating_does_not_confuse_its_joint_with_one_of_the_file() {
 }
 
 #[test]
-fn only_a_floating_base_may_be_left_out_of_joints() {
+fn joints_option_must_name_every_joint_but_a_floating_base() {
     let desk = Desk::new("left-out");
     let arm = limb("b", "a", "continuous", "") + &limb("c", "b", "continuous", "");
     desk.write("r.urdf", robot(&format!(r#"<link name="a"/>{}"#, arm.replace("continuous_c", "root_joint"))));
@@ -279,7 +279,7 @@ fn only_a_floating_base_may_be_left_out_of_joints() {
 }
 
 #[test]
-fn a_pipe_is_answered_line_by_line() {
+fn each_line_of_a_pipe_is_answered_before_the_next_is_read() {
     let desk = Desk::new("stream");
     for (args, line) in [
         ("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[0,1],"qd":[1,0]}"#),
@@ -316,7 +316,7 @@ fn a_pipe_is_answered_line_by_line() {
 }
 
 #[test]
-fn answers_come_in_the_order_of_the_lines() {
+fn answers_are_in_the_order_of_the_lines() {
     let desk = Desk::new("sequence");
     let lines: Vec<String> = (0..500).map(|i| json!({"q": [0, 0], "qd": [i, 0]}).to_string()).collect();
     desk.write("s.jsonl", lines.join("\n"));

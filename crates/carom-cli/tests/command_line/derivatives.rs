@@ -7,7 +7,7 @@ use serde_json::json;
 const IMPACT: &str = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic";
 
 #[test]
-fn derivatives_are_differences_of_answers() {
+fn derivatives_agree_with_central_differences_of_answers() {
     let desk = Desk::new("derivatives");
     let (q, qd) = ([0.78, -1.57], [-0.15, 0.6]);
     let state = |q: [f64; 2], qd: [f64; 2]| json!({"q": q, "qd": qd});
@@ -44,7 +44,7 @@ fn derivatives_are_differences_of_answers() {
 
 /// Slip that stops in another phase is a boundary beyond which the mode has the same name: no other mode is announced.
 #[test]
-fn a_boundary_within_a_mode_is_not_called_another_mode() {
+fn a_boundary_within_a_mode_names_the_same_mode_beyond_it() {
     let desk = Desk::new("boundary");
     let state = json!({"q": [0.78, -1.57], "qd": [-0.15, 0.6]}).to_string();
     let said = |mu: &str| {
@@ -65,7 +65,7 @@ fn a_boundary_within_a_mode_is_not_called_another_mode() {
 }
 
 #[test]
-fn ranges_give_bounds_and_say_whether_they_are_proved() {
+fn ranges_give_bounds_and_state_whether_they_are_exact() {
     let desk = Desk::new("ranges");
     let state = json!({"q": [0.78, -1.57], "qd": [-0.15, 0.6]});
     let args = format!("{IMPACT} --restitution 0.35 --friction 0.2 --restitution-range 0.3:0.4");

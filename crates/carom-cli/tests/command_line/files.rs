@@ -55,9 +55,9 @@ fn leaves_all(desk: &Desk, args: &str, message: &str) {
 const LAW: &str = "law --law all --restitution 0.5 --friction 0.2 --problems";
 
 #[test]
-fn no_output_takes_the_place_of_an_input() {
+fn outputs_that_would_replace_an_input_are_refused() {
     let desk = laid("inputs");
-    let lost = "this file is read, and would be lost: give another name";
+    let lost = "the command reads this file and would replace it: give another name";
     for (args, named) in [
         ("consistency t.csv --svg t.csv".to_owned(), "--svg t.csv"),
         (format!("{LAW} good.jsonl --svg ./good.jsonl"), "--svg ./good.jsonl"),
@@ -74,26 +74,26 @@ fn no_output_takes_the_place_of_an_input() {
 
 #[cfg(unix)]
 #[test]
-fn a_link_to_an_input_is_that_input() {
+fn outputs_that_reach_an_input_through_a_link_are_refused() {
     let desk = laid("links");
     std::os::unix::fs::symlink("t.csv", desk.0.join("link.svg")).unwrap();
     std::os::unix::fs::symlink(".", desk.0.join("here")).unwrap();
-    let lost = "this file is read, and would be lost: give another name";
+    let lost = "the command reads this file and would replace it: give another name";
     leaves_all(&desk, "consistency t.csv --svg link.svg", &format!("--svg link.svg: {lost}"));
     leaves_all(&desk, "consistency link.svg --svg t.csv", &format!("--svg t.csv: {lost}"));
     leaves_all(&desk, "consistency t.csv --svg here/t.csv", &format!("--svg here/t.csv: {lost}"));
-    let twice = "--svg here/m.csv: this is the file of --out m.csv: give each its own";
+    let twice = "--svg here/m.csv: --out m.csv names the same file: give each its own";
     leaves_all(&desk, "map m.toml --out m.csv --svg here/m.csv", twice);
 }
 
 #[test]
-fn two_outputs_have_two_files() {
+fn two_outputs_of_the_same_file_are_refused() {
     let desk = laid("outputs");
     for (args, message) in [
-        ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: this is the file of --out m.csv: give each its own"),
+        ("map m.toml --out m.csv --svg m.csv", "--svg m.csv: --out m.csv names the same file: give each its own"),
         (
             "simulate s.toml --csv x.csv --parquet ./x.csv",
-            "--parquet ./x.csv: this is the file of --csv x.csv: give each its own",
+            "--parquet ./x.csv: --csv x.csv names the same file: give each its own",
         ),
     ] {
         leaves_all(&desk, args, message);
@@ -101,7 +101,7 @@ fn two_outputs_have_two_files() {
 }
 
 #[test]
-fn folders_are_there_before_any_work_begins() {
+fn missing_folders_of_outputs_are_refused_before_any_work() {
     let desk = laid("folders");
     for (args, option) in [
         ("consistency t.csv".to_owned(), "--svg"),
@@ -119,13 +119,13 @@ fn folders_are_there_before_any_work_begins() {
         let message = format!("{option} {file}: there is no folder no: make it first");
         leaves_all(&desk, &format!("{args} {option} {file}"), &message);
     }
-    let folder = "it is a folder or a device: give a file's name";
+    let folder = "it is a folder or a device: give the name of a file";
     leaves_all(&desk, "map m.toml --out .", &format!("--out .: {folder}"));
     leaves_all(&desk, "consistency t.csv --svg ..", &format!("--svg ..: {folder}"));
 }
 
 #[test]
-fn nothing_is_drawn_where_a_line_is_refused() {
+fn no_picture_is_written_when_a_line_is_refused() {
     let desk = laid("drawn");
     let ran = desk.run(&format!("{LAW} bad.jsonl --svg x.svg"));
     assert_eq!((ran.code, ran.err.as_str()), (Some(1), "error: bad.jsonl:2: expected value at column 1\n"));
@@ -135,12 +135,12 @@ fn nothing_is_drawn_where_a_line_is_refused() {
 }
 
 #[test]
-fn recordings_that_can_t_be_are_refused_before_anything_is_read() {
+fn recordings_without_the_feature_are_refused_before_anything_is_read() {
     if cfg!(feature = "rerun") {
         return;
     }
     let desk = laid("recordings");
-    let without = "recordings, without which this carom was built (feature rerun)";
+    let without = "recordings: build carom with the feature rerun";
     desk.write("empty.jsonl", "");
     for file in ["empty.jsonl", "bad.jsonl"] {
         let message = format!("--out, --connect and --spawn need {without}");
@@ -150,19 +150,19 @@ fn recordings_that_can_t_be_are_refused_before_anything_is_read() {
 }
 
 #[test]
-fn a_map_is_asked_for_something() {
+fn map_needs_an_output_and_an_existing_column() {
     let desk = laid("asked");
     for words in ["--out <X.parquet|csv>", "--svg <X.svg>", "--rrd <X.rrd>", "--advise"] {
         usage(desk.run("map m.toml"), words);
     }
     for args in ["--out m.csv --show impulses", "--out m.csv --svg m.svg --show impulses"] {
-        let message = "--show impulses: no column of this map is called so: it has q.shoulder, class, impulse";
+        let message = "--show impulses: this map has no such column: its columns are q.shoulder, class, impulse";
         leaves_all(&desk, &format!("map m.toml {args}"), message);
     }
 }
 
 #[test]
-fn no_zero_has_a_sign() {
+fn zeros_are_printed_without_a_sign() {
     let desk = Desk::new("zeros");
     let state = json!({"q": UP_ELBOW, "qd": [-0.3, 0.3]});
     for args in [

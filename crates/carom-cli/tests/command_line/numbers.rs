@@ -43,7 +43,7 @@ fn dynamics_and_impact_agree() {
 }
 
 #[test]
-fn energy_books_balance_for_every_law() {
+fn work_of_the_impulse_is_the_energy_change_for_every_law() {
     let desk = Desk::new("books");
     let states: String = (0..40)
         .map(|i| {
@@ -78,7 +78,7 @@ fn energy_books_balance_for_every_law() {
 /// The stand-in arm strikes the wall x = 0.6364 at 0.2 m/s and 45°, sliding down it: the tangential speed more than
 /// doubles. Closed form of the arm's 2×2 problem, H_tn/H_nn = -0.887129.
 #[test]
-fn planar2_with_its_elbow_up_slides_faster_after_the_impact() {
+fn planar2_with_elbow_up_has_a_larger_tangential_speed_after_the_impact() {
     let desk = Desk::new("planar2");
     let speed = 0.2 / 2.0_f64.sqrt();
     let qd = rates(&desk, UP_ELBOW, [speed, -speed]);
@@ -99,7 +99,7 @@ fn planar2_with_its_elbow_up_slides_faster_after_the_impact() {
 }
 
 #[test]
-fn a_tip_that_leaves_the_surface_is_not_struck() {
+fn a_separating_contact_has_no_impulse() {
     let desk = Desk::new("leaving");
     let qd = rates(&desk, UP_ELBOW, [-0.1, 0.2]);
     let args =
@@ -120,7 +120,7 @@ fn a_tip_that_leaves_the_surface_is_not_struck() {
 
 /// Kane & Levinson 1985: double pendulum, e = μ = 0.5. Whittaker's algebra gains 59 % of the kinetic energy.
 #[test]
-fn the_pendulum_of_kane_and_levinson() {
+fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
     let desk = Desk::new("pendulum");
     let problem = json!({
         "delassus": [[2.440338045696, 1.521308658011], [1.521308658011, 1.009560290504]],
@@ -178,21 +178,21 @@ fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
 }
 
 #[test]
-fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
+fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
     let desk = Desk::new("undrawn");
     let args = "law --law all --restitution 0.5 --friction 0.3 --problems - --svg";
     let refusals = [
         (
             r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,1]}"#,
             "x.svg",
-            "<stdin>:1: a picture needs a contact that approaches, and a delassus that is not singular",
+            "<stdin>:1: no picture can be drawn: the contact must approach (u_n < 0) and delassus must not be singular",
         ),
         (
             r#"{"delassus":[[1,1],[1,1]],"u":[1,-1]}"#,
             "x.svg",
-            "<stdin>:1: a picture needs a contact that approaches, and a delassus that is not singular",
+            "<stdin>:1: no picture can be drawn: the contact must approach (u_n < 0) and delassus must not be singular",
         ),
-        ("", "x.svg", "<stdin>: there is no problem to draw"),
+        ("", "x.svg", "<stdin>: it holds no problem to draw: give at least one line"),
         (
             r#"{"delassus":[[2,0,0],[0,2,0],[0,0,1]],"u":[1,0,-1]}"#,
             "none/x.svg",
@@ -212,7 +212,7 @@ fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
         assert!(desk.0.join("x.svg").exists());
     } else {
         assert_eq!(ran.code, Some(1));
-        assert!(ran.err.contains("without which this carom was built"), "{}", ran.err);
+        assert!(ran.err.contains("build carom with the feature rerun"), "{}", ran.err);
         assert_eq!(desk.files(""), before);
     }
     usage(desk.feed(&format!("{both} --spawn"), ""), "cannot be used with");
@@ -220,7 +220,7 @@ fn what_can_not_be_drawn_is_refused_and_leaves_nothing() {
 
 /// Painlevé's rod: sliding at u_n = 0 into a jam, every law with friction has two answers, and the line gives both.
 #[test]
-fn two_answers_are_both_given() {
+fn both_solutions_of_a_non_unique_problem_are_listed() {
     let desk = Desk::new("branches");
     let b = -0.75 * 3.0_f64.sqrt();
     let problem = json!({"delassus": [[3.25, b], [b, 1.75]], "u": [-1.0, 0.0]});
@@ -253,7 +253,7 @@ fn two_answers_are_both_given() {
 
 /// Locked joints keep their rates, drives pay for it, and the books close.
 #[test]
-fn drives_that_act_are_in_the_books() {
+fn work_of_the_drives_is_part_of_the_energy_balance() {
     let desk = Desk::new("drives");
     let state = json!({"q": [0.3, -1.1, 0.7], "qd": [0.4, 0.9, -0.2]});
     let args = "impact planar3.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.3";

@@ -24,7 +24,7 @@ fn coefficients_out_of_range_are_refused() {
 }
 
 #[test]
-fn tosses_are_refused_for_their_options_before_they_are_read() {
+fn options_of_tosses_are_checked_before_the_folder_is_read() {
     let desk = Desk::new("tosses-options");
     for (options, message) in [
         ("--restitution 2", "--restitution 2: a coefficient of restitution lies between 0 and 1"),
@@ -74,7 +74,7 @@ fn usage_errors_exit_with_2() {
 }
 
 #[test]
-fn tips_and_joints_that_are_not_there_are_refused_with_names_that_are() {
+fn unknown_tips_and_joints_are_refused_with_the_existing_names() {
     let desk = Desk::new("names");
     let with = |options: &str| desk.run(&format!("dynamics planar2.urdf --json --states - {options}"));
     refused(
@@ -99,12 +99,12 @@ fn tips_and_joints_that_are_not_there_are_refused_with_names_that_are() {
     desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));
     refused(
         desk.run("dynamics r.urdf --tip c --joints continuous_b,continuous_c --states -"),
-        "r.urdf: --joints: joint 'continuous_c' mimics 'continuous_b' and has no number of its own: leave it out",
+        "r.urdf: --joints: joint 'continuous_c' mimics 'continuous_b' and has no coordinate of its own: leave it out",
     );
 }
 
 #[test]
-fn normals_without_an_impulse_of_finite_size_are_refused() {
+fn zero_normals_and_singular_directions_are_refused() {
     let desk = Desk::new("normals");
     let strike = |tip: &str, normal: &str, q: &str| {
         let args = format!(
@@ -132,7 +132,7 @@ fn normals_without_an_impulse_of_finite_size_are_refused() {
 }
 
 #[test]
-fn a_normal_of_any_finite_length_is_a_direction() {
+fn the_length_of_the_normal_does_not_matter() {
     let desk = Desk::new("lengths");
     let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3]});
     let strike = |normal: &str| {
@@ -149,7 +149,7 @@ fn a_normal_of_any_finite_length_is_a_direction() {
 }
 
 #[test]
-fn a_point_of_the_base_feels_nothing_and_is_no_error_for_dynamics() {
+fn dynamics_gives_zero_jacobian_and_delassus_at_the_base() {
     let desk = Desk::new("base");
     let state = json!({"q": UP_ELBOW, "qd": [1, 2]});
     let answer = desk.answer("dynamics planar2.urdf --json --tip base --point 1,2,3 --states -", &state);
@@ -158,7 +158,7 @@ fn a_point_of_the_base_feels_nothing_and_is_no_error_for_dynamics() {
 }
 
 #[test]
-fn drives_that_can_t_be_are_refused() {
+fn invalid_joint_models_are_refused() {
     let desk = Desk::new("drives-refused");
     // Whatever the states: here there is none to be blamed.
     let with = |options: &str| {
@@ -177,20 +177,20 @@ fn drives_that_can_t_be_are_refused() {
         ),
         (
             "--joint-stiffness 1,2,3 --contact-time 0.01",
-            "--joint-stiffness: 3 numbers; give one, or 2 as qd has (shoulder, elbow)",
+            "--joint-stiffness: 3 numbers: give one, or 2 in the order of qd (shoulder, elbow)",
         ),
         (
             "--locked elbow,all",
-            "planar2.urdf: --locked: 'all' is every joint but a floating base: give it alone, or names without it",
+            "planar2.urdf: --locked: 'all' locks every joint but a floating base: give it alone, or give names without it",
         ),
         ("--locked elbow,shoulder,elbow", "planar2.urdf: --locked: joint 'elbow' is named twice"),
         (
             "--joint-stiffness -5 --contact-time 0.01",
-            "--joint-stiffness -5: a drive resists, so it is finite and 0 or more",
+            "--joint-stiffness -5: stiffness and damping of a drive are finite and 0 or more",
         ),
         (
             "--joint-damping 1,NaN --contact-time 0.01",
-            "--joint-damping NaN: a drive resists, so it is finite and 0 or more",
+            "--joint-damping NaN: stiffness and damping of a drive are finite and 0 or more",
         ),
         (
             "--joint-stiffness 5 --contact-time 0",
@@ -202,7 +202,7 @@ fn drives_that_can_t_be_are_refused() {
         ),
         (
             "--contact-time 0.01",
-            "--contact-time says how long the drives resist: give --joint-stiffness or --joint-damping too",
+            "--contact-time is the duration of the contact with the joint drives: give --joint-stiffness or --joint-damping too",
         ),
     ] {
         refused(with(options), message);

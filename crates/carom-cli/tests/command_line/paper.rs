@@ -23,7 +23,7 @@ fn column(path: &Path, name: &str) -> Vec<f64> {
 /// Derived for the stand-in (p₁ = 3.473, p₂ = .196, p₃ = .242 kg m², links of .45 m) at .2 m/s with Table I's e, by hand from
 /// eqs. (10) to (16); five digits.
 #[test]
-fn the_papers_data_are_the_documented_numbers_of_the_stand_in() {
+fn data_of_the_paper_are_the_documented_numbers_of_the_stand_in() {
     let desk = Desk::new("paper");
     let ran = desk.run("paper --out figures");
     done(&ran);
@@ -65,7 +65,7 @@ fn the_papers_data_are_the_documented_numbers_of_the_stand_in() {
 }
 
 #[test]
-fn the_papers_report_names_every_file_and_they_are_there() {
+fn report_of_the_paper_names_every_file_and_all_exist() {
     let desk = Desk::new("report");
     let report = &desk.answers("paper --out figures --json", "")[0];
     assert_eq!(keys(report), ["arm", "claims", "files", "impacts", "stand_in"]);
@@ -96,7 +96,7 @@ fn the_papers_report_names_every_file_and_they_are_there() {
 }
 
 #[test]
-fn the_papers_folder_is_replaced_only_if_it_holds_nothing_else() {
+fn folder_of_the_paper_is_replaced_only_if_it_holds_an_earlier_report() {
     let desk = Desk::new("occupied");
     let folder = desk.0.join("out");
     std::fs::create_dir(&folder).unwrap();
@@ -129,7 +129,7 @@ fn the_papers_folder_is_replaced_only_if_it_holds_nothing_else() {
 }
 
 #[test]
-fn table_1_is_told_in_json_words_and_a_picture() {
+fn table_1_is_reported_as_json_text_and_picture() {
     let desk = Desk::new("table1");
     desk.write("table1.csv", TABLE1);
     let report = &desk.answers("consistency table1.csv --json --svg v.svg", "")[0];
@@ -163,7 +163,7 @@ fn table_1_is_told_in_json_words_and_a_picture() {
 
 /// What nothing bounds is left out, and is no hole in the JSON.
 #[test]
-fn unbounded_answers_leave_their_ends_out() {
+fn unbounded_ends_of_ranges_are_left_out_of_the_json() {
     let desk = Desk::new("unbounded");
     desk.write("t.csv", "row,angle_deg,newton,energy_root\na,45,0.4,0.7\n");
     let ran = desk.run("consistency t.csv --json");
@@ -175,7 +175,7 @@ fn unbounded_answers_leave_their_ends_out() {
 }
 
 #[test]
-fn tables_with_a_fault_are_refused_and_draw_nothing() {
+fn invalid_tables_are_refused_and_no_picture_is_written() {
     let desk = Desk::new("faulty");
     desk.write("t.csv", "row,angle_deg,newton,energy_root\nup,45,1.4,0.7\n");
     let refusal = "t.csv: line 2, row 'up', column 'newton': '1.4': a coefficient of restitution lies between 0 and 1";

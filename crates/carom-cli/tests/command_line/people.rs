@@ -4,7 +4,7 @@ use crate::desk::*;
 use serde_json::json;
 
 #[test]
-fn people_get_tables() {
+fn without_json_the_output_is_a_table() {
     let desk = Desk::new("people");
     let state = json!({"q": UP_ELBOW, "qd": [0.1, 0.3], "tau": [1, 2], "qdd": [3, 4]}).to_string();
     for (args, input, words) in [
@@ -64,7 +64,7 @@ fn people_get_tables() {
 }
 
 #[test]
-fn help_and_version_are_there() {
+fn help_and_version_are_printed() {
     let desk = Desk::new("help");
     for (args, words) in [
         ("--help", "Usage: carom <COMMAND>"),

@@ -3,7 +3,7 @@
 use crate::desk::*;
 
 #[test]
-fn a_state_with_a_fault_is_refused_with_its_line() {
+fn invalid_states_are_refused_with_their_line() {
     let desk = Desk::new("states");
     for (line, reason) in [
         (r#"{"q":[1e999,0],"qd":[0,0]}"#, "number out of range at column 11"),
@@ -33,7 +33,7 @@ fn a_state_with_a_fault_is_refused_with_its_line() {
 }
 
 #[test]
-fn a_problem_with_a_fault_is_refused_with_its_line() {
+fn invalid_problems_are_refused_with_their_line() {
     let desk = Desk::new("problems");
     for (line, reason) in [
         (r#"{"delassus":[[1,0],[0,1e999]],"u":[0,-1]}"#, "number out of range at column 27"),
@@ -67,7 +67,7 @@ fn a_problem_with_a_fault_is_refused_with_its_line() {
 }
 
 #[test]
-fn a_quaternion_that_is_not_unit_is_refused() {
+fn quaternions_that_are_not_unit_are_refused() {
     let desk = Desk::new("quaternion");
     desk.write("r.urdf", robot(&format!(r#"<link name="a">{INERTIAL}</link>"#)));
     let args = "dynamics r.urdf --floating --json --tip a --states -";
@@ -82,7 +82,7 @@ fn a_quaternion_that_is_not_unit_is_refused() {
 }
 
 #[test]
-fn lines_before_a_fault_are_answered_and_blank_ones_only_counted() {
+fn lines_before_a_refused_line_are_answered_and_blank_lines_are_counted() {
     let desk = Desk::new("order");
     let good = r#"{"q":[0,0],"qd":[1,0]}"#;
     desk.write("s.jsonl", format!("\n{good}\r\n   \n\n{good}\noops\n{good}\n"));
@@ -96,7 +96,7 @@ fn lines_before_a_fault_are_answered_and_blank_ones_only_counted() {
 }
 
 #[test]
-fn a_pose_outside_limits_is_a_warning_said_once_for_each_joint() {
+fn positions_outside_limits_give_one_warning_for_each_joint() {
     let desk = Desk::new("limits");
     let lines = "{\"q\":[0,0],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n{\"q\":[3.5,-4],\"qd\":[0,1]}\n";
     for args in [
@@ -114,7 +114,7 @@ fn a_pose_outside_limits_is_a_warning_said_once_for_each_joint() {
 }
 
 #[test]
-fn a_state_that_is_refused_warns_of_no_limits() {
+fn refused_states_give_no_limit_warning() {
     let desk = Desk::new("limits-refused");
     refused(
         desk.feed("dynamics planar2.urdf --json --tip tip --states -", r#"{"q":[9],"qd":[0,0]}"#),
@@ -123,7 +123,7 @@ fn a_state_that_is_refused_warns_of_no_limits() {
 }
 
 #[test]
-fn every_joint_warns_whatever_its_name() {
+fn joints_with_similar_names_have_their_own_limit_warnings() {
     let desk = Desk::new("limits-names");
     let limit = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>"#;
     let text = limb("b", "a", "revolute", limit) + &limb("c", "b", "revolute", limit);

@@ -4,7 +4,7 @@ use crate::desk::*;
 use serde_json::json;
 
 #[test]
-fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
+fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
     let desk = Desk::new("fault");
     let inertial = |mass: &str, i: &str| {
         let i: Vec<&str> = i.split(' ').collect();
@@ -111,7 +111,7 @@ fn a_robot_with_a_fault_is_refused_by_every_command_in_the_same_words() {
 }
 
 #[test]
-fn a_fault_on_a_link_that_never_moves_is_a_warning_until_it_moves() {
+fn invalid_inertia_is_a_warning_on_a_fixed_link_and_refused_on_a_moving_one() {
     let desk = Desk::new("still");
     let bad = INERTIAL.replace(r#"<mass value="1"/>"#, r#"<mass value="-1"/>"#);
     desk.write("r.urdf", robot(&format!(r#"<link name="a">{bad}</link>"#)));
@@ -129,7 +129,7 @@ fn a_fault_on_a_link_that_never_moves_is_a_warning_until_it_moves() {
 }
 
 #[test]
-fn a_massless_moving_link_is_fine_where_what_hangs_below_it_carries_inertia() {
+fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
     let desk = Desk::new("massless");
     let two = |offset: &str| {
         robot(&format!(
@@ -151,7 +151,7 @@ fn a_massless_moving_link_is_fine_where_what_hangs_below_it_carries_inertia() {
 }
 
 #[test]
-fn missing_meshes_can_be_left_out_with_a_warning() {
+fn no_meshes_turns_missing_meshes_into_warnings() {
     let desk = Desk::new("meshes");
     let collision = "<collision><geometry><mesh filename='package://nowhere/b.stl'/></geometry></collision>";
     desk.write("r.urdf", hinged(&format!("{INERTIAL}{collision}")));
@@ -165,7 +165,7 @@ fn missing_meshes_can_be_left_out_with_a_warning() {
 }
 
 #[test]
-fn unsupported_elements_are_listed_never_dropped_in_silence() {
+fn unused_elements_are_listed_as_warnings() {
     let desk = Desk::new("unsupported");
     let more = "<transmission name='t'/><transmission name='u'/><gazebo/><material name='blue'/>";
     let text = hinged(&format!("{INERTIAL}<visual/><self_collision_checking/>"));
@@ -187,7 +187,7 @@ fn unsupported_elements_are_listed_never_dropped_in_silence() {
 }
 
 #[test]
-fn what_cannot_be_read_is_named() {
+fn unreadable_files_are_named() {
     let desk = Desk::new("unreadable");
     std::fs::create_dir(desk.0.join("folder")).unwrap();
     desk.write("bytes", [0xff, 0xfe, 0x00]);

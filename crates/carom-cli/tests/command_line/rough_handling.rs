@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 
 #[test]
-fn a_reader_that_leaves_early_is_no_error() {
+fn a_closed_output_pipe_is_no_error() {
     let desk = Desk::new("head");
     desk.write("s.jsonl", "{\"q\":[0,1],\"qd\":[1,0]}\n".repeat(5000));
     for args in [
@@ -25,7 +25,7 @@ fn a_reader_that_leaves_early_is_no_error() {
 }
 
 #[test]
-fn nobody_listening_to_warnings_is_no_panic() {
+fn a_closed_standard_error_causes_no_panic() {
     let desk = Desk::new("deaf");
     let mut child = desk.command("dynamics planar2.urdf --json --tip tip --states -").spawn().unwrap();
     drop(child.stderr.take());
@@ -41,7 +41,7 @@ fn nobody_listening_to_warnings_is_no_panic() {
 }
 
 #[test]
-fn numbers_of_any_size_give_numbers_or_a_refusal() {
+fn inputs_of_any_size_are_answered_with_finite_numbers_or_refused() {
     let desk = Desk::new("sizes");
     let sizes = ["0", "1", "-1e16", "1e150", "-1e150", "1e300", "1e-300", "1.7976931348623157e308", "5e-324"];
     let mut next = 0;
@@ -70,7 +70,7 @@ fn numbers_of_any_size_give_numbers_or_a_refusal() {
 }
 
 #[test]
-fn overflow_of_one_number_is_no_hole_in_the_json() {
+fn overflow_of_one_number_is_refused_and_never_null_in_the_json() {
     let desk = Desk::new("holes");
     let strike = "impact planar2.urdf --json --tip tip --normal -1,0,0 --restitution 0.7 --friction 1.7e308 --states -";
     for law in ["whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith", "all"] {
@@ -86,7 +86,7 @@ fn overflow_of_one_number_is_no_hole_in_the_json() {
 
 /// Half the energy is normal to the surface and 1 - e² of that is lost, whatever the scale. A refusal would do as well.
 #[test]
-fn energy_ratio_does_not_overflow_or_underflow_in_silence() {
+fn energy_ratio_is_exact_or_refused_at_extreme_scales() {
     let desk = Desk::new("ratio");
     for problem in [
         r#"{"delassus":[[1,0],[0,1]],"u":[1,-1]}"#,
@@ -103,7 +103,7 @@ fn energy_ratio_does_not_overflow_or_underflow_in_silence() {
 }
 
 #[test]
-fn a_refusal_is_one_line_whatever_the_file_holds() {
+fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
     let desk = Desk::new("one-line");
     for text in [
         "<robot name='r'>\n<link name='a'/\n></robot>".to_owned(),
@@ -117,7 +117,7 @@ fn a_refusal_is_one_line_whatever_the_file_holds() {
 }
 
 #[test]
-fn rubbish_is_refused_without_a_panic() {
+fn random_and_malformed_files_are_refused_without_a_panic() {
     let desk = Desk::new("rubbish");
     let mut state = 0x9e37_79b9_7f4a_7c15_u64;
     let mut byte = || {
@@ -157,7 +157,7 @@ fn rubbish_is_refused_without_a_panic() {
 }
 
 #[test]
-fn names_may_be_anything_xml_can_hold() {
+fn names_may_hold_any_character_of_xml() {
     let desk = Desk::new("unicode");
     let arm = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#)
         + &limb("c", "b", "continuous", r#"<axis xyz="0 0 1"/>"#);
@@ -175,7 +175,7 @@ fn names_may_be_anything_xml_can_hold() {
 }
 
 #[test]
-fn followers_planar_and_floating_joints_stand_anywhere_in_a_chain() {
+fn mimic_planar_and_floating_joints_work_anywhere_in_a_chain() {
     let desk = Desk::new("kinds");
     let text = [
         r#"<link name="a"/>"#.to_owned(),
@@ -210,7 +210,7 @@ fn followers_planar_and_floating_joints_stand_anywhere_in_a_chain() {
 }
 
 #[test]
-fn two_thousand_links_are_one_chain() {
+fn an_impact_on_a_chain_of_two_thousand_links_is_resolved() {
     let desk = Desk::new("long");
     let n = 2000;
     let axis = |i: usize| if i.is_multiple_of(2) { r#"<axis xyz="0 0 1"/>"# } else { r#"<axis xyz="0 1 0"/>"# };

@@ -72,7 +72,7 @@ fn shaped(shape: &str) -> String {
 
 /// A surface's own coefficient goes before that of `[contact]`, and a pair's before both.
 #[test]
-fn the_nearest_restitution_counts() {
+fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
     let desk = Desk::new("scene-restitution");
     let own = "contact = { restitution = 0.9 }";
     let pair = "[[contact.pair]]\nlink = \"tip\"\nsurface = \"surface 1\"\nrestitution = 0.5";
@@ -86,7 +86,7 @@ fn the_nearest_restitution_counts() {
 
 /// Friction changes what the tip does along the wall; a law of its own is named in the answer.
 #[test]
-fn surfaces_have_friction_and_laws_of_their_own() {
+fn surfaces_may_have_their_own_friction_and_law() {
     let desk = Desk::new("scene-law");
     let (_, without) = desk.impact(SCENE);
     let rough = at("#surface", "contact = { friction = 0.3, law = \"poisson\" }");
@@ -98,7 +98,7 @@ fn surfaces_have_friction_and_laws_of_their_own() {
 
 /// A joint's limits have their own restitution: the elbow comes back e times as fast.
 #[test]
-fn a_pair_may_be_a_joints_limits() {
+fn a_pair_may_be_the_limits_of_a_joint() {
     let desk = Desk::new("scene-limits");
     let pair = "[[contact.pair]]\njoint = \"elbow\"\nrestitution = 0.6";
     let scene = at("#contact", pair).replace("-1.5708]", "-3.09]").replace("[-0.444444, 0.444444]", "[0, -0.5]");
@@ -111,7 +111,7 @@ fn a_pair_may_be_a_joints_limits() {
 
 /// A wall that comes towards the tip hits it harder: velocities of an impact are those over the surface.
 #[test]
-fn a_surface_in_motion_hits() {
+fn the_velocity_of_a_moving_surface_adds_to_the_approach_velocity() {
     let desk = Desk::new("scene-motion");
     // s = 0.01 sin(2π t) against the normal: at the start the wall comes at 0.0628 m/s.
     let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
@@ -123,7 +123,7 @@ fn a_surface_in_motion_hits() {
 
 /// What a latch has caught stays.
 #[test]
-fn a_latch_holds() {
+fn a_latched_contact_stays_at_rest() {
     let desk = Desk::new("scene-latch");
     for scene in [at("#surface", "contact = { latch = true }"), at("#contact", "latch = true")] {
         let (run, _) = desk.told("simulate", &scene);
@@ -135,7 +135,7 @@ fn a_latch_holds() {
 }
 
 #[test]
-fn every_controller_runs() {
+fn every_controller_changes_the_motion() {
     let desk = Desk::new("scene-controllers");
     desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
     let regulator = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
@@ -155,7 +155,7 @@ fn every_controller_runs() {
 }
 
 #[test]
-fn contact_rules_that_can_not_be_are_refused() {
+fn invalid_contact_rules_are_refused() {
     let desk = Desk::new("scene-rules");
     let pair = |lines: &str| format!("[[contact.pair]]\n{lines}");
     desk.refuses_all(
@@ -250,7 +250,7 @@ fn contact_rules_that_can_not_be_are_refused() {
 
 /// A pair that can't come together is told of, and no more.
 #[test]
-fn a_pair_without_effect_is_a_warning() {
+fn a_pair_that_cannot_touch_is_a_warning() {
     let desk = Desk::new("scene-pairs");
     for (named, shown) in [("link = \"base\"", "link = \"base\""), ("joint = \"probe\"", "joint = \"probe\"")] {
         let scene = at("#contact", &format!("[[contact.pair]]\n{named}\nrestitution = 0.5"));
@@ -260,7 +260,7 @@ fn a_pair_without_effect_is_a_warning() {
 }
 
 #[test]
-fn controllers_without_what_they_need_are_refused() {
+fn controllers_without_their_parameters_are_refused() {
     let desk = Desk::new("scene-drives");
     let regulator = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
@@ -309,7 +309,7 @@ fn controllers_without_what_they_need_are_refused() {
 }
 
 #[test]
-fn torque_files_that_can_not_be_read_are_refused_by_their_line() {
+fn invalid_torque_files_are_refused_with_their_line() {
     let desk = Desk::new("scene-torques");
     let cells = "every cell must be a finite number, separated by commas";
     let scene = at("#run", "controller = \"torque-file\"\ntorque_file = \"t.csv\"");
@@ -331,7 +331,7 @@ fn torque_files_that_can_not_be_read_are_refused_by_their_line() {
 }
 
 #[test]
-fn settings_that_can_not_be_are_refused() {
+fn invalid_settings_are_refused() {
     let desk = Desk::new("scene-settings");
     let share = "it is a share, above 0 and below 1";
     let positive = "it must be positive and finite";
@@ -385,7 +385,7 @@ fn settings_that_can_not_be_are_refused() {
 }
 
 #[test]
-fn shapes_that_can_not_be_are_refused() {
+fn invalid_shapes_are_refused() {
     let desk = Desk::new("scene-shapes");
     desk.write("empty.stl", "solid nothing\nendsolid nothing\n");
     desk.write("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
@@ -425,7 +425,7 @@ fn choices<'a>(plan: &'a Value, section: &str, what: &str) -> Vec<&'a str> {
 }
 
 #[test]
-fn a_plan_has_its_documented_keys() {
+fn a_plan_has_the_documented_keys() {
     let desk = Desk::new("scene-plan");
     let scene = at("#run", "neglect = 0.5").replace("#contact", "friction = 0.001");
     let (plan, said) = desk.told("plan", &scene);
@@ -450,7 +450,7 @@ fn a_plan_has_its_documented_keys() {
 
 /// A surface that no link reaches is an answer, of a plan and of a run.
 #[test]
-fn a_surface_out_of_reach_is_a_plain_answer() {
+fn a_surface_out_of_reach_is_left_out_without_a_warning() {
     let desk = Desk::new("scene-far");
     let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
     let (plan, said) = desk.told("plan", &far);

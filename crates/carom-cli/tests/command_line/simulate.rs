@@ -20,7 +20,7 @@ impl Desk {
 }
 
 #[test]
-fn the_designs_scene_gives_events_and_a_table() {
+fn simulate_gives_events_and_a_table() {
     let desk = Desk::new("simulate");
     desk.scene(|text| text);
     let summary = &desk.answers("simulate s.toml --json --csv x.csv", "")[0];
@@ -41,7 +41,7 @@ fn the_designs_scene_gives_events_and_a_table() {
 }
 
 #[test]
-fn scenes_that_can_not_be_are_refused_with_the_reason() {
+fn invalid_scenes_are_refused_with_the_reason() {
     let desk = Desk::new("simulate-bad");
     desk.refuses_scene(
         |text| text.replace("restitution =", "restituton ="),
@@ -76,7 +76,7 @@ fn scenes_that_can_not_be_are_refused_with_the_reason() {
 
 /// A surface out of reach is a plain answer: nothing happens.
 #[test]
-fn an_unreachable_surface_is_no_error() {
+fn a_surface_out_of_reach_gives_no_events() {
     let desk = Desk::new("simulate-far");
     desk.scene(|text| text.replace("0.6364, 0, 0]", "2, 0, 0]"));
     let summary = &desk.answers("simulate s.toml --json", "")[0];
@@ -86,16 +86,13 @@ fn an_unreachable_surface_is_no_error() {
 
 /// Recordings, or a word on why there are none.
 #[test]
-fn a_recording_is_whole_or_not_there() {
+fn a_recording_is_complete_or_not_written() {
     let desk = Desk::new("record");
     desk.scene(|text| text);
     let files = desk.files("").len();
     let ran = desk.run("simulate s.toml --out x.rrd");
     if !cfg!(feature = "rerun") {
-        refused(
-            ran,
-            "--out, --connect and --spawn need recordings, without which this carom was built (feature rerun)",
-        );
+        refused(ran, "--out, --connect and --spawn need recordings: build carom with the feature rerun");
         assert_eq!(desk.files("").len(), files);
         return;
     }
@@ -104,6 +101,6 @@ fn a_recording_is_whole_or_not_there() {
     assert_eq!(desk.files("").len(), files + 1, "the recording, and nothing beside it");
     let ran = desk.run("simulate s.toml --connect rerun+http://127.0.0.1:1/proxy");
     assert_eq!(ran.code, Some(1));
-    let words = "error: the viewer can't be used: rerun+http://127.0.0.1:1/proxy: ";
+    let words = "error: the viewer cannot be used: rerun+http://127.0.0.1:1/proxy: ";
     assert!(ran.err.starts_with(words), "{}", ran.err);
 }

@@ -4,7 +4,7 @@ use crate::desk::*;
 use serde_json::Value;
 
 #[test]
-fn stress_writes_its_table_three_ways() {
+fn stress_writes_its_table_as_markdown_json_and_svg() {
     let desk = Desk::new("stress");
     let ran = desk.run("stress --out table --scene jam");
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
@@ -19,12 +19,12 @@ fn stress_writes_its_table_three_ways() {
 }
 
 #[test]
-fn stress_refuses_what_it_can_not_do() {
+fn stress_refuses_unknown_scenes_and_invalid_folders() {
     let desk = Desk::new("stress-refused");
     let ran = desk.run("stress --out table --scene grzing");
     assert_eq!(ran.code, Some(1));
     assert!(
-        ran.err.starts_with("error: --scene grzing: no scene's name has that; they are energy paradox, "),
+        ran.err.starts_with("error: --scene grzing: no name of a scene contains it: the scenes are energy paradox, "),
         "{}",
         ran.err
     );
@@ -53,7 +53,7 @@ const PEERS: &str = r#"{"scene":"wall","peer":"x","version":"1","method":"steps"
 "#;
 
 #[test]
-fn a_chart_holds_every_method_and_the_peers() {
+fn a_chart_contains_every_method_and_the_peers() {
     let desk = Desk::new("chart");
     desk.write("wall.toml", SCENE);
     desk.write("peers.jsonl", PEERS);
@@ -93,13 +93,13 @@ fn a_chart_holds_every_method_and_the_peers() {
 }
 
 #[test]
-fn charts_refuse_what_they_can_not_read() {
+fn chart_refuses_invalid_options_and_files() {
     let desk = Desk::new("chart-refused");
     desk.write("wall.toml", SCENE);
     desk.write("broken.jsonl", "{\"scene\":\"wall\"}\n");
     for (args, message) in [
         ("wall.toml --out wall.png", "--out wall.png: give a file that ends in .svg"),
-        ("wall.toml --out w.svg --budget 0", "--budget 0: it must be a number of seconds above 0"),
+        ("wall.toml --out w.svg --budget 0", "--budget 0: give a number of seconds above 0"),
         ("no.toml --out w.svg", "no.toml: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers no.jsonl", "no.jsonl: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers broken.jsonl", "broken.jsonl:1: missing field `peer` at line 1 column 16"),
