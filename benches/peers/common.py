@@ -1,15 +1,16 @@
-"""What the peers' programs share: the scenes as numbers, the clock, and the lines they write.
+"""Shared by the programs of the peers: reading of scenes, timing, and writing of results.
 
-A program defines how to `build` a scene with one value of its knob, and the class `build` returns defines
+Each program passes `measure` a function `build` that builds a scene with one value of the varied parameter. The object that
+`build` returns has
 
-    reset()            back to the start (not timed)
-    step(count)        advances `count` steps, the timed call; without instruments
+    reset()            return to the start (not timed)
+    step(count)        advance by `count` steps without reading states (timed)
     dt                 length of one step, s
-    state()            {"q", "qd", "tip_velocity", "kinetic_energy", "potential_energy"} now, in carom's conventions;
-                       of a free body also "velocity", its centre's in the world
-    force()            what pushes at the contact over the step just made: zero without contact (any unit)
+    state()            current {"q", "qd", "tip_velocity", "kinetic_energy", "potential_energy"} in carom's conventions;
+                       for a free body also "velocity", of its centre in world axes
+    force()            contact force over the last step in any unit; zero without contact
 
-and hands `measure` its instances. Only the standard library is used here: Siconos runs under the system's Python.
+Only the standard library is used here, since Siconos runs under the Python of the system.
 """
 
 import argparse
@@ -39,11 +40,11 @@ def machine():
 
 def arguments(description):
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("scenes", help="scenes.json, as prepare.py writes it")
-    parser.add_argument("--out", default="/dev/stdout", help="file that lines are appended to (engines print on stdout)")
+    parser.add_argument("scenes", help="scenes.json, as written by prepare.py")
+    parser.add_argument("--out", default="/dev/stdout", help="file to which lines are appended (some libraries print to stdout)")
     parser.add_argument("--only", nargs="*", help="names of scenes")
-    parser.add_argument("--repeats", type=int, default=3, help="runs of which the median time is given")
-    parser.add_argument("--budget", type=float, default=20.0, help="s that one line may take; dearer knobs are left out")
+    parser.add_argument("--repeats", type=int, default=3, help="number of timed runs; their median is the result")
+    parser.add_argument("--budget", type=float, default=20.0, help="longest time for one line, s; values of the parameter that take longer are left out")
     parsed = parser.parse_args()
     global OUT
     OUT = parsed.out
@@ -58,29 +59,29 @@ def emit(line):
         file.write(json.dumps(line) + "\n")
 
 
-# Values of the knob that all steppers get, s; every scene's duration is a multiple of the largest.
+# Step lengths of all time-stepping methods, s; the duration of every scene is a multiple of the largest.
 STEPS = (5e-3, 1e-3, 2.5e-4, 1e-4, 2.5e-5, 1e-5)
 
 
 def first_impact(run, duration):
-    """The state at the end of the last step of the first contact, the run's apexes (of a free ball), and the last state."""
+    """The state at the end of the last step of the first contact, the apexes of a free ball, and the last state."""
     run.reset()
     steps, touching, after, apexes = round(duration / run.dt), None, None, []
     before = run.state()
     for k in range(steps):
         if after and not run.floating:
-            run.step(steps - k)  # nothing more to see but the end
+            run.step(steps - k)  # only the last state is still needed
             break
         run.step(1)
         if not after and run.force() > 0.0:
             touching = dict(run.state(), time=(k + 1) * run.dt)
         elif touching and not after:
-            # Who finds the moment of impact himself has kept the state right after it.
+            # Peers that locate the impact keep the state right after it.
             after = getattr(run, "impact", None) or touching
         if run.floating:
             now = run.state()
             if before["velocity"][2] > 0.0 >= now["velocity"][2]:
-                # Between two steps of a flight the apex is where the velocity's line crosses zero.
+                # Between two steps of a flight the velocity is linear in time; the apex is its zero.
                 share = before["velocity"][2] / (before["velocity"][2] - now["velocity"][2])
                 apexes.append([(k + share) * run.dt, before["q"][2] + 0.5 * before["velocity"][2] * share * run.dt])
             before = now
@@ -117,12 +118,12 @@ def write(peer, version, scene, method, law, settings, knob, value, wall_time, r
 
 
 def measure(peer, version, scene, method, law, settings, value, build, args, knob="dt"):
-    """One line: times the bare run, then repeats it watching. What fails is a line as well, with the reason."""
+    """Writes one line: times the run, then repeats it reading states. A failure is written as a line with the reason."""
     try:
         run = build(value)
         run.floating = scene["floating"]
         steps = round(scene["duration"] / run.dt)
-        # A first short stretch says whether the whole fits the budget; watching costs some 50 us a step on top, in Python.
+        # A short run estimates whether the whole fits the budget; reading states adds about 50 us for each step in Python.
         for _ in range(2):
             run.reset()
             begin = time.perf_counter()
@@ -144,7 +145,7 @@ def measure(peer, version, scene, method, law, settings, value, build, args, kno
             result["apexes"] = apexes
         settings = dict(settings, **getattr(run, "settings", {}))
         write(peer, version, scene, method, law, settings, knob, value, statistics.median(times), result)
-    except Exception as why:  # a peer that throws is a result, not a reason to stop
+    except Exception as why:  # an exception of a peer is written as its result
         print(f"{peer}: {scene['name']}, {method}, {knob} {value}: {type(why).__name__}: {why}", file=sys.stderr)
         line = {"scene": scene["name"], "method": method, "peer": peer, "version": version, "law": law,
                 "settings": settings, "knob": knob, "value": value, "wall_time_s": None, "result": None,
@@ -153,7 +154,7 @@ def measure(peer, version, scene, method, law, settings, value, build, args, kno
 
 
 def spring_damping(restitution):
-    """Damping ratio at which a linear spring and damper that may not pull gives back `restitution`.
+    """Damping ratio at which a linear spring and damper that cannot pull returns `restitution`.
 
     The contact ends where the force k x + c v comes to zero: tan(w t) = -2 z s / (1 - 2 z z) with s = sqrt(1 - z z).
     """
@@ -170,7 +171,7 @@ def spring_damping(restitution):
 
 
 def turned(xyzw, vector, back=False):
-    """`vector` turned by a unit quaternion, or back by its inverse."""
+    """`vector` rotated by a unit quaternion, or by its inverse if `back`."""
     x, y, z, w = xyzw
     x, y, z = (-x, -y, -z) if back else (x, y, z)
     a, b, c = vector
@@ -180,7 +181,7 @@ def turned(xyzw, vector, back=False):
 
 
 def free_body(scene, position, xyzw, velocity, spin):
-    """A free ball's state in carom's conventions, from the world's: position, quaternion, velocity, angular velocity."""
+    """The state of a free ball in carom's conventions, from position, quaternion, velocity and angular velocity in the world."""
     mass, inertia = scene["body"]["mass"], scene["body"]["inertia"][0]
     dot = lambda a, b: sum(x * y for x, y in zip(a, b))
     position, xyzw, velocity, spin = ([float(x) for x in it] for it in (position, xyzw, velocity, spin))
@@ -195,7 +196,7 @@ def free_body(scene, position, xyzw, velocity, spin):
 
 
 def hunt_crossley(restitution, speed):
-    """Dissipation a, s/m, with which k x^n (1 + a x') gives back `restitution` of the approach `speed` exactly.
+    """Dissipation a, s/m, with which k x^n (1 + a x') returns exactly `restitution` at the approach `speed`, m/s.
 
     a v is the root of ln((1 + y) / (1 - e y)) = y (1 + e): v dv / (1 + a v) integrated from v to -e v is zero.
     """

@@ -1,7 +1,7 @@
-"""Prints, for every line of peers.jsonl, how far it is from carom: compare.py CAROM PEERS.jsonl SCENE.toml...
+"""Prints the difference of every line of peers.jsonl from carom: compare.py CAROM PEERS.jsonl SCENE.toml...
 
-Errors are those of the joint velocities and of the kinetic energy right after the first impact, and of the joint
-velocities at the end; each relative to the largest number of its kind in carom's answer.
+The differences are those of the joint velocities and of the kinetic energy right after the first impact, and of the joint
+velocities at the end; each relative to the largest number of its kind in the result of carom.
 """
 
 import json
@@ -23,7 +23,7 @@ def show(value, width=10):
 def main(carom, lines, scenes):
     with open(lines) as file:
         lines = [json.loads(line) for line in file]
-    print(f"{'scene':9} {'peer':10} {'method':34} {'knob':9} {'value':>8} {'time, s':>10} {'qd⁺':>10} {'T⁺':>10} {'qd end':>10}  e came out")
+    print(f"{'scene':9} {'peer':10} {'method':34} {'parameter':9} {'value':>8} {'time, s':>10} {'qd⁺':>10} {'T⁺':>10} {'qd end':>10}  e obtained")
     for path in scenes:
         name = os.path.splitext(os.path.basename(path))[0]
         answer = json.loads(subprocess.run([carom, "simulate", path, "--json"], check=True, capture_output=True, text=True).stdout)

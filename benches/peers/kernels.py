@@ -1,4 +1,4 @@
-"""The driver of `kernels`: makes cases, builds the peers' programs, checks that they agree, then times them in turn.
+"""Driver of `kernels`: writes the cases, builds the programs, checks that their results agree, then times them in turn.
 
     kernels.py prepare FOLDER CAROM ROBOT...      (under the venv's Python)
     kernels.py time FOLDER ROUNDS SECONDS CAROM_BENCH CAROM_BENCH_NATIVE CRATES CRATES_NATIVE
@@ -14,7 +14,7 @@ import sys
 from importlib.metadata import version
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-# Straight-line code grows with the cube of the joints; beyond this it is no yardstick any more.
+# Straight-line code grows with the cube of the number of joints; it is compared up to this number.
 GENERATED_UP_TO = 7
 STATES = 16
 BUILDS = {"plain": "without flags for the processor", "native": "`target-cpu=native`, `-march=native`"}
@@ -35,11 +35,11 @@ KERNELS = {
     "inverse": "inverse dynamics",
     "forward": "forward dynamics",
 }
-# How far an answer may be off, in parts of the largest number of its state.
+# Largest difference of a result, relative to the largest number of its state.
 TOLERANCE = {"closed-form": 1e-12, "featherstone": 1e-3}
 
-# A program had the core to itself if the core made this part of the additions that it can make, before and after. What it can
-# make is what it made in all but a tenth of the cases: single answers are far too high.
+# A program had the whole core if, before and after it, the throughput of additions was at least this share of the full
+# throughput. The full throughput is the 90 % quantile of the measurements, since single values are far too high.
 ALONE = 0.85
 ALL_BUT = 0.1
 
@@ -61,7 +61,7 @@ def prepare(folder, carom, urdfs):
             robot, hinges = symbolic.Robot(urdf), scenes.hinges(urdf)
             place = [order.index(it) for it in robot.names]
             n = len(order)
-            # q, q̇, and q̈ or τ.
+            # q, q̇, and q̈ (inverse dynamics) or τ (forward dynamics).
             states = [[[chance.uniform(-1, 1) for _ in range(n)] for _ in range(3)] for _ in range(STATES)]
             show = lambda them: " ".join(repr(float(x)) for x in np.ravel(them))
             plain.write(f"{name} {os.path.abspath(urdf)} {n} {STATES}\n{show(states)}\n")
@@ -78,17 +78,17 @@ def prepare(folder, carom, urdfs):
                 spec.delete(geom)
             spec.body("tip").add_site(name="tip")
             spec.option.gravity = [0, -9.81, 0]
-            # Everything that isn't in the other programs: limits, constraints, damping.
+            # Disables what the other programs do not compute: limits and other constraints.
             spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
             mujoco.mj_saveModel(spec.compile(), f"{folder}/{name}.mjb")
             if n <= GENERATED_UP_TO:
                 if robot.names != order:
-                    raise SystemExit(f"{urdf}: the file's order of joints is not carom's, the generated code would be out of order")
+                    raise SystemExit(f"{urdf}: the order of the joints in the file differs from that of carom, which the generated code needs")
                 symbolic.write(urdf, f"{folder}/{name}.c", [0, -9.81, 0])
 
 
 class Program:
-    """What one process times: the lines it prints name the peer (its column) and the kernel."""
+    """A program to be timed: the lines it prints name the peer (its column) and the kernel."""
 
     def __init__(self, build, command, robots=None):
         self.build, self.command, self.robots = build, command, robots
@@ -104,18 +104,18 @@ class Program:
 
 
 def compiled(folder):
-    """The C and C++ programs, built two at a time; what can't be built comes back with the reason."""
+    """Builds the C and C++ programs, two at a time; returns them, and those that cannot be built with the reason."""
     site = os.path.dirname(os.path.dirname(__import__("mujoco").__file__))
     library = next(it for it in os.listdir(f"{site}/mujoco") if it.startswith("libmujoco.so"))
     include = f"{site}/cmeel.prefix/include"
     hinges, folder = f"{folder}/hinges.txt", os.path.abspath(folder)
-    # The wheel's library has its own instructions, so there is one build of it.
+    # The library of the wheel is compiled already, so there is one build of it.
     jobs = [("mujoco", None, ["gcc", "-O3", f"{HERE}/c/mujoco.c", f"-I{site}/mujoco/include", f"{site}/mujoco/{library}",
                               f"-Wl,-rpath,{site}/mujoco", "-lm"], None,
              lambda p: lambda robot, s: [p, hinges, robot, s, "mujoco", folder])]
     for build, flags in (("plain", ["-O3"]), ("native", ["-O3", "-march=native"])):
         jobs.append((f"pinocchio-{build}", build, ["g++", "-std=c++17", "-DNDEBUG", *flags,
-                     # Its joints are a variant of more kinds than Boost's lists are written out for.
+                     # The variant of joint types is longer than the default limit of the lists of Boost.
                      "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
                      f"{HERE}/c/pinocchio.cpp", f"-I{include}", f"-I{include}/eigen3"], None,
                      lambda p: lambda robot, s: [p, hinges, robot, s, "pinocchio"]))
@@ -148,19 +148,19 @@ def compiled(folder):
 
 
 def gauge(folder):
-    """How many additions the core makes at once (c/core.c), whenever it is called."""
+    """A function that measures how many additions the core makes in the time of a dependent one (c/core.c)."""
     subprocess.run(["gcc", "-O2", f"{HERE}/c/core.c", "-o", f"{folder}/core"], check=True)
     return lambda: float(subprocess.run([f"{folder}/core"], check=True, capture_output=True, text=True).stdout)
 
 
 def whole(core):
-    """What the core makes when all of it is there."""
+    """The throughput of the whole core."""
     return sorted(core)[int((1 - ALL_BUT) * len(core))]
 
 
 def agree(programs, robots):
-    """Stops where a program's answers are not carom's. Returns how far they are off, by peer; single precision is named, not
-    stopped."""
+    """Stops if the results of a program differ from those of carom. Returns the largest difference of each peer, and the kernels
+    that are left out because single precision is not sufficient."""
     worst, left_out = {}, []
     for robot in robots:
         ours = {}
@@ -170,21 +170,21 @@ def agree(programs, robots):
             for peer, kernel, _, numbers in program.lines(robot, 0):
                 if kernel not in ours:
                     ours[kernel] = numbers
-                # State by state, so that a state of small numbers counts as much.
+                # Relative to each state, so that states of small numbers count as much as others.
                 reference = ours[kernel]
                 size = len(reference) // (1 if kernel.startswith("batch") else STATES)
                 parts = [(reference[i : i + size], numbers[i : i + size]) for i in range(0, len(reference), size)]
                 if len(numbers) != len(reference):
-                    raise SystemExit(f"{peer} gives {len(numbers)} numbers for {kernel} of {robot}, and not {len(reference)}")
+                    raise SystemExit(f"{peer} gives {len(numbers)} numbers for {kernel} of {robot}: {len(reference)} are expected")
                 off = max(max(abs(a - b) for a, b in zip(x, y)) / max(map(abs, x)) for x, y in parts)
-                # Solving with M costs its condition number, which in a chain grows with the fourth power of the links.
+                # The error of a solve with M grows with its condition number, which for a chain grows as the fourth power of n.
                 limit = TOLERANCE.get(peer, 1e-8 if robot == "chain100" else 1e-10)
                 if off < limit:
                     worst[peer] = max(worst.get(peer, 0), off)
                 elif peer == "featherstone":
                     left_out.append((peer, kernel, robot, off))
                 else:
-                    raise SystemExit(f"{peer} ({program.build}) disagrees on {kernel} of {robot} by {off:.1e} of the largest: nothing is timed")
+                    raise SystemExit(f"{peer} ({program.build}) differs on {kernel} of {robot} by {off:.1e} of the largest number: nothing is timed")
     return worst, left_out
 
 
@@ -194,7 +194,7 @@ def shown(nanoseconds):
 
 
 class Samples:
-    """The times of one kernel: in `alone` those that had the core to themselves, where they are enough."""
+    """The times of one kernel; `alone`: those measured with the whole core."""
 
     ENOUGH = 3
 
@@ -213,14 +213,14 @@ class Samples:
         return statistics.median(self.every if self.few() else self.alone)
 
     def ratio(self, ours):
-        """To ours, both from samples of the same kind."""
+        """The ratio to our time, both from samples of the same kind."""
         if self.few() or ours.few():
             return statistics.median(self.every) / statistics.median(ours.every)
         return self.median() / ours.median()
 
 
 def tables(samples, kernels, robots):
-    """Markdown."""
+    """The tables of times and ratios as Markdown."""
     for build, how in BUILDS.items():
         peers = [it for it in COLUMNS if any(key[0] in (build, None) and key[3] == it for key in samples)]
         yield f"\nBuilt {how}:\n"
@@ -254,17 +254,17 @@ def first_line(*command):
 
 def foot(rounds, seconds, load, core, samples, worst, missing, versions):
     cpu = next((it.split(":")[1].strip() for it in open("/proc/cpuinfo") if it.startswith("model name")), platform.processor())
-    yield f"\nMedians over {rounds} rounds of {seconds} s each, and in brackets their ratio to carom's of the same build (above 1: carom is faster).\n"
+    yield f"\nMedians over {rounds} rounds of {seconds} s each; in brackets their ratio to the time of carom in the same build (above 1: carom is faster).\n"
     yield f"- Machine: {cpu}, {os.cpu_count()} cores, {platform.system()} {platform.release()}; load before and after {load[0]:.1f}, {load[1]:.1f}."
     every, alone = sum(len(it.every) for it in samples.values()), sum(len(it.alone) for it in samples.values())
-    yield (f"- Additions that the core made in the time of one, asked before and after each program: {whole(core):.1f} when all of "
-           f"it was there (in one case of ten they were more), {statistics.median(core):.1f} in the median. Where they were {ALONE} of that or more, the program had the core to itself, and not "
-           f"only half of it beside another machine's thread: {alone} of {every} samples. Only these count; where they are fewer than "
-           f"{Samples.ENOUGH}, in {sum(it.few() for it in samples.values())} of {len(samples)} cells, all do.")
-    yield f"- carom: tree {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
+    yield (f"- Independent additions of the core in the time of a dependent one, measured before and after each program: 90 % quantile "
+           f"{whole(core):.1f}, median {statistics.median(core):.1f}. Samples with at least {ALONE} of the quantile before and after had the "
+           f"whole core: {alone} of {every}. Only these count, except in the {sum(it.few() for it in samples.values())} of {len(samples)} "
+           f"cells with fewer than {Samples.ENOUGH} of them, where all samples count.")
+    yield f"- carom: commit {first_line('git', 'describe', '--always', '--dirty')}, {first_line('rustc', '--version')}, release profile."
     yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
     answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
-    yield f"- Answers are off by at most, in parts of the largest number of a state: {answers}."
+    yield f"- Largest differences from carom, relative to the largest number of a state: {answers}."
     yield from (f"- Left out: {it}." for it in missing)
 
 
@@ -283,13 +283,13 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
     with open(f"{folder}/cases.txt") as file:
         robots = [line.split()[0] for line in list(file)[::2]]
     worst, wrong = agree(programs, robots)
-    missing += [f"{COLUMNS[peer]}'s {kernel} of {robot}, off by {off:.0e}" for peer, kernel, robot, off in dict.fromkeys(wrong)]
+    missing += [f"{COLUMNS[peer]}, {kernel} of {robot}: differs by {off:.0e}" for peer, kernel, robot, off in dict.fromkeys(wrong)]
     wrong = {it[:3] for it in wrong}
     taken, load, core, filled = [], [os.getloadavg()[0]], [], gauge(folder)
     for turn in range(rounds):
         print(f"round {turn + 1} of {rounds}", file=sys.stderr, flush=True)
         for robot in robots:
-            # Each round begins with another program.
+            # Each round begins with the next program.
             for program in programs[turn % len(programs) :] + programs[: turn % len(programs)]:
                 if program.robots and robot not in program.robots:
                     continue
@@ -308,7 +308,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
                 "generated": f"{version('casadi')} (by gcc)", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
     with open(f"{folder}/../kernels.jsonl", "w") as file:
         for (build, kernel, robot, peer), them in samples.items():
-            file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this tree"), "build": build,
+            file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this commit"), "build": build,
                                    "median_ns": them.median(), "least_ns": min(them.every), "alone": len(them.alone), "repeats": len(them.every)}) + "\n")
     text = "\n".join([*tables(samples, KERNELS, robots), *foot(rounds, seconds, load, core, samples, worst, missing, versions)]) + "\n"
     with open(f"{folder}/../kernels.md", "w") as file:

@@ -1,4 +1,4 @@
-"""Writes URDFs that nobody would write by hand: a uniform chain, and a humanoid's tree (robots/humanoid29.urdf).
+"""Writes generated URDFs: a uniform chain, and the tree of a humanoid (robots/humanoid29.urdf).
 
     models.py chain LINKS [--length M] [--mass KG]   pinned at the origin, along x at q = 0, turning about z
     models.py humanoid                               29 joints: waist 3, legs 6 each, arms 7 each; fixed pelvis
@@ -7,7 +7,7 @@
 import argparse
 import math
 
-# kg/m3 of the humanoid's capsules, taken as cylinders; a plastic and metal mixture, as arm7.urdf has.
+# Density of the humanoid's links, kg/m3, which are cylinders; a mixture of plastic and metal, as in arm7.urdf.
 DENSITY = 1500.0
 
 
@@ -38,7 +38,7 @@ def joint(name, parent, child, xyz, axis):
 
 
 def chain(links, length=1.0, mass=1.0):
-    """`links` equal round rods, a fortieth of their length thick, in a row along x."""
+    """`links` equal round rods in a row along x; their radius is a fortieth of their length."""
     l, m = length / links, mass / links
     r = l / 40
     across = m * (3 * r * r + l * l) / 12
@@ -52,12 +52,12 @@ def chain(links, length=1.0, mass=1.0):
 
 
 def humanoid():
-    """A tree of 29 hinges, no maker's data: homogeneous cylinders of made-up but human sizes. `tip` is on the right hand."""
+    """A tree of 29 hinges: homogeneous cylinders of human size, not the data of a product. `tip` is on the right hand."""
     text = ['<?xml version="1.0"?>\n<robot name="humanoid29">\n  <link name="pelvis"/>\n']
     axes = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 
     def limb(parent, start, parts):
-        """parts: (name, axis, length along -z (or +z), radius); each starts where the one before ends."""
+        """parts: (name, axis, signed length along z, radius), m; each starts at the end of the one before."""
         at = start
         for name, axis, length, radius in parts:
             l = abs(length)

@@ -1,5 +1,5 @@
-/* Siconos calls these for a robot of hinges. Built as one file behind the C that symbolic.py wrote (functions `mass`, `bias`,
- * `tip`, `jacobian`, `rate`, constant DOF) and behind the scene's own numbers: POINT, NORMAL, TANGENT, RADIUS, ROWS. */
+/* Functions that Siconos calls for a robot of hinges. Included after the C of symbolic.py (functions `mass`, `bias`, `tip`,
+ * `jacobian`, `rate`, constant DOF) and after the numbers of the scene: POINT, NORMAL, TANGENT, RADIUS, ROWS. */
 
 static void call(int (*f)(const double **, double **, long long *, double *, int), const double *q, const double *qd, double *out) {
     static double work[65536];

@@ -1,4 +1,4 @@
-"""Writes and builds Siconos' plug-ins: plugins.py SCENES.json FOLDER."""
+"""Writes and builds the plug-ins for Siconos: plugins.py SCENES.json FOLDER."""
 
 import json
 import os

@@ -1,7 +1,7 @@
-"""Turns carom's scene files into numbers that every peer can read: prepare.py OUT.json SCENE.toml...
+"""Converts scene files of carom to numbers that every peer can read: prepare.py OUT.json SCENE.toml...
 
-Beside what the file says: the start velocity where it is given through the tip, the plane that the tip's ball meets
-first, and, for peers whose contact is a spring, the effective mass and the speed with which the tip will arrive.
+Adds to the content of the file: the start velocity if it is given through the tip, the plane that the ball of the tip meets
+first, and, for peers with compliant contacts, the effective mass and the approach speed of the tip.
 """
 
 import json
@@ -25,7 +25,7 @@ def ball_of(urdf, link):
 
 
 def plane_of(shape, centre):
-    """The half-space, or the face of the box that lies towards `centre`, as (point, normal)."""
+    """The half-space, or the face of the box nearest to `centre`, as (point, normal)."""
     if "halfspace" in shape:
         normal = np.array(shape["halfspace"]["normal"], float)
         return np.array(shape["halfspace"]["point"], float), normal / np.linalg.norm(normal)
@@ -45,7 +45,7 @@ def prepare(path):
     floating = robot.get("floating", False)
     model = pinocchio.buildModelFromUrdf(urdf, pinocchio.JointModelFreeFlyer()) if floating else pinocchio.buildModelFromUrdf(urdf)
     data = model.createData()
-    # Configurations in the file's order of joints; Pinocchio sorts branches by name, chains keep it.
+    # q is in the order of the joints in the file. Pinocchio sorts branches by name, which leaves chains unchanged.
     q = np.array(robot["q"], float)
     if not floating:
         q = pinocchio_q(model, q)
@@ -89,7 +89,7 @@ def prepare(path):
 
 
 def hinges(urdf):
-    """The moving links with what is fixed to them merged in, parents first, for peers that read no URDF."""
+    """The moving links, merged with the links fixed to them, parents first, for peers that read no URDF."""
     robot, links = symbolic.Robot(urdf), []
     for parent, (turn, shift), axis, inertia in zip(robot.parent, robot.placement, robot.axis, robot.inertia):
         mass = inertia[3, 3]
@@ -102,7 +102,7 @@ def hinges(urdf):
 
 
 def pinocchio_q(model, q):
-    """Continuous joints are a sine and a cosine there."""
+    """q of Pinocchio, in which a continuous joint has two coordinates, cosine and sine."""
     full = pinocchio.neutral(model)
     for i in range(1, model.njoints):
         joint, value = model.joints[i], q[model.joints[i].idx_v]

@@ -1,4 +1,4 @@
-"""PyBullet on the scenes: reduced coordinates, Newton's coefficient per contact, semi-implicit Euler steps."""
+"""The scenes in PyBullet: reduced coordinates, Newton's coefficient per contact, semi-implicit Euler steps."""
 
 import importlib.metadata
 import os
@@ -14,7 +14,7 @@ VERSION = importlib.metadata.version("pybullet")
 
 
 def without_made_up_mass(path):
-    """The file again with links that have no inertia saying so: PyBullet gives them 1 kg and 1 kg m2 otherwise."""
+    """A copy of the URDF with explicit zero inertia of links without one, to which PyBullet gives 1 kg and 1 kg m2 otherwise."""
     tree = xml.parse(path)
     for link in tree.getroot().iter("link"):
         if link.find("inertial") is None:
@@ -51,7 +51,7 @@ class Run:
                 shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=[x / 2 for x in shape["box"]["size"]])
             surfaces.append(bullet.createMultiBody(0, shape, basePosition=at))
         for surface in surfaces:
-            # Coefficients of a pair are products. Alone the tip touches.
+            # The coefficients of a pair are multiplied. Only the tip can touch.
             bullet.changeDynamics(surface, -1, restitution=1.0, lateralFriction=1.0)
             for link in [-1, *links]:
                 bullet.setCollisionFilterPair(self.body, surface, link, -1, int(link == self.tip))
@@ -69,7 +69,7 @@ class Run:
                                              numSolverIterations=200, solverResidualThreshold=0)
 
     def reset(self):
-        # A world anew: restarting one keeps the contact cache of the last run.
+        # A new world, since resetting keeps the contact cache of the last run.
         self.__init__(self.scene, self.dt, self.tuned)
         q, qd = self.scene["q"], self.scene["qd"]
         if self.scene["floating"]:

@@ -1,4 +1,4 @@
-"""Drake on the scenes: its discrete solvers and its continuous plant. Its contacts give way (Hunt & Crossley)."""
+"""The scenes in Drake: its discrete solvers and its continuous plant, with compliant contacts (Hunt & Crossley)."""
 
 import logging
 import math
@@ -22,7 +22,7 @@ logging.getLogger("drake").setLevel(logging.ERROR)
 
 
 def contact_steps(dt):
-    """Steps that a contact is spread over: the rebound's error falls with their number, the contact's length grows."""
+    """Number of steps in a contact: with more steps the error of the rebound falls and the contact lasts longer."""
     return max(40.0, 1.0 / math.sqrt(dt))
 
 
@@ -32,7 +32,8 @@ def material(scene, stiffness):
     if stiffness is None:
         AddContactMaterial(friction=friction, properties=properties)
     else:
-        # Of a pair: stiffness in series, dissipation weighted by the other's stiffness; so twice the one, and the other.
+        # The stiffnesses of a pair act in series, and each dissipation is weighted by the other stiffness: with equal materials
+        # the stiffness must be doubled, the dissipation not.
         AddContactMaterial(point_stiffness=2 * stiffness, friction=friction, properties=properties,
                            dissipation=common.hunt_crossley(scene["restitution"], scene["approach"]))
     return properties
@@ -48,7 +49,7 @@ class Run:
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
         plant.mutable_gravity_field().set_gravity_vector(scene["gravity"])
         self.tip = plant.GetBodyByName(scene["tip"])
-        # The file's own shapes don't touch; a ball of ours on the tip does.
+        # The shapes of the file cannot touch; a ball added to the tip can.
         of_file = graph.model_inspector().GetAllGeometryIds(Role.kProximity)
         ours = []
         for k, shape in enumerate(scene["surfaces"]):
@@ -73,7 +74,7 @@ class Run:
         if not discrete:
             ResetIntegratorFromFlags(self.simulator, "runge_kutta3", scene["duration"] / 10)
             integrator = self.simulator.get_mutable_integrator()
-            # Steps that may grow over the contact's length would step over it.
+            # Limits the step, which could otherwise skip a whole contact.
             integrator.set_maximum_step_size(10 * dt)
             integrator.set_target_accuracy(1e-9)
 
@@ -96,7 +97,7 @@ class Run:
 
     def step(self, count):
         self.steps += count
-        # A hair beyond, so that rounding does not put off the last step.
+        # Slightly beyond the end, so that rounding does not omit the last step.
         self.simulator.AdvanceTo((self.steps + 1e-6) * self.dt)
 
     def force(self):

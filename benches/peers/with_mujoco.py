@@ -1,4 +1,4 @@
-"""MuJoCo on the scenes. Its contacts are springs in acceleration space and have no coefficient of restitution."""
+"""The scenes in MuJoCo. Its contacts are springs in acceleration space and have no coefficient of restitution."""
 
 import math
 
@@ -8,12 +8,12 @@ import numpy as np
 import common
 
 VERSION = mujoco.__version__
-# Steps that the spring's half period is spread over, so that the damping, not the step, decides the rebound.
+# Steps in the half period of the spring, so that the rebound depends on the damping and not on the step.
 CONTACT_STEPS = 40
 
 
 def plane_quaternion(normal):
-    """Turns z into `normal`."""
+    """The quaternion that rotates z into `normal`."""
     quaternion = np.zeros(4)
     mujoco.mju_quatZ2Vec(quaternion, np.array(normal, float))
     return quaternion
@@ -29,12 +29,12 @@ def model_of(scene):
     else:
         spec = mujoco.MjSpec.from_file(scene["urdf"])
     for geom in spec.geoms:
-        # Alone the tip's ball touches, as in carom, where the other pairs are out of reach.
+        # Only the ball of the tip can touch, as in carom, where the other pairs are out of reach.
         tip = geom.type == mujoco.mjtGeom.mjGEOM_SPHERE
         geom.name = "tip" if tip else ""
         geom.contype, geom.conaffinity = (1, 2) if tip else (0, 0)
         if not scene["floating"]:
-            geom.mass = 0.0  # else a ball on a link without inertia would weigh as much as water
+            geom.mass = 0.0  # the default density, that of water, would give mass to a link without inertia
     for k, shape in enumerate(scene["surfaces"]):
         common_keys = dict(name=f"surface{k}", contype=2, conaffinity=1)
         if k == 0:
@@ -64,9 +64,8 @@ class Run:
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
             spec.option.tolerance = 1e-15
             for k in range(len(scene["surfaces"])):
-                # A pair of its own, since only a pair can have another reference for its friction than for its bounce: ten
-                # steps, the best of those tried. The impedance is constant and next to one: as rigid as the format lets a
-                # contact be.
+                # An explicit pair, since only pairs have separate reference parameters for friction: ten steps, the best of
+                # those tried. The impedance is constant and close to one, the most rigid contact that the format allows.
                 spec.add_pair(geomname1="tip", geomname2=f"surface{k}", condim=3 if scene["friction"] else 1,
                               friction=[scene["friction"], scene["friction"], 0, 0, 0], solref=solref,
                               solreffriction=[10 * dt, 1], solimp=[0.9999, 0.9999, 1e-3, 0.5, 2])
@@ -90,7 +89,7 @@ class Run:
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def force(self):
-        # Of the step just made: its contacts were found at the state it began with.
+        # Forces of the last step, whose contacts were detected at its start.
         return float(np.sum(self.data.efc_force[: self.data.nefc])) if self.data.ncon else 0.0
 
     def state(self):
@@ -99,7 +98,7 @@ class Run:
             w, x, y, z = data.qpos[3:]
             turn = [x, y, z, w]
             return common.free_body(self.scene, data.qpos[:3], turn, data.qvel[:3], common.turned(turn, data.qvel[3:]))
-        # On a copy: what follows must not warm-start or move the run itself.
+        # Computed on a copy, so that the warm start and the state of the run stay unchanged.
         copy = getattr(self, "copy", None) or mujoco.MjData(self.model)
         self.copy = copy
         copy.qpos[:], copy.qvel[:] = data.qpos, data.qvel

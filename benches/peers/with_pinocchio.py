@@ -1,7 +1,7 @@
-"""Pinocchio on the scenes: `aba` under a fixed-step Runge-Kutta loop, and `impulseDynamics` where the gap closes.
+"""The scenes in Pinocchio: `aba` in a fixed-step Runge-Kutta loop, and `impulseDynamics` where the gap closes.
 
-Pinocchio has no simulator; the loop, the search for the moment of impact and the gap of a ball over a plane are this
-file's. Its impulse is frictionless (one row, the normal) with Newton's coefficient.
+Pinocchio has no simulator; the loop, the search for the time of impact and the gap between ball and plane are written
+here. Its impulse is frictionless (one row, the normal) with Newton's coefficient.
 """
 
 import numpy as np
@@ -58,7 +58,7 @@ class Run:
                     self.q, self.v = q, v
                     self.time += left
                     break
-                # The gap has closed within this stretch: false position with halved weights (Illinois).
+                # The gap has closed within this step: its time is found by false position with halved weights (Illinois).
                 low, high, at_low, at_high, side = 0.0, left, self.gap(self.q), self.gap(q), 0
                 if at_low <= 0.0:
                     high = 0.0
@@ -105,7 +105,7 @@ class Run:
 def main():
     args = common.arguments(__doc__)
     for scene in common.scenes(args.scenes):
-        # The thrown ball lives from friction and strikes a box as well.
+        # The scene `ball` needs friction in impacts and a box.
         if args.only and scene["name"] not in args.only or len(scene["surfaces"]) > 1:
             continue
         law = "newton, frictionless" if scene["surfaces"] else None

@@ -1,4 +1,4 @@
-"""Siconos on the scenes: Moreau & Jean's time stepping, and its event-driven scheme. Under the system's Python.
+"""The scenes in Siconos: Moreau & Jean's time stepping and its event-driven scheme. Runs under the Python of the system.
 
 The robot's dynamics are plug-ins in C, written by symbolic.py and built by `run` (argument --plugins: their folder).
 """
@@ -12,7 +12,7 @@ import siconos.kernel as kernel
 
 import common
 
-VERSION = os.environ.get("SICONOS_VERSION", "unknown")  # the module doesn't say; `run` asks the package manager
+VERSION = os.environ.get("SICONOS_VERSION", "unknown")  # the module has no version; `run` gets it from the package manager
 PLUGINS = os.environ["SICONOS_PLUGINS"]
 
 
@@ -28,7 +28,7 @@ class Run:
     def reset(self):
         scene, contact = self.scene, bool(self.scene["surfaces"])
         if self.floating:
-            # The ball falls straight: its three translations say all.
+            # The ball falls without rotating: three translations are sufficient.
             mass = scene["body"]["mass"]
             self.system = kernel.LagrangianLinearTIDS(scene["q"][:3], scene["qd"][:3], mass * np.eye(3))
             self.system.setFExtPtr(mass * np.array(scene["gravity"]))
@@ -72,7 +72,7 @@ class Run:
         if not self.events:
             for _ in range(count):
                 self.simulation.computeOneStep()
-                # Before the next step begins and forgets it.
+                # Read before the next step begins, which overwrites it.
                 self.pushed = self.interaction.lambda_(1)[0] if self.interaction is not None else 0.0
                 self.simulation.nextStep()
             return
@@ -103,7 +103,7 @@ class Run:
         return state
 
     def evaluated(self, name, q, rows, columns):
-        """A function of the plug-in's library at q, which is what Siconos itself calls."""
+        """The value of a function of the plug-in at q, the same function that Siconos calls."""
         double, pointer = ctypes.c_double, ctypes.POINTER(ctypes.c_double)
         out, at = (double * (rows * columns))(), (double * len(q))(*q)
         inputs, outputs = (pointer * 8)(at), (pointer * 8)(out)
@@ -114,7 +114,7 @@ class Run:
 def main():
     args = common.arguments(__doc__)
     for scene in common.scenes(args.scenes):
-        # The thrown ball's box would need Siconos' own contact detection, which Debian leaves out of its Python.
+        # The box of the scene `ball` needs the collision detection of Siconos, which the Python module of Debian lacks.
         if args.only and scene["name"] not in args.only or len(scene["surfaces"]) > 1:
             continue
         law = ("newton, coulomb (Moreau)" if scene["friction"] else "newton") if scene["surfaces"] else None

@@ -1,4 +1,4 @@
-/* What the C and C++ programs of `kernels` share: reading the cases, the clock, and the lines they write. */
+/* Shared by the C and C++ programs of `kernels`: reading of cases, timing, and writing of results. */
 #ifndef CAROM_PEERS_COMMON_H
 #define CAROM_PEERS_COMMON_H
 #include <stdio.h>
@@ -8,13 +8,13 @@
 
 #define MOST 128
 #define MOST_STATES 16
-/* Time between two looks at the clock, s, of which one costs some 50 ns. */
+/* Time between two readings of the clock, s; a reading takes about 50 ns. */
 #define BETWEEN_LOOKS 5e-5
-/* Fewest and most stretches in a sample. */
+/* Smallest and largest number of intervals in a sample. */
 #define FEWEST 15
 #define STRETCHES 65536
 
-/* A robot's hinges, parents first, and states; `input` is tau for forward, qdd for inverse dynamics. */
+/* The hinges of a robot, parents first, and its states; `input` is tau for forward, qdd for inverse dynamics. */
 typedef struct {
     char name[64], joint[MOST][64];
     int n, states, parent[MOST], tip_link;
@@ -62,8 +62,8 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* `calls` times `work`, which reads state `k`, one state after another. What it reads could have changed between two calls, for
- * all the compiler knows. */
+/* Runs `work` `calls` times on the states `k` in turn. The barrier makes the compiler assume that the states change between two
+ * calls. */
 #define CALLS(c, calls, work)                     \
     for (long r_ = 0; r_ < (calls); r_++) {       \
         __asm__ volatile("" ::: "memory");        \
@@ -71,8 +71,8 @@ static int by_size(const void *a, const void *b) {
         k = k + 1 < (c).states ? k + 1 : 0;       \
     }
 
-/* `work` again and again for `seconds`, and one line with its time: the median over the stretches between two looks at the
- * clock, so that one which was interrupted counts for nothing. With zero seconds the line has the answers at all states
+/* Repeats `work` for `seconds` and prints one line with its time: the median over the intervals between two readings of the
+ * clock, so that an interruption affects one interval only. With zero seconds the line holds the answers at all states
  * instead. */
 #define TIMED(label, kernel, c, seconds, work, answer, count)                                          \
     do {                                                                                               \

@@ -1,6 +1,6 @@
-// How much of the processor's core we have: prints how many additions it makes in the time of one that waits for the one before.
-// Where two threads share a core it is about half as many while the other is at work, and so is the speed of code that fills
-// the core; code that waits for its own results hardly suffers.
+// Measures the available share of a processor core: prints the number of independent additions in the time of a dependent one.
+// While another hardware thread of the core is busy, it is about half as large, as is the speed of code that saturates the
+// core; code that waits for its own results is hardly slower.
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
@@ -23,7 +23,7 @@ int main(void) {
         unsigned long a = 0, b = 0, c = 0, d = 0, e = 0, f = 0, g = 0, h = 0;
         for (int k = 0; k < 30000; k++) {
             a++, b++, c++, d++, e++, f++, g++, h++;
-            // The compiler may not know what they add up to.
+            // Prevents the compiler from computing the sums in advance.
             __asm__ volatile("" : "+r"(a), "+r"(b), "+r"(c), "+r"(d), "+r"(e), "+r"(f), "+r"(g), "+r"(h));
         }
         double between = now();

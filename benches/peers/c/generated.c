@@ -1,4 +1,4 @@
-/* The yardstick's side of `kernels`: straight-line C for one robot, of which symbolic.py wrote the file given as ROBOT_C:
+/* Generated code in `kernels`: straight-line C for one robot, in the file ROBOT_C that symbolic.py writes:
  * generated CASES ROBOT SECONDS LABEL. */
 #include "common.h"
 #include ROBOT_C

@@ -1,4 +1,4 @@
-/* MuJoCo's side of `kernels`: mujoco CASES ROBOT SECONDS LABEL FOLDER; FOLDER holds ROBOT.mjb with a site `tip`. */
+/* MuJoCo in `kernels`: mujoco CASES ROBOT SECONDS LABEL FOLDER; FOLDER holds ROBOT.mjb with a site `tip`. */
 #include <mujoco/mujoco.h>
 
 #include "common.h"
@@ -12,7 +12,7 @@ static double q[MOST_STATES][MOST], qd[MOST_STATES][MOST], input[MOST_STATES][MO
 static double jacobian[3 * MOST], solved[3 * MOST], h[9], after[MOST], force[MOST];
 static const double NORMAL[3] = {-1, 0, 0};
 
-/* MuJoCo reads its state where these point: nothing is copied. */
+/* The state is read through these pointers without a copy. */
 static void state(int k) {
     d->qpos = q[k];
     d->qvel = qd[k];

@@ -1,5 +1,5 @@
-// Pinocchio's side of `kernels`: pinocchio CASES ROBOT SECONDS LABEL. Header-only, the model built joint by joint: no library
-// that was compiled with other flags takes part. Where Pinocchio offers two conventions, axes of the bodies and of the
+// Pinocchio in `kernels`: pinocchio CASES ROBOT SECONDS LABEL. Header-only, with the model built joint by joint, so that no
+// library compiled with other flags is used. Where Pinocchio offers two conventions, axes of the bodies and of the
 // world, the faster one is timed.
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/cholesky.hpp>
@@ -17,7 +17,7 @@ using namespace pinocchio;
 typedef Eigen::Matrix<double, 3, 3, Eigen::RowMajor> Rows3;
 
 static JointModel hinge(const Eigen::Vector3d &axis) {
-    // As its URDF reader does: a hinge about x, y or z has a class of its own.
+    // As in its URDF reader, a hinge about x, y or z has its own joint type.
     if (axis == Eigen::Vector3d::UnitX()) return JointModelRX();
     if (axis == Eigen::Vector3d::UnitY()) return JointModelRY();
     if (axis == Eigen::Vector3d::UnitZ()) return JointModelRZ();
@@ -28,7 +28,7 @@ int main(int argc, char **argv) {
     static Case c;
     if (argc != 5 || !find_case(argv[1], argv[2], &c)) return 2;
     const double seconds = atof(argv[3]);
-    // It wants each branch's joints one after another.
+    // The joints of each branch must be added one after another.
     std::vector<int> order, place(c.n);
     std::function<void(int)> visit = [&](int parent) {
         for (int i = 0; i < c.n; i++)
@@ -67,7 +67,7 @@ int main(int argc, char **argv) {
     Eigen::Matrix3d h;
     Eigen::VectorXd after(c.n);
     auto chain = [&](int k) {
-        // In world axes, which gives the columns of J with it.
+        // The convention of world axes, which also gives the columns of J.
         crba(model, data, q[k], Convention::WORLD);
         updateFramePlacement(model, data, tip);
         getFrameJacobian(model, data, tip, LOCAL_WORLD_ALIGNED, jacobian);
@@ -85,7 +85,7 @@ int main(int argc, char **argv) {
         out[c.n] = h(0, 0), out[c.n + 1] = h(0, 1), out[c.n + 2] = h(1, 1);
         return out;
     };
-    // Its upper triangle is what crba fills.
+    // crba fills the upper triangle only.
     auto product = [&](int k) { return shown(data.M.selfadjointView<Eigen::Upper>() * input[k]); };
     auto mass = [&](int k, Convention in) { crba(model, data, q[k], in); };
     auto forward = [&](int k, Convention in) { aba(model, data, q[k], qd[k], input[k], in); };
@@ -103,7 +103,7 @@ int main(int argc, char **argv) {
     TIMED(argv[4], "inverse", c, seconds, rnea(model, data, q[k], qd[k], input[k]), shown(data.tau), c.n);
     const Convention of_mass = faster(mass), of_forward = faster(forward);
     for (const Convention in : {Convention::LOCAL, Convention::WORLD}) {
-        // All answers are shown.
+        // Prints all answers.
         if (!(seconds > 0) || in == of_mass) TIMED(argv[4], "mass", c, seconds, mass(k, in), product(k), c.n);
         if (!(seconds > 0) || in == of_forward) TIMED(argv[4], "forward", c, seconds, forward(k, in), shown(data.ddq), c.n);
     }

@@ -1,9 +1,9 @@
-//! The crate featherstone: mass matrix, inverse and forward dynamics, in f32, its only number; all three allocate what they
-//! return and what they need on the way.
+//! Kernels of the crate featherstone: mass matrix, inverse and forward dynamics, in f32, its only scalar type. All three allocate
+//! their results and their intermediate data.
 //!
-//! In 0.1.0 a joint transform takes vectors to the child's axes by the rotation +q, so that its dynamics are those of joints
-//! turned by −q: it is given −q, with q̇, q̈ and τ as they are, and then agrees. Its forward kinematics composes the same
-//! transforms as if they were poses, so its Jacobian is that of neither robot (seen on planar2), and there is no chain here.
+//! In 0.1.0 a joint transform maps vectors to the axes of the child by the rotation +q, so its dynamics are those of joints
+//! rotated by −q: it is given −q, with q̇, q̈ and τ unchanged, and then agrees. Its forward kinematics composes the same
+//! transforms as if they were poses, so its Jacobian is wrong for both signs (observed on planar2), and `chain` is left out.
 
 use crate::{Case, time};
 use featherstone::aba::aba_forward_dynamics;
@@ -28,7 +28,7 @@ pub fn run(case: &Case, seconds: f64) {
     body.set_gravity(Vector3::new(0.0, -9.81, 0.0));
     for (i, it) in case.hinges.iter().enumerate() {
         let turn = matrix(it.turn).transpose();
-        // The transform's translation is in the child's axes.
+        // The translation of the transform is in the axes of the child.
         let place = SpatialTransform::from_rotation_translation(turn, turn * vector(it.shift));
         let inertia = SpatialInertia::from_mass_inertia(it.mass as f32, vector(it.centre), matrix(it.inertia));
         let parent = it.parent.map_or(-1, |p| p as i32);

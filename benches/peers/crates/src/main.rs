@@ -1,5 +1,5 @@
-//! Two crates' side of `kernels`: `carom-peers-crates HINGES ROBOT SECONDS`. Lines as those of carom's own side
-//! (`crates/carom-sim/benches/peers`), labelled `featherstone` and `rapier`.
+//! The crates featherstone and rapier in `kernels`: `carom-peers-crates HINGES ROBOT SECONDS`. Prints lines in the format of
+//! `crates/carom-sim/benches/peers`, labelled `featherstone` and `rapier`.
 
 mod featherstone_side;
 mod rapier_side;
@@ -7,12 +7,12 @@ mod rapier_side;
 use std::hint::black_box;
 use std::time::Instant;
 
-/// Time between two looks at the clock, s: a look costs some 50 ns.
+/// Time between two readings of the clock, s; a reading takes about 50 ns.
 const BETWEEN_LOOKS: f64 = 5e-5;
-/// Fewest stretches between two looks in a sample.
+/// Smallest number of intervals between two readings in a sample.
 const FEWEST: usize = 15;
 
-/// As in `c/common.h`, where the format of the file is.
+/// A robot and its states, as in `c/common.h`, which reads the same file.
 pub struct Case {
     pub hinges: Vec<Hinge>,
     pub tip: (usize, [f64; 3]),
@@ -21,7 +21,7 @@ pub struct Case {
 
 pub struct Hinge {
     pub parent: Option<usize>,
-    /// Rows.
+    /// Rotation, by rows.
     pub turn: [[f64; 3]; 3],
     pub shift: [f64; 3],
     pub axis: [f64; 3],
@@ -73,8 +73,8 @@ impl Case {
     }
 }
 
-/// Runs `work`, which reads a state and shows its answer where it is asked to, for `seconds`: the line's time is the median
-/// over stretches of 50 µs. Where `seconds` is zero, once for each answer.
+/// Repeats `work`, which reads a state and stores its answer if asked to, for `seconds`, and prints the median time over
+/// intervals of 50 µs. If `seconds` is zero, prints the answers at all states instead.
 pub fn time(
     label: &str,
     kernel: &str,

@@ -1,7 +1,7 @@
-//! rapier's multibodies: the chain alone. M itself, inverse and forward dynamics aren't public; what is: the body's Jacobians
-//! (`forward_kinematics`, `body_jacobian`) and M's LU factors (`inv_augmented_mass`), which nothing public renews but
-//! `dof_inverse_inertia`: it does the kinematics once more, assembles Coriolis terms beside M, factors both and solves for every
-//! joint. So this is what the chain costs through rapier's public functions, and more than the chain needs.
+//! The kernel `chain` with the multibodies of rapier. M, inverse and forward dynamics are not public. Public are the Jacobians of
+//! the bodies (`forward_kinematics`, `body_jacobian`) and the LU factors of M (`inv_augmented_mass`), which only
+//! `dof_inverse_inertia` updates: it repeats the kinematics, assembles Coriolis terms beside M, factors both and solves for every
+//! joint. The time is that of these public functions, which is more than the chain needs.
 
 use crate::{Case, State, time};
 use rapier3d_f64::na::{DMatrix, Matrix3, Vector3};
@@ -23,7 +23,7 @@ pub fn run(case: &Case, seconds: f64) {
     for it in &case.hinges {
         let properties = MassProperties::with_inertia_matrix(vector(it.centre), it.mass, matrix(it.inertia));
         let body = world.insert_body(RigidBodyBuilder::dynamic().additional_mass_properties(properties));
-        // Joints turn about their frames' x.
+        // Joints rotate about the x axis of their frames.
         let axis = Rotation::from_rotation_arc(Vector::X, vector(it.axis));
         let turned = Rotation::from_mat3(&matrix(it.turn));
         let hinge = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES)
@@ -36,14 +36,14 @@ pub fn run(case: &Case, seconds: f64) {
     let (Some(joint), Some(&last)) = (joint, bodies.get(link)) else { return };
     let Some(id) = world.multibody_joints.rigid_body_link(last).map(|it| it.id) else { return };
     let arm = vector(tip) - vector(case.hinges[link].centre);
-    // Else a body takes its mass at the world's first step only.
+    // Otherwise the mass of a body is set in the first step of the world.
     world.bodies.iter_mut().for_each(|(_, body)| body.recompute_mass_properties_from_colliders(&world.colliders));
     let bodies = &mut world.bodies;
     let Some((tree, _)) = world.multibody_joints.get_mut(joint) else { return };
     tree.forward_kinematics(bodies, true);
     tree.damping_mut().fill(0.0);
     let n = tree.ndofs();
-    assert_eq!(n, case.hinges.len(), "rapier's joints are others");
+    assert_eq!(n, case.hinges.len(), "rapier has another number of joints");
 
     let mut now = vec![0.0; n];
     let mut step = vec![0.0; n];

@@ -1,6 +1,6 @@
-//! rapier on carom's scenes: impulse joints and multibodies, its defaults and its predictive contacts switched off.
+//! The scenes in rapier: impulse joints and multibodies, with its defaults and without predictive contacts.
 //!
-//! `carom-peers-rapier SCENES.json OUT.jsonl CPU [REPEATS] [BUDGET]`; lines as `benches/peers/README.md` has them.
+//! `carom-peers-rapier SCENES.json OUT.jsonl CPU [REPEATS] [BUDGET]`; the format is described in `benches/peers/README.md`.
 
 use rapier3d_f64::prelude::*;
 use serde::Deserialize;
@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
             let properties = MassProperties::new(Vector::ZERO, body.mass, vector(body.inertia));
             let q = &scene.q;
             if q[3..] != [0.0, 0.0, 0.0, 1.0] {
-                return Err("a free body must start unturned here".into());
+                return Err("a free body that starts rotated is not supported here".into());
             }
             let (linear, angular) = scene.qd.split_at(3);
             let place = RigidBodyBuilder::dynamic()
@@ -132,7 +132,7 @@ impl<'a> Run<'a> {
         let mut multibody = None;
         for (i, link) in chain.links.iter().enumerate() {
             if link.turn != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-                return Err("a joint with a turned frame".into());
+                return Err("a joint with a rotated frame is not supported here".into());
             }
             let (axis, shift) = (vector(link.axis), vector(link.shift));
             let above = usize::try_from(link.parent).ok();
@@ -145,7 +145,7 @@ impl<'a> Run<'a> {
             let inertia = link.inertia;
             let inertia = Matrix::from_cols(vector(inertia[0]), vector(inertia[1]), vector(inertia[2]));
             let properties = MassProperties::with_inertia_matrix(vector(link.centre), link.mass, inertia);
-            // rapier's velocity is that of the centre of mass.
+            // The velocity of a body in rapier is that of its centre of mass.
             let place = RigidBodyBuilder::dynamic()
                 .pose(Pose::from_parts(pose.1, pose.0))
                 .linvel(pose.2 + pose.3.cross(pose.0 * vector(link.centre)))
@@ -210,10 +210,10 @@ impl<'a> Run<'a> {
             qd.push((body.angvel() - spin).dot(body_turn(body) * axis));
         }
         if let Some((tree, _)) = self.multibody.and_then(|handle| self.world.multibody_joints.get(handle)) {
-            // The bodies' velocities lag behind the joints' by the restitution.
+            // The velocities of the bodies do not contain the restitution yet; those of the joints do.
             qd = tree.generalized_velocity().iter().skip(tree.ndofs() - q.len()).copied().collect();
         }
-        // Velocities and energy from the joints', outwards.
+        // Velocities and energy computed from the joint velocities, outwards.
         let (mut kinetic, mut tip, mut moved) = (0.0, Vector::ZERO, Vec::<(Vector, Vector)>::new());
         for (i, (link, body)) in chain.links.iter().zip(&bodies).enumerate() {
             let above = usize::try_from(link.parent).ok();
@@ -230,7 +230,7 @@ impl<'a> Run<'a> {
             moved.push((velocity, spin));
         }
         if self.multibody.is_none() {
-            // Impulse joints give way: the bodies' own velocities are what there is, the joints' are read off them.
+            // Impulse joints are compliant: joint velocities are computed from the velocities of the bodies.
             let last = bodies[chain.tip.link];
             let arm = body_turn(last) * (vector(chain.tip.at) - vector(chain.links[chain.tip.link].centre));
             tip = last.linvel() + last.angvel().cross(arm);
@@ -304,7 +304,7 @@ fn measure(
     let mut times = (0..repeats).map(|_| timed(steps)).collect::<Result<Vec<f64>, String>>()?;
     times.sort_by(f64::total_cmp);
     let result = watch(Run::new(scene, dt, joints, tuned)?, dt, steps);
-    // serde_json writes what is not finite as null.
+    // serde_json writes numbers that are not finite as null.
     let finite = result["final"]["qd"].as_array().is_some_and(|them| them.iter().all(Value::is_number));
     if !finite { Err("the state is no longer finite".into()) } else { Ok(Some((times[repeats / 2], result))) }
 }
@@ -317,7 +317,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let repeats = rest.first().map_or(Ok(3), |it| it.parse())?;
     let budget = rest.get(1).map_or(Ok(20.0), |it| it.parse())?;
     let scenes: Vec<Scene> = serde_json::from_value(
-        // Scenes without surfaces have no tip to speak of.
+        // In scenes without surfaces the radius of the tip does not matter.
         serde_json::from_str::<Vec<Value>>(&std::fs::read_to_string(scenes)?)?
             .into_iter()
             .map(|mut it| {
