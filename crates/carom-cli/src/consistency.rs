@@ -27,10 +27,10 @@ use std::path::PathBuf;
 pub struct ConsistencyCommand {
     /// Table with the columns row, angle_deg, newton, energy_root and, optionally, tangential
     ///
-    /// row: name of the row that the line belongs to; angle_deg: α (degrees); newton: e, the ratio
-    /// of normal velocities; energy_root: E; tangential: the observed change of the tangential
-    /// velocity (grows, shrinks, reverses, shrinks or reverses, grows or shrinks). Lines that
-    /// begin with # are comments.
+    /// row: name of the row that the line belongs to; angle_deg: α (degrees); newton: e, the
+    /// ratio of normal velocities; energy_root: E; tangential: the observed change of the
+    /// tangential velocity (grows, shrinks, reverses, shrinks or reverses, grows or shrinks).
+    /// Lines that begin with # are comments.
     #[arg(value_name = "TABLE.csv", verbatim_doc_comment)]
     table: PathBuf,
     /// Half-width of the rounding of every number [default: half a unit of its last digit]

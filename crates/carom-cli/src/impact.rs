@@ -49,15 +49,15 @@ pub struct Impact {
     drives: Drives,
     /// Add the derivatives of qd⁺ with respect to q, qd⁻, restitution and friction
     ///
-    /// Those with respect to q are along unit joint velocities, so that they have nv columns. They
+    /// Those with respect to q are along unit joint velocities, so that they have nv columns. All
     /// hold within a contact mode. The margin, 0 to 1, is the normalised distance to the nearest
-    /// boundary at which they change; edge names the boundary, beyond the mode behind it.
+    /// mode boundary; edge names this boundary, and beyond is the mode behind it.
     #[arg(long, conflicts_with_all = ["locked", "contact_time"], verbatim_doc_comment)]
     derivatives: bool,
     /// Add bounds of the outcome for all restitutions in this range, 0:1 at most
     ///
-    /// The outcome itself is still that of --restitution. The bounds are exact where a proof holds,
-    /// else sampled and possibly too narrow; the answer states which.
+    /// The outcome itself is still that of --restitution. The bounds are exact where a proof
+    /// holds, else sampled and possibly too narrow; the answer states which.
     #[arg(
         long, value_name = "LOW:HIGH", value_parser = parse_range, allow_hyphen_values = true, verbatim_doc_comment
     )]
@@ -79,9 +79,9 @@ carom impact [OPTIONS] --tip <LINK> --normal <X,Y,Z> --law <LAW> --restitution <
 // Behaviour of the joints during the impact; free if none of these options is given.
 #[derive(Args)]
 struct Drives {
-    /// Joints whose velocities stay the same through the impact, or `all` (without a floating base)
+    /// Joints whose velocities stay the same through the impact, or `all`
     ///
-    /// A model of joints under stiff position control. Names of moving joints, or `all` alone.
+    /// A model of joints under stiff position control. `all` does not lock a floating base.
     #[arg(
         long,
         value_name = "A,B,…",

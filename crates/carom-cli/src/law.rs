@@ -17,11 +17,11 @@ use std::path::{Path, PathBuf};
 /// What a law is, in the help texts of `--law`; lines of 70 columns at most.
 fn describe(law: &str) -> &'static str {
     match law {
-        "frictionless" => "Newton's coefficient, no friction",
-        "whittaker" => "Newton's, Coulomb friction against the final slip; can gain energy",
-        "newton" => "slip followed (Routh, Keller), Newton's end; can gain energy",
-        "poisson" => "slip followed, Poisson's end (ratio of impulses)",
-        "energetic" => "slip followed, Stronge's end (ratio of works)",
+        "frictionless" => "ratio of velocities (Newton), no friction",
+        "whittaker" => "ratio of velocities, friction against the last slip; can gain energy",
+        "newton" => "ratio of velocities, friction at each instant; can gain energy",
+        "poisson" => "ratio of impulses (Poisson), friction at each instant",
+        "energetic" => "ratio of works (Stronge), friction at each instant",
         "chatterjee-ruina" => "formula with normal and tangential restitution",
         "brach" => "impulse ratio, limited so that no energy is gained",
         "smith" => "friction against a mean of the first and the last slip",
@@ -44,8 +44,8 @@ pub struct LawArgs {
     law: String,
     /// Coefficient of restitution, 0 to 1
     ///
-    /// As the law defines it: the ratio of normal velocities (Newton), of normal impulses (poisson)
-    /// or the square root of the ratio of normal works (energetic).
+    /// The ratio of normal velocities, except for two laws: the ratio of normal impulses for
+    /// poisson, the square root of the ratio of normal works for energetic.
     #[arg(long, value_name = "E", allow_hyphen_values = true, verbatim_doc_comment)]
     pub restitution: f64,
     /// Coefficient of Coulomb friction, 0 or more
@@ -167,8 +167,8 @@ pub struct LawCommand {
     ///
     /// In the plane, the Routh diagram: the plane of impulses with friction cone, lines of
     /// compression and sticking, energy ellipse, permissible region and every law's impulse. In
-    /// space, the hodograph: the plane of slip velocities with the path of the slip, the invariant
-    /// directions and every law's u⁺.
+    /// space, the hodograph: the plane of slip velocities with the path of the slip, the
+    /// invariant directions and every law's u⁺.
     #[arg(long, value_name = "X.svg", verbatim_doc_comment)]
     svg: Option<PathBuf>,
     #[command(flatten)]
@@ -327,7 +327,7 @@ fn resolve<const D: usize>(problem: &Problem, laws: &Named<D>) -> Result<All<Ans
                 let (before, still) = (hit.energy_before, hit.u_minus.amax() == 0.0);
                 if !before.is_finite() || (before < f64::MIN_POSITIVE && !still) {
                     let why = format!(
-                        "the kinetic energy comes out as {before} J: the numbers of this line are too large, or too small, for f64"
+                        "the kinetic energy is {before} J: the numbers of this line are too large, or too small, for f64"
                     );
                     return Err(LineError(why));
                 }

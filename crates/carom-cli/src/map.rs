@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Compute an impact map: quantities of an impact over poses, approaches, coefficients and laws
+/// Compute a map of impacts over poses, approach angles, speeds, coefficients and laws
 ///
 /// Input: a study (TOML) that names the robot, the axes of the map (joint positions or tip
 /// positions, approach angles, speeds, restitution, friction, normals, laws) and the quantities.
@@ -47,8 +47,8 @@ pub struct MapCommand {
     svg: Option<PathBuf>,
     /// Record one column of the whole map for the Rerun viewer
     ///
-    /// The recording holds images, tip positions in space and poses of the arm. Needs a carom that
-    /// is built with the feature `rerun`.
+    /// The recording holds images, tip positions in space and poses of the arm. Needs a carom
+    /// that is built with the feature `rerun`.
     #[arg(long, value_name = "X.rrd", conflicts_with = "shard", verbatim_doc_comment)]
     rrd: Option<PathBuf>,
     /// Column that is drawn and recorded [default: the first quantity of the study]

@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-/// Print the plan of a scene: what is modelled, what is reduced exactly, what within a bound
+/// Print the model of a scene, its exact reductions and its reductions within a bound
 ///
 /// Input: a scene (TOML).
 /// Output: the parts of the model that `carom simulate` uses, each with the reason; the parts that

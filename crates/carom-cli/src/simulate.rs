@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Sampling interval of tables and recordings if the scene names none, s: that of the paper.
 const SAMPLE: f64 = 0.004;
 
-/// Simulate a scene: motion, impacts, sliding and sticking contact of a robot among surfaces
+/// Simulate a scene: motion, impacts, sliding and sticking contact of a robot
 ///
 /// Input: a scene (TOML) that names the robot and its start, the surfaces, the contact law with its
 /// coefficients, the controller and the duration.
@@ -42,7 +42,8 @@ pub struct Simulate {
     /// Write the motion as a CSV table: time (s), q, qd
     ///
     /// Sampled at the interval `[run] sample` of the scene, or every 0.004 s. Columns: time,
-    /// q.<joint> (rad, m), qd.<joint> (rad/s, m/s); numbered where a joint has several coordinates.
+    /// q.<joint> (rad, m), qd.<joint> (rad/s, m/s); a joint with several coordinates has numbered
+    /// columns.
     #[arg(long, value_name = "X.csv", verbatim_doc_comment)]
     csv: Option<PathBuf>,
     /// Write the same table as Parquet

@@ -10,14 +10,13 @@ use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Run impact laws and simulation methods on built-in scenes on which methods are known to fail
+/// Run impact laws and simulation methods on built-in scenes that make methods fail
 ///
 /// Compares the result of each method on each scene with a closed form, an invariant or a theorem.
 /// The result is the same on every machine.
 ///
 /// Output: stress.md (table with figures and reasons), stress.json and stress.svg in --out, and the
-/// number of cells of each verdict: exact, within tolerance, degrades, refused, fails as theory
-/// says (predicts), defect (a failure that theory does not predict).
+/// number of cells of each verdict, from exact to defect (a failure that theory does not predict).
 /// JSON keys: methods, scenes [{scene, story, measures, tolerance, cells [{method, verdict, figure,
 ///   note}]}].
 #[derive(Args)]

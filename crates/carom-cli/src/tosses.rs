@@ -45,7 +45,7 @@ pub struct TossesCommand {
     #[arg(long, value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
     friction: f64,
     /// Relative tolerance of the integration
-    #[arg(long, default_value_t = 1e-9, allow_hyphen_values = true)]
+    #[arg(long, default_value = "1e-9", allow_hyphen_values = true)]
     tolerance: f64,
     /// Time step while several contacts last, s
     #[arg(long, value_name = "SECONDS", default_value_t = 5e-4, allow_hyphen_values = true)]

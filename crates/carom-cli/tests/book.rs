@@ -1,4 +1,5 @@
-//! The book and the repository's other documents: their commands run and print what the pages say, their links lead somewhere.
+//! The book and the other documents of the repository: their commands run and print what the pages show, and their links have
+//! targets.
 #![cfg(unix)]
 
 use pulldown_cmark::{CodeBlockKind, Event, HeadingLevel, Options, Parser, Tag, TagEnd};
@@ -19,7 +20,7 @@ fn markdown(folder: &str) -> Vec<PathBuf> {
     pages
 }
 
-/// The code blocks of a page: what stands behind the fence, the text, and the line on which it begins.
+/// The code blocks of a page: the text after the opening fence, the content, and the line on which the block begins.
 fn code_blocks(text: &str) -> Vec<(String, String, usize)> {
     let mut blocks: Vec<(String, String, usize)> = Vec::new();
     let mut inside = false;
@@ -39,7 +40,7 @@ fn code_blocks(text: &str) -> Vec<(String, String, usize)> {
     blocks
 }
 
-/// Whether a printed line is the one on the page, where `…` stands for whatever follows.
+/// Whether a printed line is the one on the page, where `…` at the end matches any text.
 fn is_line(page: &str, printed: &str) -> bool {
     match page.split_once('…').filter(|(_, rest)| rest.is_empty()) {
         Some((start, _)) => printed.starts_with(start.trim_end()),
@@ -47,11 +48,11 @@ fn is_line(page: &str, printed: &str) -> bool {
     }
 }
 
-/// Every line of `page` that isn't left out is in `printed`, in this order, and nothing stands between two lines that the
-/// page has next to one another; a line that is `…` alone leaves out any number of lines.
+/// Checks that the lines of `page` are in `printed`, in this order, and that lines next to one another on the page are so in
+/// `printed`; a line that is `…` alone matches any number of lines.
 fn check_output(page: &str, printed: &str, place: &str) {
     let mut rest = printed.lines().filter(|line| !line.trim().is_empty()).peekable();
-    let mut gap = true; // a page may begin anywhere
+    let mut gap = true; // the page may begin with any line
     for line in page.lines().filter(|line| !line.trim().is_empty()) {
         if line.trim() == "…" {
             gap = true;
@@ -62,12 +63,13 @@ fn check_output(page: &str, printed: &str, place: &str) {
         } else {
             rest.next().is_some_and(|p| is_line(line, p))
         };
-        assert!(found, "{place}: the page says\n{line}\nbut carom prints\n{printed}");
+        assert!(found, "{place}: the page shows\n{line}\nbut carom prints\n{printed}");
         gap = false;
     }
 }
 
-/// Every `sh` block runs, and prints the `text` block that follows it. `sh,ignore` is for what takes long or needs more.
+/// Every `sh` block runs, and prints the `text` block that follows it. `sh,ignore` marks commands that take long or need other
+/// programs.
 #[test]
 fn printed_outputs_of_the_book_are_those_of_carom() {
     let carom = Path::new(env!("CARGO_BIN_EXE_carom"));
@@ -94,7 +96,7 @@ fn printed_outputs_of_the_book_are_those_of_carom() {
         }
         std::fs::remove_dir_all(&desk).unwrap();
     }
-    assert!(compared > 10, "only {compared} outputs were compared: are the pages where this test looks?");
+    assert!(compared > 10, "only {compared} outputs were compared: the pages are expected in book/src");
 }
 
 #[test]
@@ -107,7 +109,7 @@ fn check_output_detects_a_wrong_output() {
     }
 }
 
-/// The anchor that GitHub and mdBook give a heading: lower case, spaces to hyphens, punctuation gone.
+/// The anchor of a heading in GitHub and mdBook: lower case, hyphens for spaces, no punctuation.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().to_lowercase();
     kept.chars()
@@ -168,7 +170,7 @@ fn every_link_has_a_target() {
             if !target.starts_with(&root) {
                 wrong.push(format!("{place}: outside the repository"));
             }
-            // mdBook makes .html of every .md, also of those that it doesn't build.
+            // mdBook changes .md to .html in every link, also to files that are not pages of the book.
             if document.starts_with(&book)
                 && target.extension().is_some_and(|e| e == "md")
                 && !target.starts_with(&book)
@@ -181,10 +183,10 @@ fn every_link_has_a_target() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(seen > 50, "only {seen} links: are the documents where this test looks?");
+    assert!(seen > 50, "only {seen} links were checked: the documents are expected in the repository");
 }
 
-/// A page that the summary forgets is in no book, and its Rust in no test unless the façade includes it.
+/// A page must be in the summary to be built, and its Rust must be included in the façade crate to be tested.
 #[test]
 fn every_page_is_in_the_summary_and_its_rust_is_compiled() {
     let summary = std::fs::read_to_string(Path::new(ROOT).join("book/src/SUMMARY.md")).unwrap();

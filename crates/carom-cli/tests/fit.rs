@@ -1,4 +1,4 @@
-//! `carom fit` from outside: the three kinds of data, what it says of them, what it refuses and in which words.
+//! Tests of `carom fit` as a process: the three kinds of data, the output, refusals with their messages.
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::process::Command;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A folder of its own for each test, gone afterwards.
+/// A folder of its own for each test, removed when the test ends.
 struct Desk(PathBuf);
 
 impl Desk {
@@ -51,7 +51,7 @@ impl Drop for Desk {
     }
 }
 
-/// A ball of mass 1 strikes with u; without coupling H = 1, so u⁺ = (u_t − μ(1+e)|u_n| sign u_t, −e u_n) while it slips.
+/// A ball of mass 1 strikes with velocity u. H is the identity, so u⁺ = (u_t − μ(1+e)|u_n| sign u_t, −e u_n) while it slips.
 fn jump(u: [f64; 2]) -> Value {
     let (e, mu) = (0.5, 0.2);
     let lost = (mu * (1.0 + e) * -u[1]).min(u[0].abs());
@@ -73,16 +73,16 @@ fn fit_to_exact_jumps_recovers_the_coefficients() {
     let fit = desk.answer("fit --velocities jumps.jsonl --json");
     assert_eq!(fit["fitted_to"], "velocities");
     assert_eq!((&fit["train"]["count"], &fit["test"]["count"]), (&json!(4), &json!(4)));
-    for (coefficient, (name, truth)) in
-        fit["coefficients"].as_array().unwrap().iter().zip([("restitution", 0.5), ("friction", 0.2)])
-    {
+    let coefficients = fit["coefficients"].as_array().unwrap();
+    assert_eq!(coefficients.len(), 2, "{fit}");
+    for (coefficient, (name, truth)) in coefficients.iter().zip([("restitution", 0.5), ("friction", 0.2)]) {
         assert_eq!(coefficient["name"], name);
         assert!((number(&coefficient["value"]) - truth).abs() < 1e-6, "{coefficient}");
     }
     assert_eq!(fit["each"].as_array().unwrap().len(), 8);
-    assert_eq!(fit, desk.answer("fit --velocities jumps.jsonl --json"), "twice the same");
+    assert_eq!(fit, desk.answer("fit --velocities jumps.jsonl --json"), "two runs give the same answer");
     let (code, out, err) = desk.run("fit --velocities jumps.jsonl --train 1");
-    assert_eq!((code, err.as_str()), (Some(0), ""), "no progress bar but on a terminal");
+    assert_eq!((code, err.as_str()), (Some(0), ""), "the progress bar is shown on a terminal only");
     assert!(
         out.starts_with("velocities of 8 impacts (0 kept for the test, seed 0), law energetic, loss huber"),
         "{out}"
@@ -90,7 +90,7 @@ fn fit_to_exact_jumps_recovers_the_coefficients() {
     assert!(out.contains("note: fitted to velocities"), "{out}");
 }
 
-/// A cube thrown at z = 0 twenty times, its joint velocities after each impact from `carom impact`.
+/// Joint velocities of planar2 before and after ten impacts, computed by `carom impact`.
 #[test]
 fn fit_to_joint_velocities_recovers_the_coefficients() {
     let desk = Desk::new("joints");
@@ -101,7 +101,8 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
     let states: Vec<Value> = (0..10).map(state).collect();
     desk.lines("states.jsonl", &states);
     let strike = "impact planar2.urdf --tip tip --normal -1,0,0 --law energetic --restitution 0.4 --friction 0.15";
-    let (_, out, err) = desk.run(&format!("{strike} --json --states states.jsonl"));
+    let (code, out, err) = desk.run(&format!("{strike} --json --states states.jsonl"));
+    assert_eq!(code, Some(0), "{err}");
     let hits: Vec<Value> = out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert_eq!(hits.len(), 10, "{err}");
     let struck = states.iter().zip(&hits).filter(|(_, hit)| hit["flags"].as_array().unwrap().is_empty());
@@ -113,7 +114,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
         desk.answer("fit --velocities jumps.jsonl --robot planar2.urdf --tip tip --normal -1,0,0 --train 1 --json");
     let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
     assert!((values[0] - 0.4).abs() < 1e-6 && (values[1] - 0.15).abs() < 1e-6, "{values:?}");
-    // Two joints and a contact that moves in the plane: an impulse can give any jump.
+    // With two joints and a contact in the plane some impulse gives any velocity jump.
     assert!(number(&fit["train"]["least"]) < 1e-9);
 }
 
@@ -121,7 +122,7 @@ fn fit_to_joint_velocities_recovers_the_coefficients() {
 fn fit_to_flights_of_a_box_recovers_the_coefficients() {
     let desk = Desk::new("flights");
     let pose = |z: f64, x: f64| json!([x, 0, z, 0, 0, 0, 1]);
-    // A box that falls flat and does not turn: no corner is lower than another, so its middle is said to touch.
+    // A box that falls flat without rotating: no corner is lowest, so its centre is given as the contact point.
     let line = |speed: f64, slip: f64| {
         let (e, mu, g) = (0.5, 0.2, 9.81);
         let after = slip - mu * (1.0 + e) * speed;
@@ -139,7 +140,7 @@ fn fit_to_flights_of_a_box_recovers_the_coefficients() {
     let fit = desk.answer("fit --flights flights.jsonl --robot box.urdf --floating --tip box --train 1 --json");
     assert_eq!(fit["flights"]["joined"], 5);
     let values: Vec<f64> = fit["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
-    // The centre of mass stands for the point: without lever arms friction acts as on a particle.
+    // The contact point is the centre of mass, so friction acts as on a particle.
     assert!((values[0] - 0.5).abs() < 1e-6 && (values[1] - 0.2).abs() < 1e-6, "{values:?}");
 }
 

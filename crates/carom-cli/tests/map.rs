@@ -1,5 +1,5 @@
-//! `carom map` from outside: its rows are those of `carom impact`, its refusals name file, key, value and rule, and an
-//! interruption leaves what is done.
+//! Tests of `carom map` as a process: rows that agree with `carom impact`, refusals that name file, key, value and rule, and
+//! interruptions.
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
-/// A folder of its own for each test, gone afterwards.
+/// A folder of its own for each test, removed when the test ends.
 struct Desk(PathBuf);
 
 impl Desk {
@@ -42,7 +42,7 @@ impl Desk {
         let said = String::from_utf8(ran.stderr).unwrap();
         assert_eq!((ran.status.code(), said.trim_end()), (Some(1), format!("error: s.toml: {message}").as_str()));
         assert!(ran.stdout.is_empty());
-        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), 2, "nothing is written but robot and study");
+        assert_eq!(std::fs::read_dir(&self.0).unwrap().count(), 2, "only the robot and the study are there");
     }
 }
 
@@ -73,7 +73,7 @@ friction = 0.2
 quantities = ["tangential_after", "impulse", "qd_minus", "qd_plus", "mode_margin", "mode_edge", "mode_beyond", "mode"]
 "#;
 
-/// The last digits differ: `carom impact` works in space, the map in the plane.
+/// The last digits differ, since `carom impact` computes in space and the map in the plane.
 #[test]
 fn rows_of_a_map_agree_with_carom_impact() {
     let desk = Desk::new("rows");
@@ -175,12 +175,12 @@ fn invalid_shards_and_threads_are_usage_errors() {
     assert_eq!(std::fs::read_dir(&desk.0).unwrap().count(), 2);
 }
 
-/// Ctrl-C leaves a whole table of what is done, says so, and `--resume` ends with the bytes of a run left alone.
+/// Ctrl-C leaves a complete table of the rows that are done and names it; `--resume` gives the bytes of an uninterrupted run.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     let desk = Desk::new("interrupt");
-    // Eight groups of rows: the first is written while the third is computed, and no more may be done when it is seen.
+    // The map has eight groups of rows; the first is written while the third is computed, so the interruption comes early.
     desk.study(|text| text.replace("count = 7", "count = 512").replace("count = 6", "count = 512"));
     for name in ["m.parquet", "m.csv"] {
         let mut child = desk
@@ -190,9 +190,9 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
             .spawn()
             .unwrap();
         let part = desk.0.join(format!("{name}.part"));
-        // it has begun to write
+        // wait for the first bytes
         while std::fs::metadata(&part).map_or(true, |m| m.len() < 10_000) {
-            assert!(child.try_wait().unwrap().is_none(), "it ended too soon");
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
             std::thread::sleep(Duration::from_millis(5));
         }
         let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
@@ -212,8 +212,8 @@ fn an_interrupted_map_is_resumed_to_the_same_bytes() {
     }
 }
 
-/// The recipes for many machines, as the book has them, for four parts of CSV. Slurm is played by what it sets in an array's
-/// tasks; where there is no GNU parallel, a shell takes its place.
+/// The recipes of the book for many machines, with four parts of CSV. Slurm is replaced by the variables that it sets in the
+/// tasks of an array; without GNU parallel, `xargs` is used.
 #[cfg(unix)]
 #[test]
 fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
@@ -225,7 +225,8 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     let book = std::fs::read_to_string(format!("{ROOT}/book/src/task-impact-maps.md")).unwrap();
     let recipe = |holds: &str| {
         let block = book.split("```").find(|block| block.starts_with("sh,ignore\n") && block.contains(holds));
-        let text = block.unwrap_or_else(|| panic!("the book has no {holds}")).split_once('\n').unwrap().1;
+        let text =
+            block.unwrap_or_else(|| panic!("no recipe of the book contains {holds}")).split_once('\n').unwrap().1;
         assert!(text.contains("64"), "{text}");
         text.replace("64", "4").replace(".parquet", ".csv")
     };

@@ -87,7 +87,7 @@ pub struct FitCommand {
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
     /// Relative tolerance of the integration of tosses
-    #[arg(long, default_value_t = 1e-6, allow_hyphen_values = true)]
+    #[arg(long, default_value = "1e-6", allow_hyphen_values = true)]
     tolerance: f64,
     /// Time step of tosses while several contacts last, s
     #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
@@ -103,16 +103,16 @@ pub struct FitCommand {
 struct Source {
     /// Velocities before and after impacts, one JSON object per line; - is standard input
     ///
-    /// {"delassus":[[…],…],"u_minus":[…],"u_plus":[…]} (1/kg, m/s) in contact axes, tangents first,
-    /// normal last; or, with --robot and --tip, {"q":[…],"qd_minus":[…],"qd_plus":[…]}, to which
-    /// "point":[x,y,z] (m) may be added.
+    /// {"delassus":[[…],…],"u_minus":[…],"u_plus":[…]} (1/kg, m/s) in contact axes, tangents
+    /// first, normal last; or, with --robot and --tip, {"q":[…],"qd_minus":[…],"qd_plus":[…]}, to
+    /// which "point":[x,y,z] (m) may be added.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     velocities: Option<PathBuf>,
     /// Poses in the flights before and after impacts, one JSON object per line, or a folder
     ///
     /// {"before":{"t":[…],"q":[[…],…]},"after":{"t":[…],"q":[[…],…]}} (s; rad, m), with --robot;
-    /// "point":[x,y,z] (m) may be added. Velocities, pose and time of the impact come from fits of
-    /// both flights. A folder of tosses gives the first impact of each toss.
+    /// "point":[x,y,z] (m) may be added. Velocities, pose and time of the impact come from fits
+    /// of both flights. A folder of tosses gives the first impact of each toss.
     #[arg(long, value_name = "FILE|FOLDER", verbatim_doc_comment)]
     flights: Option<PathBuf>,
     /// Whole tosses: a folder with tosses.csv and a URDF, as for `carom tosses`

@@ -1,4 +1,4 @@
-//! `carom impact --derivatives` and its ranges: further keys beside those of the contract.
+//! `carom impact` with derivatives and ranges: the additional keys.
 
 use crate::desk::*;
 use nalgebra::DVector;
@@ -32,17 +32,17 @@ fn derivatives_agree_with_central_differences_of_answers() {
     agrees("e", vector(&by["restitution"]), plus(q, qd, 0.35 + step, 0.2), plus(q, qd, 0.35 - step, 0.2));
     agrees("μ", vector(&by["friction"]), plus(q, qd, 0.35, 0.2 + step), plus(q, qd, 0.35, 0.2 - step));
     assert_eq!(found["mode_margin"]["edge"], "stops-at-turn");
-    // The other order of the joints turns rows and columns.
+    // Another order of the joints permutes rows and columns.
     let turned = json!({"q": [q[1], q[0]], "qd": [qd[1], qd[0]]});
     let args = format!("{IMPACT} --joints elbow,shoulder --restitution 0.35 --friction 0.2 --derivatives --states -");
     let other = matrix(&desk.answer(&args, &turned)["derivatives"]["q"]);
     assert_eq!(other[(0, 1)], matrix(&by["q"])[(1, 0)]);
-    // Without the option the answer is that of the contract.
+    // Without the options these keys are missing.
     let plain = desk.answer(&format!("{IMPACT} --restitution 0.35 --friction 0.2 --states -"), &state(q, qd));
     assert!(["derivatives", "mode_margin", "band"].iter().all(|key| plain.get(key).is_none()));
 }
 
-/// Slip that stops in another phase is a boundary beyond which the mode has the same name: no other mode is announced.
+/// Slip that stops in another phase is a boundary beyond which the mode has the same name.
 #[test]
 fn a_boundary_within_a_mode_names_the_same_mode_beyond_it() {
     let desk = Desk::new("boundary");
@@ -56,7 +56,7 @@ fn a_boundary_within_a_mode_names_the_same_mode_beyond_it() {
     assert!(reverse.contains("energetic        reverse-slip"), "{reverse}");
     assert!(reverse.contains("nearest boundary stops-at-turn, margin "), "{reverse}");
     assert!(reverse.contains("; beyond it still reverse-slip\n"), "{reverse}");
-    // Without friction the only boundary is that of the approach, and beyond it there is no impact.
+    // Without friction the only boundary is that of the approach; beyond it there is no impact.
     let smooth = said("0");
     assert!(
         smooth.contains("nearest boundary no-approach, margin ") && smooth.contains("; beyond it open\n"),

@@ -1,4 +1,4 @@
-//! A folder to work in, the command run there, and what is said of its answers.
+//! A temporary folder, runs of the command in it, and checks of its answers.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use serde_json::{Value, json};
@@ -10,13 +10,13 @@ use std::process::{Child, Command, Stdio};
 pub const INERTIAL: &str =
     r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
 
-/// Elbow up, tip at rest against a wall whose normal points along -x.
+/// Elbow up; at this pose the tip touches the wall of the paper, whose normal is -x.
 pub const UP_ELBOW: [f64; 2] = [FRAC_PI_4, -FRAC_PI_2];
 
-/// A folder that goes when the test ends. Commands run in it, so that messages name files without it.
+/// A folder that is removed when the test ends. Commands run in it, so that messages name files without a path.
 pub struct Desk(pub PathBuf);
 
-/// What a run left behind.
+/// Exit status and output of a run.
 #[derive(Debug, PartialEq)]
 pub struct Ran {
     pub code: Option<i32>,
@@ -25,7 +25,7 @@ pub struct Ran {
 }
 
 impl Desk {
-    /// With the preset robots in it.
+    /// A new folder with the preset robots.
     pub fn new(name: &str) -> Self {
         let folder = std::env::temp_dir().join(format!("carom-cli-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
@@ -59,7 +59,7 @@ impl Desk {
         command
     }
 
-    /// Runs with arguments that hold no spaces.
+    /// Runs with arguments that contain no spaces.
     pub fn run(&self, args: &str) -> Ran {
         self.feed(args, "")
     }
@@ -69,7 +69,7 @@ impl Desk {
         finish(self.command(args).spawn().unwrap(), input.as_ref())
     }
 
-    /// Answers as JSON. Nothing may be refused.
+    /// The answers as JSON; panics if anything is refused.
     pub fn answers(&self, args: &str, input: &str) -> Vec<Value> {
         let ran = self.feed(args, input);
         assert_eq!(ran.code, Some(0), "{args}: {}", ran.err);
@@ -90,7 +90,8 @@ impl Drop for Desk {
     }
 }
 
-/// Feeds a run and collects it. Whoever refuses early reads no input, so a broken pipe is no failure here.
+/// Writes to the standard input of a run and collects its output. A run that is refused early reads no input, so a closed pipe
+/// is no failure here.
 pub fn finish(mut child: Child, input: &[u8]) -> Ran {
     let mut stdin = child.stdin.take().unwrap();
     let input = input.to_vec();
@@ -106,27 +107,27 @@ pub fn finish(mut child: Child, input: &[u8]) -> Ran {
     }
 }
 
-/// Refused with exit status 1, nothing on standard output, and this one line on standard error.
+/// Checks for exit status 1, nothing on standard output, and this one line on standard error.
 #[track_caller]
 pub fn refused(ran: Ran, message: &str) {
     let expected = Ran { code: Some(1), out: String::new(), err: format!("error: {message}\n") };
     assert_eq!(ran, expected);
 }
 
-/// Usage: exit status 2, nothing on standard output, these words on standard error.
+/// Checks for a usage error: exit status 2, nothing on standard output, these words on standard error.
 #[track_caller]
 pub fn usage(ran: Ran, words: &str) {
     assert_eq!((ran.code, ran.out.as_str()), (Some(2), ""), "{}", ran.err);
     assert!(ran.err.contains(words), "{:?} not in {:?}", words, ran.err);
 }
 
-/// Done with exit status 0 and nothing on standard error.
+/// Checks for exit status 0 and nothing on standard error.
 #[track_caller]
 pub fn done(ran: &Ran) {
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
 }
 
-/// Whatever was asked: no panic, an exit status of the contract, one line of refusal, and JSON without holes.
+/// Checks what holds for every input: no panic, an exit status of the contract, one line of refusal, and JSON without null.
 #[track_caller]
 pub fn civil(ran: &Ran, what: &str) {
     assert!(matches!(ran.code, Some(0..=2)), "{what}: {ran:?}");
@@ -138,16 +139,16 @@ pub fn civil(ran: &Ran, what: &str) {
     }
     for line in ran.out.lines() {
         let value: Value = serde_json::from_str(line).unwrap();
-        assert!(has_no_hole(&value), "{what}: {line}");
+        assert!(has_no_null(&value), "{what}: {line}");
     }
 }
 
-/// JSON has no NaN and no infinity: serde writes `null` for them.
-pub fn has_no_hole(value: &Value) -> bool {
+/// serde_json writes `null` for NaN and infinity.
+pub fn has_no_null(value: &Value) -> bool {
     match value {
         Value::Null => false,
-        Value::Array(items) => items.iter().all(has_no_hole),
-        Value::Object(items) => items.values().all(has_no_hole),
+        Value::Array(items) => items.iter().all(has_no_null),
+        Value::Object(items) => items.values().all(has_no_null),
         _ => true,
     }
 }
@@ -203,7 +204,7 @@ pub fn limb(name: &str, parent: &str, kind: &str, more: &str) -> String {
     )
 }
 
-/// Joint velocities that move the tip of planar2 as wanted, in the plane.
+/// Joint velocities of planar2 that give the tip this velocity in the plane.
 pub fn rates(desk: &Desk, q: [f64; 2], tip: [f64; 2]) -> [f64; 2] {
     let still = json!({"q": q, "qd": [0, 0]});
     let jacobian = matrix(&desk.answer("dynamics planar2.urdf --json --tip tip --states -", &still)["jacobian"]);

@@ -1,4 +1,4 @@
-//! Files that commands write: never in the place of one that is read, nor of each other, and none where anything is refused.
+//! Files that commands write: they never replace an input or one another, and none is written if an input is refused.
 
 use crate::desk::*;
 use serde_json::json;
@@ -27,7 +27,7 @@ restitution = 0.5
 quantities = ["impulse"]
 "#;
 
-/// A desk with a scene, a study, a table and problems of two lines, the second of which is refused.
+/// A desk with a scene, a study, a table, and two files of problems, one of which has an invalid second line.
 fn laid(name: &str) -> Desk {
     let desk = Desk::new(name);
     desk.write("s.toml", SCENE);
@@ -40,7 +40,7 @@ fn laid(name: &str) -> Desk {
     desk
 }
 
-/// Refused with this message, and the desk is as it was, to the byte.
+/// Checks that the command is refused with this message and changes no file.
 #[track_caller]
 fn leaves_all(desk: &Desk, args: &str, message: &str) {
     let all = || -> Vec<(String, Vec<u8>)> {

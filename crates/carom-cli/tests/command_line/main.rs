@@ -1,4 +1,4 @@
-//! The `carom` command from outside: what it takes, what it answers, what it refuses and in which words.
+//! Tests of the `carom` command as a process: input, output, refusals with their messages.
 
 mod contract;
 mod derivatives;

@@ -1,9 +1,9 @@
-//! Numbers that must come out, by two routes or from the literature.
+//! Numeric results, checked by a second computation or against the literature.
 
 use crate::desk::*;
 use serde_json::{Value, json};
 
-/// The answers of `dynamics` and `impact` fit each other: M q̈ + bias = τ, H = J M⁻¹ Jᵀ, M Δq̇ = Jᵀ p.
+/// `dynamics` and `impact` satisfy M q̈ + bias = τ, H = J M⁻¹ Jᵀ and M Δq̇ = Jᵀ p.
 #[test]
 fn dynamics_and_impact_agree() {
     let desk = Desk::new("agree");
@@ -21,7 +21,7 @@ fn dynamics_and_impact_agree() {
     assert!((&jacobian * &inverse * jacobian.transpose() - &delassus).norm() < 1e-12 * delassus.norm());
     let energy = 0.5 * qd.dot(&(&m * &qd));
     close("kinetic energy", number(&all["kinetic_energy"]), energy, 1e-14 * energy);
-    assert_eq!(m, m.transpose(), "all of it is filled, and it is symmetric");
+    assert_eq!(m, m.transpose(), "the whole matrix is filled, and it is symmetric");
 
     let still = json!({"q": q.as_slice(), "qd": [0, 0, 0, 0, 0, 0, 0]});
     let still = desk.answer("dynamics arm7.urdf --json --tip tip --states -", &still);
@@ -44,7 +44,7 @@ fn dynamics_and_impact_agree() {
 
 #[test]
 fn work_of_the_impulse_is_the_energy_change_for_every_law() {
-    let desk = Desk::new("books");
+    let desk = Desk::new("energy");
     let states: String = (0..40)
         .map(|i| {
             let x = f64::from(i);
@@ -57,13 +57,16 @@ fn work_of_the_impulse_is_the_energy_change_for_every_law() {
     for options in ["--restitution 0 --friction 0", "--restitution 0.35 --friction 0.3", "--restitution 1 --friction 2"]
     {
         let args = format!("impact planar3.urdf --json --tip tip --normal -0.8,0.6,0 --law all {options} --states -");
-        for all in desk.feed(&args, &states).out.lines() {
-            let all: Value = serde_json::from_str(all).unwrap();
-            for hit in all["outcomes"].as_array().unwrap() {
+        let answers = desk.answers(&args, &states);
+        assert_eq!(answers.len(), 40);
+        for all in answers {
+            let outcomes = all["outcomes"].as_array().unwrap();
+            assert_eq!((outcomes.len(), all.get("refused")), (8, None), "{all}");
+            for hit in outcomes {
                 let [p, before, after] = ["impulse", "u_minus", "u_plus"].map(|key| vector(&hit[key]));
                 let [t_before, t_after, normal, friction] =
                     ["energy_before", "energy_after", "normal_work", "friction_work"].map(|key| number(&hit[key]));
-                // A coarse scale would hide a loss, a fine one would count the rounding of M: the energy before.
+                // The tolerance is relative to the energy before, in which the rounding of M is.
                 close("½ p·(u⁻ + u⁺)", 0.5 * p.dot(&(&before + &after)), t_after - t_before, 1e-12 * t_before);
                 close("work", normal + friction, t_after - t_before, 1e-12 * t_before);
                 let gains = hit["flags"].as_array().unwrap().contains(&json!("energy-gain"));
@@ -75,8 +78,8 @@ fn work_of_the_impulse_is_the_energy_change_for_every_law() {
     assert!(impacts > 200, "{impacts}");
 }
 
-/// The stand-in arm strikes the wall x = 0.6364 at 0.2 m/s and 45°, sliding down it: the tangential speed more than
-/// doubles. Closed form of the arm's 2×2 problem, H_tn/H_nn = -0.887129.
+/// The stand-in arm strikes the wall x = 0.6364 at 0.2 m/s and 45° down the wall; the tangential speed more than doubles.
+/// Expected values: closed form of the 2×2 problem of the arm, H_tn/H_nn = -0.887129.
 #[test]
 fn planar2_with_elbow_up_has_a_larger_tangential_speed_after_the_impact() {
     let desk = Desk::new("planar2");
@@ -105,6 +108,7 @@ fn a_separating_contact_has_no_impulse() {
     let args =
         "impact planar2.urdf --json --tip tip --normal -1,0,0 --law all --restitution 0.5 --friction 0.3 --states -";
     let all = desk.answer(args, &json!({"q": UP_ELBOW, "qd": qd}));
+    assert_eq!(all["outcomes"].as_array().unwrap().len(), 8, "{all}");
     for hit in all["outcomes"].as_array().unwrap() {
         assert_eq!(hit["flags"], json!(["no-approach"]), "{}", hit["law"]);
         assert_eq!((&hit["mode"], &hit["impulse"]), (&json!("open"), &json!([0.0, 0.0, 0.0])));
@@ -113,12 +117,13 @@ fn a_separating_contact_has_no_impulse() {
     }
     let problem = json!({"delassus": [[2, 0.5], [0.5, 1]], "u": [0.3, 0.1]});
     let all = desk.answer("law --json --law all --restitution 0.5 --friction 0.3 --problems -", &problem);
+    assert_eq!(all["outcomes"].as_array().unwrap().len(), 8, "{all}");
     for hit in all["outcomes"].as_array().unwrap() {
         assert_eq!((&hit["flags"], &hit["impulse"]), (&json!(["no-approach"]), &json!([0.0, 0.0])), "{}", hit["law"]);
     }
 }
 
-/// Kane & Levinson 1985: double pendulum, e = μ = 0.5. Whittaker's algebra gains 59 % of the kinetic energy.
+/// The double pendulum of Kane & Levinson (1985), e = μ = 0.5. Whittaker's law gains 59 % of the kinetic energy.
 #[test]
 fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
     let desk = Desk::new("pendulum");
@@ -134,7 +139,7 @@ fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
         ("poisson", 0.004896652708, 0.042363910848, 0.545077987),
         ("energetic", 0.006306876507, 0.043529526627, 0.553187985),
         ("chatterjee-ruina", 0.044578, 0.067101, 0.562430),
-        ("brach", 0.022397582349, 0.067101007167, 1.0), // as much towards rest as energy allows
+        ("brach", 0.022397582349, 0.067101007167, 1.0), // limited by T⁺ ≤ T⁻
         ("smith", 0.044315, 0.067101, 0.566774),
     ] {
         let digits = if ["chatterjee-ruina", "smith"].contains(&law) { 5e-7 } else { 5e-9 };
@@ -148,7 +153,7 @@ fn outcomes_of_the_pendulum_of_kane_and_levinson_are_the_published_ones() {
     }
 }
 
-/// In the plane the Routh diagram, in space the hodograph, of the first problem alone.
+/// The first problem is drawn: a planar one as Routh diagram, one in space as hodograph.
 #[test]
 fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
     let desk = Desk::new("drawn");
@@ -168,7 +173,7 @@ fn the_first_problem_is_drawn_in_the_plane_or_in_space() {
     let routh = drawn("r.svg", &format!("{planar}\n{spatial}"));
     assert!(routh.contains("permissible") && !routh.contains("invariant"));
     let hodograph = drawn("h.svg", &format!("{spatial}\n{planar}"));
-    // Reference digits of this H at this friction: -45.30081° out, 151.39478° in.
+    // Reference values for this H and friction: -45.30081° outward, 151.39478° inward.
     assert!(hodograph.contains("invariant -45.3°, out") && hodograph.contains("invariant 151.4°, in"));
     assert!(!hodograph.contains("permissible"));
     let one = "law --law whittaker --restitution 0.6 --friction 0.3 --svg one.svg --problems -";
@@ -218,16 +223,17 @@ fn problems_that_cannot_be_drawn_are_refused_and_no_file_is_written() {
     usage(desk.feed(&format!("{both} --spawn"), ""), "cannot be used with");
 }
 
-/// Painlevé's rod: sliding at u_n = 0 into a jam, every law with friction has two answers, and the line gives both.
+/// Painlevé's rod slides at u_n = 0 into a jam: every law with friction has two solutions, and the answer lists both.
 #[test]
 fn both_solutions_of_a_non_unique_problem_are_listed() {
     let desk = Desk::new("branches");
     let b = -0.75 * 3.0_f64.sqrt();
     let problem = json!({"delassus": [[3.25, b], [b, 1.75]], "u": [-1.0, 0.0]});
     let all = desk.answer("law --json --law all --restitution 0 --friction 1.5 --problems -", &problem);
+    assert_eq!(all["outcomes"].as_array().unwrap().len(), 8, "{all}");
     for hit in all["outcomes"].as_array().unwrap() {
         if hit["law"] == json!("frictionless") {
-            assert!(hit.get("branches").is_none(), "one answer needs no list");
+            assert!(hit.get("branches").is_none(), "a single solution is not listed");
             continue;
         }
         assert_eq!(hit["flags"], json!(["jam", "non-unique", "no-approach"]));
@@ -236,7 +242,7 @@ fn both_solutions_of_a_non_unique_problem_are_listed() {
         for key in ["impulse", "u_plus", "mode", "energy_ratio"] {
             assert_eq!(branches[0][key], hit[key], "the first is the answer");
         }
-        // What stops the slip: H⁻¹ (1, 0) = (7/16, 3√3/16); Smith's law can't stick, and pushes on.
+        // The impulse that stops the slip is H⁻¹ (1, 0) = (7/16, 3√3/16). Smith's law cannot stick, and its impulse is larger.
         let impulse = numbers(&branches[1]["impulse"]);
         if hit["law"] == json!("smith") {
             assert!(impulse[0] > 0.44 && numbers(&branches[1]["u_plus"])[0] > 0.1);
@@ -251,7 +257,7 @@ fn both_solutions_of_a_non_unique_problem_are_listed() {
     assert!(ran.out.contains("  or also        stick        u⁺             0             0"), "{}", ran.out);
 }
 
-/// Locked joints keep their rates, drives pay for it, and the books close.
+/// Locked joints keep their velocities, and T⁺ − T⁻ = ½ p·(u⁻ + u⁺) + work of the drives.
 #[test]
 fn work_of_the_drives_is_part_of_the_energy_balance() {
     let desk = Desk::new("drives");
@@ -269,10 +275,10 @@ fn work_of_the_drives_is_part_of_the_energy_balance() {
         (p.norm(), hit)
     };
     let (locked, hit) = impulse_of(&format!("--locked {second}"));
-    assert_eq!(hit["qd_plus"][1], json!(0.9), "a locked joint goes on as before");
+    assert_eq!(hit["qd_plus"][1], json!(0.9), "a locked joint keeps its velocity");
     let stiff = impulse_of("--joint-stiffness 0,1e9,0 --contact-time 0.01").0;
-    close("stiff is nearly locked", stiff, locked, 1e-3 * locked);
+    close("a stiff joint is nearly locked", stiff, locked, 1e-3 * locked);
     let soft = impulse_of("--joint-stiffness 0 --joint-damping 0,0,0 --contact-time 0.01").0;
-    close("without stiffness it is free", soft, vector(&free["impulse"]).norm(), 1e-14 * soft);
+    close("a joint without stiffness is free", soft, vector(&free["impulse"]).norm(), 1e-14 * soft);
     assert!(impulse_of("--joint-damping 50 --contact-time 0.01").0 != soft);
 }

@@ -1,4 +1,4 @@
-//! Options that are refused, and names that are not there.
+//! Invalid options and unknown names.
 
 use crate::desk::*;
 use serde_json::json;
@@ -116,7 +116,7 @@ fn zero_normals_and_singular_directions_are_refused() {
     assert_eq!((zero.code, zero.out.as_str()), (Some(1), ""));
     let words = "direction [0.0, 0.0, 0.0] has length 0: a direction needs a finite, non-zero length\n";
     assert_eq!(zero.err, format!("error: --normal: {words}"));
-    // A straight arm hit along its axis; and across its plane.
+    // A straight arm struck along its axis, and a planar arm struck across its plane.
     for (normal, unit, q) in [("-1,0,0", "[-1.0, 0.0, 0.0]", "[0,0]"), ("0,0,2", "[0.0, 0.0, 1.0]", "[0.3,1]")] {
         refused(
             strike("tip", normal, q),
@@ -160,7 +160,7 @@ fn dynamics_gives_zero_jacobian_and_delassus_at_the_base() {
 #[test]
 fn invalid_joint_models_are_refused() {
     let desk = Desk::new("drives-refused");
-    // Whatever the states: here there is none to be blamed.
+    // Refused for every state, here without any.
     let with = |options: &str| {
         let args = "impact planar2.urdf --json --tip tip --normal -1,0,0 --law energetic --restitution 0.5";
         desk.run(&format!("{args} --states - {options}"))

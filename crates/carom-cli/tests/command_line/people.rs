@@ -1,4 +1,4 @@
-//! What people read: tables, help, pictures.
+//! Output for people: tables and help.
 
 use crate::desk::*;
 use serde_json::json;
@@ -77,8 +77,55 @@ fn help_and_version_are_printed() {
     ] {
         let ran = desk.run(args);
         done(&ran);
-        // Where a line breaks is the terminal's affair.
+        // Regardless of line breaks.
         let flowing = ran.out.split_whitespace().collect::<Vec<_>>().join(" ");
         assert!(flowing.contains(words), "{args}");
+    }
+}
+
+/// The help of every command is printed on a page of the book: it must fit the page and say what the command computes, what it
+/// reads and what it prints.
+#[test]
+fn every_help_fits_100_columns_and_describes_computation_input_output_and_options() {
+    let desk = Desk::new("help-pages");
+    let help = |args: &str| {
+        let ran = desk.run(args);
+        done(&ran);
+        for line in ran.out.lines() {
+            assert!(line.chars().count() <= 100, "{args}: {} columns: {line}", line.chars().count());
+        }
+        ran.out
+    };
+    let overview = help("--help");
+    let listed = overview.split_once("Commands:\n").unwrap().1.split("\n\n").next().unwrap();
+    let commands: Vec<&str> = listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert_eq!(commands.len(), 14, "13 commands and `help`: {commands:?}");
+    for words in ["Exit status:", "  0  Done.", "  1  An input is refused.", "  2  Wrong command line."] {
+        assert!(overview.contains(words), "{words}");
+    }
+    for command in commands.into_iter().filter(|command| *command != "help") {
+        let page = help(&format!("{command} --help"));
+        let (about, rest) = page.split_once("\nUsage: ").unwrap();
+        assert!(about.contains("\nOutput"), "{command} does not describe its output:\n{about}");
+        let reads = rest.contains("<FILE>") || rest.contains("\nArguments:");
+        assert_eq!(about.contains("\nInput: "), reads, "{command}: what it reads is described, if it reads anything");
+        assert!(about.contains("JSON keys:"), "{command} does not list its JSON keys");
+        // Each option is followed by its description.
+        let lines: Vec<&str> = rest.lines().collect();
+        let mut options = 0;
+        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.trim_start().starts_with("--")) {
+            let text = lines.get(k + 1).map_or("", |next| next.trim());
+            assert!(text.len() > 10, "{command}: no description below {line}");
+            options += 1;
+        }
+        assert!(options > 0, "{command}: no options found");
+        if let Some(laws) = rest.split_once("Possible values:\n") {
+            let laws: Vec<&str> = laws.1.lines().take_while(|line| line.trim_start().starts_with("- ")).collect();
+            assert!(laws.len() >= 8 || command == "fit", "{command}: {laws:?}");
+            assert!(
+                laws.iter().all(|line| line.split_once(": ").is_some_and(|(_, text)| text.trim().len() > 10)),
+                "{laws:?}"
+            );
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! States and problems that are refused, each with its line.
+//! Invalid states and problems are refused with their line.
 
 use crate::desk::*;
 
@@ -24,7 +24,7 @@ fn invalid_states_are_refused_with_their_line() {
     ] {
         refused(desk.feed("dynamics planar2.urdf --json --tip tip --states -", line), &format!("<stdin>:1: {reason}"));
     }
-    // The impact reads the same lines with the same eyes.
+    // `impact` checks the same lines in the same way.
     desk.write("s.jsonl", "\n{\"q\":[0,0,0],\"qd\":[0,0]}\n");
     refused(
         desk.run("impact planar2.urdf --tip tip --normal -1,0,0 --law newton --restitution 0.5 --states s.jsonl"),

@@ -1,4 +1,4 @@
-//! Robots that are refused, and those that only warn.
+//! Invalid robots, and robots with warnings.
 
 use crate::desk::*;
 use serde_json::json;
@@ -142,7 +142,7 @@ fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
     desk.write("r.urdf", two("1 0 0"));
     let answer = desk.answer(args, &json!({"q": [0, 0], "qd": [0, 0]}));
     assert_eq!(answer["mass_matrix"], json!([[2.0, 1.0], [1.0, 1.0]]));
-    // Both hinges on one axis: nothing says how the turn is shared.
+    // Both hinges have the same axis, so the acceleration of each is undetermined.
     desk.write("r.urdf", two("0 0 1"));
     refused(
         desk.feed(args, r#"{"q":[0,0],"qd":[0,0]}"#),

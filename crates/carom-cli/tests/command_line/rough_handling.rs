@@ -1,4 +1,4 @@
-//! Rough handling: pipes that break, numbers of any size, rubbish.
+//! Robustness: closed pipes, numbers of any size, malformed files.
 
 use crate::desk::*;
 use nalgebra::DMatrix;
@@ -46,14 +46,23 @@ fn inputs_of_any_size_are_answered_with_finite_numbers_or_refused() {
     let sizes = ["0", "1", "-1e16", "1e150", "-1e150", "1e300", "1e-300", "1.7976931348623157e308", "5e-324"];
     let mut next = 0;
     let mut any = || {
-        next = (next * 5 + 3) % 97; // a walk through the residues of a prime
+        next = (next * 5 + 3) % 97; // a fixed sequence of pseudo-random residues modulo a prime
         sizes[next % sizes.len()]
+    };
+    // Of each command: how many inputs were answered and how many refused.
+    let mut counts = [[0; 2]; 3];
+    let mut count = |command: usize, ran: &Ran, what: &str| {
+        civil(ran, what);
+        let answered = ran.code == Some(0);
+        assert!(answered || ran.code == Some(1), "{what}: {ran:?}");
+        assert_eq!(ran.out.lines().count(), usize::from(answered), "{what}: {ran:?}");
+        counts[command][usize::from(!answered)] += 1;
     };
     for _ in 0..60 {
         let state = format!(r#"{{"q":[{},{}],"qd":[{},{}],"tau":[{},{}]}}"#, any(), any(), any(), any(), any(), any());
         let point = format!("{},{},{}", any(), any(), any());
         let args = format!("dynamics planar2.urdf --json --tip tip --point {point} --gravity 0,0,{} --states -", any());
-        civil(&desk.feed(&args, &state), &format!("{args} < {state}"));
+        count(0, &desk.feed(&args, &state), &format!("{args} < {state}"));
         let state = format!(r#"{{"q":[{},{}],"qd":[{},{}]}}"#, any(), any(), any(), any());
         let friction = any().trim_start_matches('-');
         let args = format!(
@@ -61,11 +70,14 @@ fn inputs_of_any_size_are_answered_with_finite_numbers_or_refused() {
             any(),
             any()
         );
-        civil(&desk.feed(&args, &state), &format!("{args} < {state}"));
+        count(1, &desk.feed(&args, &state), &format!("{args} < {state}"));
         let (a, c) = (any().trim_start_matches('-'), any().trim_start_matches('-'));
         let problem = format!(r#"{{"delassus":[[{a},0],[0,{c}]],"u":[{},{}]}}"#, any(), any());
         let args = format!("law --json --law all --restitution 0.5 --friction {friction} --problems -");
-        civil(&desk.feed(&args, &problem), &format!("{args} < {problem}"));
+        count(2, &desk.feed(&args, &problem), &format!("{args} < {problem}"));
+    }
+    for [answered, refused] in counts {
+        assert!(answered >= 5 && refused >= 5 && answered + refused == 60, "{counts:?}");
     }
 }
 

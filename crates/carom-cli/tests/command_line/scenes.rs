@@ -1,9 +1,9 @@
-//! The keys of a scene file from the command line: what each does, and in which words it is refused.
+//! The keys of a scene file: the effect of each, and the messages of refusals.
 
 use crate::desk::*;
 use serde_json::Value;
 
-/// The scene of the design with an arm that starts at 0.2 m/s some micrometres before the wall, and what a test changes.
+/// planar2 starts at 0.2 m/s a few micrometres before the wall. Tests replace the comments by further keys.
 const SCENE: &str = r#"[robot]
 urdf = "planar2.urdf"
 q = [0.7854, -1.5708]
@@ -23,7 +23,7 @@ duration = 0.1
 const LAWS: &str = "the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith";
 
 impl Desk {
-    /// What a command answers to a scene; warnings are returned as they are.
+    /// The answer of a command to a scene, and its standard error.
     #[track_caller]
     fn told(&self, command: &str, scene: &str) -> (Value, String) {
         self.write("s.toml", scene);
@@ -32,7 +32,7 @@ impl Desk {
         (serde_json::from_str(&ran.out).unwrap(), ran.err)
     }
 
-    /// The first impact's velocities of the tip.
+    /// Velocities of the tip before and after the first impact, x and y.
     #[track_caller]
     fn impact(&self, scene: &str) -> ([f64; 2], [f64; 2]) {
         let (run, _) = self.told("simulate", scene);
@@ -41,7 +41,7 @@ impl Desk {
         (pair("u_minus"), pair("u_plus"))
     }
 
-    /// Exit status 1, this message, no answer, and no file but those that were there.
+    /// Checks for exit status 1, this message, no answer and no new file.
     #[track_caller]
     fn refuses(&self, scene: &str, message: &str) {
         self.write("s.toml", scene);
@@ -50,7 +50,7 @@ impl Desk {
         assert_eq!(self.files(""), before, "nothing is written");
     }
 
-    /// Each change of the scene at `mark` with its message.
+    /// Checks the message of each change of the scene at `mark`.
     #[track_caller]
     fn refuses_all(&self, mark: &str, cases: &[(&str, &str)]) {
         for (change, message) in cases {
@@ -70,7 +70,7 @@ fn shaped(shape: &str) -> String {
     SCENE.replace("halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] }", shape)
 }
 
-/// A surface's own coefficient goes before that of `[contact]`, and a pair's before both.
+/// The coefficient of a surface replaces that of `[contact]`, and that of a pair replaces both.
 #[test]
 fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
     let desk = Desk::new("scene-restitution");
@@ -79,12 +79,12 @@ fn restitution_of_a_pair_precedes_that_of_a_surface_and_of_the_scene() {
     let both = at("#surface", own).replace("#contact", pair);
     for (scene, e) in [(SCENE.to_owned(), 0.35), (at("#surface", own), 0.9), (at("#contact", pair), 0.5), (both, 0.5)] {
         let (before, after) = desk.impact(&scene);
-        // Newton's ratio without friction, to the rounding of a solve.
+        // Newton's ratio of normal velocities, which holds without friction, to rounding.
         assert!((after[0] + e * before[0]).abs() < 1e-14, "{e}: {before:?} {after:?}");
     }
 }
 
-/// Friction changes what the tip does along the wall; a law of its own is named in the answer.
+/// Friction changes the tangential velocity after the impact; the answer names the law of the surface.
 #[test]
 fn surfaces_may_have_their_own_friction_and_law() {
     let desk = Desk::new("scene-law");
@@ -96,7 +96,7 @@ fn surfaces_may_have_their_own_friction_and_law() {
     assert_eq!(run["events"][0]["impact"]["law"], "poisson");
 }
 
-/// A joint's limits have their own restitution: the elbow comes back e times as fast.
+/// The limits of a joint have their own restitution: the elbow rebounds with e times its velocity.
 #[test]
 fn a_pair_may_be_the_limits_of_a_joint() {
     let desk = Desk::new("scene-limits");
@@ -109,19 +109,19 @@ fn a_pair_may_be_the_limits_of_a_joint() {
     assert!((rate("qd_plus") + 0.6 * rate("qd_minus")).abs() < 1e-14, "{event}");
 }
 
-/// A wall that comes towards the tip hits it harder: velocities of an impact are those over the surface.
+/// The velocities of an impact are relative to the surface: a wall that moves towards the tip adds to them.
 #[test]
 fn the_velocity_of_a_moving_surface_adds_to_the_approach_velocity() {
     let desk = Desk::new("scene-motion");
-    // s = 0.01 sin(2π t) against the normal: at the start the wall comes at 0.0628 m/s.
+    // s = 0.01 sin(2π t) along the normal: at the start the wall approaches at 0.0628 m/s.
     let moving = at("#surface", "motion = { amplitude = [-0.01, 0, 0], frequency = 1 }");
     let ((still, _), (before, after)) = (desk.impact(SCENE), desk.impact(&moving));
-    // Both impacts come some 30 µs after the start, in which no velocity changes by more than 1e-5 m/s.
+    // Both impacts are about 30 µs after the start, within which no velocity changes by more than 1e-5 m/s.
     assert!((before[0] - (still[0] + 0.01 * std::f64::consts::TAU)).abs() < 1e-5, "{still:?} {before:?}");
     assert!((after[0] + 0.35 * before[0]).abs() < 1e-14, "{before:?} {after:?}");
 }
 
-/// What a latch has caught stays.
+/// A contact that has latched stays at rest.
 #[test]
 fn a_latched_contact_stays_at_rest() {
     let desk = Desk::new("scene-latch");
@@ -129,7 +129,7 @@ fn a_latched_contact_stays_at_rest() {
         let (run, _) = desk.told("simulate", &scene);
         assert_eq!(run["events"][0]["kind"], "latch");
         let speeds = run["final"]["qd"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap().abs());
-        // Two joints and two directions held: rounding is left of 0.44 rad/s.
+        // The latch holds two directions of two joints, so only rounding of 0.44 rad/s remains.
         assert!(speeds.fold(0.0, f64::max) < 1e-14, "{run}");
     }
 }
@@ -138,19 +138,19 @@ fn a_latched_contact_stays_at_rest() {
 fn every_controller_changes_the_motion() {
     let desk = Desk::new("scene-controllers");
     desk.write("torque.csv", "time,shoulder,elbow\n0,0,0\n0.05,1,0\n0.1,0,0\n");
-    let regulator = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
+    let gains = "kp = 10\nkd = 1\ntarget = [0.7, -1.5]";
     let cases = [
         "controller = \"transition\"\ngain = 60\npress = 0.5".to_owned(),
         "controller = \"transition\"\ngain = 60\ncompensate = false".to_owned(),
-        format!("controller = \"impact-invariant\"\n{regulator}"),
+        format!("controller = \"impact-invariant\"\n{gains}"),
         "controller = \"torque-file\"\ntorque_file = \"torque.csv\"".to_owned(),
         "controller = \"constant\"\ntorque = [0.5, 0]".to_owned(),
-        format!("controller = \"gravity-compensation\"\nafter_impact = \"pd\"\n{regulator}"),
+        format!("controller = \"gravity-compensation\"\nafter_impact = \"pd\"\n{gains}"),
     ];
     let end = |lines: &str| desk.told("simulate", &at("#run", lines)).0["final"]["q"].clone();
     let off = end("");
     for lines in &cases {
-        assert_ne!(end(lines), off, "it does something: {lines}");
+        assert_ne!(end(lines), off, "the controller changes the motion: {lines}");
     }
 }
 
@@ -248,7 +248,7 @@ fn invalid_contact_rules_are_refused() {
     desk.refuses(&negative, "[contact]: restitution is -0.1: a coefficient of restitution lies between 0 and 1");
 }
 
-/// A pair that can't come together is told of, and no more.
+/// A pair that cannot touch is a warning, not an error.
 #[test]
 fn a_pair_that_cannot_touch_is_a_warning() {
     let desk = Desk::new("scene-pairs");
@@ -262,7 +262,7 @@ fn a_pair_that_cannot_touch_is_a_warning() {
 #[test]
 fn controllers_without_their_parameters_are_refused() {
     let desk = Desk::new("scene-drives");
-    let regulator = "kd = 1\ntarget = [0, 0]";
+    let gains = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
                  `torque-file`";
     desk.refuses_all(
@@ -275,10 +275,10 @@ fn controllers_without_their_parameters_are_refused() {
                      `transition`?"
                 ),
             ),
-            (&format!("controller = \"pd\"\n{regulator}"), "[run] controller = \"pd\" needs the key kp"),
-            (&format!("after_impact = \"pd\"\n{regulator}"), "[run] after_impact = \"pd\" needs the key kp"),
+            (&format!("controller = \"pd\"\n{gains}"), "[run] controller = \"pd\" needs the key kp"),
+            (&format!("after_impact = \"pd\"\n{gains}"), "[run] after_impact = \"pd\" needs the key kp"),
             (
-                &format!("controller = \"impact-invariant\"\n{regulator}"),
+                &format!("controller = \"impact-invariant\"\n{gains}"),
                 "[run] controller = \"impact-invariant\" needs the key kp",
             ),
             ("controller = \"transition\"", "[run] controller = \"transition\" needs the key gain"),
@@ -301,7 +301,7 @@ fn controllers_without_their_parameters_are_refused() {
         ],
     );
     let boxed = shaped("box = { centre = [1.1364, 0, 0], size = [1, 1, 1] }");
-    for (name, keys) in [("transition", "gain = 60".to_owned()), ("impact-invariant", format!("kp = 1\n{regulator}"))] {
+    for (name, keys) in [("transition", "gain = 60".to_owned()), ("impact-invariant", format!("kp = 1\n{gains}"))] {
         let scene = boxed.replace("#run", &format!("controller = \"{name}\"\n{keys}"));
         let why = "works at the first surface, which must be a halfspace";
         desk.refuses(&scene, &format!("[run] controller = \"{name}\" {why}"));
@@ -442,13 +442,13 @@ fn a_plan_has_the_documented_keys() {
         lines.iter().for_each(|line| assert_eq!(keys(line), expected, "{section}"));
     }
     assert_eq!(choices(&plan, "kept", "space"), ["the plane with the normal (0, 0, 1)"]);
-    // The whole model keeps everything.
+    // The full model leaves nothing out.
     let (full, _) = desk.told("plan", &scene.replace("neglect = 0.5", "model = \"full\""));
     assert_eq!(choices(&full, "kept", "model"), ["everything, in space"]);
     assert!(choices(&full, "left_out", "space").is_empty() && full["bounded"].as_array().unwrap().is_empty());
 }
 
-/// A surface that no link reaches is an answer, of a plan and of a run.
+/// A surface that no link reaches is left out by the plan and gives no events in a run.
 #[test]
 fn a_surface_out_of_reach_is_left_out_without_a_warning() {
     let desk = Desk::new("scene-far");

@@ -1,4 +1,4 @@
-//! `carom simulate`: scenes from the command line, and what is refused.
+//! `carom simulate`: output, files and refusals.
 
 use crate::desk::*;
 use serde_json::Value;
@@ -30,7 +30,7 @@ fn simulate_gives_events_and_a_table() {
     let event = &summary["events"][0];
     assert_eq!((event["kind"].as_str(), event["contact"].as_str()), (Some("impact"), Some("tip on surface 1")));
     let number = |v: &Value| v.as_f64().unwrap();
-    // v_t⁺ of the closed form at 45°, .2 m/s, e = .35: .31079 m/s down the wall.
+    // Closed form of v_t⁺ at 45°, .2 m/s, e = .35: .31079 m/s down the wall.
     assert!((number(&event["impact"]["u_plus"][1]) + 0.31079).abs() < 5e-6);
     assert!((number(&event["impact"]["u_plus"][0]) + 0.35 * 0.2 * 0.5_f64.sqrt()).abs() < 1e-6);
     let lost = number(&summary["energy"]["start"]) - number(&summary["energy"]["end"]);
@@ -74,7 +74,7 @@ fn invalid_scenes_are_refused_with_the_reason() {
     );
 }
 
-/// A surface out of reach is a plain answer: nothing happens.
+/// A surface out of reach is no error: the run has no events.
 #[test]
 fn a_surface_out_of_reach_gives_no_events() {
     let desk = Desk::new("simulate-far");
@@ -84,7 +84,7 @@ fn a_surface_out_of_reach_gives_no_events() {
     assert_eq!((summary["stop_reason"].as_str(), summary["mode"].as_str()), (Some("duration"), Some("free")));
 }
 
-/// Recordings, or a word on why there are none.
+/// With the feature `rerun` the file is complete; without it the option is refused.
 #[test]
 fn a_recording_is_complete_or_not_written() {
     let desk = Desk::new("record");
@@ -98,7 +98,7 @@ fn a_recording_is_complete_or_not_written() {
     }
     assert_eq!(ran.code, Some(0), "{ran:?}");
     assert!(desk.0.join("x.rrd").metadata().unwrap().len() > 10_000);
-    assert_eq!(desk.files("").len(), files + 1, "the recording, and nothing beside it");
+    assert_eq!(desk.files("").len(), files + 1, "the recording and no other new file");
     let ran = desk.run("simulate s.toml --connect rerun+http://127.0.0.1:1/proxy");
     assert_eq!(ran.code, Some(1));
     let words = "error: the viewer cannot be used: rerun+http://127.0.0.1:1/proxy: ";
