@@ -264,12 +264,21 @@ fn floating_base_comes_first_or_where_joints_option_names_it() {
 }
 
 #[test]
-fn a_joint_of_the_file_named_root_joint_keeps_all_degrees_of_freedom() {
+fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
     let desk = Desk::new("namesake");
     desk.write("r.urdf", floater().replace("continuous_b", "root_joint"));
-    let args = "dynamics r.urdf --floating --json --tip b --states -";
-    let state = json!({"q": [0, 0, 0, 0, 0, 0, 1, 0.5], "qd": [0, 0, 0, 0, 0, 0, 1]}).to_string();
-    // FLOATING_NAMESAKE
+    let message = "r.urdf:1: joint 'root_joint': a floating base is to be added under this name: rename the joint, or load \
+                   the file as it is";
+    for args in [
+        "inspect r.urdf --floating",
+        "dynamics r.urdf --floating --json --tip b --states -",
+        "dynamics r.urdf --floating --json --tip b --joints root_joint --states -",
+    ] {
+        refused(desk.run(args), message);
+    }
+    // Without --floating it is a joint like any other.
+    let answer = desk.answer("dynamics r.urdf --json --tip b --states -", &json!({"q": [0.5], "qd": [1]}));
+    assert_eq!((&answer["joints"], matrix(&answer["mass_matrix"]).nrows()), (&json!(["root_joint"]), 1));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Numeric results, checked by a second computation or against the literature.
 
 use crate::desk::*;
-use serde_json::{Value, json};
+use serde_json::json;
 
 /// `dynamics` and `impact` satisfy M q̈ + bias = τ, H = J M⁻¹ Jᵀ and M Δq̇ = Jᵀ p.
 #[test]

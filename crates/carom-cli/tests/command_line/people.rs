@@ -111,7 +111,7 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         assert_eq!(about.contains("\nInput: "), reads, "{command}: what it reads is described, if it reads anything");
         assert!(about.contains("JSON keys:"), "{command} does not list its JSON keys");
         // Each option is followed by its description.
-        let lines: Vec<&str> = rest.lines().collect();
+        let lines: Vec<&str> = rest.split_once("\nOptions:\n").unwrap().1.lines().collect();
         let mut options = 0;
         for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.trim_start().starts_with("--")) {
             let text = lines.get(k + 1).map_or("", |next| next.trim());
