@@ -113,9 +113,9 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
         // Each option is followed by its description.
         let lines: Vec<&str> = rest.split_once("\nOptions:\n").unwrap().1.lines().collect();
         let mut options = 0;
-        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.trim_start().starts_with("--")) {
+        for (k, line) in lines.iter().enumerate().filter(|(_, line)| line.starts_with("      --")) {
             let text = lines.get(k + 1).map_or("", |next| next.trim());
-            assert!(text.len() > 10, "{command}: no description below {line}");
+            assert!(text.len() >= 10, "{command}: no description below {line}");
             options += 1;
         }
         assert!(options > 0, "{command}: no options found");
