@@ -11,6 +11,7 @@ mod layout;
 mod map;
 mod measures;
 mod planar2;
+mod rerun;
 mod scene;
 mod summary;
 mod target;
