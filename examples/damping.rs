@@ -1,5 +1,5 @@
-//! What rebound do the published dampings of a Hunt–Crossley contact obtain, and what do three balls in a row do whose
-//! contacts give way?
+//! Compliant impacts: the restitution that the published damping formulas of a Hunt–Crossley contact give, and Newton's
+//! cradle with rigid and with compliant contacts.
 //!
 //! `cargo run --example damping`
 
@@ -12,8 +12,8 @@ use carom::nalgebra::{DVector, dmatrix, dvector};
 const ASKED: [f64; 6] = [0.2, 0.35, 0.5, 0.7, 0.8, 0.9];
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    println!("F = k dⁿ (1 + a w): e obtained, for every mass, stiffness, exponent and speed\n");
-    print!("{:20}", "e asked");
+    println!("F = k dⁿ (1 + a w): restitution obtained, the same for every mass, stiffness, exponent and speed\n");
+    print!("{:20}", "requested e");
     ASKED.iter().for_each(|e| print!("{e:7.3}"));
     println!();
     for formula in Damping::ALL {
@@ -24,18 +24,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!();
     }
 
-    println!("\nNewton's cradle: three balls of 1 kg, the first at 1 m/s; velocities after\n");
+    println!("\nNewton's cradle: three balls of 1 kg, the first at 1 m/s, e = 1; velocities after the impact, m/s\n");
     let (delassus, before) = (dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0]);
     let elastic = Constraint::Stop { restitution: 1.0 };
     let rigid = SeveralProblem::new(delassus.clone(), before.clone(), vec![elastic; 2])?;
-    show("Moreau, rigid, at once", &rigid.simultaneous(&Accuracy::default(), None)?.impulse);
+    show("rigid, simultaneous (Moreau)", &rigid.simultaneous(&Accuracy::default(), None)?.impulse);
     let one_by_one = rigid.sequential(&Order::MostApproaching, &Accuracy::default());
-    show("rigid, one after another", &one_by_one?.impulse);
+    show("rigid, sequential", &one_by_one?.impulse);
     for (what, exponent, [first, second]) in [
-        ("springs", 1.0, [1e6, 1e6]),
+        ("linear springs", 1.0, [1e6, 1e6]),
         ("Hertz", 1.5, [1e9, 1e9]),
-        ("Hertz, the first contact ten times stiffer", 1.5, [1e10, 1e9]),
-        ("Hertz, the second contact ten times stiffer", 1.5, [1e9, 1e10]),
+        ("Hertz, first contact ten times stiffer", 1.5, [1e10, 1e9]),
+        ("Hertz, second contact ten times stiffer", 1.5, [1e9, 1e10]),
     ] {
         let law = |stiffness| Ok(NormalForce::HuntCrossley(HuntCrossley::new(stiffness, exponent, 1.0)?));
         let contacts = [first, second].map(law).into_iter().collect::<Result<Vec<_>, ImpactError>>()?;
@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// The balls' velocities after impulses between them.
+/// Prints the velocities of the balls after the impulses between them.
 fn show(what: &str, impulse: &DVector<f64>) {
     let balls = [1.0 - impulse[0], impulse[0] - impulse[1], impulse[1]];
     println!("{what:44}{:10.6}{:10.6}{:10.6}", balls[0], balls[1], balls[2]);

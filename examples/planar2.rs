@@ -1,5 +1,5 @@
 //! The experiment of Pagilla & Yu (2004) from a URDF: two elbows, four angles, three speeds, Table I's Newton
-//! coefficients. Prints what the tip does, holds the paper's claims against it, and writes `planar2.rrd`.
+//! coefficients. Prints the velocities of the tip and a check of the paper's claims, and writes `planar2.rrd`.
 //!
 //! `cargo run --example planar2`, then `rerun planar2.rrd`
 
@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "Tip of {} against a wall, frictionless, Newton's e of Table I (a stand-in arm, see robots/).",
         arm.name()
     );
-    println!("v_t runs down the wall, v_n away from it; the kinetic energy is T.\n");
+    println!("v_t is the velocity down the wall, v_n the velocity away from it, T the kinetic energy.\n");
     println!(" elbow  speed  angle     e      v_t-      v_t+      v_n+   T lost  T+/T-  tangential");
     println!("          m/s    deg              m/s       m/s       m/s       mJ         velocity");
     for run in &runs {
@@ -62,7 +62,7 @@ fn record(arm: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
     let mut sides = Vec::new();
     for run in runs.iter().filter(|r| r.speed == 0.2 && r.angle_deg == 45.0) {
         let pose = run.elbow.pose();
-        // The arm moves in a horizontal plane: no gravity in it. Free motion is reversible: back in time to the approach.
+        // The arm moves in a horizontal plane, so gravity has no effect. The approach is integrated back in time.
         let motion = |qd: &[f64], end: f64| free_motion(arm, &pose, qd, Vector3::zeros(), end, 151);
         let mut before = motion(&run.qd_minus, -0.6)?;
         before.reverse();
@@ -85,8 +85,8 @@ fn record(_: &Chain, runs: &[Run]) -> Result<(), Box<dyn std::error::Error>> {
 
 fn table(runs: &[Run]) -> String {
     let mut text = String::from(
-        "Tip against a wall at 45° and .2 m/s in the views, the impact at 0.6 s; all runs here.\n\n\
-         **Map:** red, the tip would reverse there; blue, slow down along the wall; yellow, speed up.\n\n\
+        "The views show the tip at a wall with 45° and 0.2 m/s, and the impact at 0.6 s. The table lists all runs.\n\n\
+         **Map** of the tangential velocity: red, it reverses; blue, it decreases; yellow, it increases.\n\n\
          **Arrows:** blue, velocity before; red, after; orange, impulse.\n\n\
          | elbow | m/s | angle | e | v_t⁻ | v_t⁺ | v_n⁺ | lost mJ | |\n|---|---|---|---|---|---|---|---|---|\n",
     );

@@ -1,5 +1,5 @@
-//! A third link on the paper's arm: the tip stays where it is, and the arm may choose how. How do the effective mass
-//! against the wall and the tangential jump change along that self-motion?
+//! The paper's arm with a third link: effective mass at the wall and jump of the tangential velocity along the self-motion,
+//! that is over all poses with the same tip position.
 //!
 //! `cargo run --example planar3`
 
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let poses = self_motion(&arm, tip, LENGTHS, TARGET, normal, tangent, 360)?;
 
     println!(
-        "{}: tip at ({}, {}) m on a wall, coming in at {SPEED} m/s and 45 deg, e = {RESTITUTION}, frictionless.",
+        "{}: tip at ({}, {}) m on a wall, approach at {SPEED} m/s and 45 deg, e = {RESTITUTION}, frictionless.",
         arm.name(),
         TARGET[0],
         TARGET[1]
@@ -38,7 +38,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let heaviest = poses.iter().filter(|p| p.effective_mass.is_some()).max_by(|a, b| mass(a).total_cmp(&mass(b)));
     let steady = poses.iter().filter(|p| p.coupling.is_some()).min_by(|a, b| jump(a).abs().total_cmp(&jump(b).abs()));
     println!();
-    for (what, pose) in [("hits softest", lightest), ("hits hardest", heaviest), ("keeps its course", steady)] {
+    for (what, pose) in [
+        ("smallest effective mass", lightest),
+        ("largest effective mass", heaviest),
+        ("smallest tangential jump", steady),
+    ] {
         if let Some(pose) = pose {
             println!("{what}:\n{}", line(pose));
         }
@@ -60,7 +64,7 @@ fn jump(pose: &SelfMotionPoint) -> f64 {
 fn line(pose: &SelfMotionPoint) -> String {
     let degrees: Vec<String> = pose.q.iter().map(|q| format!("{:>9.1}", q.to_degrees())).collect();
     let Some(mass) = pose.effective_mass else {
-        return format!(" {}   the normal is singular: no joint gives way", degrees.join(""));
+        return format!(" {}   singular direction: no joint moves the tip along the normal", degrees.join(""));
     };
     let before = SPEED * 45_f64.to_radians().cos();
     let impulse = (1.0 + RESTITUTION) * mass * SPEED * 45_f64.to_radians().sin();

@@ -1,5 +1,5 @@
-//! The paper's arm meets the wall at .2 m/s and 45°, e = .35, again and again with other controllers: who lets it bounce, who
-//! brings it to rest, and how far does the tip slip along the wall meanwhile?
+//! The paper's arm reaches the wall at 0.2 m/s and 45°, e = 0.35, with five controllers: number of bounces, time until the tip
+//! rests on the wall, and its slip along the wall until then.
 //!
 //! `cargo run --example transition`
 
@@ -30,7 +30,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let surface = Surface { name: "wall".into(), obstacle: wall, contact, motion: None };
     let touches = Touch::all(&arm, &[surface], 0.0)?.touches;
 
-    // The regulators' target is where the tip would be after 0.1 s: 4 mm behind the wall.
+    // The target of the PD controllers is the configuration after 0.1 s of free motion: the tip 4 mm behind the wall.
     let target: Vec<f64> = pose.iter().zip(qd).map(|(q, v)| q + 0.1 * v).collect();
     let (kp, kd, tip) = (40.0, 4.0, || "tip".to_owned());
     let pd = Drive::Pd { kp, kd, target: target.clone() };
@@ -42,10 +42,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
 
     println!(
-        "{} comes to a wall at {SPEED} m/s and {ANGLE} deg, e = {RESTITUTION}, frictionless; {DURATION} s.",
+        "{} approaches a wall at {SPEED} m/s and {ANGLE} deg, e = {RESTITUTION}, frictionless; {DURATION} s.",
         arm.name()
     );
-    println!("Regulators begin at the first touch, the transition controller at the start.\n");
+    println!("pd and impact-invariant act from the first impact on, transition from the start.\n");
     println!("{:24} bounces    rests      slip  fastest  hardest", "");
     println!("{:24}          after s        mm      m/s  hit N s", "controller");
     for (name, drive, after) in [
@@ -63,12 +63,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 const READING: &str = "
-Without motors the arm bounces off and runs along the wall twice as fast as it came. Regulators bring it back, after a
-dozen bounces and most of a second; the transition controller has it resting in 0.13 s. Compensated, it comes in slower
-along the wall, and the jump gives it the velocity that was wanted: half the greatest speed, for a blow 3 % harder.";
+Without motors the tip bounces off, and the impact doubles its speed along the wall. The PD controllers bring it to rest on
+the wall after about a dozen bounces and most of a second, the transition controller within 0.13 s. With compensation the
+tip approaches with a lower tangential velocity, and the impact changes it to the desired one: half the greatest speed
+along the wall, with an impulse 3 % larger.";
 
-/// Bounces, when the tip rests on the wall, how far it slipped from its first touch until then (or until the end), its
-/// greatest speed along the wall, and the hardest hit.
+/// Number of bounces, time until the tip rests on the wall, slip from the first impact until then (or until the end), greatest
+/// speed along the wall, and largest impulse.
 fn row(sim: &Simulation, run: &Trajectory) -> Result<String, SimError> {
     let mut workspace = sim.chain.workspace();
     let tip = sim.chain.point(sim.chain.frame("tip")?, Vector3::zeros());

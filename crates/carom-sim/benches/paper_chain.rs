@@ -1,7 +1,7 @@
-//! The paper's chain of quantities as one piece of work: kinematics, J, M, H and the frictionless jump, one configuration
-//! at a time, from the URDFs in `robots/`: `cargo bench -p carom-sim`.
+//! The quantities of the paper in one benchmark: kinematics, J, M, H and the frictionless jump, one configuration at a time,
+//! for the URDFs in `robots/`: `cargo bench -p carom-sim`.
 //!
-//! `*_jump` is only what the impact itself needs (kinematics and the O(n) recursion); `*_lanes4` the same for four
+//! `*_jump` computes only what the impact needs (kinematics and the O(n) recursion); `*_lanes4` computes it for four
 //! configurations at once (divide by four).
 
 use carom_chain::algebra::{Algebra, Real};
@@ -108,7 +108,7 @@ fn space_jump_lanes4(bencher: Bencher, name: &str) {
     jump(bencher, space::<WideF64x4>(name));
 }
 
-/// The checked way for people: allocates, looks at every number, finds singular directions.
+/// The checked interface: allocates, validates all inputs, detects singular directions.
 #[divan::bench(args = ["planar2", "planar3", "arm7"])]
 fn checked_strike_frictionless(bencher: Bencher, name: &str) {
     checked(bencher, name, &Frictionless { restitution: 0.35 });
@@ -125,7 +125,7 @@ fn checked(bencher: Bencher, name: &str, law: &dyn Law<f64, 3>) {
     bencher.bench_local(|| chain.impact(&q, &q).at(tip).normal([-1.0, 0.0, 0.0]).resolve(law).unwrap());
 }
 
-/// The same with all derivatives of qd⁺: by q, qd⁻, e and μ. Divide by the strike above it.
+/// The same with all derivatives of qd⁺ with respect to q, qd⁻, e and μ. Divide by the time of the impact above.
 #[divan::bench(args = ["planar2", "planar3", "arm7"])]
 fn derivative_frictionless(bencher: Bencher, name: &str) {
     derivative(bencher, name, &Frictionless { restitution: 0.35 });

@@ -1,7 +1,8 @@
-//! What planning saves, and what accuracy costs, as two tables in Markdown: `cargo bench -p carom-sim --bench simulation`.
+//! Run times with and without the reductions of the plan, and run time against accuracy, as two tables in Markdown:
+//! `cargo bench -p carom-sim --bench simulation`.
 //!
-//! Ratios of run times are measured in one process, both runs in turn, and the median of the ratios is shown: what else
-//! the machine does hits both alike.
+//! Ratios of run times are measured in one process, with both runs in turn, and the median of the ratios is printed, so that
+//! other load on the machine affects both alike.
 
 use carom_sim::{Integrator, Moment, Sampling, Scene, Simulation, Summary};
 use std::path::{Path, PathBuf};
@@ -17,7 +18,7 @@ fn main() -> Answer<()> {
     answer
 }
 
-/// A whole run, without what it hands out.
+/// A whole run without samples and segments.
 fn run(sim: &Simulation, q: &[f64], qd: &[f64], duration: f64) -> Answer<(Summary, Duration)> {
     let start = Instant::now();
     let summary = sim.stream(q, qd, duration, Sampling::default(), &mut |_| {})?;
@@ -142,8 +143,8 @@ duration = 1.2
 // Work against error
 // ---------------------------------------------------------------------------------------------------------------------
 
-/// The paper's arm from 20 mm before the wall to 0.4 s later, through one impact; under gravity, and with no longest
-/// step, so that the tolerance alone chooses the steps.
+/// The paper's arm from 20 mm before the wall to 0.4 s later, through one impact, under gravity. There is no limit on the
+/// step, so that only the tolerance determines it.
 fn work_against_error() -> Answer<()> {
     let scene = Scene::from_file(root("scenes/planar2.toml"))?;
     let plan = scene.plan()?;
@@ -152,7 +153,7 @@ fn work_against_error() -> Answer<()> {
     let (q, qd, duration) = ([0.85, -1.65], [-0.3, 1.5], 0.4);
     let at = |integrator, tolerance| run(&Simulation { integrator, tolerance, ..sim.clone() }, &q, &qd, duration);
     let (exact, _) = at(Integrator::DormandPrince, 1e-13)?;
-    println!("\nRadau's evaluations are without those that its Jacobians take.");
+    println!("\nThe evaluations of Radau do not include those of its Jacobians.");
     println!("\n| integrator | tolerance | error of q, q̇ at the end | evaluations | steps | rejected | time |");
     println!("| --- | --- | --- | --- | --- | --- | --- |");
     for (name, integrator) in [("Dormand–Prince 8(5,3)", Integrator::DormandPrince), ("Radau IIA 5", Integrator::Radau)]

@@ -1,7 +1,8 @@
-//! One kernel, a hundred times: for counting its instructions, which repeat exactly where times do not.
+//! Runs one kernel a hundred times to count its instructions, which are reproducible, unlike times.
 //!
-//! `.ci/instructions` runs this under callgrind for every kernel and compares with its table. Alone it gives the fastest
-//! time of many, 2000 or what three seconds allow: `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
+//! `.ci/instructions` runs this under callgrind for every kernel and compares the counts with its table. With the argument
+//! `time` it prints the shortest of up to 2000 times, measured for up to three seconds:
+//! `cargo run --release -p carom-sim --example instructions -- planar2 chain time`.
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
@@ -11,7 +12,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 const REPEATS: u32 = 100;
-/// For timing one kernel.
+/// Longest time for measuring one kernel.
 const LONGEST: Duration = Duration::from_secs(3);
 /// Configurations of a batch.
 const MANY: usize = 1024;
@@ -44,7 +45,7 @@ fn main() {
     }
 }
 
-/// What callgrind counts: it is told to collect inside of this function only.
+/// callgrind counts instructions inside of this function only.
 #[inline(never)]
 fn measured(work: &mut dyn FnMut()) {
     for _ in 0..REPEATS {
@@ -53,7 +54,7 @@ fn measured(work: &mut dyn FnMut()) {
 }
 
 fn report(time: bool, mut work: impl FnMut()) {
-    work(); // what is done once, like asking for the processor's instructions, is not counted
+    work(); // work that is done once, such as detecting the instruction set, is not counted
     measured(&mut work);
     if time {
         let mut once = || {
@@ -73,7 +74,7 @@ fn report(time: bool, mut work: impl FnMut()) {
     }
 }
 
-/// The whole run of a scene, without what it hands out.
+/// The whole run of a scene without samples and segments.
 fn simulation(name: &str, planar: bool, time: bool) {
     let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let Scene { simulation, q, qd, duration, .. } = scene;

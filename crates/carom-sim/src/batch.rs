@@ -1,18 +1,17 @@
-//! The frictionless impact at one configuration after another, or at many at once: the kernel for sweeps.
+//! The frictionless impact at one configuration or at many: the kernel for sweeps.
 //!
 //! `qd⁺ = qd⁻ − (1+e) (n·J qd⁻)/(nᵀHn) M⁻¹Jᵀn`: eqs. (10)–(15) of Pagilla & Yu, IEEE/ASME T. Mechatronics 9 (2004), with
 //! J, M, H and M⁻¹Jᵀn from one fused pass ([`carom_chain::Probe`]).
 //!
-//! **Many at once.** [`FrictionlessJump::many`] takes columns, as a table has them: one slice for each coordinate, one entry
-//! for each configuration. Inside, sines and cosines are taken over whole columns, and then the same kernel runs over four
-//! configurations side by side, or eight. Which instructions the processor has is asked at run time. The operations on one
-//! configuration are those of the kernel for one at a time, in the same order, so the digits are the same
-//! (`tests/batch.rs`).
+//! **Batches.** [`FrictionlessJump::many`] reads and writes columns: one slice for each coordinate, with one entry for each
+//! configuration. It computes sines and cosines of whole columns and then runs the kernel for four or eight
+//! configurations at once (SIMD); the instruction set is detected at run time. The operations on each configuration are
+//! those of [`FrictionlessJump::jump_into`] in the same order, so the results are bitwise equal (`tests/batch.rs`).
 //!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
 //! | n | unit normal, world axes, from the environment to the robot | `normal` |
-//! | e | restitution; Newton's, Poisson's and Stronge's coincide here | `restitution` |
+//! | e | restitution; Newton's, Poisson's and Stronge's coefficients are equal without friction | `restitution` |
 //! | p = −(1+e) (n·u⁻)/(nᵀHn) | normal impulse, N s | `impulse` |
 
 use carom_chain::algebra::Algebra;
@@ -22,55 +21,55 @@ use nalgebra::SimdRealField;
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
 
-/// `L` configurations side by side. Plain arrays: the compiler makes of them whatever the processor at hand has.
+/// `L` configurations as SIMD lanes: plain arrays, which the compiler vectorises for the instruction set.
 type Lanes<const L: usize> = AutoSimd<[f64; L]>;
 
-/// Configurations whose sines are taken together: enough to fill the vectors, few enough for the first cache.
+/// Number of configurations whose sines are computed together: fills the vectors and fits into the level-1 cache.
 const BLOCK: usize = 64;
 
-/// One point of a chain, ready to be struck without friction at many configurations. Immutable, and shared by reference.
+/// The frictionless impact of one point of a chain, prepared for many configurations. Immutable; share it by reference.
 #[derive(Debug, Clone)]
 pub struct FrictionlessJump<A: Algebra<Scalar = f64>> {
     probe: Probe<A>,
 }
 
-/// What one impact does, and the scratch memory to find it.
+/// The result of one impact, with its scratch memory.
 #[derive(Debug, Clone)]
 pub struct Jumped<A: Algebra> {
-    /// Joint velocities after.
+    /// Joint velocities after the impact, length nv; rad/s, m/s.
     pub qd_plus: Vec<A::Scalar>,
     /// Normal impulse, N s.
     pub impulse: A::Scalar,
-    /// Position, J, M and H at the point.
+    /// Position, J, M and H at the contact point.
     pub reading: Reading<A>,
 }
 
-/// States before the impacts, by columns of equal length.
+/// States before the impacts, as columns of equal length.
 #[derive(Debug, Clone, Copy)]
 pub struct States<'a> {
     /// A column for each entry of q; rad, m, quaternion.
     pub q: &'a [&'a [f64]],
-    /// A column for each entry of qd.
+    /// A column for each entry of qd; rad/s, m/s.
     pub qd: &'a [&'a [f64]],
 }
 
-/// What the impacts do, by columns as long as those of the states. Columns that nobody wants are left out: an empty slice.
+/// Results of the impacts, as columns of the length of those of the states. An empty slice leaves a result out.
 #[derive(Debug, Default)]
 pub struct Outcomes<'a, 'b> {
-    /// A column for each joint velocity after.
+    /// A column for each joint velocity after the impact; rad/s, m/s.
     pub qd_plus: &'a mut [&'b mut [f64]],
-    /// The normal impulses, N s, in one column.
+    /// One column: the normal impulses, N s.
     pub impulse: &'a mut [&'b mut [f64]],
-    /// H column by column, 9 columns or 4 in the plane, world axes, 1/kg.
+    /// Entries of H in column-major order: 9 columns, or 4 in the plane; world axes, 1/kg.
     pub delassus: &'a mut [&'b mut [f64]],
-    /// J column by column, 3·nv columns or 2·nv in the plane, world axes.
+    /// Entries of J in column-major order: 3·nv columns, or 2·nv in the plane; world axes.
     pub jacobian: &'a mut [&'b mut [f64]],
-    /// M column by column, nv² columns.
+    /// Entries of M in column-major order: nv² columns.
     pub mass_matrix: &'a mut [&'b mut [f64]],
 }
 
 impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
-    /// Makes a point of a chain ready to be struck.
+    /// Prepares a point of a chain.
     ///
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
@@ -78,18 +77,19 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         Ok(Self { probe: chain.probe(point)? })
     }
 
-    /// Memory for one impact. Allocates; jumping into it does not.
+    /// Allocates the memory for one impact, for [`FrictionlessJump::jump_into`].
     pub fn jump(&self) -> Jumped<A> {
         Jumped { qd_plus: vec![0.0; self.probe.chain().nv()], impulse: 0.0, reading: self.probe.reading() }
     }
 
-    /// The impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes. Allocates nothing.
+    /// Computes the impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes, from the environment
+    /// to the robot. Allocates nothing.
     ///
-    /// The sign of the approach is not looked at, and a singular normal gives infinities: this is the kernel, and
-    /// [`crate::Strike`] is what checks.
+    /// The kernel checks neither the sign of the approach velocity nor a singular normal, which gives infinite results; use
+    /// [`crate::Strike`] for these checks.
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`].
+    /// [`ChainError::WrongLength`] for `q` or `qd`.
     ///
     /// # Panics
     /// If `jump` was made for another chain.
@@ -107,10 +107,12 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         self.probe.read_and(q, normal, reading, Single { qd, restitution, qd_plus, impulse })
     }
 
-    /// The impacts at many states, all with the same `normal` and `restitution`. Allocates its scratch memory once.
+    /// Computes the impacts at many states with the same unit `normal` (world axes, from the environment to the robot) and
+    /// `restitution`. Allocates its scratch memory once for each call. As in [`FrictionlessJump::jump_into`], approach and
+    /// normal are not checked.
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`]: too few columns or too many, or columns of different lengths.
+    /// [`ChainError::WrongLength`]: a wrong number of columns, or columns of different lengths.
     pub fn many(
         &self,
         states: States,
@@ -123,7 +125,7 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         Ok(())
     }
 
-    /// The number of states, if all columns are there and have it.
+    /// Checks number and length of all columns; returns the number of states.
     fn check(&self, states: &States, outcomes: &Outcomes) -> Result<usize, ChainError> {
         let chain = self.probe.chain();
         let (nv, linear) = (chain.nv(), A::LINEAR);
@@ -168,7 +170,7 @@ fn impulse<T: SimdRealField + Copy>(restitution: T, approach: T, mobility: T) ->
     -(T::one() + restitution) * approach / mobility
 }
 
-/// One impact alone.
+/// A single impact.
 struct Single<'a> {
     qd: &'a [f64],
     restitution: f64,
@@ -178,7 +180,7 @@ struct Single<'a> {
 
 impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
     const KEEPS: bool = true;
-    // As in [`Several`]. What is in registers then need not wait for memory that was written in smaller parts.
+    // Loops over a known number of entries, as in [`Several`]: values then stay in registers.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]
     fn finish(&mut self, found: Found<A>) {
@@ -196,7 +198,7 @@ impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
     }
 }
 
-/// The work over all states, in whatever instructions the processor has.
+/// The computation over all states, dispatched to the instruction set of the processor.
 struct Sweep<'a, 'b, 'c, A: Algebra> {
     probe: &'a Probe<A>,
     states: States<'a>,
@@ -209,7 +211,7 @@ struct Sweep<'a, 'b, 'c, A: Algebra> {
 impl<A: Algebra<Scalar = f64>> WithSimd for Sweep<'_, '_, '_, A> {
     type Output = ();
 
-    // Everything must be inlined here: only this body is compiled for the processor at hand.
+    // Everything must be inlined here: only this function is compiled for the detected instruction set.
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         if S::F64_LANES >= 8 { self.over::<8>() } else { self.over::<4>() }
@@ -251,14 +253,14 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
                 }
                 let turned = ByColumn { sines: &sines, cosines: &cosines, start };
                 let finish = Several { qd: states.qd, restitution, outcomes, at };
-                // The number of columns is that of the chain: nothing can be refused.
+                // This cannot fail: `check` verified the number of columns.
                 let _ = probe.read_turned(&q, &turned, normal, &mut reading, finish);
             }
         }
     }
 }
 
-/// `L` impacts, from entry `at` of the columns on.
+/// `L` impacts, starting at entry `at` of the columns.
 struct Several<'a, 'b, 'c, const L: usize> {
     qd: &'a [&'a [f64]],
     restitution: Lanes<L>,
@@ -271,13 +273,13 @@ where
     Lanes<L>: SimdRealField + Copy,
 {
     const KEEPS: bool = false;
-    // Loops over numbers that the compiler knows, where it knows them, are unrolled; over iterators they were not.
+    // The compiler unrolls these loops where it knows the number of joints; it did not with iterators.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]
     fn finish(&mut self, found: Found<A>) {
         let Self { qd, restitution, outcomes, at } = self;
         let at = *at;
-        // Slices of the length of what was found: where that is known to the compiler, nothing here is a loop.
+        // Slices of the length of the response, so that the compiler can unroll where it knows this length.
         let n = found.response.len();
         let qd = &qd[..n];
         let mut approach = found.joint_impulse[0] * load(qd[0], at);
@@ -316,7 +318,7 @@ where
     }
 }
 
-/// From the sines and cosines of a block, which were taken all together.
+/// Sines and cosines from the precomputed columns of a block.
 struct ByColumn<'a> {
     sines: &'a [[f64; BLOCK]],
     cosines: &'a [[f64; BLOCK]],
@@ -333,7 +335,7 @@ where
     }
 }
 
-/// Entries from `at` on; where the column ends, its last one again.
+/// The `L` entries from `at` on; beyond the end of the column its last entry.
 #[inline(always)]
 fn load<const L: usize>(column: &[f64], at: usize) -> Lanes<L> {
     match column.get(at..).and_then(<[f64]>::first_chunk) {
@@ -348,7 +350,7 @@ fn load_end<const L: usize>(column: &[f64], at: usize) -> [f64; L] {
     std::array::from_fn(|l| column[(at + l).min(column.len() - 1)])
 }
 
-/// Puts entries at `at`, as far as the column goes.
+/// Stores the entries from `at` on, up to the end of the column.
 #[inline(always)]
 fn store<const L: usize>(column: &mut [f64], at: usize, AutoSimd(x): Lanes<L>) {
     match column.get_mut(at..at + L) {

@@ -1,4 +1,4 @@
-//! Contacts that give way: which forces, and what they remember while they last.
+//! Compliant contacts of a simulation: their force laws, and the state that some of these need beside q and qd.
 
 use carom_impact::{
     Bristle, Damping, HuntCrossley, ImpactError, KelvinVoigt, NormalForce, SmoothedCoulomb, TangentialForce,
@@ -9,8 +9,7 @@ use nalgebra::Vector3;
 use crate::error::SimError;
 use crate::touch::ContactRule;
 
-/// A contact that gives way: stiffness, and what the forces do with it. Restitution and friction are those of the
-/// [`ContactRule`].
+/// The parameters of a compliant contact. Restitution and friction are those of its [`ContactRule`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compliance {
     /// k, N/m; N/mⁿ under [`Yielding::HuntCrossley`].
@@ -24,74 +23,76 @@ pub struct Compliance {
 /// The normal force of a compliant contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Yielding {
-    /// [`HuntCrossley`]: k dⁿ (1 + a ḋ). Its rebound is `restitution` times the approach, exactly, if damped so.
+    /// [`HuntCrossley`]: k dⁿ (1 + a ḋ) over the penetration d. With [`Damping::Exact`] the rebound velocity is exactly
+    /// `restitution` times the approach velocity.
     HuntCrossley {
-        /// n: 1.5 for round bodies, 1 for flat ones.
+        /// n, from 0.1 to 10: 1.5 for round bodies, 1 for flat ones.
         exponent: f64,
-        /// How a follows from the restitution.
+        /// The formula for a from the restitution.
         damping: Damping,
     },
-    /// [`KelvinVoigt`]: k d + c ḋ, with the c that gives the mass at first touch its restitution.
+    /// [`KelvinVoigt`]: k d + c ḋ, with c from the restitution and the effective mass at the beginning of the contact.
     KelvinVoigt {
-        /// Whether it pulls while the bodies part.
+        /// Whether the force may be tensile while the bodies separate.
         pulls: bool,
     },
-    /// [`WaltonBraun`]: k d, and back along a steeper line; the restitution is energetic.
+    /// [`WaltonBraun`]: k d in loading, a steeper line in unloading. The restitution is energetic (Stronge's).
     WaltonBraun,
 }
 
 /// The tangential force of a compliant contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Holding {
-    /// [`SmoothedCoulomb`]: −μ Fₙ tanh(|v|/v_s) v/|v|. It creeps.
+    /// [`SmoothedCoulomb`]: −μ Fₙ tanh(|v|/v_s) v/|v|. It creeps under a constant load.
     Smoothed {
         /// v_s, m/s.
         slip_speed: f64,
     },
-    /// [`Bristle`]: it sticks. Its deflection is integrated with the motion, in world axes, and follows the plane of
-    /// contact by projection.
+    /// [`Bristle`]: a spring and a damper in series with a Coulomb slider; it sticks. Its deflection is integrated with the
+    /// motion, in world axes, and projected onto the contact plane.
     Bristle {
-        /// N/m.
+        /// Stiffness, N/m.
         stiffness: f64,
-        /// N s/m.
+        /// Damping, N s/m.
         damping: f64,
     },
 }
 
-/// What a touch that presses remembers.
+/// The state of a compliant contact beside q and qd.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Memory {
-    /// Of this touch: see [`NormalForce::damping`].
+    /// Damping of this contact: see [`NormalForce::damping`].
     pub damping: f64,
-    /// Where it was last turned back, m.
+    /// Penetration at which it last changed from loading to unloading, m.
     pub deepest: f64,
-    /// Of the bristle, world, m.
+    /// Deflection of the bristle, world, m.
     pub deflection: Vector3<f64>,
 }
 
-/// Force of a touch that presses, and rate of the bristle's deflection; world.
+/// Force of a compliant contact, N, and rate of the bristle's deflection, m/s; world.
 pub(crate) struct Pressed {
     pub force: Vector3<f64>,
     pub bends: Vector3<f64>,
 }
 
 impl Compliance {
-    /// Approaches slower than this are damped as at this speed, m/s: Hunt & Crossley's damping grows as 1/speed.
+    /// Lower bound of the approach velocity from which damping is computed, m/s: Hunt & Crossley's damping grows as its
+    /// inverse.
     pub(crate) const SLOWEST: f64 = 1e-3;
 
-    /// A contact of round bodies: Hunt & Crossley's force with n = 1.5, damped exactly, and friction smoothed below
-    /// 1 mm/s.
+    /// Hunt & Crossley's force with n = 1.5 and [`Damping::Exact`], and smoothed friction with v_s = 1 mm/s. `stiffness` is in
+    /// N/m^1.5.
     pub const fn new(stiffness: f64) -> Self {
         let normal = Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact };
         Self { stiffness, normal, tangential: Holding::Smoothed { slip_speed: 1e-3 } }
     }
 
-    /// Whether its force depends on more than the state of motion.
+    /// Whether its force depends on more than q, qd and the damping.
     pub(crate) fn has_memory(&self) -> bool {
         self.turns() || self.has_bristle()
     }
 
-    /// Whether it remembers where it was turned back.
+    /// Whether its force depends on the largest penetration.
     pub(crate) fn turns(&self) -> bool {
         self.normal == Yielding::WaltonBraun
     }
@@ -100,7 +101,7 @@ impl Compliance {
         matches!(self.tangential, Holding::Bristle { .. })
     }
 
-    /// The normal force for a restitution.
+    /// The normal force law for a restitution.
     pub(crate) fn normal(&self, restitution: f64) -> Result<NormalForce, ImpactError> {
         let k = self.stiffness;
         Ok(match self.normal {
@@ -114,7 +115,7 @@ impl Compliance {
         })
     }
 
-    /// The tangential force for a friction.
+    /// The tangential force law for a coefficient of friction.
     pub(crate) fn tangential(&self, friction: f64) -> Result<TangentialForce, ImpactError> {
         Ok(match self.tangential {
             Holding::Smoothed { slip_speed } => TangentialForce::Smoothed(SmoothedCoulomb::new(friction, slip_speed)?),
@@ -137,7 +138,7 @@ impl Compliance {
         self.tangential(rule.friction).map(drop).map_err(named)
     }
 
-    /// The force on the robot for a gap, its rate, and the velocity `u` over the surface.
+    /// The force on the robot for a gap, its rate, and the velocity `u` relative to the surface.
     pub(crate) fn press(
         &self,
         rule: &ContactRule,

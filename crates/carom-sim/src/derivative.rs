@@ -1,4 +1,5 @@
-//! Derivatives of an impact of a chain, by dual numbers through the kinematics, the recursions and the law.
+//! Derivatives of an impact of a chain by dual numbers (forward automatic differentiation) through the kinematics, the
+//! recursions and the law.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -6,18 +7,18 @@
 //! | X | nv×3 | M⁻¹Jᵀ | `response` |
 //! | s | 3 | velocity of the surface, contact axes | `surface_velocity` |
 //! | H, u | 3×3, 3 | J X, J qd − s | – |
-//! | P | 3 | impulse, contact axes: what the law makes of H and u | – |
+//! | P | 3 | impulse, contact axes: a function of H, u, e and μ by the law | – |
 //!
-//! `qd⁺ = qd⁻ + X P(H, u, e, μ)`. The law is differentiated once, by H, u, e and μ, in 11 directions at a time; the chain by q
-//! in chunks of up to eight. So
+//! `qd⁺ = qd⁻ + X P(H, u, e, μ)`. The law is differentiated once with respect to H, u, e and μ (11 directions), the chain with
+//! respect to q in chunks of up to eight directions:
 //!
 //! ```text
 //! δqd⁺ = δqd⁻ + δX P + X δP,   δP = ∂P/∂H:δH + ∂P/∂u (δJ qd + J δqd − δs) + ∂P/∂e δe + ∂P/∂μ δμ
 //! ```
 //!
-//! **Tangent space.** Derivatives by q have nv columns: column k is the change along the motion that unit `qd[k]` makes
-//! ([`Chain::q_rate_into`]), while the numbers of qd⁻ stay. For a floating joint these are steps along and turns about the
-//! body's own axes.
+//! **Tangent space.** Derivatives with respect to q have nv columns: column k is the derivative along the motion with unit
+//! `qd[k]` ([`Chain::q_rate_into`]) at constant qd⁻. For a floating joint these are translations along and rotations about
+//! the axes of the body.
 
 use crate::error::SimError;
 use crate::strike::ChainImpact;
@@ -30,44 +31,44 @@ use num_dual::DualSVec64;
 
 /// An impact of a chain with the derivatives of its joint velocities `hit.qd_plus`.
 ///
-/// They hold within the mode of the impact: [`ImpactProblem::boundaries`](carom_impact::ImpactProblem::boundaries) (of
-/// [`Contact::problem`](crate::Contact::problem)) says how far the next one is.
+/// The derivatives are valid within the mode of the impact;
+/// [`ImpactProblem::boundaries`](carom_impact::ImpactProblem::boundaries) of
+/// [`Contact::problem`](crate::Contact::problem) gives the distances to the mode boundaries.
 #[derive(Debug, Clone)]
 pub struct ImpactDerivative {
-    /// The impact itself.
+    /// The impact.
     pub hit: ChainImpact,
-    /// ∂qd⁺/∂q, nv×nv: column k is the change along the motion that unit `qd[k]` makes
-    /// ([`Chain::q_rate_into`]), while the numbers of qd⁻ stay. For a floating joint these are steps along and turns about
-    /// the body's own axes.
+    /// ∂qd⁺/∂q, nv×nv: column k is the derivative along the motion with unit `qd[k]` ([`Chain::q_rate_into`]) at constant
+    /// qd⁻. For a floating joint these are translations along and rotations about the axes of the body.
     pub q: DMatrix<f64>,
     /// ∂qd⁺/∂qd⁻, nv×nv.
     pub qd: DMatrix<f64>,
-    /// ∂qd⁺/∂e, nv; e in the law's own sense.
+    /// ∂qd⁺/∂e, nv; e in the sense of the law.
     pub restitution: DVector<f64>,
-    /// ∂qd⁺/∂μ, nv; at μ = 0 from the right.
+    /// ∂qd⁺/∂μ, nv; at μ = 0 the right-sided derivative.
     pub friction: DVector<f64>,
 }
 
-/// A contact as rows over the joint velocities, in any scalar: what the derivatives of its impact need.
+/// A contact as Jacobian rows for any scalar type, from which the derivatives of its impact are computed.
 ///
-/// [`PlaneContact`] is that of a link with a plane; [`RowContact`] a gap whose row does not depend on q. For others
-/// (links that meet each other, say) write the rows with the methods of [`Kinematics`], which carry dual numbers.
+/// [`PlaneContact`] is the contact of a link with a plane, [`RowContact`] a gap whose row does not depend on q. Implement the
+/// trait for other contacts, for instance between two links, with the methods of [`Kinematics`], which accept dual numbers.
 pub trait ContactRows {
-    /// J, 3×nv: the velocity of the contact for unit joint rates, in contact axes that may turn with q: two tangents
-    /// (zeros where there are none), then the normal, whose row is the gap's derivative by q.
+    /// J, 3×nv: the velocity of the contact point for unit joint rates, in contact axes, which may depend on q. The rows are
+    /// two tangents (zero for a contact without them) and the normal, which is the derivative of the gap with respect to q.
     ///
     /// # Errors
-    /// What the kinematics refuse.
+    /// Errors of the kinematics.
     fn rows<T: RealField + Copy>(&self, kin: &Kinematics<Spatial<T>>, time: T) -> Result<Matrix3xX<T>, ChainError>;
 
-    /// Velocity of the surface in the same axes, m/s: u = J qd − s, and minus its normal part is the gap's derivative by
-    /// time.
+    /// Velocity s of the surface in the same axes, m/s: u = J qd − s. Its negative normal component is the partial derivative
+    /// of the gap with respect to time.
     fn surface_velocity<T: RealField + Copy>(&self, _kin: &Kinematics<Spatial<T>>, _time: T) -> Vector3<T> {
         Vector3::zeros()
     }
 }
 
-/// A point or a ball that a link carries, before a plane that may be shaken.
+/// Contact of a point or a ball on a link with a plane, which may oscillate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneContact {
     pub(crate) frame: FrameId,
@@ -78,11 +79,11 @@ pub struct PlaneContact {
 }
 
 impl PlaneContact {
-    /// The origin of a link's frame, before a plane with this normal (world axes, from the environment to the robot, of any
-    /// length but zero).
+    /// Contact of the origin of a link frame with a plane at rest. `normal` is in world axes, from the environment to the
+    /// robot, of any length except zero.
     ///
     /// # Errors
-    /// A normal without direction.
+    /// [`ChainError::NoDirection`] for a normal that is zero or not finite.
     pub fn new(frame: FrameId, normal: [f64; 3]) -> Result<Self, SimError> {
         let given = Vector3::from(normal);
         let unit = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
@@ -92,21 +93,21 @@ impl PlaneContact {
         Ok(Self { frame, offset: Vector3::zeros(), radius: 0.0, axes: z_onto(unit), motion: None })
     }
 
-    /// The point, or the centre of the ball, from that origin, in the frame's own axes, m.
+    /// The contact point, or the centre of the ball, relative to that origin, in the axes of the frame, m.
     #[must_use]
     pub fn offset(mut self, offset: [f64; 3]) -> Self {
         self.offset = offset.into();
         self
     }
 
-    /// A ball of this radius, m: what touches is always its lowest point.
+    /// Radius of the ball, m: the contact point is the point of the ball nearest to the plane.
     #[must_use]
     pub fn radius(mut self, radius: f64) -> Self {
         self.radius = radius;
         self
     }
 
-    /// The plane is shaken.
+    /// Harmonic motion of the plane.
     #[must_use]
     pub fn shaken(mut self, motion: Oscillation) -> Self {
         self.motion = Some(motion);
@@ -136,7 +137,7 @@ impl ContactRows for PlaneContact {
     }
 }
 
-/// A gap whose row ∂g/∂q is the same at every q, without friction: between sliders, or a joint's limit.
+/// A frictionless gap whose row ∂g/∂q does not depend on q, for instance between prismatic joints or at a joint limit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowContact(pub Vec<f64>);
 
@@ -169,7 +170,7 @@ pub(crate) struct Derivatives {
     pub friction: DVector<f64>,
 }
 
-/// From the contact's rows and response in plain numbers, and the law's derivative at them.
+/// The derivatives of qd⁺ from rows and response of the contact as `f64`, and the derivative of the law.
 pub(crate) fn differentiate<C: ContactRows>(
     at: At,
     contact: &C,
@@ -198,7 +199,7 @@ pub(crate) fn differentiate<C: ContactRows>(
     })
 }
 
-/// δqd⁺ by each tangent direction of q, and by time, N at once.
+/// The derivatives of qd⁺ along each tangent direction of q and with respect to time, N directions at once.
 fn chunks<const N: usize, C: ContactRows>(
     at: At,
     contact: &C,

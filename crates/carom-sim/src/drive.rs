@@ -1,11 +1,11 @@
-//! What drives the joints: motors off, tables, regulators, and the controllers of impact.
+//! Joint drives: motors off, torque tables, PD control, and controllers for impacts.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | J, H | 3×nv, 3×3 | Jacobian of the tip, J M⁻¹ Jᵀ | `jacobian`, `delassus` |
 //! | j | nv | normal row nᵀJ | `row` |
-//! | u, a | 3 | velocity and wanted acceleration of the tip | `u`, `wanted` |
-//! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): what no normal impulse changes; N M⁻¹jᵀ = 0 | – |
+//! | u, a | 3 | velocity and desired acceleration of the tip | `u`, `wanted` |
+//! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
 use crate::error::SimError;
 use crate::motion::{pseudo_inverse, responses};
@@ -13,101 +13,107 @@ use crate::space::{Space, View};
 use carom_chain::{Chain, ChainError, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 
-/// What drives the joints.
+/// The joint forces of the motors. The damping and the dry friction of the joints act in addition.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Drive {
     /// Motors off.
     Off,
-    /// Constant joint forces, N m or N.
+    /// Constant joint forces, length nv; N m or N.
     Constant(Vec<f64>),
-    /// Joint forces at given times, straight lines between them, constant before and after.
+    /// Joint forces at given times, interpolated linearly, constant before the first and after the last time.
     Table {
-        /// Ascending, s.
+        /// Ascending times, s.
         times: Vec<f64>,
-        /// One row of joint forces for each time, N m or N.
+        /// Joint forces at each time, length nv; N m or N.
         forces: Vec<Vec<f64>>,
     },
-    /// `kp (target − q) − kd qd`, for chains whose q̇ is qd.
+    /// `kp (target − q) − kd qd`, for chains without floating joints.
     Pd {
         /// Stiffness, N m/rad or N/m.
         kp: f64,
         /// Damping, N m s/rad or N s/m.
         kd: f64,
-        /// Target configuration.
+        /// Target configuration, length nq; rad, m.
         target: Vec<f64>,
     },
-    /// Exactly what holds the chain against gravity.
+    /// The joint forces that balance gravity, on all coordinates, including those of a floating base.
     GravityCompensation,
-    /// The transition from free motion to contact after Pagilla & Yu.
+    /// Transition from free motion to contact (Pagilla & Yu).
     Transition(Transition),
-    /// A regulator blind to what a normal impulse does.
+    /// PD feedback that does not react to the velocity jump of a normal impulse (Yang & Posa).
     ImpactInvariant(ImpactInvariant),
 }
 
-/// The transition controller: the tip follows a wanted velocity to the surface; after the first impact the normal
-/// velocity is driven to zero and the tip pressed on gently, while the velocity along the surface goes on.
+/// The transition controller: before the first impact the tip follows a desired velocity to the surface; afterwards its
+/// normal velocity is controlled to zero with an acceleration `press` towards the surface, and its tangential velocity to
+/// the desired one.
 ///
-/// Computed torque at the tip, `τ = bias + Jᵀ H⁺ (a − J̇ q̇)`, with `a = gain (wanted − u)`, and after the impact
-/// `−press` along the normal besides. P. R. Pagilla, B. Yu (2004) drive the normal velocity to zero and leave the jump
-/// of the tangential velocity to future work; `compensate` is that: before the impact the wanted tangential velocity is
-/// lowered by the jump that their eq. (15) predicts, `−(1+e) uₙ H_tn/H_nn`, so that the tip *leaves* the impact with the
-/// velocity it was wanted to have.
+/// Computed torque at the tip, `τ = bias + Jᵀ H⁺ (a − J̇ q̇)`, with `a = gain (desired velocity − u)` and, after the impact, the
+/// additional normal acceleration `−press`. P. R. Pagilla, B. Yu (2004) control the normal velocity to zero and leave the
+/// jump of the tangential velocity to future work. `compensate` adds this: before the impact the desired tangential
+/// velocity is reduced by the jump that their eq. (15) predicts, `−(1+e) uₙ H_tn/H_nn`, so that the tip has the desired
+/// velocity *after* the impact.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transition {
     /// Link whose frame's origin is the tip.
     pub tip: String,
-    /// Unit normal of the surface, from the environment to the robot.
+    /// Unit normal of the surface, from the environment to the robot, world axes.
     pub normal: Vector3<f64>,
-    /// Wanted velocity of the tip on its way to the surface; its tangential part is wanted after the impact too, m/s.
+    /// Desired velocity of the tip before the impact, world axes, m/s. After the impact its tangential part is desired.
     pub velocity: Vector3<f64>,
-    /// How fast velocities are corrected, 1/s.
+    /// Feedback gain of the velocity, 1/s.
     pub gain: f64,
     /// Acceleration towards the surface after the first impact, m/s².
     pub press: f64,
-    /// Aim so that the velocity *after* the jump is the wanted one.
+    /// Whether to compensate the predicted jump of the tangential velocity.
     pub compensate: bool,
-    /// The coefficient of restitution that the compensation expects.
+    /// Coefficient of restitution of the prediction.
     pub restitution: f64,
 }
 
-/// Impact-invariant feedback (W. Yang, M. Posa, *Impact-invariant control*, 2021): velocities are fed back through N, so
-/// the jump that a normal impulse leaves in them never enters the motors:
+/// Impact-invariant feedback (W. Yang, M. Posa, *Impact-invariant control*, 2021): the velocity error is projected by N, so
+/// that the joint forces do not depend on the velocity jump of a normal impulse:
 /// `τ = gravity force + kp (target − q) + kd N (velocity − q̇)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImpactInvariant {
     /// Link whose frame's origin is the tip.
     pub tip: String,
-    /// Unit normal of the surface.
+    /// Unit normal of the surface, from the environment to the robot, world axes.
     pub normal: Vector3<f64>,
     /// Stiffness, N m/rad or N/m.
     pub kp: f64,
     /// Damping, N m s/rad or N s/m.
     pub kd: f64,
-    /// Target configuration.
+    /// Target configuration, length nq; rad, m.
     pub target: Vec<f64>,
-    /// Wanted joint velocities.
+    /// Desired joint velocities, length nv; rad/s, m/s.
     pub velocity: Vec<f64>,
 }
 
-/// When a drive is asked.
+/// The inputs of a drive beside the state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Asked<'a> {
     pub chain: &'a Chain,
     pub time: f64,
     pub gravity: Vector3<f64>,
-    /// An impact has happened.
+    /// Whether an impact has happened.
     pub hit: bool,
 }
 
 impl Drive {
-    /// Whether it fits a chain.
+    /// Checks that the drive fits a chain.
     ///
     /// # Errors
-    /// [`SimError`]: lengths, a floating chain, an unknown link, a table out of order.
+    /// [`SimError`]: wrong lengths, a controller of joints on a chain with a floating joint, an unknown link, invalid gains,
+    /// a torque table whose times do not ascend.
     pub(crate) fn check(&self, chain: &Chain) -> Result<(), SimError> {
         let regulates = |target: &[f64], what| {
             if chain.nq() != chain.nv() {
-                let why = format!("a regulator of joints needs joints with q̇ = qd; '{}' floats", chain.name());
+                let why = format!(
+                    "a controller with a target configuration needs q̇ = qd, but '{}' has a floating joint: choose another \
+                     controller",
+                    chain.name()
+                );
                 return Err(SimError::from(ChainError::NotReducible(why)));
             }
             Ok(chain.check_v(what, target)?)
@@ -121,7 +127,7 @@ impl Drive {
             }
         };
         let unit = |normal: &Vector3<f64>| {
-            let (value, rule) = (normal.norm(), "a unit vector is needed");
+            let (value, rule) = (normal.norm(), "it must be 1");
             let fine = (value - 1.0).abs() < 1e-9;
             if fine { Ok(()) } else { Err(SimError::Setting { what: "length of the drive's normal", value, rule }) }
         };
@@ -130,13 +136,14 @@ impl Drive {
             Self::Constant(forces) => Ok(chain.check_v("torque", forces)?),
             Self::Table { times, forces } => {
                 if times.len() != forces.len() || times.is_empty() {
-                    let rule = "each time needs its joint forces, and there must be one at least";
-                    return Err(SimError::Setting { what: "number of rows", value: forces.len() as f64, rule });
+                    let rule = "it must be the number of times, and at least 1";
+                    let what = "number of rows of the torque table";
+                    return Err(SimError::Setting { what, value: forces.len() as f64, rule });
                 }
                 if let Some(pair) =
                     times.windows(2).find(|pair| pair[0].partial_cmp(&pair[1]) != Some(std::cmp::Ordering::Less))
                 {
-                    let rule = "the times of a torque table ascend";
+                    let rule = "the times of a torque table must ascend";
                     return Err(SimError::Setting { what: "time in the torque table", value: pair[1], rule });
                 }
                 forces.iter().try_for_each(|row| Ok(chain.check_v("tau", row)?))
@@ -163,12 +170,12 @@ impl Drive {
         }
     }
 
-    /// Whether the same state always gets the same forces.
+    /// Whether the joint forces do not depend on time explicitly.
     pub(crate) fn is_steady(&self) -> bool {
         !matches!(self, Self::Table { .. })
     }
 
-    /// Stiffness and damping that it gives every joint.
+    /// Stiffness and damping at every joint.
     pub(crate) fn gains(&self) -> (f64, f64) {
         match self {
             Self::Pd { kp, kd, .. } => (*kp, *kd),
@@ -226,7 +233,8 @@ impl Drive {
     }
 }
 
-/// The rows of a table before and after a time, and how far it is on the way; the first or last row alone outside.
+/// The rows of a table before and after a time, and the interpolation weight of the later one; outside the table twice the
+/// first or last row.
 fn between(times: &[f64], time: f64) -> (usize, usize, f64) {
     let after = times.partition_point(|&t| t <= time);
     if after == 0 || after == times.len() {
@@ -250,7 +258,7 @@ impl Transition {
         let wanted = if asked.hit {
             (along(self.velocity) - u) * self.gain - n * self.press
         } else {
-            // The jump comes from the impact that the wanted approach will make at a pose like this one.
+            // The predicted jump is that of an impact with the desired velocity at the present pose.
             let jump =
                 along(delassus * n) * (-(1.0 + self.restitution) * n.dot(&self.velocity) / n.dot(&(delassus * n)));
             let aim = if self.compensate { self.velocity - jump } else { self.velocity };

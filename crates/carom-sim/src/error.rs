@@ -1,44 +1,44 @@
-//! What can be wrong with an impact of a chain.
+//! The errors of this crate.
 
 use carom_chain::ChainError;
 use carom_impact::ImpactError;
 
-/// Every way in which this crate refuses its input.
+/// The errors of impacts, scenes and simulations of a chain.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SimError {
-    /// The chain refuses.
+    /// An error of the chain: state, frame, URDF file.
     #[error(transparent)]
     Chain(#[from] ChainError),
-    /// The impact law refuses.
+    /// An error of the impact law.
     #[error(transparent)]
     Impact(#[from] ImpactError),
-    /// Nothing was said about where the chain is hit.
-    #[error("no contact {missing} was given: say {say}")]
+    /// The contact point or the normal of an impact is missing.
+    #[error("missing contact {missing}: call {say}")]
     Incomplete {
         /// `point` or `normal`.
         missing: &'static str,
-        /// The call that is missing.
+        /// The call to add.
         say: &'static str,
     },
-    /// The point does not move at all: it belongs to the base.
+    /// The contact point belongs to a link that is fixed to the world.
     #[error("link '{link}' is fixed to the world: no impact can move it, choose a link that a joint moves")]
     FixedPoint {
         /// The link.
         link: String,
     },
-    /// The normal direction is singular: no joint motion moves the point along it.
+    /// The normal direction is singular (nᵀHn = 0): no joint moves the contact point along it.
     #[error(
-        "at this pose no joint moves '{link}' along the normal {normal:?} (singular direction): the structure would take \
-         the impact, and the impulse of any rigid law would be infinite; change the pose or the normal"
+        "at this pose no joint moves '{link}' along the normal {normal:?} (singular direction): the load would pass into \
+         the structure, and the impulse of any rigid law would be infinite; change the pose or the normal"
     )]
     SingularNormal {
         /// The link.
         link: String,
-        /// The unit normal.
+        /// The unit normal, world axes.
         normal: [f64; 3],
     },
-    /// With these joints locked nothing moves the point along the normal.
+    /// With these joints locked no joint moves the contact point along the normal.
     #[error(
         "with its joints locked nothing moves '{link}' along the normal {normal:?}: the inverse inertia there is zero, and the \
          impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one \
@@ -47,28 +47,28 @@ pub enum SimError {
     Locked {
         /// The link.
         link: String,
-        /// The unit normal.
+        /// The unit normal, world axes.
         normal: [f64; 3],
     },
-    /// The motion can't be integrated.
+    /// The integrator failed.
     #[error("from t = {time} s the motion can't be integrated: {reason}")]
     Integration {
-        /// Start of the leg, s.
+        /// Start of the integration, s.
         time: f64,
-        /// What the integrator said.
+        /// The message of the integrator.
         reason: String,
     },
-    /// A number breaks its rule.
+    /// An invalid number.
     #[error("{what} is {value}: {rule}")]
     Setting {
-        /// What it is.
+        /// Name of the number.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The rule.
+        /// The rule that it breaks.
         rule: &'static str,
     },
-    /// The pose leaves a tip without freedom.
+    /// At this pose the tip cannot move in all directions of the plane.
     #[error(
         "at q = {q:?} '{link}' can't move in all directions of the plane (stretched or folded): choose another pose"
     )]
@@ -78,9 +78,9 @@ pub enum SimError {
         /// The pose.
         q: Vec<f64>,
     },
-    /// Given lengths are not those of the chain.
+    /// The given link lengths are not those of the chain.
     #[error(
-        "with links of {lengths:?} m the tip of '{chain}' should be at {target:?}, and is at {found:?}: give the chain's lengths"
+        "with links of {lengths:?} m the tip of '{chain}' should be at {target:?}, but is at {found:?}: give the chain's lengths"
     )]
     Lengths {
         /// The chain.
@@ -92,47 +92,48 @@ pub enum SimError {
         /// Where it is, m.
         found: [f64; 2],
     },
-    /// The chain starts inside something.
-    #[error("at the start {touch} overlaps by {} m: move the start apart", four_digits(*depth))]
+    /// At the start the chain overlaps a surface, another link or a joint limit.
+    #[error("at the start {touch} overlaps by {} m: choose a start without overlap", four_digits(*depth))]
     Overlap {
-        /// What touches.
+        /// Name of the touch.
         touch: String,
-        /// How deep, m.
+        /// Depth of the overlap, m (rad at the limit of a revolute joint).
         depth: f64,
     },
-    /// The rule of a contact can't be followed.
+    /// An invalid coefficient of a contact.
     #[error("{touch}: {what} is {value}: {rule}")]
     Contact {
-        /// What touches.
+        /// Name of the touch.
         touch: String,
-        /// What it is.
+        /// Name of the coefficient.
         what: &'static str,
         /// Its value.
         value: f64,
-        /// The rule.
+        /// The rule that it breaks.
         rule: &'static str,
     },
-    /// Two links that can't be a pair.
+    /// An invalid pair of links.
     #[error("link '{link}' {problem}")]
     LinkPair {
         /// The link.
         link: String,
-        /// What is wrong, and what to do.
+        /// The problem and what to do.
         problem: &'static str,
     },
-    /// A rigid contact has impulses, not forces.
-    #[error("{touch} is rigid: only a contact with a compliance presses with a force while it is hit")]
+    /// The force of a rigid contact was requested.
+    #[error("{touch} is a rigid contact, which has impulses and no force: give it a compliance")]
     Rigid {
-        /// What touches.
+        /// Name of the touch.
         touch: String,
     },
-    /// A force that depends on what happened before.
+    /// A contact force was requested that depends on the history of the contact.
     #[error(
-        "{touch}: its force has a memory (where it was turned back, or a bristle's deflection), which a single moment does \
-         not hold; choose the Hunt-Crossley or Kelvin-Voigt force and smoothed friction to ask for forces afterwards"
+        "{touch}: its force depends on the history of the contact (largest penetration, or deflection of a bristle), which a \
+         single moment does not contain; choose the Hunt-Crossley or Kelvin-Voigt force and smoothed friction to compute \
+         forces afterwards"
     )]
     Memory {
-        /// What touches.
+        /// Name of the touch.
         touch: String,
     },
     /// Rigid sliding has no consistent acceleration (Painlevé).
@@ -143,36 +144,38 @@ pub enum SimError {
     Jam {
         /// Time, s.
         time: f64,
-        /// What touches.
+        /// Name of the touch.
         touch: String,
         /// Coefficient of friction.
         friction: f64,
     },
-    /// Derivatives know joints that are free only.
-    #[error("an impact with held joints has no derivative here: ask for it with the joints free")]
+    /// Derivatives of impacts with locked or impedance-weighted joints are not implemented.
+    #[error(
+        "derivatives of an impact with locked or impedance-weighted joints are not implemented: leave the joints free"
+    )]
     DerivativeOfHeldJoints,
-    /// No law of that name.
+    /// An unknown impact law.
     #[error("no law is named '{name}': the laws are {known}")]
     UnknownLaw {
-        /// The name asked for.
+        /// The name given.
         name: String,
-        /// The names there are.
+        /// The known names, separated by commas.
         known: String,
     },
-    /// The scene file breaks a rule.
+    /// An invalid scene file.
     #[error("{file}: {rule}")]
     Scene {
         /// The file.
         file: String,
-        /// Key, value, rule, and what to do.
+        /// Key, value, the rule that is broken, and what to do.
         rule: String,
     },
-    /// A shape can't be made.
+    /// An invalid collision shape or mesh.
     #[error(transparent)]
     Shape(#[from] carom_contact::ContactError),
 }
 
-/// What is beyond is rounding of the pose.
+/// Rounds to four significant digits; the others are rounding errors of the pose.
 fn four_digits(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)
 }

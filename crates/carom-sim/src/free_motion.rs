@@ -1,4 +1,4 @@
-//! Motion with the motors off, between impacts.
+//! Free motion of a chain: motors off, no contacts.
 
 use crate::error::SimError;
 use crate::trajectory::Moment;
@@ -7,15 +7,16 @@ use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;
 use std::cell::RefCell;
 
-/// Motions that need more steps than this are refused.
+/// Maximal number of integration steps.
 const MAX_STEPS: usize = 1_000_000;
 
-/// The free motion M q̈ + C q̇ + g = 0 (no damping, no dry friction) from `(q, qd)` at time 0 to `end` seconds (negative: back in time), sampled at
-/// `samples` ≥ 2 equal steps, both ends included. Dormand–Prince 8(5,3), relative tolerance 1e-12.
+/// The free motion M q̈ + C q̇ + g = 0, without damping, dry friction and contacts, from `(q, qd)` at time 0 to `end` seconds
+/// (negative: back in time). Returns `samples` ≥ 2 moments at equal intervals, both ends included. `gravity` is in world
+/// axes, m/s². Integrated by Dormand–Prince 8(5,3) with a relative tolerance of 1e-12.
 ///
 /// # Errors
-/// [`SimError::Chain`]: a state that does not fit; too few samples; or an integration that fails or needs over a million
-/// steps.
+/// [`SimError::Chain`]: a state of wrong length or with numbers that are not finite. [`SimError::Setting`]: fewer than 2
+/// samples, or an `end` that is 0 or not finite. [`SimError::Integration`]: the integrator failed or needs over a million steps.
 pub fn free_motion(
     chain: &Chain,
     q: &[f64],
@@ -26,7 +27,7 @@ pub fn free_motion(
 ) -> Result<Vec<Moment>, SimError> {
     chain.check_state(q, qd)?;
     if samples < 2 {
-        let rule = "both ends are sampled, so it is 2 or more";
+        let rule = "it must be 2 or more, as both ends are sampled";
         return Err(SimError::Setting { what: "number of samples", value: samples as f64, rule });
     }
     if !end.is_finite() || end == 0.0 {
@@ -36,10 +37,11 @@ pub fn free_motion(
     free_motion_at(chain, q, qd, gravity, &times)
 }
 
-/// As [`free_motion`], at given times, s: each further from 0 than the one before, all on one side of 0 (or 0).
+/// The free motion as in [`free_motion`], sampled at given times, s. All times have the same sign (the first may be 0), and
+/// their absolute values increase.
 ///
 /// # Errors
-/// As [`free_motion`]; times out of order.
+/// As [`free_motion`]; [`SimError::Setting`] for times that break this rule.
 pub fn free_motion_at(
     chain: &Chain,
     q: &[f64],
@@ -53,7 +55,7 @@ pub fn free_motion_at(
     for (k, &time) in times.iter().enumerate() {
         let further = time.is_finite() && time * end >= 0.0 && (time.abs() > f64::abs(last) || (k == 0 && time == 0.0));
         if !further {
-            let rule = "times of a free motion lead away from 0 s, each further than the one before";
+            let rule = "the times must be finite, have the same sign and increase in absolute value";
             return Err(SimError::Setting { what: "time of a sample", value: time, rule });
         }
         last = time;
@@ -81,7 +83,7 @@ pub fn free_motion_at(
     let still = vec![0.0; chain.nv()];
     let sample = |(time, state): (f64, &[f64])| {
         let (q, qd) = state.split_at(chain.nq());
-        // Going nowhere from q makes quaternions unit again.
+        // A step of length zero normalises the quaternions.
         Ok(Moment { time, q: chain.integrate(q, &still, 0.0)?, qd: qd.to_vec() })
     };
     solution.iter().map(|(t, y)| sample((t, y))).collect()

@@ -1,18 +1,18 @@
-//! The frictionless impact as one branch-free, allocation-free kernel: for sweeps, SIMD lanes and dual numbers.
+//! The frictionless impact as a kernel without branches and allocations: for sweeps, SIMD lanes and dual numbers.
 //!
 //! `qd⁺ = qd⁻ − (1+e) (n·J qd⁻)/(nᵀHn) M⁻¹Jᵀn`: eqs. (10)–(15) of Pagilla & Yu, IEEE/ASME T. Mechatronics 9 (2004). The
-//! articulated recursion gives M⁻¹Jᵀn in time O(n), and nᵀHn = (Jᵀn)·(M⁻¹Jᵀn) comes with it.
+//! articulated-body recursion gives M⁻¹Jᵀn in O(n), and nᵀHn = (Jᵀn)·(M⁻¹Jᵀn).
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{ChainError, Kinematics, Point};
 use num_traits::{One, Zero};
 
 /// Joint velocities after a frictionless impact of `point` along the unit `normal` (world axes, from the environment to
-/// the robot) with `restitution` (Newton's, Poisson's and Stronge's coincide here). Returns the normal impulse, N s;
-/// fills `qd_plus`; `scratch` is overwritten; both of length nv. Allocates nothing.
+/// the robot) with `restitution` (Newton's, Poisson's and Stronge's coefficients are equal without friction). Writes
+/// `qd_plus`, overwrites `scratch` (both of length nv), and returns the normal impulse, N s. Allocates nothing.
 ///
-/// The sign of the approach is not looked at, and a singular normal gives infinities: this is the kernel, and
-/// [`crate::Strike`] is what checks.
+/// The kernel checks neither the sign of the approach velocity nor a singular normal, which gives infinite results; use
+/// [`crate::Strike`] for these checks.
 ///
 /// # Errors
 /// [`ChainError::WrongLength`]; [`ChainError::Coupled`] for a chain with mimic joints.

@@ -1,16 +1,17 @@
-//! The motion of a chain that something holds or presses: a lasting contact, a limit, the dry friction of its joints.
+//! The equations of motion of a chain with constraints or a compliant contact: a lasting contact, a joint limit, joints held
+//! by their dry friction.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | q̈₀ | nv | acceleration without constraint forces | `free` |
-//! | R, F | m×nv | rows of the constraints; directions in which their forces act | `rows`, `forces` |
+//! | R, F | m×nv | rows of the constraints; generalised directions of their forces | `rows`, `forces` |
 //! | K | m×m | R M⁻¹ Fᵀ | `delassus` |
 //! | λ | m | constraint forces | `lambda` |
 //! | d | 3 | unit direction of slip | `slip` |
 //!
-//! All constraints at once: R q̈ + drift = 0 with q̈ = q̈₀ + M⁻¹Fᵀλ, so K λ = −(R q̈₀ + drift). A sticking contact has three
-//! rows (R = F = J); a sliding one has the normal row, and its force acts along n − μ d; a joint held by its dry friction
-//! has its own.
+//! All constraints are solved together: R q̈ + drift = 0 with q̈ = q̈₀ + M⁻¹Fᵀλ gives K λ = −(R q̈₀ + drift). A sticking contact
+//! has three rows (R = F = J). A sliding contact has the normal row, and its force acts along n − μ d. A joint held by its
+//! dry friction has the row of its coordinate.
 
 use crate::compliance::Memory;
 use crate::error::SimError;
@@ -23,35 +24,35 @@ use nalgebra::{DMatrix, DVector, Vector3};
 /// Accelerations and constraint forces at one state.
 pub(crate) struct Held {
     pub qdd: DVector<f64>,
-    /// Force of the lasting contact on the robot, world.
+    /// Force of the lasting contact on the robot, world, N.
     pub force: Vector3<f64>,
     pub normal: Vector3<f64>,
-    /// Its part that must not pull (a limit's whole force).
+    /// Its normal component, or the force of a joint limit; it must not be negative.
     pub normal_force: f64,
-    /// Forces of the joints that dry friction holds, in the order of `dry`; 0 for the others.
+    /// Constraint forces of the joints that dry friction holds, in the order of `dry`; 0 for the others.
     pub joints: Vec<f64>,
-    /// Power of the drive, and of everything that resists.
+    /// Power of the drive, and of all dissipative forces.
     pub power: [f64; 2],
     /// Rate of the bristle's deflection, world, m/s.
     pub bends: Vector3<f64>,
 }
 
-/// Slip slower than this share of the joints' speed has no direction of its own.
+/// Slip below this share of the largest joint velocity has no direction.
 pub(crate) const STILL: f64 = 1e-9;
 
-/// How a touch takes part in a constraint.
+/// How a touch enters the equations of motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Hold {
     Slides,
     Sticks,
-    /// A compliant contact with this damping: a force, and no constraint.
+    /// A compliant contact with this damping: a force without a constraint.
     Presses(f64),
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// dġ/dt and du/dt while no joint accelerates: what curvature of paths and surfaces does. In closed form where there
-    /// is one; else central differences of fourth order along the motion: with steps of 1e-3 of the joints' own time
-    /// their error is about 1e-12 of the terms.
+    /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces. In closed form where there is one, otherwise by
+    /// central differences of fourth order along the motion, with steps of 1e-3 over the largest joint velocity: their
+    /// relative error is about 1e-12.
     fn drift(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, Vector3<f64>), SimError> {
         let sim = self.sim;
         {
@@ -196,7 +197,7 @@ impl<A: Space> Motion<'_, A> {
         let wanted = DVector::from_fn(rows.len(), |i, _| -(rows[i].dot(&held.qdd) + drifts[i]));
         let slides = matches!(lasting, Some((_, Hold::Slides)));
         if let (true, Some((touch, _))) = (slides, lasting) {
-            // The unit force against the rest held: sliding is consistent if it opens the gap.
+            // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
             let mut unit = DVector::zeros(rows.len());
             unit[0] = 1.0;
             let opens = solve(&delassus, &unit)[0];
@@ -236,7 +237,7 @@ impl<A: Space> Motion<'_, A> {
     }
 }
 
-/// K⁺b: directions that no joint moves need no force.
+/// The least-norm solution K⁺b: forces along directions that no joint moves are zero.
 fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     if k.nrows() == 1 {
         return b / k[(0, 0)];
@@ -244,7 +245,7 @@ fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
     least_norm(k, b, 1e-12)
 }
 
-/// Unit direction of the tangential part of u; `None` if that is still.
+/// Unit direction of the tangential part of u; `None` if it is zero up to rounding.
 pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
     let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     (u - n * n.dot(&u)).try_normalize(STILL * speed)

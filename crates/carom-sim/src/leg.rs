@@ -1,16 +1,15 @@
-//! One smooth leg of motion: integrated until its end or until a witness reaches zero.
+//! One smooth leg of motion: integrated until its end or until a witness function reaches zero.
 //!
-//! **Trigger rule.** A witness w is a function of the state. It is *armed* once it has been positive at the start of the
-//! leg or at the end of a step. An armed witness fires at the first time t at which w(t) ≤ 0. A zero exactly at the end
-//! of a step fires there, once: the next leg starts with that witness not armed. Between the ends of a step an armed
-//! witness that dips (rate negative at the start, positive at the end) is looked at in its lowest point, so that a short
-//! or grazing touch is not stepped over. A gap is armed only when it is wider than [`HYSTERESIS`]: the rounding of one
-//! that has just been hit is no opening. A gap that is not armed should open; if it closes instead, by that much, it fires
-//! there: nothing falls through.
+//! **Trigger rule.** A witness function w depends on the state. It is *armed* once it has been positive at the start of the
+//! leg or at the end of a step. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
+//! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
+//! start of a step and positive at its end, its minimum within the step is evaluated, so that a short or grazing contact is
+//! detected. A gap is armed only if it is wider than [`HYSTERESIS`], so that rounding after an impact does not count as
+//! opening. A gap that is not armed and closes by more than this fires as well, so that no contact penetrates.
 //!
-//! **Exact time.** The dense output of the step brackets the root; the state there is then computed by integrating to it
-//! anew from the start of the step, and the time corrected by w/ẇ until the witness is rounding. So an event is as exact
-//! as the integration, not as its interpolation.
+//! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
+//! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
+//! error of an event is that of the integration, not that of its interpolation.
 
 use crate::error::SimError;
 use crate::root::descent;
@@ -23,25 +22,24 @@ use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
 
-/// How far a gap that should open may close, m: above the rounding of positions, below the height of any bounce that is
-/// resolved.
+/// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
 const HYSTERESIS: f64 = 1e-14;
-/// Legs that need more steps than this are given up.
+/// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
-/// So many steps for each of the longest are given to a leg that has another way.
+/// Maximal ratio of the number of steps to the number of steps of maximal length, for legs that have a fallback.
 const PATIENCE: usize = 500;
 
-/// A smooth vector field with witnesses: one mode of contact of one chain.
+/// A smooth vector field with witness functions: one contact mode of one chain.
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
-    /// Hears that a leg begins: how many witnesses there are, and which, stays the same until it ends.
+    /// Called at the start of a leg; fixes the set of witness functions of the leg.
     fn begin(&mut self);
-    /// The witnesses at (t, y), each with its rate in time if it may dip within a step.
+    /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
-    /// One of them.
+    /// Witness `k` at (t, y).
     fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
-    /// Puts a state that drifted off its constraint back on it; says whether it changed anything.
+    /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
 
@@ -52,7 +50,7 @@ pub(crate) struct Witness {
     pub rate: Option<f64>,
 }
 
-/// How a leg ended.
+/// The end of a leg.
 #[derive(Debug, Clone)]
 pub(crate) struct LegEnd {
     pub time: f64,
@@ -61,32 +59,32 @@ pub(crate) struct LegEnd {
     pub fired: Option<usize>,
 }
 
-/// How to integrate.
+/// Settings of the integration.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Accuracy {
     pub tolerance: f64,
     pub max_step: f64,
     pub integrator: Integrator,
-    /// Whether a leg that turns out to be stiff fails: there is another way then.
+    /// Whether a stiff leg fails early, because the caller has a fallback.
     pub gives_up: bool,
 }
 
-/// Hands out moments at multiples of an interval, and segments.
+/// Passes moments at multiples of an interval, and segments, to the callback.
 pub(crate) struct Sampler<'a> {
     pub sampling: Sampling,
     /// Lengths of q and qd.
     pub sizes: (usize, usize),
-    /// How many moments were handed out.
+    /// Number of moments so far.
     pub count: usize,
-    /// Up to here segments were handed out: a leg that was given up is gone through again.
+    /// End of the last segment: a leg that failed is repeated, and its segments are not output twice.
     pub until: f64,
-    /// Who gets them.
+    /// The callback.
     pub watch: &'a mut dyn FnMut(Seen),
 }
 
 impl Sampler<'_> {
-    /// Hands out what is due of the stretch from `start` to `end`, from the states that `at` computes; `points` make up
-    /// a segment.
+    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time; a segment has
+    /// `points` points.
     pub fn stretch(&mut self, start: f64, end: f64, points: usize, mut at: impl FnMut(f64) -> Vec<f64>) {
         let (nq, nv) = self.sizes;
         if let Some(every) = self.sampling.every {
@@ -106,8 +104,7 @@ impl Sampler<'_> {
     }
 }
 
-/// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires. The sampler sees its times on the
-/// way.
+/// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires, and calls the sampler.
 pub(crate) fn leg(
     flow: &mut dyn Flow,
     start: f64,
@@ -120,7 +117,7 @@ pub(crate) fn leg(
     flow.begin();
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
-    // Witnesses without a rate are no gaps: one that is not positive waits until it is.
+    // Witnesses without a rate are not gaps: they are armed when they become positive.
     let level = |w: &Witness| match w.rate {
         Some(_) if w.value > HYSTERESIS => Some(0.0),
         Some(_) => Some(w.value.min(0.0) - HYSTERESIS),
@@ -146,8 +143,8 @@ pub(crate) fn leg(
     }
 }
 
-/// The state at the exact time of an event: from the start of its step anew, the time corrected until the witness is
-/// rounding.
+/// The state at the exact time of an event: integrated again from the start of its step, with the time corrected until the
+/// witness is zero to rounding.
 fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
     let Found { witness, level, start, end, y, mut time } = found;
     let mut exact = y.clone();
@@ -162,7 +159,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
             found: None,
             sampler: None,
         };
-        // No step is shorter than the clock's own grain.
+        // A step must not be shorter than the rounding of the time.
         if time - start > 1e-14 * (1.0 + time.abs()) {
             integrate(system, start, &y, time, accuracy, statistics, &mut observer)?;
         }
@@ -173,7 +170,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         };
         let correction = (level - value) / rate;
         let negligible = correction.abs() <= 4.0 * f64::EPSILON * time.abs().max(time - start);
-        // A gap is a difference of positions: nearer to its level than their rounding it can't come.
+        // A gap is a difference of positions and is exact to their rounding only.
         let reached = (level - value).abs() <= 4.0 * f64::EPSILON;
         if negligible || reached || !(start..=end).contains(&(time + correction)) {
             break;
@@ -194,16 +191,16 @@ fn integrate(
 ) -> Result<(), SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
-    // A lasting contact whose steps grow so small has better ways: a leg of its length is done in hundreds.
+    // Legs with a fallback fail after few steps: a smooth leg needs some hundreds.
     let max_steps =
         if accuracy.gives_up { PATIENCE * (1 + ((end - start).abs() / longest) as usize) } else { MAX_STEPS };
-    // One for each number: ivp 0.6's Radau converts a tolerance in place, once for each number, so that a shared one ends
-    // at 1e-3 whatever it was.
+    // One tolerance for each component: Radau of ivp 0.6 converts a tolerance in place once for each component, which makes
+    // a scalar tolerance 1e-3 whatever it was.
     let (relative, absolute) =
         (vec![accuracy.tolerance; y.len()].into(), vec![accuracy.tolerance * 1e-3; y.len()].into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
-            // What goes to a known time is part of a step that was accurate: one step. And nobody looks into it.
+            // Integration to a known time within an accepted step: a single step, without dense output.
             let whole = observer.sampler.is_none().then_some(end - start);
             let method = DOP853::builder()
                 .max_step(longest)
@@ -230,7 +227,7 @@ fn integrate(
     if solved.status.is_success() { Ok(()) } else { Err(failed(format!("{:?}", solved.status))) }
 }
 
-/// The flow as the integrator sees it. It can't hand errors through, so they wait here.
+/// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
 struct System<'a>(RefCell<Inner<'a>>);
 
 struct Inner<'a> {
@@ -258,7 +255,7 @@ impl FirstOrderSystem for System<'_> {
 /// A witness that fired within a step.
 struct Found {
     witness: usize,
-    /// Its level.
+    /// The level at which it fires.
     level: f64,
     /// Start and end of the step, and the state at the start.
     start: f64,
@@ -268,7 +265,7 @@ struct Found {
     time: f64,
 }
 
-/// Looks at every accepted step.
+/// Called after every accepted step: evaluates witnesses and sampler.
 struct Observer<'a, 'b, 'c> {
     system: &'a System<'b>,
     before: Vec<Witness>,
@@ -279,7 +276,7 @@ struct Observer<'a, 'b, 'c> {
     after: Vec<Witness>,
     buffer: Vec<f64>,
     found: Option<Found>,
-    /// `None`: only the last state is wanted.
+    /// `None`: only the last state is needed.
     sampler: Option<&'a mut Sampler<'c>>,
 }
 
@@ -295,7 +292,8 @@ impl SolOut for Observer<'_, '_, '_> {
         };
         let mut after = std::mem::take(&mut self.after);
         self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        // None has come or gone within a leg; where they can't be computed there are none, and the error is kept.
+        // The number of witnesses is constant within a leg. If their evaluation fails, the list is empty and the error is
+        // stored.
         let first = (after.iter().enumerate())
             .filter_map(|(k, after)| Some((self.root(k, start, end, *after, dense)?, k)))
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
@@ -333,7 +331,7 @@ impl Observer<'_, '_, '_> {
         let before = self.before[k];
         let rates = before.rate.zip(after.rate);
         if let Some((a, b)) = rates.filter(|(a, b)| level < 0.0 && after.value <= 0.0 && *a > 0.0 && *b < 0.0) {
-            // It opened and closed again, all within this step.
+            // The gap opened and closed again within this step.
             let highest = descent((start, a), (end, b), |time| self.at(k, time, dense).rate.unwrap_or(0.0));
             let value = self.at(k, highest, dense).value;
             if value > HYSTERESIS {
@@ -354,7 +352,7 @@ impl Observer<'_, '_, '_> {
             (lowest, value)
         };
         if before.value <= level {
-            return Some((start, level)); // no descent: it is there
+            return Some((start, level)); // already at the level at the start
         }
         let above = |time: f64| self.at(k, time, dense).value - level;
         Some((descent((start, before.value - level), (reached, value - level), above), level))

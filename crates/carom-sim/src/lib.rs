@@ -1,13 +1,18 @@
-//! Where chain, contact and impact law meet: **one impact of a chain, and the motion before, through and after many**.
+//! Impacts of kinematic chains and event-driven simulation of chains with impacts and contacts.
 //!
-//! `carom-chain` knows nothing of impacts and `carom-impact` nothing of robots. [`Strike`] forms the
-//! [`ImpactProblem`](carom_impact::ImpactProblem) of a chain at a state and carries the law's impulse back into the joints;
-//! [`frictionless_jump_into`] is the kernel of it for sweeps. [`Scene`] reads a robot among surfaces from TOML,
-//! [`Simulation`] runs it from event to event, and the [`Trajectory`] tells what happened. [`free_motion`] is motion with
-//! the motors off and nothing in the way, forward or back in time.
+//! This crate combines `carom-chain` (kinematics and dynamics), `carom-contact` (gaps) and `carom-impact` (impact laws):
 //!
-//! **Conventions.** The contact normal is a unit vector from the environment to the robot; approach means a negative
-//! normal velocity; impulses act on the robot.
+//! - [`Strike`] forms the [`ImpactProblem`](carom_impact::ImpactProblem) of a chain at one state and computes the joint
+//!   velocities after the impact from the impulse of a law; [`FrictionlessJump`] and [`frictionless_jump_into`] are the
+//!   kernels for sweeps without friction.
+//! - [`Scene`] reads a robot and its surroundings from a TOML file, [`Scene::plan`] reduces it exactly, and [`Simulation`]
+//!   runs it from event to event. The result is a [`Trajectory`] or a [`Summary`].
+//! - [`free_motion`] is motion without motors and contacts, forward or back in time.
+//! - [`saltation()`] and [`Strike::derivative`] are first derivatives of impacts.
+//!
+//! **Conventions.** SI units and radians. The contact normal is a unit vector from the environment to the robot. The
+//! normal velocity is negative while the bodies approach. Impulses and forces are those on the robot. A gap is positive
+//! while a contact is open.
 
 mod batch;
 mod compliance;

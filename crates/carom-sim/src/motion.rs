@@ -1,8 +1,7 @@
-//! The smooth motion of a chain in one mode of contact; what is watched in it stands in `watch.rs`, what holds it in
-//! `held.rs`.
+//! The smooth motion of a chain in one contact mode. Its witness functions are in `watch.rs`, its constraints in `held.rs`.
 //!
-//! State vectors are (q, qd, work of the drive, work of resistance): the energy's books are integrated with the motion. If a
-//! compliant contact has a bristle its deflection (world, m) comes last.
+//! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
+//! with the motion. If a compliant contact has a bristle, its deflection (world, m) is appended.
 
 use crate::drive::{Asked, Drive};
 use crate::error::SimError;
@@ -20,17 +19,17 @@ pub(crate) struct Motion<'a, A: Space> {
     pub model: &'a A::Model,
     pub workspace: Workspace<A>,
     pub mode: ContactMode,
-    /// Direction of slip while the slip itself is too small to show it.
+    /// Direction of slip while the slip is too small to define it.
     pub slip: Vector3<f64>,
     /// Joints with dry friction.
     pub dry: Vec<DryJoint>,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
-    /// Whether there was one.
+    /// Whether an impact has happened.
     was_hit: bool,
-    /// What ends the mode; of the leg that goes on.
+    /// The witness functions of the present leg.
     pub watched: Vec<Watch>,
-    /// What of each touch can be known before it moves.
+    /// Precomputed constants of each touch.
     pub balls: Vec<Option<BallOnPlane<A>>>,
     /// The closed form of q̈, if the chain has one.
     row: Option<PlanarRow>,
@@ -38,9 +37,9 @@ pub(crate) struct Motion<'a, A: Space> {
     damping: Vec<f64>,
     /// Joint forces: scratch memory.
     tau: Vec<f64>,
-    /// How deep the compliant contact that presses was when it was last turned back, m; −∞ if it never was.
+    /// Penetration at which the compliant contact last changed from loading to unloading, m; −∞ if it did not.
     pub deepest: f64,
-    /// How far the chain reaches, m.
+    /// Reach of the chain, m.
     pub reach: f64,
 }
 
@@ -53,17 +52,17 @@ pub(crate) struct DryJoint {
     pub state: Dry,
 }
 
-/// What a joint's dry friction does.
+/// The state of the dry friction of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Dry {
-    /// It holds the joint.
+    /// The joint sticks.
     Holds,
-    /// The joint moves in this direction (1 or −1), against it.
+    /// The joint slips in this direction (1 or −1), with the friction against it.
     Brakes(f64),
 }
 
 impl Simulation {
-    /// Viscous damping of every velocity, from the robot.
+    /// Viscous damping of every velocity coordinate, from the URDF.
     pub(crate) fn damping(&self) -> Vec<f64> {
         let mut damping = vec![0.0; self.chain.nv()];
         for joint in self.chain.joints() {
@@ -74,11 +73,10 @@ impl Simulation {
         damping
     }
 
-    /// Makes the quaternions in q unit again: stages and steps of the integration leave the sphere by their error. Says
-    /// whether any was off.
+    /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.
     pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
         if self.chain.nq() == self.chain.nv() {
-            return false; // there are none
+            return false; // no quaternions
         }
         let mut changed = false;
         for joint in self.chain.joints() {
@@ -140,7 +138,7 @@ impl<'a, A: Space> Motion<'a, A> {
         self.view(q)?.energy(qd, gravity)
     }
 
-    /// 1/(nᵀHn) of a touching point, kg; infinite if it can't move.
+    /// Effective mass 1/(nᵀHn) of a touch, kg; infinite if no joint moves it along its normal.
     pub fn effective_mass(&mut self, touch: usize, q: &[f64], time: f64) -> Result<f64, SimError> {
         let sim = self.sim;
         let mut view = self.view(q)?;
@@ -149,7 +147,7 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok(1.0 / row.dot(&view.kin.solve(row.as_slice())?))
     }
 
-    /// Forces of drive, damping and braking joints, and the powers of the drive and of the others.
+    /// Joint forces of drive, damping and slipping dry friction, and the powers of the drive and of the others.
     pub fn applied(&mut self, time: f64, q: &[f64], qd: &[f64]) -> Result<(Vec<f64>, [f64; 2]), SimError> {
         let mut tau = vec![0.0; qd.len()];
         let power = self.apply(time, q, qd, &mut tau)?;
@@ -164,7 +162,7 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok([driven, resisted])
     }
 
-    /// Puts the forces of damping and of braking joints into `tau`; returns their power.
+    /// Writes the forces of damping and of slipping dry friction into `tau`; returns their power.
     fn resist(&self, qd: &[f64], tau: &mut [f64]) -> f64 {
         let mut power = 0.0;
         for ((tau, damping), v) in tau.iter_mut().zip(&self.damping).zip(qd) {
@@ -180,7 +178,7 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// What a drive is told when it is asked.
+    /// The inputs of the drive.
     fn asked(&self, time: f64) -> Asked<'a> {
         Asked { chain: &self.sim.chain, time, gravity: self.sim.gravity, hit: self.was_hit }
     }
@@ -196,19 +194,19 @@ impl<'a, A: Space> Motion<'a, A> {
         self.impacts[touch]
     }
 
-    /// What drives the joints now.
+    /// The present drive.
     fn drive(&self) -> &'a Drive {
         let after = if self.was_hit { self.sim.after_impact.as_ref() } else { None };
         after.unwrap_or(&self.sim.drive)
     }
 
-    /// Whether nothing is held, and nothing pushes but drives and what resists.
+    /// Whether there are neither constraints nor contact forces.
     pub fn moves_freely(&self) -> bool {
         self.mode == ContactMode::Free && !self.dry.iter().any(|joint| joint.state == Dry::Holds)
     }
 
-    /// q̈ of a motion that [moves freely](Self::moves_freely), and the powers of the drive and of what resists. What
-    /// [`Motion::held`] finds then, at a fraction of its cost.
+    /// q̈ of a [free motion](Self::moves_freely), and the powers of the drive and of the dissipative forces: the result of
+    /// [`Motion::held`] in this case, at lower cost.
     pub fn accelerate(&mut self, time: f64, y: &[f64], qdd: &mut [f64]) -> Result<[f64; 2], SimError> {
         let (q, qd) = self.split(y);
         let mut tau = std::mem::take(&mut self.tau);
@@ -225,7 +223,7 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// Stiffness of the drive, and damping of every joint with that of the drive.
+    /// Stiffness of the drive, and total damping of every velocity coordinate.
     pub fn regulation(&self) -> (f64, Vec<f64>) {
         let (stiffness, damping) = self.drive().gains();
         (stiffness, self.damping.iter().map(|own| own + damping).collect())
@@ -244,7 +242,7 @@ impl<'a, A: Space> Motion<'a, A> {
         looks.map(|(touch, ball)| touch.look(ball.as_ref(), &view, (q, qd), time)).collect()
     }
 
-    /// Gap, its rate and the touching point's velocity over the surface at one state.
+    /// Gap, its rate and the velocity of the contact point relative to the surface at one state.
     pub fn closing(
         &mut self,
         touch: usize,
@@ -260,7 +258,7 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 }
 
-/// How far a chain reaches: the longest way along its links, m.
+/// Reach of a chain: the longest path along its links, m.
 fn reach(chain: &Chain) -> f64 {
     beyond(chain).into_iter().fold(0.0, f64::max)
 }
@@ -292,7 +290,7 @@ pub(crate) fn responses<A: Space>(view: &mut View<A>, j: &DMatrix<f64>) -> Resul
     Ok(response)
 }
 
-/// H⁺: a planar arm moves its tip in two directions only.
+/// H⁺: H is singular for planar arms, whose tip moves in two directions only.
 pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
     let eigen = h.symmetric_eigen();
     let least = eigen.eigenvalues.max() * 1e-12;

@@ -1,14 +1,17 @@
-//! The plan: what a scene needs, and what it does not.
+//! The plan of a scene: the reduced simulation, and the list of what is modelled and what is left out.
 //!
-//! A scene is analysed before it runs. What is left out exactly changes no digit beyond rounding:
+//! Exact reductions change the results by rounding only:
 //!
-//! - **The plane**, where every joint keeps to one ([`Chain::to_planar`]); corners that only differ square to the plane
-//!   count once.
-//! - **Branches** that no contact reaches: what hangs on the fixed base by another joint than what touches.
-//! - **Pairs** out of reach, decided once ([`carom_contact::reachable_pairs`]).
-//! - **Friction** where it is zero: one row instead of three, no cone, no slip.
+//! - **Plane**: a chain whose joints all move in parallel planes is computed in the plane
+//!   ([`Chain::to_planar`](carom_chain::Chain::to_planar)); corners that differ only in the direction perpendicular to the
+//!   plane are merged.
+//! - **Branches**: branches on the fixed base that no contact can reach are removed.
+//! - **Pairs** of a link and a surface that are out of reach at every configuration are removed
+//!   ([`carom_contact::reachable_pairs`]).
+//! - **Friction** that is zero: a contact has one row instead of three, and no friction cone.
 //!
-//! What is not exactly zero is left out only with the user's tolerance ([`Simulation::neglect`]), and with a bound.
+//! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
+//! bound. The bound holds for each impact, not for a whole run.
 
 use crate::compliance::Compliance;
 use crate::drive::Drive;
@@ -23,57 +26,57 @@ use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// A scene made as small as it may be, and the account of it.
+/// The reduced simulation of a scene, and the list of its reductions.
 #[derive(Debug, Clone)]
 pub struct Plan {
-    /// What runs.
+    /// The reduced simulation.
     pub simulation: Simulation,
-    /// Configuration at the start, of what runs.
+    /// Configuration at the start, of the reduced chain.
     pub q: Vec<f64>,
-    /// Joint velocities at the start, of what runs.
+    /// Joint velocities at the start, of the reduced chain.
     pub qd: Vec<f64>,
     /// What is modelled, and how.
     pub kept: Vec<Decision>,
-    /// What is left out without any error.
+    /// What is left out exactly.
     pub left_out: Vec<Decision>,
-    /// What is left out within a bound.
+    /// What is left out with a bound on the error.
     pub bounded: Vec<Bounded>,
 }
 
 /// One decision of a plan.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Decision {
-    /// `space`, `joints`, `contacts` …
+    /// The subject: `space`, `joints`, `contacts`, `law`, `friction`, `gravity`, `integrator` …
     pub what: &'static str,
     /// What was decided.
     pub choice: String,
-    /// Why.
+    /// The reason.
     pub why: String,
 }
 
-/// An effect left out within a bound.
+/// An effect that is left out with a bound on the error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bounded {
     /// `friction`, `tilt` or `compliance`.
     pub what: &'static str,
     /// What is done instead.
     pub choice: String,
-    /// The bound, in its own unit.
+    /// The bound, in the unit that `of` names.
     pub bound: f64,
-    /// Of what it is a bound.
+    /// The quantity that is bounded, with its unit.
     pub of: String,
 }
 
-/// From this many steps on that only stability asks for, the implicit integrator is taken.
+/// If the stability of the explicit integrator needs more steps than this, the implicit one is used.
 const STIFF: f64 = 1e5;
-/// Dormand–Prince 8(5,3) is stable up to about this much of step times rate.
+/// Dormand–Prince 8(5,3) is stable up to about this product of step and rate.
 const STABLE: f64 = 6.0;
 
 impl Scene {
-    /// Analyses the scene: what runs, what is left out, and why.
+    /// Analyses the scene: returns the reduced simulation with the reasons for each reduction.
     ///
     /// # Errors
-    /// [`SimError`]: a mesh that can't be used, a state without inertia.
+    /// [`SimError`]: an invalid mesh, or a singular mass matrix at the start.
     pub fn plan(&self) -> Result<Plan, SimError> {
         let mut plan = Plan {
             simulation: self.simulation.clone(),
@@ -106,7 +109,7 @@ impl Plan {
         self.left_out.push(Decision { what, choice: choice.into(), why: why.into() });
     }
 
-    /// Branches that nothing touches.
+    /// Removes branches without contacts.
     fn prune(&mut self, scene: &Scene) -> Result<(), SimError> {
         let whole = &scene.simulation;
         let both = |touch: &'_ Touch| [touch.link().map(str::to_owned), touch.other_link().map(str::to_owned)];
@@ -125,7 +128,7 @@ impl Plan {
         self.leave_out(
             "joints",
             gone.join(", "),
-            "they hang on the fixed base beside all that touches: no contact moves them, and they move no contact",
+            "their branches on the fixed base have no contacts: they neither affect the others nor are affected by them",
         );
         let mut touches = Touch::all(&less.chain, &scene.surfaces, 0.0)?.touches;
         let mut pairs: Vec<_> = whole.touches.iter().filter_map(|touch| touch.link().zip(touch.other_link())).collect();
@@ -151,7 +154,7 @@ impl Plan {
         Ok(())
     }
 
-    /// In the plane or in space?
+    /// Plane or space.
     fn space(&mut self, full: bool) {
         let chain = &self.simulation.chain;
         let joints = chain.nv();
@@ -164,20 +167,20 @@ impl Plan {
                 merge(&mut self.simulation.touches, &flat);
                 let merged = before - self.simulation.touches.len();
                 let reach: f64 = beyond(&self.simulation.chain).iter().sum();
-                self.keep("space", choice, format!("all {joints} moving joints keep to it"));
+                self.keep("space", choice, format!("all {joints} moving joints move parallel to it"));
                 self.leave_out(
                     "space",
-                    "motion square to the plane",
-                    "no joint allows it; the hinges bear what acts that way",
+                    "motion perpendicular to the plane",
+                    "no joint allows it; joint constraint forces balance the loads in that direction",
                 );
                 if merged > 0 {
-                    let choice = format!("{merged} corners beside others");
-                    self.leave_out("corners", choice, "they differ from another one only square to the plane");
+                    let choice = format!("{merged} corners with the same projection as another");
+                    self.leave_out("corners", choice, "they differ from it only perpendicular to the plane");
                 }
                 if flat.tilt > 1e-9 {
                     let bound = 2.0 * flat.tilt * reach;
-                    let choice = format!("axes straightened by up to {} rad", tidy(flat.tilt));
-                    let of = "displacement of any point, m: 2 × tilt × the joints' reaches".to_owned();
+                    let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(flat.tilt));
+                    let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
                     self.bounded.push(Bounded { what: "tilt", choice, bound, of });
                 }
             }
@@ -188,11 +191,11 @@ impl Plan {
             }
         }
         if welded > 0 {
-            self.leave_out("joints", format!("{welded} fixed joints"), "what they hold is one body");
+            self.leave_out("joints", format!("{welded} fixed joints"), "the links that they connect are one body");
         }
     }
 
-    /// What may touch, and how many at once.
+    /// Which contacts are possible, and how several at once are computed.
     fn contacts(&mut self, scene: &Scene) {
         let touches = &self.simulation.touches;
         let (limits, pairs): (Vec<&Touch>, Vec<&Touch>) = touches.iter().partition(|touch| touch.limit_of().is_some());
@@ -207,8 +210,7 @@ impl Plan {
             _ => format!("{}{more}", names.join("; ")),
         };
         let none = touches.is_empty();
-        let why =
-            format!("{plane} gaps to planes in closed form, {search} by search; {} joint limits watched", limits.len());
+        let why = format!("{plane} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
         self.keep("contacts", choice, why);
         if self.simulation.stepping {
             let law = self.simulation.several.name();
@@ -216,20 +218,20 @@ impl Plan {
             self.keep("several", choice, "method = \"steps\"");
         } else if several {
             let law = self.simulation.several.name();
-            let choice = format!("events one contact at a time; steps of {step} s while several last; law {law}");
-            self.keep("several", choice, "more than one of them may touch at once");
+            let choice = format!("event-driven; time steps of {step} s while several contacts last; law {law}");
+            self.keep("several", choice, "several contacts are possible at the same time");
         } else if !none {
-            self.keep("several", "events, one contact at a time", "only one point can touch");
+            self.keep("several", "event-driven, one contact at a time", "only one contact point is possible");
         }
         for (pair, why) in &scene.out_of_reach {
             self.leave_out("pair", pair.clone(), why.to_string());
         }
         if count == 0 && !scene.surfaces.is_empty() {
-            self.keep("surface", "no surface can be touched", "none is within reach of a link that has a shape");
+            self.keep("surface", "no contact with a surface", "no link with a collision shape can reach one");
         }
     }
 
-    /// The law, and friction.
+    /// Impact law and friction.
     fn friction(&mut self) -> Result<(), SimError> {
         let neglect = self.simulation.neglect;
         let touches = self.simulation.touches.iter();
@@ -239,35 +241,37 @@ impl Plan {
         let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
         let choice =
             if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
-        let gives_way = surfaces.iter().any(|touch| touch.contact.compliance.is_some());
+        let compliant = surfaces.iter().any(|touch| touch.contact.compliance.is_some());
         let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
         let bound = match neglect {
             Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
             _ => None,
         };
-        let why = if uniform { "the same for all contacts" } else { "[[contact.pair]] or a surface says so" };
+        let why = if uniform { "the same for all contacts" } else { "set by [[contact.pair]] or a surface" };
         self.keep("law", choice, why);
         if largest == 0.0 {
-            let why = "friction is 0 everywhere: all laws are then Newton's impulse −(1+e) uₙ/(nᵀHn) along the normal";
+            let why = "friction is 0 everywhere: every law then gives the normal impulse −(1+e) uₙ/(nᵀHn)";
             self.leave_out("friction", "tangential impulses and forces", why);
         }
         if let Some((bound, share)) = bound {
-            let choice =
-                format!("left out of every impact whose bound is below {share}; the run says how often, and the worst");
-            let of =
-                "change of the touching point's velocity by friction, as a share of what it was, at the start's pose";
+            let choice = format!(
+                "left out of every impact whose bound is below {share}; the run reports their number and the largest bound"
+            );
+            let of = "change of the contact point's velocity by friction, relative to its velocity before, at the start pose";
             self.bounded.push(Bounded { what: "friction", choice, bound, of: of.to_owned() });
         }
-        if let Some(share) = neglect.filter(|_| gives_way) {
+        if let Some(share) = neglect.filter(|_| compliant) {
             let choice =
-                format!("taken for rigid at every impact where it gives way by less than {share} of the reach");
-            let of = "greatest depth at the start's pose and speed, m; the run says the worst".to_owned();
+                format!("treated as rigid at every impact with a penetration below {share} of the reach of the chain");
+            let of =
+                "largest penetration, m, at the start pose and velocity; the run reports the largest of all impacts"
+                    .to_owned();
             self.bounded.push(Bounded { what: "compliance", choice, bound: self.depth_at_start()?, of });
         }
         Ok(())
     }
 
-    /// How deep the touch that is nearest would be pressed, as if it were hit with the velocity of now.
+    /// Largest penetration, m, of the compliant touch with the smallest gap, if it were hit at the start pose and velocity.
     fn depth_at_start(&self) -> Result<f64, SimError> {
         let sim = &self.simulation;
         let mut motion = Motion::<Spatial<f64>>::new(sim, &sim.chain);
@@ -284,7 +288,7 @@ impl Plan {
         Ok(nearest.map_or(0.0, |(_, depth)| depth))
     }
 
-    /// The friction bound of the touch that is nearest, as if it were hit with the velocity of now.
+    /// Friction bound of the touch with the smallest gap, if it were hit at the start pose and velocity.
     fn bound_at_start(&self, mu: f64, e: f64) -> Result<Option<f64>, SimError> {
         let sim = &self.simulation;
         let mut workspace = sim.chain.workspace();
@@ -305,7 +309,7 @@ impl Plan {
     fn gravity(&mut self) {
         let gravity = self.simulation.gravity;
         if gravity == Vector3::zeros() {
-            self.keep("gravity", "none", "the scene gives none");
+            self.keep("gravity", "none", "the scene sets none");
             return;
         }
         let square = self.simulation.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
@@ -314,14 +318,14 @@ impl Plan {
             self.leave_out(
                 "gravity",
                 format!("({x}, {y}, {z}) m/s²"),
-                "it acts square to the plane: the hinges bear it",
+                "it acts perpendicular to the plane: joint constraint forces balance it",
             );
         } else {
-            self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "the scene gives it");
+            self.keep("gravity", format!("({x}, {y}, {z}) m/s²"), "set by the scene");
         }
     }
 
-    /// How stiff, and what integrates.
+    /// Estimates the stiffness and chooses the integrator.
     fn integrator(&mut self, duration: f64) -> Result<(), SimError> {
         let rate = fastest_rate(&self.simulation, &self.q)?;
         let steps = rate * duration / STABLE;
@@ -329,14 +333,14 @@ impl Plan {
         if steps > STIFF {
             self.simulation.integrator = Integrator::Radau;
             let why = format!(
-                "regulator and damping are stiff ({rate:.3e} 1/s): an explicit method would need {steps:.0} steps"
+                "controller and damping are stiff ({rate:.3e} 1/s): an explicit method would need {steps:.0} steps"
             );
             self.keep("integrator", format!("Radau IIA, order 5, tolerance {tolerance}"), why);
         } else {
             let why = if rate > 0.0 {
-                format!("not stiff: regulator and damping act at {rate:.3e} 1/s")
+                format!("not stiff: rates of controller and damping up to {rate:.3e} 1/s")
             } else {
-                "nothing is stiff".to_owned()
+                "not stiff: no controller gains, no damping".to_owned()
             };
             self.keep("integrator", format!("Dormand–Prince 8(5,3), tolerance {tolerance}"), why);
         }
@@ -344,14 +348,14 @@ impl Plan {
     }
 }
 
-/// A number without the rounding of a rotation in its last digits.
+/// Formats a number without the rounding errors of a rotation.
 fn tidy(x: f64) -> String {
     let rounded = (x * 1e9).round() / 1e9;
     let shown = if (rounded - x).abs() < 1e-12 { rounded + 0.0 } else { x };
     format!("{shown}")
 }
 
-/// Corners that differ from another only square to the plane.
+/// Removes corners that differ from another one only perpendicular to the plane.
 fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
     let normal = flat.plane.normal;
     let mut kept: Vec<Touch> = Vec::new();
@@ -378,8 +382,8 @@ fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
     *touches = kept;
 }
 
-/// The fastest rate of the linear part of drive and damping, 1/s: of M ẍ + D ẋ + K x = 0 it is at most the largest
-/// eigenvalue of M⁻¹D or the root of that of M⁻¹K.
+/// An estimate of the fastest rate of drive and damping, 1/s: for M ẍ + D ẋ + K x = 0 the larger of the largest eigenvalue
+/// of M⁻¹D and the root of that of M⁻¹K.
 fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
     let chain = &simulation.chain;
     let rate_of = |drive: &Drive| match drive {
@@ -409,7 +413,7 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
 }
 
 impl Drive {
-    /// The same for a reduced chain.
+    /// The drive of a reduced chain.
     fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Self {
         let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
         let mut drive = self.clone();

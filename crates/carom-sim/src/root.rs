@@ -1,22 +1,23 @@
-//! Where a function of time comes down to zero.
+//! The root of a function of time where it changes from positive to not positive.
 //!
 //! T. R. Chandrupatla (1997), *A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
-//! without using derivatives*, Advances in Engineering Software 28: the parabola through the last three points (time as a
-//! function of the value) where its criterion says that it is monotone between the ends, else halving. A smooth function
-//! takes some eight values for all digits of its root, where halving takes fifty; one that jumps takes little more than
-//! halving.
+//! without using derivatives*, Advances in Engineering Software 28: inverse quadratic interpolation through the last three
+//! points if its criterion for monotonicity holds, otherwise bisection. A smooth function needs some eight evaluations for
+//! a root to double precision, bisection fifty; a discontinuous function needs little more than bisection.
 
 /// A time and the value there.
 pub(crate) type Sample = (f64, f64);
 
-/// Halvings exhaust the digits of any interval in 60 values; the parabolas of one that jumps can double that.
+/// Bisection reaches the rounding of the times in about 60 evaluations; interpolation of a discontinuous function can double
+/// this.
 const MOST_VALUES: usize = 128;
 
-/// The time from which on `value` is not above zero: it is above at `above`, and not at `below`. Of several such times, one
-/// of them. Within the grain of the interval's own times, and on the side of `below`.
+/// A time at which `value` changes from positive to not positive, where it is positive at `above` and not at `below`. The
+/// result is exact to the rounding of the times, and `value` is not positive there. If there are several such times, one of
+/// them is returned.
 pub(crate) fn descent(mut above: Sample, mut below: Sample, mut value: impl FnMut(f64) -> f64) -> f64 {
     let grain = 2.0 * f64::EPSILON * above.0.abs().max(below.0.abs());
-    // Most functions are nearly straight.
+    // Start with linear interpolation.
     let mut share = above.1 / (above.1 - below.1);
     for _ in 0..MOST_VALUES {
         let span = below.0 - above.0;
@@ -34,7 +35,7 @@ pub(crate) fn descent(mut above: Sample, mut below: Sample, mut value: impl FnMu
             below = new;
         }
         share = if below.1 == 0.0 {
-            // No more can be learnt from a value that is zero: is it where the zeros begin?
+            // The value is exactly zero, so interpolation has no information: test whether the zeros begin here.
             let span = (below.0 - above.0).abs();
             if gone.1 == 0.0 { 0.5 } else { 1.0 - grain / span }
         } else {
@@ -44,8 +45,8 @@ pub(crate) fn descent(mut above: Sample, mut below: Sample, mut value: impl FnMu
     below.0
 }
 
-/// Where the parabola through three points has its zero, as a share of the way from `above` to `below`; the middle where
-/// the parabola can't be trusted.
+/// The root by inverse quadratic interpolation through three points, as a share of the interval from `above` to `below`; 0.5
+/// if the criterion for monotonicity fails.
 fn parabola(above: Sample, below: Sample, (new, kept, gone): (Sample, Sample, Sample)) -> f64 {
     let xi = (new.0 - kept.0) / (gone.0 - kept.0);
     let phi = (new.1 - kept.1) / (gone.1 - kept.1);
@@ -53,7 +54,7 @@ fn parabola(above: Sample, below: Sample, (new, kept, gone): (Sample, Sample, Sa
     if !monotone {
         return 0.5;
     }
-    // Lagrange's polynomial of time over the value, at value zero.
+    // The Lagrange polynomial of time as a function of the value, at value zero.
     let toward_kept = new.1 / (kept.1 - new.1) * (gone.1 / (kept.1 - gone.1));
     let toward_gone = new.1 / (gone.1 - new.1) * (kept.1 / (gone.1 - kept.1));
     let time = new.0 + (kept.0 - new.0) * toward_kept + (gone.0 - new.0) * toward_gone;
@@ -66,7 +67,7 @@ mod tests {
 
     type Function = fn(f64) -> f64;
 
-    /// The root, and how many values it took.
+    /// The root and the number of evaluations.
     fn find(from: f64, to: f64, f: impl Fn(f64) -> f64) -> (f64, usize) {
         let mut values = 0;
         let root = descent((from, f(from)), (to, f(to)), |t| {
@@ -77,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_roots_come_to_the_last_digit_in_a_dozen_values() {
+    fn smooth_roots_are_exact_to_rounding_in_at_most_14_evaluations() {
         let straight: Function = |t| 0.3 - t;
         let cases = [
             (0.0, 1.0, straight, 0.3),
@@ -88,7 +89,7 @@ mod tests {
         ];
         for (from, to, f, exact) in cases {
             let (root, values) = find(from, to, f);
-            // The root of a value with the rounding of its terms, here below 2, over slopes of 1 and more; of 1/t its own.
+            // Rounding of terms below 2, over slopes of at least 1; for 1/t the rounding of the value itself.
             let rounding = 4.0 * f64::EPSILON * exact.max(1.0);
             assert!((root - exact).abs() <= rounding.max(grain_of(exact)), "{root} for {exact}");
             assert!(values <= 14, "{values} values for {exact}");
@@ -100,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn jumps_flats_and_high_orders_are_found_too() {
+    fn roots_of_discontinuous_flat_and_high_order_functions_are_found() {
         let third = 1.0 / 3.0;
         let jump: Function = |t| if t < 1.0 / 3.0 { 1.0 } else { -1e-3 };
         let cases = [
@@ -112,7 +113,7 @@ mod tests {
         ];
         for (name, f, exact) in cases {
             let (root, values) = find(0.0, 1.0, f);
-            // (x − a)⁹ is zero in double precision within 1e-34 of a: nowhere else but at its grain.
+            // (x − a)⁹ underflows within 1e-34 of a, which is below the rounding of the times.
             assert!((root - exact).abs() <= 4.0 * f64::EPSILON, "{name}: {root}");
             assert!(f(root) <= 0.0, "{name}: on the wrong side");
             assert!(values <= MOST_VALUES, "{name}: {values}");
@@ -120,14 +121,14 @@ mod tests {
     }
 
     #[test]
-    fn a_root_at_the_start_of_a_step_is_found_in_a_few_values() {
+    fn a_root_near_the_start_of_the_interval_is_found_in_few_evaluations() {
         let noisy = |t: f64| 1e-5 - t + 1e-17 * (t * 1e19).sin();
         let (root, values) = find(0.0, 1.0, noisy);
         assert!((root - 1e-5).abs() < 4.0 * f64::EPSILON && values < 10, "{root} after {values}");
     }
 
     #[test]
-    fn an_interval_of_two_neighbours_has_its_root_at_its_end() {
+    fn an_interval_of_two_adjacent_numbers_returns_its_end() {
         let (from, to) = (1.0, 1.0 + f64::EPSILON);
         assert_eq!(find(from, to, |t| 1.0 + f64::EPSILON / 2.0 - t).0, to);
     }

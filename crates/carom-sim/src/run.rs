@@ -1,22 +1,22 @@
 //! The event loop: smooth legs of motion, and exact events between them.
 //!
-//! **One contact at a time.** In `free` mode nothing touches and every closing gap is an event. An impact is resolved by
-//! the law; what follows is decided by the numbers just after it, with u⁺ the velocity off the surface, r = u⁺/|u⁻| and
-//! −a the acceleration towards the surface in free motion:
+//! **One contact at a time.** In the mode `free` there is no contact and every closing gap is an event. The law computes
+//! the impact. The next mode follows from the state after it, with the separation velocity u⁺, r = u⁺/|u⁻| and the
+//! acceleration a towards the surface in free motion:
 //!
-//! - u⁺ > 0 and not Zeno: free motion.
-//! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`]: infinitely many impacts fit into that
-//!   time; they are gone through at once (`zeno`), after which the contact lasts. A pendulum that swings into a wall at its
-//!   lowest point has a = 0 there: its impacts never accumulate, and none of them is skipped.
-//! - u⁺ = 0 (r = 0) and a > 0: the contact lasts from here.
+//! - u⁺ > 0 and no accumulation: free motion.
+//! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`]: the infinitely many impacts within that
+//!   time are replaced by their limit (`zeno`), after which the contact lasts. For a pendulum that hits a wall at its lowest
+//!   point a = 0: its impacts never accumulate, and all are computed.
+//! - u⁺ = 0 (r = 0) and a > 0: the contact lasts.
 //!
-//! A lasting contact slides or sticks under the constraint force that keeps g̈ = 0 (and, sticking, u̇ = 0). It opens where
-//! that force would have to pull, slides where it would leave the friction cone, and may stick where slip comes to rest.
-//! A latch holds for ever. A compliant contact presses from the instant its gap closes until it opens: no impact, but a
-//! force with a duration.
+//! A lasting contact slides or sticks under the constraint force with g̈ = 0 (and u̇ = 0 if it sticks). It opens when the
+//! normal force becomes negative, begins to slide when the force leaves the friction cone, and may stick when the slip
+//! velocity becomes zero. A latch never opens. A compliant contact has no impact but a force, from the time at which its gap
+//! closes until it opens.
 //!
-//! **Several contacts** at one time go through `several.rs`: their impact is one problem for all of them. If one contact
-//! or none is left after it, events go on; if more are, time steps take over until all are open again.
+//! **Several contacts** at the same time are computed in `several.rs`: their impact is one problem for all of them. If at
+//! most one contact lasts after it, the run continues event-driven; otherwise by time steps until all contacts are open.
 
 use crate::compliance::Compliance;
 use crate::error::SimError;
@@ -34,7 +34,7 @@ use carom_chain::algebra::z_onto;
 use carom_impact::{Coefficients, Frictionless, ImpactProblem, law_by_name};
 use nalgebra::{Matrix3, Vector3};
 
-/// A run on its way.
+/// The state of a run.
 pub(crate) struct Run<'a, 'w, A: Space> {
     pub motion: Motion<'a, A>,
     pub time: f64,
@@ -44,7 +44,7 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub events: usize,
     pub statistics: Statistics,
     pub lost: f64,
-    /// Times of the last events, to see when they crowd.
+    /// Times of the last events, to detect too many within a short time.
     pub recent: std::collections::VecDeque<f64>,
 }
 
@@ -111,14 +111,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
         let until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
-            self.time = until; // no step is that short
+            self.time = until; // shorter than any integration step
             return Ok(());
         }
         let mut ended =
             leg(&mut self.motion, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler);
         let presses = matches!(self.motion.mode, ContactMode::Pressing { .. });
         if presses && matches!(ended, Err(SimError::Integration { .. })) {
-            // What rests on a stiff spring is for the implicit integrator.
+            // A stiff compliant contact: repeat with the implicit integrator.
             let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: false, ..accuracy };
             ended = leg(&mut self.motion, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler);
         }
@@ -127,8 +127,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 (self.time, self.y) = (time, y);
                 fired.map_or(Ok(()), |witness| self.event(witness))
             }
-            // Rigid sliding has no consistent acceleration here, or slip turns ever faster on its way to zero; impulses of
-            // a time step always have an answer.
+            // Rigid sliding has no consistent acceleration, or the direction of slip turns ever faster as the slip goes to
+            // zero. Time steps have a solution in both cases.
             Err(SimError::Jam { .. }) => self.enter(ContactMode::Several),
             Err(SimError::Integration { .. }) if gives_up => self.enter(ContactMode::Several),
             Err(error) => Err(error),
@@ -152,7 +152,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.motion.gaps(&q, &qd, self.time)
     }
 
-    /// What touches at the start.
+    /// The contacts and the mode at the start.
     fn begin(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
@@ -169,7 +169,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 if rate < 0.0 { hits.push(touch) } else { rests.push((touch, rate)) }
             }
         }
-        // What touches without being pressed is open.
+        // Touches with zero gap and no load are open.
         let mut pressed = Vec::new();
         for (touch, rate) in rests {
             if !matches!(self.stays(touch, 0.0, rate)?, Stays::No) {
@@ -177,7 +177,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         let rests = pressed;
-        // Where a body rests on a contact that gives way, it is a little inside.
+        // A compliant contact may start with a penetration.
         if let Some(&(touch, approach, depth)) = sunk.first() {
             if sunk.len() + hits.len() + rests.len() > 1 {
                 return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth });
@@ -220,7 +220,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             (Watch::SlipStops, Some(touch)) => {
                 let before = self.y.clone();
                 if self.motion.follow_slip(touch, time, &before)? > TURNED {
-                    return Ok(()); // it has only turned by a quarter
+                    return Ok(()); // the direction of slip has turned by 90°
                 }
                 self.motion.stop_slip(touch, time, &mut self.y)?;
                 self.last(touch, &before)
@@ -237,7 +237,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     self.y[nq + v] = 0.0;
                 }
                 if self.motion.dry[k].state == Dry::Holds {
-                    // It breaks loose the way it is pushed.
+                    // It begins to slip in the direction of the load.
                     let held = self.motion.in_mode(time, &self.y)?;
                     self.motion.dry[k].state = Dry::Brakes(-held.joints[k].signum());
                 } else {
@@ -252,7 +252,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// Hands out an event that led from `before` to the present state.
+    /// Outputs an event that led from `before` to the present state.
     pub fn note(&mut self, kind: EventKind, before: &[f64], blows: Vec<Blow>) {
         let (q, qd_plus) = self.q_qd();
         let qd_minus = self.motion.split(before).1.to_vec();
@@ -271,7 +271,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
     }
 
-    /// A touch has closed. Alone, or with others?
+    /// A touch has closed, alone or together with others.
     fn touch(&mut self, touch: usize) -> Result<(), SimError> {
         let mut together = vec![touch];
         for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
@@ -288,7 +288,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if together.len() > 1 { self.several_impacts(&together) } else { self.impact(touch) }
     }
 
-    /// One touch closes, alone.
+    /// The impact of a single touch.
     fn impact(&mut self, touch: usize) -> Result<(), SimError> {
         let before = self.y.clone();
         let (q, qd) = self.q_qd();
@@ -354,15 +354,15 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.leave(touch, approach, rebound)
     }
 
-    /// A compliant contact begins to press.
+    /// The beginning of a compliant contact.
     fn press(&mut self, touch: usize, damping: f64) -> Result<(), SimError> {
         let sim = self.motion.sim;
         self.motion.deepest = f64::NEG_INFINITY;
-        self.y[sim.chain.nq() + sim.chain.nv() + 2..].fill(0.0); // the bristle is new
+        self.y[sim.chain.nq() + sim.chain.nv() + 2..].fill(0.0); // no deflection of the bristle
         self.enter(ContactMode::Pressing { touch, damping })
     }
 
-    /// A latch closes: all velocity of the touching point over the surface goes.
+    /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
     fn latch(&mut self, touch: usize) -> Result<(), SimError> {
         let before = self.y.clone();
         self.motion.stop_normal(touch, self.time, &mut self.y)?;
@@ -372,12 +372,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         Ok(())
     }
 
-    /// Whether a touch with the velocity `rebound` off the surface stays: at once, or after infinitely many impacts
-    /// within the time that is returned.
+    /// Whether a contact with the separation velocity `rebound` lasts: at once, or after infinitely many impacts within the
+    /// returned time.
     pub fn stays(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<Stays, SimError> {
         let toward = -self.motion.gap_acceleration(touch, self.time, &self.y)?;
         let share = if approach < 0.0 { rebound / -approach } else { 0.0 };
-        // Rebounds below the rounding of the approach are none.
+        // Rebound velocities below the rounding of the approach velocity count as zero.
         let rests = rebound <= 1e-14 * approach.abs();
         let left = 2.0 * rebound / (toward * (1.0 - share));
         if toward > 0.0 && rests {
@@ -389,7 +389,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         Ok(Stays::No)
     }
 
-    /// What follows when a touch has, or gets, the velocity `rebound` off the surface.
+    /// The next mode of a contact with the separation velocity `rebound`.
     fn leave(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<(), SimError> {
         self.motion.mode = ContactMode::Free;
         self.motion.settle_joints(self.time, &mut self.y)?;
@@ -415,7 +415,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// The contact lasts: does it stick or slide?
+    /// A lasting contact begins: decides whether it sticks or slides.
     pub fn last(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
         if !self.motion.sim.touches[touch].is_point() {
             return self.enter(ContactMode::Several);
@@ -430,11 +430,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 }
 
-/// By how much friction can change the velocity after an impact, m/s.
+/// A bound on the change of the velocity after an impact by friction, m/s.
 ///
-/// While p grows, vₙ does at a rate between C − μb and C + μb (b = |H_tn|; a stuck contact's rate is one of them too, as it
-/// sticks for μ ≥ b/a only). So pₙ is between (1+e)|uₙ|/(C ± μb) for every law, and without friction it is (1+e)|uₙ|/C:
-/// `|Δu| ≤ |Hn| Δpₙ + max‖Ht‖ μ pₙ` with the greatest such pₙ. Infinite from μb ≥ C on.
+/// With C = nᵀHn and b = |H_tn|, dvₙ/dpₙ is between C − μb and C + μb (also for a sticking contact, which needs μ ≥ b/H_tt). So
+/// pₙ is between (1+e)|uₙ|/(C + μb) and (1+e)|uₙ|/(C − μb) for every law; without friction it is (1+e)|uₙ|/C. Hence
+/// `|Δu| ≤ |Hn| Δpₙ + max‖Ht‖ μ pₙ` with the largest such pₙ. Infinite for μb ≥ C.
 pub(crate) fn friction_bound(delassus: &Matrix3<f64>, n: &Vector3<f64>, approach: f64, e: f64, mu: f64) -> f64 {
     let column = delassus * n;
     let c = n.dot(&column);
@@ -447,17 +447,17 @@ pub(crate) fn friction_bound(delassus: &Matrix3<f64>, n: &Vector3<f64>, approach
     column.norm() * (most - plain) + (delassus * across).norm() * mu * most
 }
 
-/// What a touch does that has just been hit.
+/// The next state of a contact after an impact.
 pub(crate) enum Stays {
     Rests,
-    /// After this time, s.
+    /// It lasts after this time, s.
     Zeno(f64),
     No,
 }
 
-/// Gaps this small count as touching when something else touches, m.
+/// Gaps up to this size count as closed when another contact closes, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
-/// Slip faster than this share of the joints' speed has not stopped.
+/// Slip above this share of the largest joint velocity has not stopped.
 const TURNED: f64 = 1e-5;
-/// So many events within one contact step are handed to time stepping.
+/// With this number of events within one contact step the run continues by time stepping.
 const CROWD: usize = 100;

@@ -1,5 +1,5 @@
-//! The saltation matrix: how a small change of the state before an impact comes out after it, the change of the impact's
-//! own time included.
+//! The saltation matrix: the first-order map of a small change of the state before an impact to the change after it,
+//! including the change of the time of the impact.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -13,9 +13,9 @@
 //! Ξ = D_x R + (F⁺ − D_x R F⁻ − D_t R) D_x g/(D_t g + D_x g F⁻)
 //! ```
 //!
-//! The denominator is the rate at which the gap closes: towards grazing Ξ grows without bound as its inverse.
-//! Along a motion with impacts the derivative of its flow is `Φₙ Ξₙ … Φ₁ Ξ₁ Φ₀`; over a period that is the monodromy
-//! matrix. Uncertainties go with it as `Ξ Σ Ξᵀ`.
+//! The denominator is the rate of the gap; Ξ is proportional to its inverse and unbounded towards grazing. The derivative
+//! of the flow of a motion with impacts is `Φₙ Ξₙ … Φ₁ Ξ₁ Φ₀`; over one period this is the monodromy matrix. A covariance
+//! Σ is mapped to `Ξ Σ Ξᵀ`.
 //!
 //! Source: Kong, Payne, Zhu & Johnson, *Saltation matrices: the essential tool for linearizing hybrid dynamical systems*,
 //! Proc. IEEE 112 (2024) 585.
@@ -27,28 +27,29 @@ use carom_chain::Chain;
 use carom_impact::{ImpactProblem, Law};
 use nalgebra::{DMatrix, DVector, Matrix3};
 
-/// A jump of any state where a gap closes, to first order.
+/// The data of a jump of a general state at the closing of a gap, to first order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Jump {
-    /// D_x R, the derivative of the state after by the state before, at a given time.
+    /// D_x R, the derivative of the state after the jump with respect to the state before it, at constant time.
     pub reset: DMatrix<f64>,
-    /// D_t R, the derivative of the state after by time.
+    /// D_t R, the derivative of the state after the jump with respect to time.
     pub reset_rate: DVector<f64>,
-    /// F⁻, the rate of the state just before.
+    /// F⁻, the rate of the state just before the jump.
     pub before: DVector<f64>,
-    /// F⁺, the rate just after.
+    /// F⁺, the rate of the state just after the jump.
     pub after: DVector<f64>,
-    /// D_x g, the derivative of the gap by the state.
+    /// D_x g, the derivative of the gap with respect to the state.
     pub gap: DVector<f64>,
-    /// D_t g, the derivative of the gap by time.
+    /// D_t g, the derivative of the gap with respect to time.
     pub gap_rate: f64,
 }
 
 impl Jump {
-    /// Ξ.
+    /// The saltation matrix Ξ.
     ///
     /// # Errors
-    /// A gap that does not close: at grazing there is no derivative.
+    /// [`SimError::Setting`] if the rate of the gap before the jump is not negative. At grazing (rate 0) there is no
+    /// derivative.
     pub fn saltation(&self) -> Result<Saltation, SimError> {
         let closing = self.gap_rate + self.gap.dot(&self.before);
         if closing.is_nan() || closing >= 0.0 {
@@ -62,27 +63,27 @@ impl Jump {
     }
 }
 
-/// What an impact does to small changes of the state (q, qd), q in its tangent space.
+/// The saltation matrix of an impact, for small changes of the state (q, qd), with q in its tangent space.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saltation {
-    /// Ξ, 2nv×2nv: δx⁺ = Ξ δx⁻, both at the time of the unchanged impact.
+    /// Ξ, 2nv×2nv: δx⁺ = Ξ δx⁻, both at the time of the undisturbed impact.
     pub matrix: DMatrix<f64>,
-    /// The rate at which the gap closes, m/s, negative: Ξ is of the order of its inverse, and for changes that alter it by
-    /// its own size Ξ says nothing.
+    /// Rate of the gap before the impact, m/s, negative. Ξ is of the order of its inverse, and is not valid for changes of
+    /// the state that change this rate by its own size.
     pub closing: f64,
-    /// By how much later the impact happens, s per unit of each δx⁻.
+    /// Derivative of the time of the impact with respect to x⁻, 2nv, s per unit.
     pub time: DVector<f64>,
 }
 
 /// The saltation matrix of an impact of a chain: Ξ for its state (q, qd), of size 2nv×2nv.
 ///
-/// `moment` is the state just before, `contact` what meets what (a link and a plane: [`PlaneContact`](crate::PlaneContact)),
-/// and `acceleration` gives q̈ at a state, in free motion: it is asked just before the impact and just after. For a chain
-/// under gravity alone see [`Strike::saltation`](crate::Strike::saltation).
+/// `moment` is the state just before the impact, `contact` the contact (for a link and a plane:
+/// [`PlaneContact`](crate::PlaneContact)), and `acceleration` returns q̈ in free motion; it is called for the states just
+/// before and just after the impact. For a chain under gravity alone see [`Strike::saltation`](crate::Strike::saltation).
 ///
 /// # Errors
-/// A state that does not fit or does not close the gap, what the law refuses, a law from elsewhere, what `acceleration`
-/// refuses.
+/// [`SimError::Chain`]: an invalid state. [`SimError::Setting`]: a gap that does not close. [`SimError::Impact`]: errors of
+/// the law, and a user-defined law, which has no derivative. Errors of `acceleration`.
 pub fn saltation<C: ContactRows>(
     chain: &Chain,
     moment: &Moment,

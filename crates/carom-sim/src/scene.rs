@@ -1,4 +1,4 @@
-//! Scenes: a robot among surfaces, written in TOML.
+//! Scenes: a robot, the surfaces around it, contact laws and run settings, read from a TOML file.
 //!
 //! ```toml
 //! [robot]
@@ -18,18 +18,122 @@
 //! duration = 0.5
 //! ```
 //!
-//! A half-space's normal points out of it, to the robot's side. `angle_deg` is the angle between the tip's path and the
-//! first surface, `along` the direction of the path's shadow on it.
+//! # Keys
 //!
-//! | table | keys, with what they are without being given |
-//! | --- | --- |
-//! | `[robot]` | `urdf`, `q`, `qd` or `tip_velocity`, `tip = "tip"`, `floating = false` |
-//! | `[[surface]]` | `name`, `shape` = `halfspace {point, normal}`, `box {centre, size, rpy}`, `sphere {centre, radius}` or `mesh {file, scale, position, rpy}`; `contact {law, restitution, friction, latch}` where it differs; `motion {amplitude, frequency (Hz), phase}` |
-//! | `[contact]` | `law = "frictionless"`, `restitution = 0`, `friction = 0`, `limit_restitution = 0`, `latch = false`, `several = "moreau"`, `"poisson"` or `"sequential"` for contacts at one time; `links = [["a", "b"], …]` for links that may touch each other; `compliance` for contacts that give way |
-//! | `compliance` | `stiffness` (N/m, N/mⁿ); `force = "hunt-crossley"` (`exponent = 1.5`, from 0.1 to 10, `damping = "exact"` or a published formula's name, see [`Damping`]), `"kelvin-voigt"` (`pulls = false`) or `"walton-braun"`; `slip_speed = 1e-3` below which friction is smoothed, or `bristle {stiffness (N/m), damping (N s/m)}`, which sticks |
-//! | `[[contact.pair]]` | `link` and/or `surface` (or the other link of a pair), or `joint` (its limits); `law`, `restitution`, `friction`, `latch` there |
-//! | `[run]` | `duration`, `tolerance = 1e-9`, `gravity = [0, 0, 0]`, `sample`, `max_step = 0.1`, `zeno_time = 1e-5`, `contact_step = 1e-3`, `max_events = 100000`, `method = "events"` or `"steps"` (of `contact_step` throughout), `model = "auto"` or `"full"`, `neglect` |
-//! | `[run]`, drive | `controller = "off"`, `"constant"` (`torque`), `"torque-file"` (`torque_file`: CSV, time and one column per joint), `"pd"` (`kp`, `kd`, `target`), `"gravity-compensation"`, `"transition"` (`gain`, `press`, `compensate`), `"impact-invariant"` (`kp`, `kd`, `target`); `after_impact`: the same choice from the first impact on |
+//! Units are SI, angles are in radians unless the key says otherwise, vectors are in world axes. File names are relative to
+//! the folder of the scene file. "nq" is the length of q, "nv" that of qd. A key without a default is required if the table
+//! says "required", and optional otherwise. A key that does not exist is refused.
+//!
+//! ## `[robot]`
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `urdf` | file name | required | the robot |
+//! | `q` | nq numbers; rad, m | required | configuration at the start, in the order of the joints in the URDF. A floating joint has seven numbers: position x, y, z and quaternion x, y, z, w |
+//! | `qd` | nv numbers; rad/s, m/s | zeros | joint velocities at the start. A floating joint has six: linear, then angular velocity, in the axes of the body. Not together with `tip_velocity` |
+//! | `tip_velocity` | table, see below | – | velocity of the tip at the start, instead of `qd` |
+//! | `tip` | link name | `"tip"` | the link whose frame origin is the tip: used by `tip_velocity`, by the controllers `"transition"` and `"impact-invariant"`, and for the path in recordings. A robot without a link named `tip` needs the key for these only |
+//! | `floating` | boolean | `false` | connects the base link to the world by a floating joint |
+//!
+//! `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
+//! n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
+//! required, and the first surface must be a half-space. Of all joint velocities that give the tip this velocity, those with
+//! the least kinetic energy are taken.
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `speed` | m/s | required | speed of the tip |
+//! | `angle_deg` | degrees | required | angle α between the velocity and the surface; positive towards the surface |
+//! | `along` | 3 numbers | required | direction of the tangential velocity; its length and its normal part are ignored |
+//!
+//! ## `[[surface]]` (one table for each surface; none is needed)
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
+//! | `shape` | one of the four shapes below | required | shape and pose |
+//! | `contact` | table of `law`, `restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
+//! | `motion` | table of `amplitude`, `frequency`, `phase` | at rest | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
+//! | `motion.amplitude` | 3 numbers, m | required in `motion` | direction and size of the displacement |
+//! | `motion.frequency` | Hz | required in `motion` | |
+//! | `motion.phase` | rad | `0` | |
+//!
+//! | shape | keys | defaults |
+//! | --- | --- | --- |
+//! | `halfspace` | `point` (m) on its boundary, `normal` (any length) out of it, towards the robot | – |
+//! | `box` | `centre` (m), `size` (m, full side lengths), `rpy` (rad) | `rpy = [0, 0, 0]` |
+//! | `sphere` | `centre` (m), `radius` (m) | – |
+//! | `mesh` | `file` (STL, DAE or OBJ), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
+//!
+//! `rpy` are roll, pitch and yaw about the fixed x, y and z axes, as in URDF.
+//!
+//! ## `[contact]`
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `law` | string | `"frictionless"` | impact law of a single contact: `"frictionless"`, `"whittaker"`, `"newton"`, `"poisson"`, `"energetic"` (Stronge), `"chatterjee-ruina"`, `"brach"` or `"smith"` |
+//! | `restitution` | 0 … 1 | `0` | coefficient of restitution e, in the sense of the law. Compliant contacts need e > 0 |
+//! | `friction` | ≥ 0 | `0` | Coulomb's coefficient μ, of impacts and of lasting contacts. With the law `"frictionless"` it does not act in impacts of a single contact |
+//! | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
+//! | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
+//! | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
+//! | `links` | list of pairs of link names | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`. All other pairs of links are ignored |
+//! | `compliance` | table, see below | rigid | makes all contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Joint limits stay rigid, and while several contacts last they are computed as rigid. Not together with `method = "steps"` |
+//!
+//! `compliance = { … }`:
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `stiffness` | > 0; N/m, for `"hunt-crossley"` N/mⁿ | required | k |
+//! | `force` | string | `"hunt-crossley"` | normal force over the penetration d: `"hunt-crossley"` k dⁿ (1 + a ḋ), `"kelvin-voigt"` k d + c ḋ, or `"walton-braun"` (k d in loading, a steeper line in unloading). Damping follows from `restitution` |
+//! | `exponent` | 0.1 … 10 | `1.5` | n; `"hunt-crossley"` only |
+//! | `damping` | string | `"exact"` | formula for a; `"hunt-crossley"` only. `"exact"` gives the rebound e exactly; the others are published approximations: `"hunt-crossley"`, `"herbert-mcwhannell"`, `"lee-wang"`, `"lankarani-nikravesh"`, `"gonthier"`, `"zhiying-qishao"`, `"flores"`, `"hu-guo"` (see [`Damping`]) |
+//! | `pulls` | boolean | `false` | whether the force may be tensile while the bodies separate; `"kelvin-voigt"` only |
+//! | `slip_speed` | > 0, m/s | `1e-3` | v_s of the smoothed Coulomb friction μ Fₙ tanh(v/v_s). Not together with `bristle` |
+//! | `bristle` | table of `stiffness` (> 0, N/m) and `damping` (> 0, N s/m), both required | – | friction by a bristle, which sticks, instead of smoothed friction |
+//!
+//! ## `[[contact.pair]]` (one table for each exception)
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `link` | link name | every link | contacts of this link; for a pair of `links`, the first one |
+//! | `surface` | surface name, or the second link of a pair of `links` | every surface | contacts with this surface |
+//! | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
+//! | `law`, `restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
+//!
+//! At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
+//! value decides.
+//!
+//! ## `[run]`
+//!
+//! | key | type, unit | default | meaning |
+//! | --- | --- | --- | --- |
+//! | `duration` | > 0, s | required | simulated time |
+//! | `gravity` | 3 numbers, m/s² | `[0, 0, 0]` | acceleration of free fall |
+//! | `tolerance` | > 0 | `1e-9` | relative tolerance of each integration step; the absolute one is 1e-3 of it |
+//! | `max_step` | > 0, s | `0.1` | longest integration step |
+//! | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
+//! | `zeno_time` | > 0, s | `1e-5` | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
+//! | `contact_step` | > 0, s | `1e-3` | length of a time step while several contacts last |
+//! | `max_events` | integer | `100000` | the run stops after this number of events |
+//! | `method` | string | `"events"` | `"events"`: event-driven, with time steps while several contacts last; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
+//! | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |
+//! | `neglect` | above 0, below 1 | nothing is neglected | relative tolerance for approximations, each with a reported bound: see [`Simulation::neglect`]. Ignored with `model = "full"` |
+//! | `controller` | string | `"off"` | what drives the joints, see below |
+//! | `after_impact` | string | that of `controller` | controller from the first impact on |
+//!
+//! | controller | keys of `[run]` that it reads | joint forces |
+//! | --- | --- | --- |
+//! | `"off"` | – | zero |
+//! | `"constant"` | `torque` (nv numbers; N m, N; required) | constant |
+//! | `"torque-file"` | `torque_file` (CSV file, required) | interpolated linearly over time, constant before the first and after the last row. Columns: time (s, ascending), then nv joint forces (N m, N) in the order of qd. A first line without numbers is skipped |
+//! | `"pd"` | `kp` (N m/rad, N/m), `kd` (N m s/rad, N s/m), `target` (nq numbers); all required | `kp (target − q) − kd qd`, with the same gains at all joints. No floating joints |
+//! | `"gravity-compensation"` | – | those that balance gravity, on all coordinates, also on those of a floating base |
+//! | `"transition"` | `gain` (1/s, required), `press` (m/s², default `0`), `compensate` (boolean, default `true`) | transition from free motion to contact, see [`Transition`](crate::Transition). The desired tip velocity is that at the start. The first surface must be a half-space |
+//! | `"impact-invariant"` | `kp`, `kd`, `target` as for `"pd"`; all required | [`ImpactInvariant`](crate::ImpactInvariant) feedback with the desired velocity zero. The first surface must be a half-space. No floating joints |
+//!
+//! A key that neither `controller` nor `after_impact` reads is refused. The damping and the dry friction of the URDF's
+//! `<dynamics>` act in addition to every controller.
 
 use crate::compliance::{Compliance, Holding, Yielding};
 use crate::error::SimError;
@@ -44,38 +148,38 @@ use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 
-/// A scene as the file says it, with everything it names loaded.
+/// A scene file with the robot and the meshes that it names.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The whole chain among its surfaces; [`Scene::plan`] makes it as small as it may be.
+    /// The simulation of the whole chain; [`Scene::plan`] reduces it.
     pub simulation: Simulation,
-    /// Configuration at the start.
+    /// Configuration at the start, length nq; rad, m, quaternion.
     pub q: Vec<f64>,
-    /// Joint velocities at the start.
+    /// Joint velocities at the start, length nv; rad/s, m/s.
     pub qd: Vec<f64>,
     /// Duration, s.
     pub duration: f64,
-    /// Interval between samples, s.
+    /// Interval between samples, s; `None` if the file has no `sample`.
     pub sample: Option<f64>,
-    /// The surfaces.
+    /// The surfaces, in the order of the file.
     pub surfaces: Vec<Surface>,
-    /// The link whose path is shown, if the robot has it.
+    /// The link that is the tip; `None` if the file names none and the robot has no link `tip`.
     pub tip: Option<String>,
-    /// Pairs that can't touch, each with its reason.
+    /// Pairs of a link and a surface that can't touch, each with its reason.
     pub out_of_reach: Vec<(String, LeftOut)>,
-    /// `model = "full"`: nothing is left out.
+    /// `model = "full"`: [`Scene::plan`] makes no reductions.
     pub full: bool,
-    /// Every file that was read: the scene's own, the robot's and its meshes, meshes of surfaces, torques.
+    /// Every file that was read: scene, robot, meshes of robot and surfaces, torque table.
     pub files: Vec<PathBuf>,
-    /// What looks odd.
+    /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact.
     pub warnings: Vec<String>,
 }
 
 impl Scene {
-    /// Reads a scene file.
+    /// Reads a scene file, its robot and its meshes.
     ///
     /// # Errors
-    /// [`SimError::Scene`] with file, key, value and rule; what the robot's file and the start state are refused for.
+    /// [`SimError::Scene`] with file, key, value and rule; [`SimError::Chain`] for an invalid robot or start state.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SimError> {
         let path = path.as_ref();
         let refuse = |rule: String| SimError::Scene { file: path.display().to_string(), rule };
@@ -105,7 +209,10 @@ impl Scene {
         if let Some((_, twin)) =
             surfaces.iter().enumerate().find(|(k, it)| surfaces[..*k].iter().any(|o| o.name == it.name))
         {
-            return Err(refuse(format!("[[surface]] name = \"{}\": two surfaces have it, rename one", twin.name)));
+            return Err(refuse(format!(
+                "[[surface]] name = \"{}\": two surfaces have this name, rename one",
+                twin.name
+            )));
         }
         chain.check_state(&file.robot.q, &vec![0.0; chain.nv()])?;
         let qd = match (&file.robot.qd, &file.robot.tip_velocity) {
@@ -128,7 +235,7 @@ impl Scene {
             let twin = |pair: &[String; 2]| pair.contains(link) && pair.contains(other);
             if link != other && file.contact.links[..k].iter().any(twin) {
                 return Err(refuse(format!(
-                    "[contact] links = [\"{link}\", \"{other}\"]: the pair is there twice, leave one out"
+                    "[contact] links = [\"{link}\", \"{other}\"]: the pair is listed twice, remove one"
                 )));
             }
             let pair = Touch::between(&chain, link, other, rule);
@@ -140,7 +247,7 @@ impl Scene {
                 let named = [("link", &pair.link), ("surface", &pair.surface), ("joint", &pair.joint)];
                 let named = named.iter().filter_map(|(key, name)| Some(format!("{key} = \"{}\"", name.as_ref()?)));
                 let named: Vec<String> = named.collect();
-                warnings.push(format!("[[contact.pair]] {}: no such contact can happen here", named.join(", ")));
+                warnings.push(format!("[[contact.pair]] {}: applies to no contact of this scene", named.join(", ")));
             }
         }
         let drives = Drives { folder, file: &file, chain: &chain, surfaces: &surfaces, qd: &qd };
@@ -150,7 +257,7 @@ impl Scene {
         drives.check_unused().map_err(&refuse)?;
         if file.run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = file.run.neglect.unwrap_or_default();
-            return Err(refuse(format!("[run] neglect = {share}: it is a share, above 0 and below 1")));
+            return Err(refuse(format!("[run] neglect = {share}: it must be above 0 and below 1")));
         }
         let tip = match chain.frame(&file.robot.tip) {
             Ok(_) => Some(file.robot.tip.clone()),
@@ -192,22 +299,22 @@ impl Scene {
     }
 }
 
-/// Reads TOML. What is wrong is said with the line, its text where no key is named, and the nearest name.
+/// Parses TOML.
 ///
 /// # Errors
-/// The message.
+/// A message with the line, its text if the message names no key, and the most similar key if a key is unknown.
 #[doc(hidden)] // shared with the other files of this workspace that are written in TOML
 pub fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
     toml::from_str(text).map_err(|e: toml::de::Error| {
         let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
         let message = suggest(e.message());
-        // Only complaints about fields name a key.
+        // Only messages about fields name a key.
         let quoted = text.lines().nth(line - 1).filter(|_| !message.contains(" field `")).map(str::trim);
         quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}"))
     })
 }
 
-/// serde names the unknown key and the known ones: name the nearest.
+/// Adds the most similar known key to serde's message about an unknown key.
 fn suggest(message: &str) -> String {
     let message = message.trim_end().replace('\n', "; ");
     let mut quoted = message.split('`').skip(1).step_by(2);
@@ -243,11 +350,11 @@ fn compliance(given: &scene_file::Compliance) -> Result<Compliance, String> {
     };
     let owned = [("exponent", exponent.is_some(), 0), ("damping", damping.is_some(), 0), ("pulls", pulls.is_some(), 1)];
     if let Some((key, _, owner)) = owned.into_iter().find(|&(_, given, owner)| given && names[owner] != force) {
-        return Err(format!("{key} belongs to force = \"{}\"", names[owner]));
+        return Err(format!("{key} is read with force = \"{}\" only: remove it or choose this force", names[owner]));
     }
     let tangential = match (slip_speed, bristle) {
         (Some(_), Some(_)) => {
-            return Err("has slip_speed and bristle: smoothed friction has no bristle, give one".into());
+            return Err("has both slip_speed (smoothed friction) and bristle: give one of them".into());
         }
         (_, Some(bristle)) => Holding::Bristle { stiffness: bristle.stiffness, damping: bristle.damping },
         (speed, None) => Holding::Smoothed { slip_speed: speed.unwrap_or(1e-3) },
@@ -282,7 +389,7 @@ fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: Contact
     if let Some(Oscillation { amplitude, frequency, phase }) = &motion
         && !(amplitude.iter().all(|x| x.is_finite()) && frequency.is_finite() && phase.is_finite())
     {
-        return Err(format!("[[surface]] '{name}': motion has numbers that are not finite"));
+        return Err(format!("[[surface]] '{name}': every number of motion must be finite"));
     }
     Ok(Surface { name, obstacle, contact, motion })
 }
@@ -303,11 +410,11 @@ fn overridden(
     })
 }
 
-/// One `[[contact.pair]]`; says whether there is such a pair.
+/// Applies one `[[contact.pair]]`; returns whether it applies to any touch.
 fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: &mut [Touch]) -> Result<bool, String> {
     let scene_file::Pair { link, surface, joint, law, restitution, friction, latch } = pair;
     if joint.is_some() == (link.is_some() || surface.is_some()) {
-        return Err("names a link and/or a surface, or else a joint (for its limits)".into());
+        return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
     if let Some(link) = link {
         chain.frame(link).map_err(|e| e.to_string())?;
@@ -322,7 +429,7 @@ fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: 
         chain.joint(joint).map_err(|e| e.to_string())?;
     }
     if joint.is_some() && (law.is_some() || friction.is_some()) {
-        return Err("names a joint: its limits know restitution and latch only, leave law and friction out".into());
+        return Err("has joint: joint limits have restitution and latch only, remove law and friction".into());
     }
     let mut met = false;
     for touch in touches {
@@ -350,7 +457,7 @@ pub(crate) fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
     }
 }
 
-/// Joint velocities that give the tip its velocity with the least kinetic energy: qd = M⁻¹Jᵀ H⁺ u.
+/// The joint velocities with the least kinetic energy that give the tip the velocity u: qd = M⁻¹Jᵀ H⁺ u.
 fn tip_velocity(
     chain: &Chain,
     robot: &Robot,
@@ -360,7 +467,7 @@ fn tip_velocity(
     let say = |e: ChainError| e.to_string();
     let Some(normal) = half_space(surface) else {
         return Err(
-            "[robot] tip_velocity speaks of the first surface, which must be a halfspace: give qd instead".into()
+            "[robot] tip_velocity is relative to the first surface, which must be a halfspace: give qd instead".into(),
         );
     };
     let along = Vector3::from(tip.along);
@@ -373,7 +480,7 @@ fn tip_velocity(
     if shadow.is_none() && alpha.cos().abs() > 1e-12 {
         let [x, y, z] = tip.along;
         return Err(format!(
-            "[robot] tip_velocity: along = [{x}, {y}, {z}] has no part along the surface: give a direction on it"
+            "[robot] tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
         ));
     }
     let shadow = shadow.unwrap_or_else(Vector3::zeros);
@@ -395,7 +502,8 @@ fn tip_velocity(
     if (reached - u).norm() > 1e-9 * tip.speed.abs() {
         let [x, y, z] = u.into();
         return Err(format!(
-            "[robot] tip_velocity: at this pose no joint velocities give '{}' ({x}, {y}, {z}) m/s",
+            "[robot] tip_velocity: at this pose no joint velocities give the link '{}' the velocity ({x}, {y}, {z}) m/s: \
+             change q or tip_velocity",
             robot.tip
         ));
     }

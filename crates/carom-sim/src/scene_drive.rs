@@ -1,4 +1,4 @@
-//! What drives a scene's robot: the controllers of `[run]`, and the keys that each of them reads.
+//! The controllers of `[run]` in a scene file, and the keys that each of them reads.
 
 use crate::drive::{Drive, ImpactInvariant, Transition};
 use crate::scene::half_space;
@@ -8,7 +8,7 @@ use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;
 
-/// What a controller is made from.
+/// What the controllers of a scene are made from.
 pub(crate) struct Drives<'a> {
     pub folder: &'a Path,
     pub file: &'a File,
@@ -18,7 +18,7 @@ pub(crate) struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// `asks` is the key that chose the controller.
+    /// The drive of a controller; `asks` is the key that chose it.
     pub fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
         let run = &self.file.run;
         let needs = |key: &str| format!("[run] {asks} = \"{}\" needs the key {key}", controller.name());
@@ -56,7 +56,7 @@ impl Drives<'_> {
         })
     }
 
-    /// A key that no chosen controller reads is a mistake.
+    /// Refuses keys that no chosen controller reads.
     pub fn check_unused(&self) -> Result<(), String> {
         let run: &Run = &self.file.run;
         use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Transition};
@@ -73,7 +73,9 @@ impl Drives<'_> {
         for (key, given, controllers, name) in readers {
             let read = controllers.iter().any(|&c| run.controller == c || run.after_impact == Some(c));
             if given && !read {
-                return Err(format!("[run] {key} belongs to controller = \"{name}\""));
+                return Err(format!(
+                    "[run] {key} is not read by the chosen controller: remove it or set controller = \"{name}\""
+                ));
             }
         }
         Ok(())
@@ -81,7 +83,7 @@ impl Drives<'_> {
 
     fn normal(&self, controller: &str) -> Result<Vector3<f64>, String> {
         half_space(self.surfaces.first()).ok_or_else(|| {
-            format!("[run] controller = \"{controller}\" works at the first surface, which must be a halfspace")
+            format!("[run] controller = \"{controller}\" refers to the first surface, which must be a halfspace")
         })
     }
 
@@ -105,11 +107,14 @@ fn torque_table(path: &Path, joints: usize) -> Result<Drive, String> {
             Ok(numbers) if numbers.len() != joints + 1 => {
                 let (columns, needed) = (numbers.len(), joints + 1);
                 return Err(refuse(format!(
-                    "{columns} columns, {needed} are needed: the time and {joints} joint forces"
+                    "{columns} columns, but {needed} are needed: the time and {joints} joint forces"
                 )));
             }
             Ok(numbers) if times.last().is_some_and(|last| numbers[0] <= *last) => {
-                return Err(refuse(format!("time {} does not come after the one above: times ascend", numbers[0])));
+                return Err(refuse(format!(
+                    "time {} is not above that of the previous row: times must ascend",
+                    numbers[0]
+                )));
             }
             Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => {
                 times.push(numbers[0]);

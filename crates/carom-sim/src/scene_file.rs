@@ -1,4 +1,4 @@
-//! The keys of a scene file, as `scene.rs` documents them.
+//! The keys of a scene file for serde; they are documented in `scene.rs`.
 
 use crate::several::SeveralLaw;
 use serde::Deserialize;
@@ -126,7 +126,7 @@ impl Default for Contact {
     }
 }
 
-/// What differs from `[contact]` at one surface.
+/// The values of `[contact]` that one surface replaces.
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Override {
@@ -136,7 +136,7 @@ pub(crate) struct Override {
     pub latch: Option<bool>,
 }
 
-/// What differs where one link meets one surface, or at one joint's limits.
+/// The values that apply to contacts of one link with one surface, or to the limits of one joint.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Pair {
@@ -186,20 +186,20 @@ pub(crate) struct Run {
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Method {
-    /// From event to event.
+    /// Event-driven.
     #[default]
     Events,
-    /// Steps of `contact_step` throughout.
+    /// Time steps of `contact_step` throughout.
     Steps,
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 pub(crate) enum Model {
-    /// As little as the scene needs.
+    /// With the exact reductions of the plan.
     #[default]
     Auto,
-    /// No reduction at all.
+    /// Without any reduction.
     Full,
 }
 
@@ -217,7 +217,7 @@ pub(crate) enum Controller {
 }
 
 impl Controller {
-    /// As the file says it.
+    /// The name in scene files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Off => "off",
@@ -234,14 +234,15 @@ impl Controller {
 fn unscaled() -> [f64; 3] {
     [1.0; 3]
 }
-/// The link that is the tip where a scene names none.
+/// The tip of a scene that names none.
 pub(crate) fn tip() -> String {
     "tip".into()
 }
 fn tolerance() -> f64 {
     1e-9
 }
-/// Above it the formula would be off where the acceleration changes, below it heights of bounces drown in rounding.
+/// With longer times the change of the acceleration makes the accumulation formula inexact; with shorter ones the heights
+/// of bounces reach the rounding of positions.
 fn zeno_time() -> f64 {
     1e-5
 }

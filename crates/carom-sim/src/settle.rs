@@ -1,5 +1,4 @@
-//! What puts a state where its mode of contact needs it: on its surface, at rest over it, its dry joints held; and which
-//! mode that is.
+//! Projection of a state onto the constraints of its contact mode, and the choice of this mode.
 
 use crate::error::SimError;
 use crate::held::{Held, Hold, STILL, direction_of_slip};
@@ -8,17 +7,17 @@ use crate::space::Space;
 use crate::trajectory::ContactMode;
 use nalgebra::{Matrix3, Vector3};
 
-/// Gaps and gap rates this small are left alone, m and m/s: taking them out would only disturb the integrator.
+/// Gaps and gap rates up to this size are not corrected, m and m/s: a correction would only disturb the integrator.
 const ROUNDING: f64 = 1e-15;
 
 impl<A: Space> Motion<'_, A> {
-    /// Slip begins against the friction that would be needed to hold.
+    /// Sets the direction of beginning slip: opposite to the tangential force that sticking would need.
     pub fn slide_off(&mut self, held: &Held) {
         let tangential = held.force - held.normal * held.normal_force;
         self.slip = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
     }
 
-    /// Which joints does their dry friction hold? Those at rest, if it can.
+    /// Decides which joints are held by their dry friction: those at rest whose constraint force does not exceed it.
     pub fn settle_joints(&mut self, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let nq = self.sim.chain.nq();
         let speed = self.split(y).1.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -29,7 +28,7 @@ impl<A: Space> Motion<'_, A> {
                 *rate = 0.0;
             }
         }
-        // The one that is overloaded most breaks loose first; what is left is asked again.
+        // The joint with the largest overload begins to slip; then the forces of the others are computed again.
         for _ in 0..self.dry.len() {
             let held = self.in_mode(time, y)?;
             let over = |k: &usize| held.joints[*k].abs() - self.dry[*k].friction;
@@ -42,7 +41,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(())
     }
 
-    /// What a contact that lasts does: hold, stick or slide.
+    /// The mode of a lasting contact: latched, sticking or sliding.
     pub fn lasting_mode(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<ContactMode, SimError> {
         let (q, qd) = self.split(y);
         let (_, _, u) = self.closing(touch, q, qd, time)?;
@@ -66,7 +65,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(ContactMode::Sliding { touch })
     }
 
-    /// Goes through `span` seconds of lasting contact at once, to second order: the span is below the Zeno time.
+    /// Advances a lasting contact by `span` seconds in one step of second order; the span is below the Zeno time.
     pub fn pass(&mut self, touch: usize, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let mode = self.lasting_mode(touch, time, y)?;
         let hold = if matches!(mode, ContactMode::Sliding { .. }) { Hold::Slides } else { Hold::Sticks };
@@ -82,7 +81,8 @@ impl<A: Space> Motion<'_, A> {
         Ok(())
     }
 
-    /// Takes the normal velocity out by a normal impulse, and the gap by a step along its response.
+    /// Sets the normal velocity to zero by a normal impulse, and the gap to zero by a displacement along its response. Returns
+    /// whether it changed the state.
     pub fn stop_normal(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let (q, qd) = self.split(y);
         let (q, qd) = (q.to_vec(), qd.to_vec());
@@ -106,8 +106,8 @@ impl<A: Space> Motion<'_, A> {
         Ok(true)
     }
 
-    /// In space slip turns: its stop is watched along the direction it has now. Says how fast the slip is, as a share of the
-    /// joints' speed.
+    /// Updates the direction of slip, which turns in space; the witness function for its stop uses this direction. Returns the
+    /// slip velocity as a share of the largest joint velocity.
     pub fn follow_slip(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let (q, qd) = self.split(y);
         let (q, qd) = (q.to_vec(), qd.to_vec());
@@ -122,7 +122,7 @@ impl<A: Space> Motion<'_, A> {
         Ok((u - place.normal * place.normal.dot(&u)).norm() / speed.max(f64::MIN_POSITIVE))
     }
 
-    /// Takes all velocity of the touching point over its surface out.
+    /// Sets the velocity of the contact point relative to the surface to zero.
     pub fn stop_slip(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
         let (q, qd) = (q.to_vec(), qd.to_vec());

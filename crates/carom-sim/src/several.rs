@@ -1,4 +1,4 @@
-//! Several contacts at once: their impact in one problem, and Moreau–Jean time stepping while they last.
+//! Several contacts at the same time: their impact as one problem, and Moreau–Jean time stepping while they last.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -7,12 +7,13 @@
 //! | G | m×m | R M⁻¹ Rᵀ | `delassus` |
 //! | p | m | impulses | `impulse` |
 //!
-//! One step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; all contacts that are closed
-//! at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, where p follows the law of several contacts ([`SeveralLaw`]); the other half step with q̇⁺. Velocities carry the contact law, so a step may hold any number of impacts. Positions
-//! overlap by O(h v). They are put back along M⁻¹Rᵀ, but for what one step's fall makes: a contact that was put back to a
-//! gap of zero would open and close every other step for ever, and never come to rest.
+//! One time step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; the contacts that are
+//! closed at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, with p by the law of several contacts ([`SeveralLaw`]); the second half step with
+//! q̇⁺. The contact law is imposed on velocities, so a step may contain any number of impacts, and positions overlap by
+//! O(h v). Overlaps are corrected along M⁻¹Rᵀ down to the overlap of one step of free fall: after a correction to a gap of
+//! zero the contact would open and close in alternate steps and never come to rest.
 //!
-//! Which law several contacts follow is decided here and nowhere else: [`Run::solve`].
+//! The law of several contacts is applied in [`Run::solve`] only.
 
 use crate::error::SimError;
 use crate::motion::Dry;
@@ -25,34 +26,35 @@ use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// How well a problem with several contacts is solved: beside the errors of stepping, nothing.
+/// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
-/// So many steps without contact are flight.
+/// After this number of steps without contact the motion continues event-driven.
 const OPEN_STEPS: usize = 10;
-/// So many steps without motion are rest.
+/// After this number of steps without motion the chain is at rest.
 const STILL_STEPS: usize = 20;
-/// Joint velocities below this are none, rad/s or m/s.
+/// Joint velocities below this count as zero, rad/s or m/s.
 const STILL: f64 = 1e-10;
 
-/// The law that several contacts at once follow, in impacts and in time steps. Each contact keeps its own coefficients;
-/// its own law is for when it is hit alone.
+/// The law of several contacts at the same time, in impacts and in time steps. Each contact keeps its own coefficients; its
+/// own law applies to impacts of this contact alone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SeveralLaw {
-    /// Newton's restitution for all at once ([`SeveralProblem::simultaneous`]).
+    /// Newton's restitution at all contacts simultaneously ([`SeveralProblem::simultaneous`]).
     #[default]
     Moreau,
-    /// Compression of all, then expansion of all ([`SeveralProblem::poisson`]).
+    /// Compression of all contacts, then restitution of all ([`SeveralProblem::poisson`]).
     Poisson,
-    /// One after another, always the one that approaches fastest ([`SeveralProblem::sequential`]).
+    /// One impact after another, always at the contact with the highest approach velocity
+    /// ([`SeveralProblem::sequential`]).
     Sequential,
 }
 
 impl SeveralLaw {
-    /// All of them.
+    /// All laws.
     pub const ALL: [Self; 3] = [Self::Moreau, Self::Poisson, Self::Sequential];
 
-    /// As scene files say it.
+    /// Name in scene files: `moreau`, `poisson` or `sequential`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Moreau => "moreau",
@@ -62,7 +64,7 @@ impl SeveralLaw {
     }
 }
 
-/// Impulses of all constraints, and by how much they miss their law.
+/// Impulses of all constraints, and the residual of the law.
 struct Solved {
     impulse: DVector<f64>,
     residual: f64,
@@ -80,7 +82,7 @@ struct Rows {
 /// A closed touch among the rows.
 struct Closed {
     touch: usize,
-    /// Contact axes and point; of a limit, none.
+    /// Contact axes and point; `None` for a limit.
     place: Option<(Matrix3<f64>, Vector3<f64>)>,
     rows: std::ops::Range<usize>,
 }
@@ -138,11 +140,11 @@ impl Rows {
         DVector::from_fn(self.rows.len(), |i, _| self.rows[i].dot(v) - self.surface[i])
     }
 
-    /// The impulses as arrows in the world.
+    /// The contact impulses in world axes.
     fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
         let blow = |closed: &Closed| {
             let (axes, point) = closed.place.as_ref()?;
-            // A single row is the normal's.
+            // A single row is that of the normal.
             let skip = 3 - closed.rows.len();
             let parts = closed.rows.clone().map(|row| axes.column(row - closed.rows.start + skip) * impulse[row]);
             Some(Blow {
@@ -167,7 +169,7 @@ impl<A: Space> Run<'_, '_, A> {
     ) -> Result<Solved, SimError> {
         let m = rows.rows.len();
         let delassus = DMatrix::from_fn(m, m, |i, j| {
-            // Both halves from one product: symmetric to the bit.
+            // Both triangles from one product: exactly symmetric.
             let (i, j) = (i.min(j), i.max(j));
             rows.rows[i].dot(&responses[j])
         });
@@ -183,13 +185,13 @@ impl<A: Space> Run<'_, '_, A> {
             }
             SeveralLaw::Sequential => {
                 let found = problem.sequential(&Order::MostApproaching, &ACCURACY);
-                let found = found.unwrap_or_else(|_| unreachable!("this order lists nothing that could be wrong"));
+                let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
                 Solved { impulse: found.impulse, residual: found.residual }
             }
         })
     }
 
-    /// Touches that come together at one time, with what lasts already.
+    /// The impact of touches that close at the same time, together with a contact that lasts.
     pub fn several_impacts(&mut self, together: &[usize]) -> Result<(), SimError> {
         let before = self.y.clone();
         let (q, qd) = self.q_qd();
@@ -218,7 +220,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.sort_out(together, &approach)
     }
 
-    /// After several touches were hit: which leave, which stay?
+    /// After an impact of several touches: decides which contacts open and which last.
     fn sort_out(&mut self, together: &[usize], approach: &[f64]) -> Result<(), SimError> {
         self.motion.mode = ContactMode::Free;
         self.motion.settle_joints(self.time, &mut self.y)?;
@@ -227,7 +229,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut leaving = Vec::new();
         for (&touch, &approach) in together.iter().zip(approach) {
             let (_, rebound) = self.gap(touch)?;
-            // The solver's own error is no rebound.
+            // Rebound velocities of the size of the solver's error count as zero.
             if rebound <= scale * 1e-9 { still.push(touch) } else { leaving.push((touch, approach, rebound)) }
         }
         let points = still.iter().all(|&touch| self.motion.sim.touches[touch].is_point());
@@ -247,14 +249,14 @@ impl<A: Space> Run<'_, '_, A> {
         for (touch, approach, rebound) in leaving {
             match self.stays(touch, approach, rebound)? {
                 Stays::No => {}
-                // It would chatter to rest beside one that rests, or beside others that do the same.
+                // An accumulation of impacts beside another lasting contact is left to time stepping.
                 Stays::Rests | Stays::Zeno(_) => return self.enter(ContactMode::Several),
             }
         }
         Ok(())
     }
 
-    /// Time steps until all contacts are open, nothing moves any more, or the end.
+    /// Time steps until all contacts are open, the chain is at rest, or the run ends.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
         let (mut still_steps, mut open_steps) = (0, 0);
         while self.time < self.end {
@@ -278,14 +280,14 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(())
     }
 
-    /// Whether what is at rest stays so.
+    /// Whether a chain at rest stays at rest: no drive or surface depends on time.
     fn is_steady(&self) -> bool {
         let sim = self.motion.sim;
         let drive = sim.after_impact.as_ref().unwrap_or(&sim.drive);
         drive.is_steady() && sim.drive.is_steady() && sim.touches.iter().all(|touch| touch.motion.is_none())
     }
 
-    /// One step; says whether nothing touched, and whether nothing moves.
+    /// One time step; returns whether all contacts were open, and whether all velocities are zero.
     fn contact_step(&mut self) -> Result<(bool, bool), SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
@@ -295,14 +297,14 @@ impl<A: Space> Run<'_, '_, A> {
         let energy = self.motion.energy(&self.y)?;
 
         let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
-        // All dry friction is in the problem: none of it brakes beforehand.
+        // All dry friction is part of the contact problem, so none of it is applied as a force.
         self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
         let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
         let mut view = self.motion.view(&middle)?;
         let v = DVector::from_column_slice(&qd);
-        // Damping and regulators act with the velocity of the step's end, lest stiff ones explode:
+        // Damping and controllers are implicit (velocity at the end of the step), so that stiff ones stay stable:
         // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
         let mut inertia = view.kin.mass_matrix();
         for i in 0..nv {
@@ -353,7 +355,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (y, still) = (self.y.clone(), next.amax() < STILL);
         let chain = &sim.chain;
         self.sampler.stretch(start, self.time, 2, |time| {
-            // Positions of the step are its two halves.
+            // Positions are linear in time in each half of the step.
             let half = step / 2.0;
             let (from, rate, span) = if time <= start + half {
                 (&q, qd.as_slice(), time - start)
@@ -369,7 +371,7 @@ impl<A: Space> Run<'_, '_, A> {
         Ok((open, still))
     }
 
-    /// Puts overlaps beyond `allowed` (m) back, the least way in the metric of kinetic energy: with the gaps g + allowed,
+    /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,
     /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
     fn put_back(&mut self, allowed: f64) -> Result<(), SimError> {
         let sim = self.motion.sim;
@@ -399,5 +401,5 @@ impl<A: Space> Run<'_, '_, A> {
     }
 }
 
-/// Overlaps up to this much are left alone, m.
+/// Overlaps up to this are not corrected, m.
 const OVERLAP: f64 = 1e-12;

@@ -1,4 +1,4 @@
-//! A chain among surfaces, with all that its simulation is told; how a run goes is in `run.rs`.
+//! The simulation of a chain with its contacts, and its settings; the event loop is in `run.rs`.
 
 use crate::compliance::Memory;
 use crate::drive::Drive;
@@ -11,40 +11,42 @@ use crate::trajectory::{Moment, Sampling, Seen, Summary, Trajectory};
 use carom_chain::{Chain, Planar, PlanarChain, Spatial};
 use nalgebra::Vector3;
 
-/// A chain among surfaces.
+/// A chain with its possible contacts and the settings of its simulation.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     /// The chain.
     pub chain: Chain,
-    /// What may touch, and how.
+    /// The possible contacts, with their laws.
     pub touches: Vec<Touch>,
-    /// Acceleration of free fall, world, m/s².
+    /// Acceleration of free fall, world axes, m/s².
     pub gravity: Vector3<f64>,
-    /// What drives the joints. Their damping and dry friction act besides.
+    /// The joint forces of the motors. Damping and dry friction of the joints act in addition.
     pub drive: Drive,
-    /// What drives them from the first impact on; `None`: the same.
+    /// The drive from the first impact on; `None`: the same drive.
     pub after_impact: Option<Drive>,
-    /// Relative tolerance of the integration.
+    /// Relative tolerance of each integration step; the absolute tolerance is 1e-3 of it.
     pub tolerance: f64,
-    /// Longest step, s.
+    /// Longest integration step, s.
     pub max_step: f64,
-    /// Impacts that would all happen within this time are gone through at once, s.
+    /// If all remaining impacts of an accumulation (Zeno) end within this time, s, they are replaced by their limit.
     pub zeno_time: f64,
-    /// Step while several contacts last at once, s.
+    /// Length of a time step while several contacts last, s.
     pub contact_step: f64,
-    /// The law of several contacts at once.
+    /// The law of several contacts at the same time.
     pub several: SeveralLaw,
-    /// Time steps of `contact_step` throughout, and no events but rest: what most simulators do, for comparison.
+    /// Use time steps of `contact_step` throughout, without events other than rest, for comparison with time-stepping
+    /// simulators.
     pub stepping: bool,
-    /// Stop after so many events.
+    /// The run stops after this number of events.
     pub max_events: usize,
-    /// Compute in the plane what keeps to a plane: the same motion for less. `false`: always in space.
+    /// Compute planar chains in the plane, which gives the same motion at lower cost. `false`: always in space.
     pub planar: bool,
-    /// What integrates the smooth motion.
+    /// The integrator of smooth motion.
     pub integrator: Integrator,
-    /// Leave friction out of an impact if that changes the velocity of the touching point by less than this share of it;
-    /// treat a chain as planar whose axes are off by less than this (rad); treat a compliant contact as rigid that gives
-    /// way by less than this share of the chain's reach. `None`: leave out nothing that is not zero.
+    /// Relative tolerance for approximations; `None`: none is made. An impact is computed without friction if the bound on
+    /// the resulting change of the contact point's velocity is below this share of that velocity. A chain is treated as
+    /// planar if its joint axes deviate by less than this angle, rad. A compliant contact is treated as rigid if its
+    /// penetration stays below this share of the reach of the chain.
     pub neglect: Option<f64>,
 }
 
@@ -54,12 +56,12 @@ pub enum Integrator {
     /// Dormand & Prince's explicit method of order 8 with error estimates of orders 5 and 3.
     #[default]
     DormandPrince,
-    /// Radau IIA of order 5, implicit: for stiff regulators and damping.
+    /// Radau IIA of order 5, implicit: for stiff controllers and damping.
     Radau,
 }
 
 impl Simulation {
-    /// A simulation without gravity, motors off, with a tolerance of 1e-9; every field can be set.
+    /// A simulation with default settings: no gravity, motors off, tolerance 1e-9.
     pub fn new(chain: Chain, touches: Vec<Touch>) -> Self {
         Self {
             chain,
@@ -80,10 +82,10 @@ impl Simulation {
         }
     }
 
-    /// Runs from `(q, qd)` for `duration` seconds and keeps everything.
+    /// Runs from `(q, qd)` for `duration` seconds and returns all events and the whole motion.
     ///
     /// # Errors
-    /// [`SimError`]: states and settings that do not fit, an overlap at the start.
+    /// [`SimError`]: an invalid state or setting, an overlap at the start, errors of the impact laws and of the integrator.
     pub fn run(&self, q: &[f64], qd: &[f64], duration: f64) -> Result<Trajectory, SimError> {
         let (mut events, mut segments) = (Vec::new(), Vec::new());
         let summary = self.stream(q, qd, duration, Sampling { every: None, dense: true }, &mut |seen| match seen {
@@ -94,8 +96,8 @@ impl Simulation {
         Ok(Trajectory { events, segments, summary })
     }
 
-    /// Runs from `(q, qd)` for `duration` seconds and hands everything to `watch` as it comes: memory does not grow with
-    /// the simulated time.
+    /// Runs from `(q, qd)` for `duration` seconds and calls `watch` with every event, sample and segment. Memory does not
+    /// grow with the simulated time.
     ///
     /// # Errors
     /// As [`Simulation::run`].
@@ -114,21 +116,22 @@ impl Simulation {
         }
     }
 
-    /// The smallest gap of all touches at a configuration, surfaces where they are at time 0; infinite without touches.
+    /// The smallest gap of all touches at a configuration, m (rad for limits of revolute joints), with moving surfaces at
+    /// their place at time 0; infinite without touches.
     ///
     /// # Errors
-    /// A configuration that does not fit.
+    /// [`SimError::Chain`] for an invalid configuration.
     pub fn smallest_gap(&self, q: &[f64]) -> Result<f64, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
         Ok(self.touches.iter().map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
     }
 
-    /// Where a link touches, or would touch, its surface: the point of the link nearest to it and the unit normal from the
-    /// surface to the robot, world. `None` for joint limits.
+    /// Contact point and normal of a touch, whether it is open or closed: the point of the link nearest to the surface, m, and
+    /// the unit normal from the surface to the robot, both in world axes. `None` for joint limits.
     ///
     /// # Errors
-    /// A state that does not fit.
+    /// [`SimError::Chain`] for an invalid configuration.
     pub fn touching_point(&self, touch: usize, moment: &Moment) -> Result<Option<[Vector3<f64>; 2]>, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
@@ -136,13 +139,13 @@ impl Simulation {
         Ok(place.map(|place| [place.position, place.normal]))
     }
 
-    /// The force on the robot, world, N, of a compliant contact that presses
-    /// ([`ContactMode::Pressing`](crate::ContactMode::Pressing) names its touch and damping).
+    /// The force on the robot of a compliant contact, world axes, N.
+    /// [`ContactMode::Pressing`](crate::ContactMode::Pressing) contains its `touch` and `damping`.
     ///
     /// # Errors
-    /// A state that does not fit; a touch that is not compliant, or whose force has a memory
-    /// ([`Yielding::WaltonBraun`](crate::Yielding::WaltonBraun), [`Holding::Bristle`](crate::Holding::Bristle)), which a
-    /// moment does not hold.
+    /// [`SimError::Chain`] for an invalid state; [`SimError::Rigid`] for a rigid contact; [`SimError::Memory`] for a force that
+    /// depends on the history of the contact ([`Yielding::WaltonBraun`](crate::Yielding::WaltonBraun),
+    /// [`Holding::Bristle`](crate::Holding::Bristle)).
     pub fn pressing_force(&self, touch: usize, damping: f64, moment: &Moment) -> Result<Vector3<f64>, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, &moment.q)?;
@@ -159,7 +162,7 @@ impl Simulation {
         Ok(compliance.press(&touch.contact, &memory, (at.gap, place.normal.dot(&u)), &place.normal, &u)?.force)
     }
 
-    /// The chain in the plane, if it is to be computed there.
+    /// The planar chain, if the simulation runs in the plane.
     pub fn in_plane(&self) -> Option<PlanarChain> {
         self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
     }
@@ -180,7 +183,7 @@ impl Simulation {
         positive("Zeno time", self.zeno_time)?;
         positive("contact step", self.contact_step)?;
         let countable = |what, value: f64| {
-            let rule = "it fits more than 1e10 times into the duration: make it longer";
+            let rule = "the duration is more than 1e10 times as long: make it longer";
             if duration / value <= 1e10 { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
         };
         if let Some(every) = sampling.every {
@@ -195,7 +198,7 @@ impl Simulation {
                     touch: touch.name.clone(),
                     what: "compliance stiffness",
                     value: compliance.stiffness,
-                    rule: "time steps know rigid contacts only: leave the compliance or the steps out",
+                    rule: "time stepping supports rigid contacts only: remove the compliance or use method = \"events\"",
                 });
             }
         }
@@ -203,7 +206,7 @@ impl Simulation {
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
     }
 
-    /// The joint of a velocity coordinate.
+    /// Name of the joint of a velocity coordinate.
     pub(crate) fn joint_of(&self, index: usize) -> String {
         let own = |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, carom_chain::Coordinates::Own { v, .. } if v.contains(&index));
         self.chain.joints().iter().find(own).map_or_else(String::new, |joint| joint.name.clone())

@@ -1,26 +1,26 @@
-//! The chain as a simulation sees it: vectors in space, whatever algebra computes them.
+//! The interface between a chain in the plane or in space and a simulation, whose vectors are in space.
 //!
-//! A chain that keeps to a plane is computed in the plane ([`Planar`], 3-vectors); gaps, contacts and laws go on in
-//! space. [`Space`] lifts and projects between the two, exactly: what stands square to the plane, the hinges bear.
+//! A planar chain is computed in the plane ([`Planar`], 3-vectors); gaps, contacts and laws are computed in space. [`Space`]
+//! lifts and projects between the two. This is exact: joint constraint forces balance all loads perpendicular to the plane.
 
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
 use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Spatial, Workspace};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 
-/// An algebra whose vectors have a place in space.
+/// An algebra whose vectors can be lifted to space.
 pub(crate) trait Space: Algebra<Scalar = f64> {
-    /// The chain, and what lifting needs.
+    /// The chain, and the data for lifting.
     type Model;
 
     fn chain(model: &Self::Model) -> &Chain<Self>;
     fn pose(model: &Self::Model, frame: FrameId, pose: &Pose<Self>) -> Pose<Spatial<f64>>;
-    /// The material point at `offset` from a frame's origin, in the frame's axes, and what its position in space has
-    /// beside that of the point, which no motion changes.
+    /// The material point at `offset` from the origin of a frame, in the axes of the frame, and the constant component of its
+    /// position perpendicular to the plane.
     fn material_point(model: &Self::Model, frame: FrameId, offset: Vector3<f64>) -> (Point<Self>, Vector3<f64>);
-    /// The closed form of q̈ of a chain that has one.
+    /// The closed form of q̈, for chains that have one.
     fn row(model: &Self::Model) -> Option<PlanarRow>;
-    /// q̈ by it; `false` where it has no answer.
+    /// q̈ by the closed form; `false` if it fails.
     fn accelerate_row(
         row: &PlanarRow,
         motion: (&[f64], &[f64], &[f64]),
@@ -97,11 +97,11 @@ impl Space for Planar<f64> {
     }
 }
 
-/// A chain is stiff as a strut where a direction's share of E is below this: the rounding of E, as for
+/// A direction is singular if its share of the factor E of H = E Eᵀ is below this: the rounding of E, as for
 /// [`carom_chain::ContactInertia::effective_mass`].
 const STRUT: f64 = 64.0 * f64::EPSILON;
 
-/// What a point feels: H = J M⁻¹ Jᵀ (3×3) and M⁻¹Jᵀ (nv×3), world axes.
+/// Delassus matrix H = J M⁻¹ Jᵀ (3×3) and response M⁻¹Jᵀ (nv×3) of a point, world axes.
 pub(crate) type Felt = (Matrix3<f64>, DMatrix<f64>);
 
 /// The chain at one configuration.
@@ -120,7 +120,7 @@ impl<'a, A: Space> View<'a, A> {
         A::pose(self.model, frame, &self.kin.pose(frame))
     }
 
-    /// The material point of a frame that is at `place` in the world now.
+    /// The material point of a frame that is at `place`, world axes.
     pub fn point(&self, frame: FrameId, place: Vector3<f64>) -> Point<A> {
         let in_frame = self.kin.pose(frame).inverse().point(A::project(self.model, place));
         self.kin.chain().point(frame, in_frame)
@@ -134,7 +134,7 @@ impl<'a, A: Space> View<'a, A> {
         Ok(A::lift_angular(self.model, self.kin.angular_velocity(frame, qd)?))
     }
 
-    /// The point's acceleration while no joint accelerates.
+    /// The acceleration of a point at q̈ = 0.
     pub fn drift(&mut self, point: Point<A>, qd: &[f64]) -> Result<Vector3<f64>, SimError> {
         Ok(A::lift(self.model, self.kin.point_drift(point, qd)?))
     }
@@ -156,13 +156,13 @@ impl<'a, A: Space> View<'a, A> {
         jacobian
     }
 
-    /// What a point feels; `None` if no joint moves it along `n`.
+    /// Delassus matrix and response of a point; `None` if no joint moves it along `n`.
     pub fn inertia(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
         let (factor, response) = self.kin.delassus_factor_and_response(point, None)?;
         let axis = |k: usize| A::lift(self.model, A::vector(|i| if i == k { 1.0 } else { 0.0 }));
         let lift = DMatrix::from_fn(3, A::LINEAR, |i, k| axis(k)[i]);
         let own = lift.tr_mul(&n);
-        // ‖Eᵀn‖² = nᵀHn: what is lost in the rounding of E is no motion.
+        // ‖Eᵀn‖² = nᵀHn; a value within the rounding of E counts as zero.
         let moves = own.norm() >= 1e-12 && factor.tr_mul(&own).norm() > STRUT * factor.norm() * own.norm();
         if !moves {
             return Ok(None);
@@ -183,17 +183,17 @@ impl<'a, A: Space> View<'a, A> {
         Ok(self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?)
     }
 
-    /// The joint forces that hold the chain against gravity.
+    /// The joint forces that balance gravity.
     pub fn gravity_force(&mut self, gravity: Vector3<f64>) -> DVector<f64> {
         self.kin.gravity_force(A::project(self.model, gravity))
     }
 
-    /// The joint forces under which no joint accelerates.
+    /// The joint forces with q̈ = 0.
     pub fn bias(&mut self, qd: &[f64], gravity: Vector3<f64>) -> Result<DVector<f64>, SimError> {
         Ok(self.kin.bias(qd, A::project(self.model, gravity))?)
     }
 
-    /// Kinetic plus potential energy; heights count in the model's own plane.
+    /// Kinetic plus potential energy; for planar chains with heights in the plane.
     pub fn energy(&mut self, qd: &[f64], gravity: Vector3<f64>) -> Result<f64, SimError> {
         Ok(self.kin.kinetic_energy(qd)? + self.kin.potential_energy(A::project(self.model, gravity)))
     }

@@ -1,7 +1,7 @@
 //! One impact of a chain at one point: `qd⁺ = qd⁻ + M⁻¹ Jᵀ p`.
 //!
-//! The way of the data: chain, q, qd and a surface normal → [`Contact`] (Jacobian, Delassus matrix, contact axes,
-//! [`ImpactProblem`]) → a law → [`ChainImpact`].
+//! Data flow: chain, q, qd, contact point and normal → [`Contact`] (Jacobian, Delassus matrix, contact axes,
+//! [`ImpactProblem`]) → law → [`ChainImpact`].
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -11,7 +11,7 @@
 //! | H | 3×3 | Delassus matrix, world | `delassus` |
 //! | u⁻, u⁺ | 3 | velocity of the contact point before and after, world | `u_minus`, `u_plus` |
 //! | p | 3 | impulse on the robot, world, N s | `impulse` |
-//! | W | nv | inertia by which drives resist, added to the diagonal of M; infinite where a joint is locked | – |
+//! | W | nv | inertia that the drives add to the diagonal of M; infinite at locked joints | – |
 //! | j | nv | impulse of the drives, −W (q̇⁺ − q̇⁻) | `drive_impulse` |
 
 use crate::derivative::{At, ImpactDerivative, PlaneContact, differentiate};
@@ -24,9 +24,10 @@ use carom_chain::{Chain, ChainError, ContactInertia, Coordinates, FrameId, Point
 use carom_impact::{CoefficientRanges, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
-/// Asks a chain about impacts; in the prelude, so that `chain.impact(&q, &qd)` reads as it should.
+/// Extension trait of [`Chain`] with the method `chain.impact(&q, &qd)`; in the prelude of `carom`.
 pub trait Impacts {
-    /// An impact of the chain at configuration `q` with joint velocities `qd`.
+    /// Describes an impact of the chain at configuration `q` (length nq; rad, m, quaternion) with joint velocities `qd`
+    /// (length nv; rad/s, m/s). The contact point and the normal are set on the returned [`Strike`].
     fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a>;
 }
 
@@ -37,7 +38,7 @@ impl Impacts for Chain {
     }
 }
 
-/// An impact being described: where, and against which normal.
+/// The description of an impact: contact point, normal, and model of the joints.
 #[derive(Debug, Clone)]
 pub struct Strike<'a> {
     chain: &'a Chain,
@@ -50,35 +51,36 @@ pub struct Strike<'a> {
 }
 
 impl<'a> Strike<'a> {
-    /// The link frame whose origin touches.
+    /// The link frame whose origin is the contact point.
     pub fn at(mut self, frame: FrameId) -> Self {
         self.frame = Some(frame);
         self
     }
 
-    /// The touching point, from that origin, in the frame's own axes, m.
+    /// The contact point relative to that origin, in the axes of the frame, m; zero by default.
     pub fn offset(mut self, offset: [f64; 3]) -> Self {
         self.offset = offset.into();
         self
     }
 
-    /// Surface normal in world axes, from the environment to the robot; any length but zero.
+    /// Contact normal in world axes, from the environment to the robot, of any length except zero.
     pub fn normal(mut self, normal: [f64; 3]) -> Self {
         self.normal = Some(normal);
         self
     }
 
-    /// What the drives do during the impact; without this, nothing.
+    /// The action of the drives during the impact; none by default.
     pub fn joints(mut self, joints: JointModel<'a>) -> Self {
         self.joints = joints;
         self
     }
 
-    /// Looks at all that holds whatever q and qd are: point, normal, joints. Worth a call before a long list of states.
+    /// Validates the inputs that do not depend on q and qd: contact point, normal and joint model. Useful before a loop over
+    /// many states.
     ///
     /// # Errors
-    /// [`SimError`]: a point that no joint moves, or only locked ones; a normal without direction; joints that can't be locked
-    /// or resist so.
+    /// [`SimError::Incomplete`], [`SimError::FixedPoint`], [`SimError::Locked`] if all joints that move the point are locked,
+    /// [`SimError::Chain`] for a normal that is zero or an invalid joint, [`SimError::Setting`] for invalid impedances.
     pub fn check(&self) -> Result<(), SimError> {
         self.checked().map(|_| ())
     }
@@ -91,7 +93,7 @@ impl<'a> Strike<'a> {
             return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
         };
         let given = Vector3::from(normal);
-        // Scaled first, lest squares overflow or vanish.
+        // Scaled first, so that squares neither overflow nor underflow.
         let normal = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
         let Some(normal) = normal else {
             return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
@@ -110,10 +112,11 @@ impl<'a> Strike<'a> {
         Ok(Checked { frame, normal, added })
     }
 
-    /// Computes what all laws share.
+    /// Computes the contact: Jacobian, Delassus matrix and impact problem, which are the same for all laws.
     ///
     /// # Errors
-    /// [`SimError`]: what [`Strike::check`] says, a state that does not fit, a point that can't move along the normal.
+    /// As [`Strike::check`]; [`SimError::Chain`] for an invalid state; [`SimError::SingularNormal`] or [`SimError::Locked`] if
+    /// no (free) joint moves the contact point along the normal.
     pub fn contact(self) -> Result<Contact<'a>, SimError> {
         let Checked { frame, normal, added } = self.checked()?;
         self.chain.check_state(self.q, self.qd)?;
@@ -124,15 +127,15 @@ impl<'a> Strike<'a> {
         })
     }
 
-    /// The impact under one law.
+    /// Computes the impact with a law.
     ///
     /// # Errors
-    /// As [`Strike::contact`], and what the law refuses.
+    /// As [`Strike::contact`]; [`SimError::Impact`] for errors of the law.
     pub fn resolve(self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
         self.contact()?.resolve(law)
     }
 
-    /// Every impact that satisfies the law, see [`Law::branches`]; that of [`Strike::resolve`] first.
+    /// Computes all impacts that satisfy the law, see [`Law::branches`]. The first one is that of [`Strike::resolve`].
     ///
     /// # Errors
     /// As [`Strike::resolve`].
@@ -140,8 +143,8 @@ impl<'a> Strike<'a> {
         self.contact()?.branches(law)
     }
 
-    /// The impact under one law, with the derivatives of `qd_plus` by q, qd⁻, e and μ. The material point that touches and
-    /// the normal stay as they are.
+    /// Computes the impact with a law and the derivatives of `qd_plus` with respect to q, qd⁻, e and μ. The contact point is
+    /// fixed on its link and the normal is fixed in the world.
     ///
     /// ```
     /// # use carom_chain::uniform_chain;
@@ -152,19 +155,20 @@ impl<'a> Strike<'a> {
     /// let (q, qd) = ([0.3, 0.7], [-0.5, -1.0]);
     /// let law = Energetic { restitution: 0.5, friction: 0.3 };
     /// let derivative = arm.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]).derivative(&law)?;
-    /// // Twice the speed, twice the jump: qd⁺ is of first degree in qd⁻ (Euler).
+    /// // qd⁺ is homogeneous of degree one in qd⁻: ∂qd⁺/∂qd⁻ qd⁻ = qd⁺ (Euler's theorem).
     /// let by_speed = &derivative.qd * nalgebra::DVector::from_column_slice(&qd);
     /// assert!((by_speed - nalgebra::DVector::from_vec(derivative.hit.qd_plus)).amax() < 1e-12);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
     /// # Errors
-    /// As [`Strike::resolve`], and for a law from elsewhere.
+    /// As [`Strike::resolve`]; [`SimError::Impact`] for a user-defined law, which has no derivative;
+    /// [`SimError::DerivativeOfHeldJoints`].
     pub fn derivative(self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
         self.contact()?.derivative(law)
     }
 
-    /// Bounds of the outcome while e and μ lie in their ranges: see [`Contact::band`].
+    /// Bounds of the outcome while e and μ vary in ranges: see [`Contact::band`].
     ///
     /// # Errors
     /// As [`Strike::contact`] and [`Contact::band`].
@@ -172,11 +176,11 @@ impl<'a> Strike<'a> {
         self.contact()?.band(law, ranges)
     }
 
-    /// The saltation matrix of this impact with a plane at rest, for a chain that gravity (world, m/s²) alone moves before
-    /// and after: see [`saltation`](crate::saltation()).
+    /// The saltation matrix of this impact with a plane at rest, for a chain that moves freely under `gravity` (world axes,
+    /// m/s²) before and after it: see [`saltation`](crate::saltation()).
     ///
     /// # Errors
-    /// As [`Strike::derivative`]; a point that does not approach.
+    /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
     pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: [f64; 3]) -> Result<Saltation, SimError> {
         let contact = self.contact()?;
         let Contact { chain, q, qd, frame, offset, axes, .. } = contact;
@@ -190,16 +194,16 @@ impl<'a> Strike<'a> {
     }
 }
 
-/// What of a description holds whatever q and qd are.
+/// The validated inputs that do not depend on q and qd.
 struct Checked {
     frame: FrameId,
-    /// Of unit length.
+    /// Unit normal.
     normal: Vector3<f64>,
     /// Diagonal of W, if the drives act.
     added: Option<Vec<f64>>,
 }
 
-/// A contact at one state of a chain, ready for any law.
+/// A contact at one state of a chain, to which laws are applied.
 #[derive(Debug)]
 pub struct Contact<'a> {
     chain: &'a Chain,
@@ -246,12 +250,12 @@ impl<'a> Contact<'a> {
         Ok(Self { chain, q, qd, workspace, axes, jacobian, frame, offset, inertia, problem, added })
     }
 
-    /// The numbers that a law sees: contact axes, tangents first, normal last.
+    /// The impact problem, which is the input of the law: in contact axes, tangents first, normal last.
     pub fn problem(&self) -> &ImpactProblem<f64, 3> {
         &self.problem
     }
 
-    /// The inertia that the contact point feels, world axes.
+    /// Delassus matrix and effective mass at the contact point, world axes. Inertia of drives is included.
     pub fn inertia(&self) -> &ContactInertia {
         &self.inertia
     }
@@ -261,19 +265,19 @@ impl<'a> Contact<'a> {
         &self.jacobian
     }
 
-    /// The impact under one law.
+    /// Computes the impact with a law.
     ///
     /// # Errors
-    /// What the law refuses.
+    /// [`SimError::Impact`] for errors of the law.
     pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
         let outcome = law.resolve(&self.problem)?;
         self.carry(outcome)
     }
 
-    /// Every impact that satisfies the law, see [`Law::branches`]; that of [`Contact::resolve`] first.
+    /// Computes all impacts that satisfy the law, see [`Law::branches`]. The first one is that of [`Contact::resolve`].
     ///
     /// # Errors
-    /// What the law refuses.
+    /// [`SimError::Impact`] for errors of the law.
     pub fn branches(&mut self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
         let outcomes = law.branches(&self.problem)?;
         outcomes.into_iter().map(|outcome| self.carry(outcome)).collect()
@@ -288,7 +292,7 @@ impl<'a> Contact<'a> {
             let qd_plus = DVector::from_column_slice(&hit.qd_plus);
             let before = DVector::from_column_slice(qd);
             let jump = &qd_plus - &before;
-            // A locked joint gives what is missing in M Δq̇ = Jᵀp + j.
+            // The impulse of a locked joint follows from M Δq̇ = Jᵀp + j.
             let missing = workspace.update(chain, q)?.mass_matrix() * &jump - jacobian.transpose() * hit.impulse;
             let given = added.iter().enumerate();
             let given = given.map(|(k, w)| if w.is_finite() { -w * jump[k] } else { missing[k] });
@@ -298,14 +302,14 @@ impl<'a> Contact<'a> {
         Ok(hit)
     }
 
-    /// Between which bounds the outcome lies while e and μ lie in their ranges: see
-    /// [`ImpactProblem::band`](carom_impact::ImpactProblem::band) for where it is exact, and where sampled.
+    /// Bounds of the outcome while e and μ vary in ranges. [`ImpactProblem::band`](carom_impact::ImpactProblem::band)
+    /// documents for which problems the bounds are exact and for which they are sampled.
     ///
     /// # Errors
-    /// What the law refuses anywhere it is asked; a range that is not one; a law from elsewhere.
+    /// [`SimError::Impact`]: errors of the law at any of the coefficients, an invalid range, a user-defined law.
     pub fn band(&self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
         let Self { problem, axes, inertia, .. } = self;
-        // Rows over the impulse in contact axes: those of qd⁺, of u⁺ and of P itself.
+        // Linear functions of the impulse in contact axes: qd⁺ − qd⁻, u⁺ − u⁻ and the impulse in world axes.
         let joints = &inertia.response * axes;
         let velocity = axes * problem.delassus();
         let rows = joints.row_iter().map(|row| row.transpose());
@@ -326,10 +330,11 @@ impl<'a> Contact<'a> {
         })
     }
 
-    /// The impact under one law with its derivatives: see [`Strike::derivative`].
+    /// Computes the impact with a law and its derivatives: see [`Strike::derivative`].
     ///
     /// # Errors
-    /// What the law refuses; a law from elsewhere; joints that are held.
+    /// [`SimError::Impact`] for errors of the law and for a user-defined law, which has no derivative;
+    /// [`SimError::DerivativeOfHeldJoints`].
     pub fn derivative(&mut self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
         if self.added.is_some() {
             return Err(SimError::DerivativeOfHeldJoints);
@@ -345,8 +350,7 @@ impl<'a> Contact<'a> {
     }
 }
 
-/// A law's impulse, carried back into the joints: qd⁺ = qd⁻ + M⁻¹Jᵀp, where `response` is M⁻¹Jᵀ in world axes.
-/// The drives do nothing.
+/// Joint velocities from the impulse of a law: qd⁺ = qd⁻ + M⁻¹Jᵀp, where `response` is M⁻¹Jᵀ in world axes. Without drives.
 pub(crate) fn carry(
     outcome: ImpactOutcome<f64, 3>,
     axes: &Matrix3<f64>,
@@ -371,35 +375,35 @@ pub(crate) fn carry(
     })
 }
 
-/// What the drives do while the impact lasts: the inertia that the contact feels is M + W.
+/// The model of the joint drives during an impact. They add a diagonal inertia W to M:
 ///
 /// ```text
 /// (M + W)(q̇⁺ − q̇⁻) = Jᵀp,   j = −W (q̇⁺ − q̇⁻),   T⁺ − T⁻ = ½ p·(u⁻ + u⁺) + ½ j·(q̇⁻ + q̇⁺)
 /// ```
 ///
-/// A drive resists a *change* of its joint's rate: a joint that moves goes on as its controller has it. An impact law
-/// keeps its promises about energy for ½ p·(u⁻ + u⁺), which is the change of ½ q̇ᵀ(M + W)q̇; the drives' work comes
-/// on top, and may have either sign.
+/// A drive resists a *change* of the velocity of its joint; a moving joint that is locked keeps its velocity. The energy
+/// bounds of an impact law hold for the work of the contact impulse ½ p·(u⁻ + u⁺), which is the change of ½ q̇ᵀ(M + W)q̇. The
+/// work of the drives ½ j·(q̇⁻ + q̇⁺) is added to it and may have either sign.
 ///
-/// Measured impacts of an arm under stiff position control were found much nearer to the locked inertia than to the
-/// free one (arXiv:2202.12646).
+/// For an arm under stiff position control, measured impacts agree much better with the inertia of locked joints than with
+/// that of free joints (arXiv:2202.12646).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum JointModel<'a> {
-    /// Nothing: what a rigid impact in no time means, for a drive with finite force.
+    /// The drives have no effect (W = 0): the limit of an impact of zero duration for drives with finite force.
     #[default]
     Free,
-    /// These joints keep their rates, whatever it takes.
+    /// The joints with these names keep their velocities (W infinite).
     Locked(&'a [&'a str]),
-    /// All joints but floating ones keep their rates: with a floating base the robot is one rigid body.
+    /// All joints except floating ones keep their velocities. With a floating base the robot then is one rigid body.
     AllLocked,
-    /// Each drive is a spring and a damper about the motion before the impact, over a contact of some duration Δt:
-    /// `W = Δt (K Δt + D)`, from one implicit step of that length.
+    /// Impedance-weighted joints: each drive is a spring and a damper relative to the motion before the impact, acting during
+    /// a contact of duration Δt. `W = Δt (K Δt + D)`, from one implicit integration step of that length.
     Impedance {
-        /// K, one for each velocity coordinate, N m/rad or N/m; 0 for coordinates without a drive.
+        /// Stiffness K for each velocity coordinate, length nv, N m/rad or N/m; 0 for coordinates without a drive.
         stiffness: &'a [f64],
-        /// D, likewise, N m s/rad or N s/m.
+        /// Damping D for each velocity coordinate, length nv, N m s/rad or N s/m.
         damping: &'a [f64],
-        /// Δt, s.
+        /// Duration Δt of the contact, above 0 s.
         contact_time: f64,
     },
 }
@@ -437,17 +441,17 @@ impl JointModel<'_> {
                 chain.check_v("damping", damping)?;
                 let not = |what, value, rule| Err(SimError::Setting { what, value, rule });
                 if !(contact_time > 0.0 && contact_time.is_finite()) {
-                    return not("the contact time", contact_time, "it is a finite number of seconds above 0");
+                    return not("the contact time", contact_time, "it must be finite and above 0 s");
                 }
                 for (k, sum) in added.iter_mut().enumerate() {
                     for (what, value) in [("a joint's stiffness", stiffness[k]), ("a joint's damping", damping[k])] {
                         if value < 0.0 {
-                            return not(what, value, "a drive resists, so it is 0 or more");
+                            return not(what, value, "it must be 0 or more");
                         }
                     }
                     *sum = contact_time * (stiffness[k] * contact_time + damping[k]);
                     if !sum.is_finite() {
-                        return not("the inertia Δt (K Δt + D)", *sum, "it must be finite: lock the joint instead");
+                        return not("the inertia Δt (K Δt + D)", *sum, "it must be finite; lock the joint instead");
                     }
                 }
             }
@@ -456,25 +460,26 @@ impl JointModel<'_> {
     }
 }
 
-/// Lowest and highest outcomes over ranges of the coefficients. Each bound is reached, but not all of them at once.
+/// Bounds [minimum, maximum] of an impact over ranges of the coefficients. Each bound is attained, but in general not all
+/// of them for the same coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImpactBand {
-    /// Of each joint velocity after the impact.
+    /// Bounds of each joint velocity after the impact, rad/s or m/s.
     pub qd_plus: Vec<[f64; 2]>,
-    /// Of the velocity of the contact point after, world axes, m/s.
+    /// Bounds of the velocity of the contact point after the impact, world axes, m/s.
     pub u_plus: [[f64; 2]; 3],
-    /// Of the impulse on the robot, world axes, N s.
+    /// Bounds of the impulse on the robot, world axes, N s.
     pub impulse: [[f64; 2]; 3],
-    /// Proved up to rounding; `false`: sampled, and possibly too narrow.
+    /// `true`: the bounds are exact up to rounding. `false`: they are sampled and may be too narrow.
     pub exact: bool,
-    /// How many impacts were resolved for it.
+    /// Number of impacts computed.
     pub evaluations: usize,
 }
 
-/// What an impact does to a chain.
+/// The result of an impact of a chain.
 #[derive(Debug, Clone)]
 pub struct ChainImpact {
-    /// Joint velocities after the impact.
+    /// Joint velocities after the impact, length nv; rad/s, m/s.
     pub qd_plus: Vec<f64>,
     /// Impulse on the robot, world axes, N s.
     pub impulse: Vector3<f64>,
@@ -486,16 +491,16 @@ pub struct ChainImpact {
     pub energy_before: f64,
     /// Kinetic energy of the whole chain after, J, from `qd_plus`: `energy_before + ½ p·(u⁻ + u⁺) + drive_work`.
     pub energy_after: f64,
-    /// Impulse that the drives gave each joint, N m s or N s; zeros where they do nothing ([`JointModel::Free`]).
+    /// Impulse of the drives on each joint, length nv, N m s or N s; zeros with [`JointModel::Free`].
     pub drive_impulse: Vec<f64>,
     /// Work of that impulse, J.
     pub drive_work: f64,
-    /// How the contact ended.
+    /// Contact mode at the end of the impact: no impact, stick, slip or reverse slip.
     pub mode: Mode,
-    /// What to beware of.
+    /// Notes about the result, for instance an energy gain.
     pub flags: Flags,
-    /// The outcome in contact axes: work, realised coefficients, phases. Its energies are those of the inertia that the
-    /// contact felt, drives included.
+    /// The outcome of the law in contact axes: work, realised coefficients, phases. Its energies include the inertia W of the
+    /// drives.
     pub contact: ImpactOutcome<f64, 3>,
 }
 

@@ -1,13 +1,13 @@
-//! What may come together: a link's shape with a surface or with another link's, or a joint with its limit. Each has a gap,
-//! and the gap closes at the rate of the joint velocities times one row: to the event loop they are alike.
+//! Touches: the possible contacts of a chain. A touch is a pair of a link's shape and a surface, a pair of shapes of two
+//! links, or a joint limit. The event loop treats all of them as a gap and a row whose product with qd is its rate.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | g, ġ | 1 | gap (> 0 open) and its rate | `gap`, `rate` |
 //! | j | nv | ġ = j·qd − n·ṡ | `row` |
-//! | s | 3 | displacement of a surface that moves | [`Oscillation`] |
-//! | u | 3 | velocity of the touching point over the surface, J qd − ṡ | `u` |
-//! | J | 3×nv | of the touching point; between two links, of the first's less that of the second's | `jacobian` |
+//! | s | 3 | displacement of a moving surface | [`Oscillation`] |
+//! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
+//! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
 use crate::compliance::Compliance;
 use crate::error::SimError;
@@ -20,23 +20,23 @@ use carom_contact::{
 use carom_impact::LAW_NAMES;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-/// The law of a contact.
+/// The law and the coefficients of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactRule {
     /// Name of the impact law, one of [`carom_impact::LAW_NAMES`].
     pub law: &'static str,
-    /// Its coefficient of restitution.
+    /// Coefficient of restitution in the sense of the law, from 0 to 1.
     pub restitution: f64,
-    /// Coefficient of friction, of impacts and of lasting contact.
+    /// Coulomb's coefficient of friction, of impacts and of lasting contacts.
     pub friction: f64,
-    /// What touches is held from then on: a latch, a grasp. The impact takes all of the velocity out.
+    /// A latch: the first contact stops the contact point, and holds it from then on.
     pub latch: bool,
-    /// A contact that gives way: it has a duration and a force. `None`: rigid.
+    /// The parameters of a compliant contact, which has a force during a finite time. `None`: a rigid contact.
     pub compliance: Option<Compliance>,
 }
 
 impl Default for ContactRule {
-    /// Frictionless, and no rebound.
+    /// A rigid frictionless contact with zero restitution.
     fn default() -> Self {
         Self { law: LAW_NAMES[0], restitution: 0.0, friction: 0.0, latch: false, compliance: None }
     }
@@ -60,10 +60,10 @@ impl ContactRule {
     }
 }
 
-/// Harmonic motion of a surface: displaced by `amplitude · sin(ω t + phase)`.
+/// Harmonic motion of a surface: the displacement `amplitude · sin(ω t + phase)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oscillation {
-    /// Direction and size, world, m.
+    /// Direction and size, world axes, m.
     pub amplitude: Vector3<f64>,
     /// Angular frequency ω, rad/s.
     pub frequency: f64,
@@ -72,7 +72,7 @@ pub struct Oscillation {
 }
 
 impl Oscillation {
-    /// s, ṡ, s̈ at a time.
+    /// Displacement (m), velocity (m/s) and acceleration (m/s²) at a time (s), world axes.
     pub fn at(&self, time: f64) -> [Vector3<f64>; 3] {
         let Self { amplitude, frequency, phase } = *self;
         let (sin, cos) = (frequency * time + phase).sin_cos();
@@ -80,53 +80,53 @@ impl Oscillation {
     }
 }
 
-/// A surface of the surroundings.
+/// A surface of the environment.
 #[derive(Debug, Clone)]
 pub struct Surface {
-    /// What people call it.
+    /// Its name.
     pub name: String,
-    /// Its form and place.
+    /// Its shape and pose.
     pub obstacle: Obstacle,
-    /// What happens where it is touched.
+    /// Law and coefficients of contacts with it.
     pub contact: ContactRule,
-    /// How it moves, if it does.
+    /// Its motion; `None`: at rest.
     pub motion: Option<Oscillation>,
 }
 
-/// A pair that may touch.
+/// A possible contact: a pair of shapes, or a joint limit.
 #[derive(Debug, Clone)]
 pub struct Touch {
-    /// What people call it: `tip on surface 1`, `upper limit of elbow`.
+    /// Its name, for instance `tip on surface 1` or `upper limit of elbow`.
     pub name: String,
-    /// What happens when it does.
+    /// Its law and coefficients.
     pub contact: ContactRule,
     pub(crate) kind: TouchKind,
-    /// Name of the surface, or of the other link; of a limit, none.
+    /// Name of the surface, or of the other link; `None` for a limit.
     pub(crate) surface: Option<String>,
     pub(crate) motion: Option<Oscillation>,
 }
 
 #[derive(Debug, Clone)]
 pub(crate) enum TouchKind {
-    /// A ball (a corner is one of radius 0) that a link carries, before a plane.
+    /// A ball on a link (a corner is a ball of radius 0), and a half-space.
     Ball { shape: Box<LinkShape>, centre: Vector3<f64>, radius: f64, point: Vector3<f64>, normal: Vector3<f64> },
     /// Any other pair of a shape and an obstacle, at its nearest points.
     Pair { shape: Box<LinkShape>, obstacle: Box<Obstacle> },
     /// Shapes of two links, at their nearest points.
     Links { shape: Box<LinkShape>, other: Box<LinkShape> },
-    /// A joint's limit.
+    /// A joint limit.
     Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
 }
 
-/// Hulls with more vertices than this are watched at their lowest point only.
+/// For hulls with more vertices than this only the vertex nearest to a half-space is a contact.
 const MANY_CORNERS: usize = 32;
 
-/// The pairs that may touch, and those that can't, each with its reason.
+/// The possible contacts, and the pairs that cannot touch, each with its reason.
 #[derive(Debug, Clone, Default)]
 pub struct Touches {
-    /// What may touch.
+    /// The possible contacts.
     pub touches: Vec<Touch>,
-    /// What can't: name and reason.
+    /// The pairs that cannot touch: name and reason.
     pub left_out: Vec<(String, LeftOut)>,
 }
 
@@ -134,15 +134,15 @@ pub struct Touches {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct At<A: Space> {
     pub gap: f64,
-    /// Touching point on the robot, and unit normal from the environment to the robot, world (surfaces only).
+    /// Contact point on the robot, and unit normal from the environment to the robot, world; `None` for joint limits.
     pub surface: Option<Place<A>>,
 }
 
-/// Where a surface is touched.
+/// Contact point and normal of a touch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Place<A: Space> {
     pub point: Point<A>,
-    /// The other link's touching point, where two links touch.
+    /// The contact point of the second link of a pair.
     pub against: Option<Point<A>>,
     pub position: Vector3<f64>,
     pub normal: Vector3<f64>,
@@ -176,7 +176,7 @@ impl<A: Space> Place<A> {
         })
     }
 
-    /// What the contact feels; `None` if no joint moves it along its normal.
+    /// Delassus matrix and response; `None` if no joint moves the contact point along the normal.
     pub fn inertia(&self, view: &mut View<A>) -> Result<Option<Felt>, SimError> {
         if self.against.is_none() {
             return view.inertia(self.point, self.normal);
@@ -184,7 +184,7 @@ impl<A: Space> Place<A> {
         let jacobian = self.jacobian(view);
         let response = responses(view, &jacobian)?;
         let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        // Each row of J is a difference of two: what they have in common leaves rounding.
+        // Each row of J is a difference, in which common parts cancel up to rounding.
         let apart = view.jacobian(self.point);
         let most = (&apart * responses(view, &apart)?).trace();
         let along = self.normal.dot(&(delassus * self.normal));
@@ -192,30 +192,31 @@ impl<A: Space> Place<A> {
     }
 }
 
-/// A ball before a plane, with all done in advance that no motion changes: g = n·x + h − r − n·s. The touching point is always
-/// the one below the centre x, and ω × (its arm) has no part along n: so ġ = n·(ẋ − ṡ).
+/// A ball and a half-space with precomputed constants: g = n·x + h − r − n·s for the centre x. The contact point is the one
+/// below the centre; ω × its arm has no component along n, so ġ = n·(ẋ − ṡ).
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BallOnPlane<A: Space> {
     /// The centre.
     centre: Point<A>,
-    /// n as the chain's algebra sees it.
+    /// n in the algebra of the chain.
     normal: A::Vector,
-    /// h: what else the centre's height over the plane has.
+    /// h: the constant part of the height of the centre over the plane.
     height: f64,
-    /// r: apart from h, lest its rounding be that of h.
+    /// r: stored apart from h, so that it is not rounded with h.
     radius: f64,
 }
 
-/// An inverse mass below this share of the others is rounding.
+/// An inverse mass below this share of the largest is rounding.
 const STUCK: f64 = 1e-13;
 
 impl Touch {
-    /// Every shape of one link with every shape of another, by their names.
+    /// The pairs of every collision shape of one link with every one of another link.
     ///
-    /// Two links touch only where this is asked for: neighbours on a chain often overlap at their joint.
+    /// Contacts between links are not created automatically, as neighbouring links often overlap at their joint.
     ///
     /// # Errors
-    /// A link that does not exist or has no collision shape; one link twice; a mesh that can't be used.
+    /// [`SimError::Chain`] for an unknown link; [`SimError::LinkPair`] for a link without collision shape or a link paired with
+    /// itself; [`SimError::Shape`] for an invalid mesh.
     pub fn between(chain: &Chain, link: &str, other: &str, contact: ContactRule) -> Result<Vec<Self>, SimError> {
         let shapes = link_shapes(chain)?;
         let of = |name: &str| {
@@ -243,16 +244,17 @@ impl Touch {
         Ok(pairs.map(touch).collect())
     }
 
-    /// Every shape of a link with every surface that it can reach at some pose, and every joint limit, whose Newton's
-    /// coefficient is `limit_restitution`. What is out of reach is left out, and exactly.
+    /// The pairs of every collision shape with every surface that it can reach at some configuration, and all joint limits,
+    /// with Newton's coefficient of restitution `limit_restitution`. Pairs that are out of reach at every configuration are
+    /// left out, which does not change the motion. Moving surfaces are always included.
     ///
-    /// Before a half-space every corner, ball or capsule end is a touch of its own.
+    /// With a half-space, each corner, ball and capsule end is a touch of its own.
     ///
     /// # Errors
-    /// A mesh that can't be used.
+    /// [`SimError::Shape`] for an invalid mesh.
     pub fn all(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Touches, SimError> {
         let shapes = link_shapes(chain)?;
-        // What moves, moves by no more than its amplitude; it is not worth a reach of its own.
+        // The reach of moving surfaces is not computed.
         let (moving, still): (Vec<_>, Vec<_>) = surfaces.iter().partition(|surface| surface.motion.is_some());
         let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
         let found = reachable_pairs(chain, &shapes, &obstacles);
@@ -270,10 +272,10 @@ impl Touch {
         Ok(Touches { touches, left_out })
     }
 
-    /// Every shape with every surface, whether it can get there or not, and every joint limit.
+    /// The pairs of every collision shape with every surface, including those out of reach, and all joint limits.
     ///
     /// # Errors
-    /// A mesh that can't be used.
+    /// [`SimError::Shape`] for an invalid mesh.
     pub fn every(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Vec<Self>, SimError> {
         let mut touches = Vec::new();
         for shape in &link_shapes(chain)? {
@@ -322,7 +324,7 @@ impl Touch {
         touches
     }
 
-    /// The link that touches; `None` for a limit.
+    /// Name of the link; `None` for a limit.
     pub fn link(&self) -> Option<&str> {
         match &self.kind {
             TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } | TouchKind::Links { shape, .. } => {
@@ -332,7 +334,7 @@ impl Touch {
         }
     }
 
-    /// The other link, where two links touch.
+    /// Name of the second link of a pair of links.
     pub fn other_link(&self) -> Option<&str> {
         match &self.kind {
             TouchKind::Links { other, .. } => Some(other.link()),
@@ -340,12 +342,12 @@ impl Touch {
         }
     }
 
-    /// The surface, or the other link, that is touched; `None` for a limit.
+    /// Name of the surface, or of the second link of a pair of links; `None` for a limit.
     pub fn surface(&self) -> Option<&str> {
         self.surface.as_deref()
     }
 
-    /// The joint whose limit this is.
+    /// Name of the joint of a joint limit.
     pub fn limit_of(&self) -> Option<&str> {
         match &self.kind {
             TouchKind::Limit { joint, .. } => Some(joint),
@@ -353,7 +355,7 @@ impl Touch {
         }
     }
 
-    /// How many points of this pair can touch at once: one, but where faces and edges may lie on each other.
+    /// Whether this pair can touch at one point only. Pairs with faces or edges can touch at several points.
     pub(crate) fn is_point(&self) -> bool {
         let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
         match &self.kind {
@@ -370,7 +372,7 @@ impl Touch {
         self.motion.map_or([Vector3::zeros(); 3], |motion| motion.at(time))
     }
 
-    /// The pose of a link's frame as the surface sees it.
+    /// The pose of a link frame relative to the displaced surface.
     fn seen<A: Space>(
         &self,
         view: &View<A>,
@@ -382,7 +384,7 @@ impl Touch {
         pose
     }
 
-    /// Gap and place at a state.
+    /// Gap, contact point and normal at a state.
     pub(crate) fn at<A: Space>(&self, view: &View<A>, q: &[f64], time: f64) -> At<A> {
         let [shift, ..] = self.shift(time);
         match &self.kind {
@@ -418,7 +420,7 @@ impl Touch {
         }
     }
 
-    /// What can be done in advance for [`Touch::look`]; `None` for all but balls on planes.
+    /// The precomputed constants for [`Touch::look`]; `None` for other pairs than a ball and a half-space.
     pub(crate) fn ball_on_plane<A: Space>(&self, model: &A::Model) -> Option<BallOnPlane<A>> {
         let TouchKind::Ball { shape, centre, radius, point, normal } = &self.kind else { return None };
         let (centre, beside) = A::material_point(model, shape.frame(), *centre);
@@ -508,10 +510,10 @@ impl Touch {
         }
     }
 
-    /// (g̈, u̇) while no joint accelerates, in closed form; `None` where only differences help.
+    /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences.
     ///
-    /// The centre c of a ball on a plane has g̈ = n·(c̈ − s̈). The touching point is always the one below the centre, so
-    /// its u̇ leaves out ω × (ω × r), what the point that touches now would do when it has turned away; r = −n radius.
+    /// For a ball on a plane with centre c, g̈ = n·(c̈ − s̈). The contact point stays below the centre, so u̇ is without the
+    /// term ω × (ω × r) of the material point, r = −n radius.
     pub(crate) fn drift<A: Space>(
         &self,
         at: &At<A>,

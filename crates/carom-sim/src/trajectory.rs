@@ -1,55 +1,56 @@
-//! What a simulation tells: events with both sides of their jump, the motion between them, why it stopped, what it cost,
-//! the energy's books.
+//! The results of a simulation: events with the states before and after, the motion between them, the reason for the end,
+//! solver statistics and the energy balance.
 
 use crate::strike::ChainImpact;
 use carom_chain::Chain;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// The chain at one time.
+/// The state of the chain at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moment {
     /// Time, s.
     pub time: f64,
-    /// Configuration.
+    /// Configuration, length nq; rad, m, quaternion (x, y, z, w).
     pub q: Vec<f64>,
-    /// Joint velocities.
+    /// Joint velocities, length nv; rad/s, m/s.
     pub qd: Vec<f64>,
 }
 
-/// How the chain meets its surroundings.
+/// The contact mode of the chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ContactMode {
-    /// Nothing touches.
+    /// No lasting contact.
     Free,
-    /// It touches and slides.
+    /// A lasting contact that slides.
     Sliding {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
-    /// It touches and sticks.
+    /// A lasting contact that sticks.
     Sticking {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
-    /// A latch holds it.
+    /// A contact held by a latch.
     Latched {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
-    /// A compliant contact presses.
+    /// A compliant contact with a positive penetration.
     Pressing {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
-        /// Its damping a, s/m, from the speed of its approach.
+        /// Damping of its normal force, from the approach velocity: a in s/m for Hunt & Crossley, c in N s/m for Kelvin &
+        /// Voigt, 0 for Walton & Braun.
         damping: f64,
     },
-    /// Several contacts at once, by time stepping.
+    /// Several contacts at the same time, computed by time stepping.
     Several,
 }
 
 impl ContactMode {
-    /// `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
+    /// Name of the mode: `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
@@ -61,7 +62,7 @@ impl ContactMode {
         }
     }
 
-    /// The one touch that touches.
+    /// Index of the active contact, if exactly one.
     pub fn touch(self) -> Option<usize> {
         match self {
             Self::Free | Self::Several => None,
@@ -73,30 +74,30 @@ impl ContactMode {
     }
 }
 
-/// What happened.
+/// The kind of an event.
 #[derive(Debug, Clone)]
 pub enum EventKind {
-    /// A touch came together with a normal velocity: an impact.
+    /// An impact at a single contact.
     Impact {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
-        /// The impact, in full.
+        /// The result of the impact.
         hit: Box<ChainImpact>,
     },
-    /// Several touches came together at once, or one while another lasted: Newton's restitution and Coulomb's cone for
-    /// all of them in one problem.
+    /// An impact at several contacts, or at one while another lasts: one problem for all of them, solved by
+    /// [`Simulation::several`](crate::Simulation::several).
     Several {
         /// Indices in [`Simulation::touches`](crate::Simulation::touches).
         touches: Vec<usize>,
-        /// What the solver left of the conditions, relative to the velocities.
+        /// Residual of the contact conditions, relative to the velocities.
         residual: f64,
     },
-    /// A touch came together and is held from now on.
+    /// An impact at a latch, which holds the contact from now on.
     Latch {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
-    /// A joint ran into its limit: an impact of its own.
+    /// An impact of a joint at its limit.
     Limit {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
@@ -105,37 +106,38 @@ pub enum EventKind {
         /// Impulse on the joint, N m s or N s.
         impulse: f64,
     },
-    /// Infinitely many impacts in a finite time, gone through by the accumulation formula.
+    /// Zeno accumulation: infinitely many impacts in a finite time, replaced by their limit.
     Zeno {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
-        /// How many impacts of the touch were computed one by one before.
+        /// Number of impacts of the touch that were computed before.
         impacts: usize,
     },
-    /// Sustained contact begins, or changes between sliding and sticking.
+    /// Change of the contact mode: a lasting contact begins, or changes between sliding and sticking.
     Mode {
-        /// The mode from now on.
+        /// The new mode.
         mode: ContactMode,
     },
-    /// A sustained contact opens.
+    /// A lasting contact opens.
     LiftOff {
         /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
         touch: usize,
     },
-    /// The dry friction of a joint stops it, or lets it go.
+    /// A joint with dry friction begins to stick or to slip.
     Joint {
         /// Name of the joint.
         joint: String,
-        /// It is held from now on.
+        /// `true`: it sticks from now on; `false`: it slips.
         holds: bool,
     },
-    /// Nothing moves any more, and nothing will.
+    /// The chain is at rest and stays at rest to the end.
     Rest,
 }
 
 impl EventKind {
-    /// `impact`, `several`, `latch`, `limit`, `zeno`, `free`, `sliding`, `sticking`, `latched`, `pressing`, `lift-off`, `joint-stops`,
-    /// `joint-moves` or `rest`; of modes their own name, with `stepping` for several contacts.
+    /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves` or `rest`.
+    /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`), and `stepping` for
+    /// [`ContactMode::Several`].
     pub fn name(&self) -> &'static str {
         match self {
             Self::Impact { .. } => "impact",
@@ -152,7 +154,7 @@ impl EventKind {
         }
     }
 
-    /// The touch it concerns.
+    /// Index of the touch, if the event belongs to exactly one.
     pub fn touch(&self) -> Option<usize> {
         match self {
             Self::Impact { touch, .. }
@@ -166,36 +168,36 @@ impl EventKind {
     }
 }
 
-/// An event with the states on both of its sides.
+/// An event with the states before and after it.
 #[derive(Debug, Clone)]
 pub struct Event {
     /// Time, s.
     pub time: f64,
-    /// What happened.
+    /// The kind of the event.
     pub kind: EventKind,
-    /// Configuration, the same on both sides.
+    /// Configuration, length nq; the same before and after.
     pub q: Vec<f64>,
-    /// Joint velocities before.
+    /// Joint velocities before the event, length nv; rad/s, m/s.
     pub qd_minus: Vec<f64>,
-    /// Joint velocities after.
+    /// Joint velocities after the event, length nv; rad/s, m/s.
     pub qd_plus: Vec<f64>,
-    /// Where impulses acted.
+    /// The contact impulses; empty for joint limits and for events without impulses.
     pub blows: Vec<Blow>,
 }
 
-/// One impulse on the robot.
+/// A contact impulse on the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Blow {
     /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
     pub touch: usize,
-    /// Where it acts, world, m.
+    /// Contact point, world axes, m.
     pub point: Vector3<f64>,
-    /// The impulse, world, N s.
+    /// Impulse on the robot, world axes, N s.
     pub impulse: Vector3<f64>,
 }
 
-/// The motion between two times, with its dense output: q and qd at Chebyshev's points, between which the polynomial
-/// through them is the integrator's own (seventh degree).
+/// The motion between two times as dense output: q and qd at Chebyshev points. Interpolation between them gives the
+/// polynomial of the integrator (of degree seven).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Segment {
     /// First time, s.
@@ -207,7 +209,7 @@ pub struct Segment {
 }
 
 impl Segment {
-    /// How many points the integrator's polynomial needs.
+    /// Number of points that determine the polynomial of the integrator.
     pub(crate) const POINTS: usize = 8;
 
     pub(crate) fn times(start: f64, end: f64, points: usize) -> impl Iterator<Item = f64> {
@@ -215,7 +217,7 @@ impl Segment {
         (0..points).map(move |k| start + (end - start) * 0.5 * (1.0 - (PI * k as f64 / last).cos()))
     }
 
-    /// (q, qd) at a time: barycentric interpolation.
+    /// (q, qd) at a time between `start` and `end`, by barycentric interpolation.
     pub fn at(&self, time: f64) -> Vec<f64> {
         let n = self.states.len();
         let (mut above, mut below) = (vec![0.0; self.states[0].len()], 0.0);
@@ -223,7 +225,7 @@ impl Segment {
             if time == node {
                 return state.clone();
             }
-            // Weights of Chebyshev's points of the second kind: alternating, halved at the ends.
+            // Barycentric weights of Chebyshev points of the second kind: alternating signs, halved at the ends.
             let half = if k == 0 || k == n - 1 { 0.5 } else { 1.0 };
             let weight = half * if k % 2 == 0 { 1.0 } else { -1.0 } / (time - node);
             below += weight;
@@ -234,37 +236,37 @@ impl Segment {
     }
 }
 
-/// What a run hands out while it goes on.
+/// Output of a run, passed to the callback of [`Simulation::stream`](crate::Simulation::stream).
 #[derive(Debug)]
 pub enum Seen<'a> {
-    /// The chain at a sampled time. At the time of an event it is the state before it.
+    /// The state at a sampled time; at the time of an event, the state before it.
     Moment(&'a Moment),
-    /// What happened.
+    /// An event.
     Event(&'a Event),
-    /// The motion since the last segment, or since an event.
+    /// The motion since the last segment or event.
     Segment(&'a Segment),
 }
 
-/// What a run hands out besides its events.
+/// The output of a run in addition to its events.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Sampling {
-    /// Seconds between moments; `None` for none.
+    /// Time between moments, s; `None`: no moments.
     pub every: Option<f64>,
-    /// Hand out segments.
+    /// Whether to output segments.
     pub dense: bool,
 }
 
-/// Why a simulation ended.
+/// The reason for the end of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum StopReason {
-    /// The asked duration is over.
+    /// The requested duration was reached.
     Duration,
-    /// The number of events reached its bound.
+    /// The maximal number of events was reached.
     Events,
 }
 
 impl StopReason {
-    /// `duration` or `events`.
+    /// Name of the reason: `duration` or `events`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Duration => "duration",
@@ -273,83 +275,83 @@ impl StopReason {
     }
 }
 
-/// What it cost.
+/// Statistics of the solvers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Statistics {
-    /// Accepted steps.
+    /// Accepted integration steps.
     pub steps: usize,
-    /// Rejected steps.
+    /// Rejected integration steps.
     pub rejections: usize,
     /// Evaluations of the equation of motion.
     pub evaluations: usize,
-    /// Repeated steps to an event's exact time.
+    /// Steps repeated to reach the exact time of an event.
     pub refinements: usize,
-    /// Fixed steps with several contacts at once.
+    /// Time steps of fixed length with several contacts.
     pub contact_steps: usize,
-    /// The worst residual of a problem with several contacts, relative to its velocities.
+    /// Largest residual of the problems with several contacts, relative to their velocities.
     pub worst_residual: f64,
-    /// Impacts whose friction was left out.
+    /// Number of impacts whose friction was neglected.
     pub neglected: usize,
-    /// The greatest bound among them: by how much the velocity of the touching point may be off, as a share of what it
-    /// was before.
+    /// Largest bound on the error of these impacts: change of the velocity of the contact point, relative to its velocity
+    /// before the impact.
     pub neglected_bound: f64,
-    /// The greatest depth of compliant contacts that were taken for rigid, m.
+    /// Largest penetration of compliant contacts that were treated as rigid, m.
     pub neglected_depth: f64,
 }
 
-/// Kinetic plus potential energy, and where it went, J: `end = start + drive + resistance − impacts`, but for the error of
-/// the integration.
+/// The energy balance of a run, J: `end = start + drive + resistance − impacts`, up to the error of the integration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EnergyBooks {
-    /// At the start.
+    /// Kinetic plus potential energy at the start.
     pub start: f64,
-    /// At the end.
+    /// Kinetic plus potential energy at the end.
     pub end: f64,
     /// Work of the motors.
     pub drive: f64,
-    /// Work of damping, dry friction and lasting contacts: negative, but for surfaces that move.
+    /// Work of damping, dry friction and lasting contacts: not positive, except with moving surfaces.
     pub resistance: f64,
-    /// Lost in impacts (negative: gained), and in steps with several contacts.
+    /// Energy lost in impacts and in time steps with several contacts (negative: gained).
     pub impacts: f64,
 }
 
 impl EnergyBooks {
-    /// What the books miss: the error of the integration, seen from the energy.
+    /// The residual of the balance, J, which measures the error of the integration.
     pub fn error(&self) -> f64 {
         self.end - (self.start + self.drive + self.resistance - self.impacts)
     }
 }
 
-/// How a run ended.
+/// The summary of a run.
 #[derive(Debug, Clone)]
 pub struct Summary {
-    /// The last moment.
+    /// State at the end.
     pub last: Moment,
-    /// The mode at the end.
+    /// Contact mode at the end.
     pub mode: ContactMode,
-    /// Why it ended.
+    /// Reason for the end.
     pub stop: StopReason,
-    /// How many events there were.
+    /// Number of events.
     pub events: usize,
-    /// What it cost.
+    /// Statistics of the solvers.
     pub statistics: Statistics,
-    /// The energy's books.
+    /// Energy balance.
     pub energy: EnergyBooks,
 }
 
-/// A whole run, kept.
+/// A whole run with its events and its motion.
 #[derive(Debug, Clone)]
 pub struct Trajectory {
-    /// In the order of time.
+    /// The events in the order of time.
     pub events: Vec<Event>,
     /// The motion between events.
     pub segments: Vec<Segment>,
-    /// How it ended.
+    /// The summary of the run.
     pub summary: Summary,
 }
 
 impl Trajectory {
-    /// The chain at a time; after an event where the time is that of one, at the first or last moment outside.
+    /// The state at a time, s. At the time of an event it is the state after the event; for times outside the run it is the
+    /// first or the last state.
     pub fn at(&self, chain: &Chain, time: f64) -> Moment {
         let later = self.segments.partition_point(|segment| segment.start <= time);
         let Some(segment) = self.segments.get(later.saturating_sub(1)) else { return self.summary.last.clone() };

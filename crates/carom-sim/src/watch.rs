@@ -1,4 +1,4 @@
-//! A motion as the integrator of a leg sees it: the rate of its state, and the witnesses whose zeros end its mode of contact.
+//! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use crate::error::SimError;
 use crate::held::Held;
@@ -10,28 +10,29 @@ use crate::touch::BallOnPlane;
 use crate::trajectory::ContactMode;
 use nalgebra::Vector3;
 
-/// What a witness watches.
+/// The kinds of witness functions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Watch {
+    /// The gap of a touch closes.
     Gap(usize),
-    /// The contact would have to pull.
+    /// The normal force becomes negative.
     NormalForce,
-    /// Slip comes to rest.
+    /// The slip velocity becomes zero.
     SlipStops,
-    /// Friction no longer holds.
+    /// The contact force leaves the friction cone.
     Cone,
-    /// A compliant contact comes out of its surface.
+    /// A compliant contact opens.
     Depth,
-    /// A compliant contact stops to yield.
+    /// A compliant contact changes from loading to unloading.
     Turns,
-    /// A joint braked by dry friction comes to rest (index into `dry`).
+    /// A joint with dry friction comes to rest (index into `dry`).
     JointStops(usize),
-    /// Dry friction no longer holds a joint.
+    /// The load of a joint exceeds its dry friction (index into `dry`).
     JointBreaksLoose(usize),
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// What ends the mode that it is in.
+    /// The witness functions of the present mode.
     fn watches(&self) -> Vec<Watch> {
         let sim = self.sim;
         let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch());
@@ -59,7 +60,7 @@ impl<A: Space> Motion<'_, A> {
 }
 
 impl Watch {
-    /// Whether it watches forces, not places and velocities.
+    /// Whether it depends on constraint forces, not only on positions and velocities.
     fn needs_forces(self) -> bool {
         matches!(self, Self::NormalForce | Self::Cone | Self::JointBreaksLoose(_))
     }
@@ -74,7 +75,7 @@ impl<A: Space> Flow for Motion<'_, A> {
         let (q, qd) = self.split(y);
         let (nq, nv) = (q.len(), qd.len());
         if nq == nv {
-            out[..nq].copy_from_slice(qd); // no joint floats
+            out[..nq].copy_from_slice(qd); // no floating joint
         } else {
             self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
         }
@@ -131,18 +132,18 @@ impl<A: Space> Flow for Motion<'_, A> {
     }
 }
 
-/// What a witness depends on beside the state: see [`Motion`].
+/// The inputs of the witness functions beside the state: see [`Motion`].
 struct Now<'a> {
     mode: ContactMode,
     slip: Vector3<f64>,
     dry: &'a [DryJoint],
     deepest: f64,
-    /// There where a witness needs forces.
+    /// Computed if a witness needs constraint forces.
     held: Option<&'a Held>,
 }
 
 impl Watch {
-    /// The witness at a state.
+    /// The value of the witness at a state.
     fn at<A: Space>(
         self,
         (sim, balls): (&Simulation, &[Option<BallOnPlane<A>>]),
@@ -164,8 +165,8 @@ impl Watch {
             }
             (Self::Turns, _) => {
                 let (gap, rate) = look(own)?;
-                // Above the deepest point so far it may go to and fro as it likes; and one that has just turned there
-                // doesn't do so again by the rounding of its rate.
+                // Only changes from loading to unloading deeper than the last one count. The comparison also keeps
+                // rounding of the rate from a second event at the same point.
                 Witness { value: if -gap > now.deepest { -rate } else { 0.0 }, rate: None }
             }
             (Self::SlipStops, _) => {
@@ -176,7 +177,7 @@ impl Watch {
             }
             (Self::JointStops(k), _) => {
                 let DryJoint { v, state, .. } = now.dry[k];
-                let Dry::Brakes(direction) = state else { unreachable!("it was listed as moving") };
+                let Dry::Brakes(direction) = state else { unreachable!("this witness is for slipping joints") };
                 Witness { value: qd[v] * direction, rate: None }
             }
             (Self::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
@@ -188,7 +189,7 @@ impl Watch {
             (Self::JointBreaksLoose(k), Some(held)) => {
                 Witness { value: now.dry[k].friction - held.joints[k].abs(), rate: None }
             }
-            (_, None) => unreachable!("forces are there when they are watched"),
+            (_, None) => unreachable!("constraint forces are computed for these witnesses"),
         })
     }
 }

@@ -7,7 +7,7 @@ pub use carom_impact as impact;
 pub use carom_record as record;
 pub use carom_sim as sim;
 pub use carom_study as study;
-/// Vectors and matrices of the public interface.
+/// The crate of the vectors and matrices in the public interface.
 pub use nalgebra;
 
 pub use carom_chain::{
@@ -19,7 +19,7 @@ pub use carom_impact::{
 };
 pub use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
 
-/// Everything a script needs: `use carom::prelude::*;`
+/// The names that most programs need: `use carom::prelude::*;`
 pub mod prelude {
     pub use crate::{
         Brach, Chain, ChainError, ChainImpact, ChatterjeeRuina, Energetic, FrameId, Frictionless, ImpactError,
@@ -28,7 +28,7 @@ pub mod prelude {
     };
 }
 
-/// The book's pages that have Rust in them: `cargo test --doc` compiles and runs it.
+/// The pages of the book with Rust code, which `cargo test --doc` compiles and runs.
 #[cfg(doctest)]
 mod book {
     #[doc = include_str!("../../../book/src/tutorial-first-impact.md")]

@@ -121,7 +121,7 @@ fn zero_normals_and_singular_directions_are_refused() {
         refused(
             strike("tip", normal, q),
             &format!(
-                "<stdin>:1: at this pose no joint moves 'tip' along the normal {unit} (singular direction): the structure would take the impact, and the impulse of any rigid law would be infinite; change the pose or the normal"
+                "<stdin>:1: at this pose no joint moves 'tip' along the normal {unit} (singular direction): the load would pass into the structure, and the impulse of any rigid law would be infinite; change the pose or the normal"
             ),
         );
     }
@@ -194,11 +194,11 @@ fn invalid_joint_models_are_refused() {
         ),
         (
             "--joint-stiffness 5 --contact-time 0",
-            "--contact-time: the contact time is 0: it is a finite number of seconds above 0",
+            "--contact-time: the contact time is 0: it must be finite and above 0 s",
         ),
         (
             "--joint-stiffness 1e300 --contact-time 1e10",
-            "--contact-time: the inertia Δt (K Δt + D) is inf: it must be finite: lock the joint instead",
+            "--contact-time: the inertia Δt (K Δt + D) is inf: it must be finite; lock the joint instead",
         ),
         (
             "--contact-time 0.01",

@@ -187,7 +187,7 @@ fn invalid_contact_rules_are_refused() {
             ("motion = { amplitude = [0.001, 0, 0] }", "line 7: missing field `frequency`"),
             (
                 "motion = { amplitude = [nan, 0, 0], frequency = 2 }",
-                "[[surface]] 'surface 1': motion has numbers that are not finite",
+                "[[surface]] 'surface 1': every number of motion must be finite",
             ),
             (
                 "motion = { amplitude = [0, 0], frequency = 2 }",
@@ -195,11 +195,11 @@ fn invalid_contact_rules_are_refused() {
             ),
             (
                 "[[surface]]\nname = \"surface 1\"\nshape = { sphere = { centre = [9, 0, 0], radius = 1 } }",
-                "[[surface]] name = \"surface 1\": two surfaces have it, rename one",
+                "[[surface]] name = \"surface 1\": two surfaces have this name, rename one",
             ),
         ],
     );
-    let kinds = "[[contact.pair]] names a link and/or a surface, or else a joint (for its limits)";
+    let kinds = "[[contact.pair]] needs link, surface or both, or else joint (for its limits)";
     desk.refuses_all(
         "#contact",
         &[
@@ -213,7 +213,7 @@ fn invalid_contact_rules_are_refused() {
             ),
             (
                 "links = [[\"tip\", \"link1\"], [\"link1\", \"tip\"]]",
-                "[contact] links = [\"link1\", \"tip\"]: the pair is there twice, leave one out",
+                "[contact] links = [\"link1\", \"tip\"]: the pair is listed twice, remove one",
             ),
             (
                 "links = [[\"tip\", \"base\"]]",
@@ -230,7 +230,7 @@ fn invalid_contact_rules_are_refused() {
             (&pair("joint = \"elbw\""), "[[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?"),
             (
                 &pair("joint = \"elbow\"\nfriction = 0.3"),
-                "[[contact.pair]] names a joint: its limits know restitution and latch only, leave law and friction out",
+                "[[contact.pair]] has joint: joint limits have restitution and latch only, remove law and friction",
             ),
             (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
             (
@@ -255,7 +255,7 @@ fn a_pair_that_cannot_touch_is_a_warning() {
     for (named, shown) in [("link = \"base\"", "link = \"base\""), ("joint = \"probe\"", "joint = \"probe\"")] {
         let scene = at("#contact", &format!("[[contact.pair]]\n{named}\nrestitution = 0.5"));
         let (_, said) = desk.told("simulate", &scene);
-        assert_eq!(said, format!("warning: s.toml: [[contact.pair]] {shown}: no such contact can happen here\n"));
+        assert_eq!(said, format!("warning: s.toml: [[contact.pair]] {shown}: applies to no contact of this scene\n"));
     }
 }
 
@@ -295,15 +295,21 @@ fn controllers_without_their_parameters_are_refused() {
                 "controller = \"pd\"\nkp = 1\nkd = 1\ntarget = [0]",
                 "target has 1 numbers, 2 are needed (shoulder, elbow)",
             ),
-            ("kp = 1", "[run] kp belongs to controller = \"pd\""),
-            ("torque_file = \"x.csv\"", "[run] torque_file belongs to controller = \"torque-file\""),
-            ("press = 1", "[run] press belongs to controller = \"transition\""),
+            ("kp = 1", "[run] kp is not read by the chosen controller: remove it or set controller = \"pd\""),
+            (
+                "torque_file = \"x.csv\"",
+                "[run] torque_file is not read by the chosen controller: remove it or set controller = \"torque-file\"",
+            ),
+            (
+                "press = 1",
+                "[run] press is not read by the chosen controller: remove it or set controller = \"transition\"",
+            ),
         ],
     );
     let boxed = shaped("box = { centre = [1.1364, 0, 0], size = [1, 1, 1] }");
     for (name, keys) in [("transition", "gain = 60".to_owned()), ("impact-invariant", format!("kp = 1\n{gains}"))] {
         let scene = boxed.replace("#run", &format!("controller = \"{name}\"\n{keys}"));
-        let why = "works at the first surface, which must be a halfspace";
+        let why = "refers to the first surface, which must be a halfspace";
         desk.refuses(&scene, &format!("[run] controller = \"{name}\" {why}"));
     }
 }
@@ -320,10 +326,10 @@ fn invalid_torque_files_are_refused_with_their_line() {
         ("time,a,b\n0,0,0\n1,x,1\n", &format!("line 3: {cells}")),
         ("0,x,0\n1,0,0\n", &format!("line 1: {cells}")),
         ("0,0,0\n1,nan,0\n", &format!("line 2: {cells}")),
-        ("0,0\n1,1\n", "line 1: 2 columns, 3 are needed: the time and 2 joint forces"),
-        ("0,0,0\n1,1,1,1\n", "line 2: 4 columns, 3 are needed: the time and 2 joint forces"),
-        ("0,0,0\n2,0,0\n1,0,0\n", "line 3: time 1 does not come after the one above: times ascend"),
-        ("0,0,0\n0,1,1\n", "line 2: time 0 does not come after the one above: times ascend"),
+        ("0,0\n1,1\n", "line 1: 2 columns, but 3 are needed: the time and 2 joint forces"),
+        ("0,0,0\n1,1,1,1\n", "line 2: 4 columns, but 3 are needed: the time and 2 joint forces"),
+        ("0,0,0\n2,0,0\n1,0,0\n", "line 3: time 1 is not above that of the previous row: times must ascend"),
+        ("0,0,0\n0,1,1\n", "line 2: time 0 is not above that of the previous row: times must ascend"),
     ] {
         desk.write("t.csv", text);
         desk.refuses(&scene, &format!("[run] torque_file t.csv: {why}"));
@@ -333,7 +339,7 @@ fn invalid_torque_files_are_refused_with_their_line() {
 #[test]
 fn invalid_settings_are_refused() {
     let desk = Desk::new("scene-settings");
-    let share = "it is a share, above 0 and below 1";
+    let share = "it must be above 0 and below 1";
     let positive = "it must be positive and finite";
     desk.refuses_all(
         "#run",
@@ -349,8 +355,8 @@ fn invalid_settings_are_refused() {
             ),
             (
                 "method = \"steps\"\n[contact.compliance]\nstiffness = 1e5",
-                "link2 on surface 1, corner 1: compliance stiffness is 100000: time steps know rigid contacts only: leave the \
-                 compliance or the steps out",
+                "link2 on surface 1, corner 1: compliance stiffness is 100000: time stepping supports rigid contacts only: remove the \
+                 compliance or use method = \"events\"",
             ),
             ("neglect = 0", &format!("[run] neglect = 0: {share}")),
             ("neglect = 1.5", &format!("[run] neglect = 1.5: {share}")),
@@ -372,11 +378,11 @@ fn invalid_settings_are_refused() {
         ],
     );
     let inside = SCENE.replace("0.6364, 0, 0", "0.63, 0, 0");
-    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006396 m: move the start apart");
+    desk.refuses(&inside, "at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap");
     let start = |tip: &str| SCENE.replace("qd = [-0.444444, 0.444444]", &format!("tip_velocity = {{ {tip} }}"));
     desk.refuses(
         &start("speed = 0.2, angle_deg = 45, along = [1, 0, 0]"),
-        "[robot] tip_velocity: along = [1, 0, 0] has no part along the surface: give a direction on it",
+        "[robot] tip_velocity: along = [1, 0, 0] is normal to the surface: give a direction along the surface",
     );
     desk.refuses(
         &start("speed = nan, angle_deg = 45, along = [0, 1, 0]"),
@@ -455,7 +461,7 @@ fn a_surface_out_of_reach_is_left_out_without_a_warning() {
     let far = SCENE.replace("0.6364, 0, 0", "2, 0, 0");
     let (plan, said) = desk.told("plan", &far);
     assert_eq!(said, "");
-    assert_eq!(choices(&plan, "kept", "surface"), ["no surface can be touched"]);
+    assert_eq!(choices(&plan, "kept", "surface"), ["no contact with a surface"]);
     assert!(choices(&plan, "left_out", "pair").contains(&"tip on surface 1"), "{plan}");
     let (run, said) = desk.told("simulate", &far);
     assert_eq!(said, "");

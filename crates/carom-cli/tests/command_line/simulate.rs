@@ -50,7 +50,7 @@ fn invalid_scenes_are_refused_with_the_reason() {
     );
     desk.refuses_scene(
         |text| text.replace("0.6364, 0, 0]", "0.63, 0, 0]"),
-        "s.toml: at the start tip on surface 1 overlaps by 0.006396 m: move the start apart",
+        "s.toml: at the start tip on surface 1 overlaps by 0.006396 m: choose a start without overlap",
     );
     desk.refuses_scene(
         |text| text.replace("tolerance = 1e-9", "tolerance = 0"),

@@ -1,5 +1,5 @@
-//! The frictionless impact of one arm of two links, written out by hand and run over columns: what a batch of the generic kernel
-//! is measured against. Sine and cosine are carom's own, the instructions are chosen as the batch chooses them.
+//! The frictionless impact of an arm of two links in closed form over columns, for comparison with batches of the generic
+//! kernel. It uses carom's sine and cosine and the same dispatch to instruction sets as the batches.
 //!
 //! | symbol | meaning |
 //! | --- | --- |
@@ -19,7 +19,7 @@ use carom_sim::{Outcomes, States};
 use nalgebra::Vector2;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Configurations whose numbers lie side by side, as in the batch.
+/// Number of configurations in a block, as in the batches.
 const BLOCK: usize = 64;
 type Block = [f64; BLOCK];
 

@@ -1,8 +1,9 @@
-//! carom's side of `benches/peers/kernels`: one sample of every kernel on one robot, for a driver that runs it in turn with the
-//! peers' programs: `peers CASES ROBOT SECONDS LABEL` (cargo's own `--bench` is ignored; without arguments nothing is done).
+//! carom's program for `benches/peers/kernels`: one sample of every kernel on one robot. The driver runs it in turn with the
+//! programs of the other libraries: `peers CASES ROBOT SECONDS LABEL` (cargo's `--bench` is ignored; without arguments the
+//! program does nothing).
 //!
-//! Each line is `LABEL KERNEL NANOSECONDS NUMBER…`. With zero seconds nothing is timed, and the numbers are the answers at all
-//! states: q̇⁺ and H's x and y entries, M times the third column of the state, τ, q̈; of a batch all its columns.
+//! Each line is `LABEL KERNEL NANOSECONDS NUMBER…`. With zero seconds nothing is timed, and the numbers are the results at all
+//! states: q̇⁺ and the x and y entries of H, M times the third column of the state, τ, q̈; for a batch all its columns.
 
 mod closed_form;
 
@@ -18,14 +19,14 @@ use std::time::Instant;
 const RESTITUTION: f64 = 0.35;
 /// Configurations of a batch.
 const MANY: usize = 1024;
-/// Of how many of them the answers are shown.
+/// Number of configurations whose results are printed.
 const SHOWN: usize = 64;
-/// Time between two looks at the clock, s: a look costs some 50 ns.
+/// Time between two readings of the clock, s: a reading costs some 50 ns.
 const BETWEEN_LOOKS: f64 = 5e-5;
-/// Fewest stretches between two looks in a sample.
+/// Least number of intervals between two readings in a sample.
 const FEWEST: usize = 15;
-/// The checked strike finds singular directions, and its derivative runs the chain once for eight joints: beyond this neither
-/// is for loops.
+/// Largest number of joints for the checked strike and its derivative: the strike detects singular directions, and the
+/// derivative evaluates the chain once for eight joints, which is not meant for loops with larger chains.
 const STRIKES_UP_TO: usize = 29;
 
 fn main() {
@@ -33,7 +34,7 @@ fn main() {
     let [cases, robot, seconds, label] = &args[..] else { return };
     let clock = Clock { label: label.clone(), seconds: seconds.parse().expect("SECONDS is a number") };
     let text = std::fs::read_to_string(cases).expect("CASES is a file");
-    // A robot's numbers stand in the line after the one with its name.
+    // The line after the name of a robot contains its numbers.
     let mut lines = text.lines().skip_while(|line| line.split_whitespace().next() != Some(robot));
     let mut words = lines.next().expect("no such robot in CASES").split_whitespace().skip(1);
     let urdf = words.next().expect("a robot's file");
@@ -44,7 +45,7 @@ fn main() {
 
     let chain = Chain::from_urdf_file(urdf).expect("a robot");
     let tip = chain.frame("tip").expect("a frame tip");
-    // As a simulation does: a planar chain in its plane.
+    // A planar chain is computed in its plane, as in a simulation.
     match chain.to_planar() {
         Ok(flat) => {
             let point = flat.point(tip, Vector3::zeros());
@@ -85,9 +86,9 @@ struct Clock {
 }
 
 impl Clock {
-    /// Runs `work`, which reads the state of the given number and shows its answer where it is asked to. The time is the
-    /// median over the stretches between two looks at the clock, so that one which was interrupted counts for nothing.
-    /// `parts`: of how many impacts one call is.
+    /// Runs `work`, which reads the state of the given number and prints its result if requested. The time is the median over
+    /// the intervals between two readings of the clock, so that an interrupted interval has no effect. `parts` is the number
+    /// of impacts in one call.
     fn time(
         &self,
         label: &str,
@@ -176,7 +177,7 @@ fn one_at_a_time<A: Algebra<Scalar = f64>>(
     });
 }
 
-/// The states by columns, shifted a little each time they come round again.
+/// The states as columns, shifted a little at each repetition.
 struct Columns {
     q: Vec<Vec<f64>>,
     qd: Vec<Vec<f64>>,
@@ -191,7 +192,7 @@ impl Columns {
         Self { q: many(|it| &it.q), qd: many(|it| &it.qd) }
     }
 
-    /// One sample of a batch, by `many`: of the jump alone, and of all that goes with it.
+    /// One sample of a batch by `many`: the jump alone, and the jump with all other results.
     fn run(&self, clock: &Clock, label: &str, linear: usize, mut many: impl FnMut(States, &mut Outcomes)) {
         let n = self.q.len();
         let (q, qd): (Vec<&[f64]>, Vec<&[f64]>) =
@@ -235,7 +236,7 @@ fn by_hand(clock: &Clock, links: &TwoLinks, normal: Vector2<f64>, columns: &Colu
     columns.run(clock, "closed-form", 2, |states, outcomes| links.many(states, normal, RESTITUTION, outcomes));
 }
 
-/// The checked way in space, and the same with all derivatives of q̇⁺: by q, q̇⁻, e and μ.
+/// The checked interface in space, without and with all derivatives of q̇⁺ with respect to q, q̇⁻, e and μ.
 fn strikes(clock: &Clock, chain: &Chain, states: &[State]) {
     let law = Frictionless { restitution: RESTITUTION };
     let tip = chain.frame("tip").unwrap();
