@@ -1,139 +1,5 @@
-//! Scenes: a robot, the surfaces around it, contact laws and run settings, read from a TOML file.
-//!
-//! ```toml
-//! [robot]
-//! urdf = "robots/planar2.urdf"        # relative to the scene file
-//! q = [0.7854, -1.5708]
-//! tip_velocity = { speed = 0.2, angle_deg = 45, along = [0, -1, 0] }   # or qd = [..]
-//!
-//! [[surface]]
-//! shape = { halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] } }
-//!
-//! [contact]
-//! law = "energetic"
-//! restitution = 0.35
-//! friction = 0.0
-//!
-//! [run]
-//! duration = 0.5
-//! ```
-//!
-//! # Keys
-//!
-//! Units are SI, angles are in radians unless the key says otherwise, vectors are in world axes. File names are relative to
-//! the folder of the scene file. "nq" is the length of q, "nv" that of qd. A key without a default is required if the table
-//! says "required", and optional otherwise. A key that does not exist is refused.
-//!
-//! ## `[robot]`
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `urdf` | file name | required | the robot |
-//! | `q` | nq numbers; rad, m | required | configuration at the start, in the order of the joints in the URDF. A floating joint has seven numbers: position x, y, z and quaternion x, y, z, w |
-//! | `qd` | nv numbers; rad/s, m/s | zeros | joint velocities at the start. A floating joint has six: linear, then angular velocity, in the axes of the body. Not together with `tip_velocity` |
-//! | `tip_velocity` | table, see below | – | velocity of the tip at the start, instead of `qd` |
-//! | `tip` | link name | `"tip"` | the link whose frame origin is the tip: used by `tip_velocity`, by the controllers `"transition"` and `"impact-invariant"`, and for the path in recordings. A robot without a link named `tip` needs the key for these only |
-//! | `floating` | boolean | `false` | connects the base link to the world by a floating joint |
-//!
-//! `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
-//! n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
-//! required, and the first surface must be a half-space. Of all joint velocities that give the tip this velocity, those with
-//! the least kinetic energy are taken.
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `speed` | m/s | required | speed of the tip |
-//! | `angle_deg` | degrees | required | angle α between the velocity and the surface; positive towards the surface |
-//! | `along` | 3 numbers | required | direction of the tangential velocity; its length and its normal part are ignored |
-//!
-//! ## `[[surface]]` (one table for each surface; none is needed)
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
-//! | `shape` | one of the four shapes below | required | shape and pose |
-//! | `contact` | table of `law`, `restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
-//! | `motion` | table of `amplitude`, `frequency`, `phase` | at rest | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
-//! | `motion.amplitude` | 3 numbers, m | required in `motion` | direction and size of the displacement |
-//! | `motion.frequency` | Hz | required in `motion` | |
-//! | `motion.phase` | rad | `0` | |
-//!
-//! | shape | keys | defaults |
-//! | --- | --- | --- |
-//! | `halfspace` | `point` (m) on its boundary, `normal` (any length) out of it, towards the robot | – |
-//! | `box` | `centre` (m), `size` (m, full side lengths), `rpy` (rad) | `rpy = [0, 0, 0]` |
-//! | `sphere` | `centre` (m), `radius` (m) | – |
-//! | `mesh` | `file` (STL, DAE or OBJ), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
-//!
-//! `rpy` are roll, pitch and yaw about the fixed x, y and z axes, as in URDF.
-//!
-//! ## `[contact]`
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `law` | string | `"frictionless"` | impact law of a single contact: `"frictionless"`, `"whittaker"`, `"newton"`, `"poisson"`, `"energetic"` (Stronge), `"chatterjee-ruina"`, `"brach"` or `"smith"` |
-//! | `restitution` | 0 … 1 | `0` | coefficient of restitution e, in the sense of the law. Compliant contacts need e > 0 |
-//! | `friction` | ≥ 0 | `0` | Coulomb's coefficient μ, of impacts and of lasting contacts. With the law `"frictionless"` it does not act in impacts of a single contact |
-//! | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
-//! | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
-//! | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
-//! | `links` | list of pairs of link names | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`. All other pairs of links are ignored |
-//! | `compliance` | table, see below | rigid | makes all contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Joint limits stay rigid, and while several contacts last they are computed as rigid. Not together with `method = "steps"` |
-//!
-//! `compliance = { … }`:
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `stiffness` | > 0; N/m, for `"hunt-crossley"` N/mⁿ | required | k |
-//! | `force` | string | `"hunt-crossley"` | normal force over the penetration d: `"hunt-crossley"` k dⁿ (1 + a ḋ), `"kelvin-voigt"` k d + c ḋ, or `"walton-braun"` (k d in loading, a steeper line in unloading). Damping follows from `restitution` |
-//! | `exponent` | 0.1 … 10 | `1.5` | n; `"hunt-crossley"` only |
-//! | `damping` | string | `"exact"` | formula for a; `"hunt-crossley"` only. `"exact"` gives the rebound e exactly; the others are published approximations: `"hunt-crossley"`, `"herbert-mcwhannell"`, `"lee-wang"`, `"lankarani-nikravesh"`, `"gonthier"`, `"zhiying-qishao"`, `"flores"`, `"hu-guo"` (see [`Damping`]) |
-//! | `pulls` | boolean | `false` | whether the force may be tensile while the bodies separate; `"kelvin-voigt"` only |
-//! | `slip_speed` | > 0, m/s | `1e-3` | v_s of the smoothed Coulomb friction μ Fₙ tanh(v/v_s). Not together with `bristle` |
-//! | `bristle` | table of `stiffness` (> 0, N/m) and `damping` (> 0, N s/m), both required | – | friction by a bristle, which sticks, instead of smoothed friction |
-//!
-//! ## `[[contact.pair]]` (one table for each exception)
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `link` | link name | every link | contacts of this link; for a pair of `links`, the first one |
-//! | `surface` | surface name, or the second link of a pair of `links` | every surface | contacts with this surface |
-//! | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
-//! | `law`, `restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
-//!
-//! At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
-//! value decides.
-//!
-//! ## `[run]`
-//!
-//! | key | type, unit | default | meaning |
-//! | --- | --- | --- | --- |
-//! | `duration` | > 0, s | required | simulated time |
-//! | `gravity` | 3 numbers, m/s² | `[0, 0, 0]` | acceleration of free fall |
-//! | `tolerance` | > 0 | `1e-9` | relative tolerance of each integration step; the absolute one is 1e-3 of it |
-//! | `max_step` | > 0, s | `0.1` | longest integration step |
-//! | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
-//! | `zeno_time` | > 0, s | `1e-5` | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
-//! | `contact_step` | > 0, s | `1e-3` | length of a time step while several contacts last |
-//! | `max_events` | integer | `100000` | the run stops after this number of events |
-//! | `method` | string | `"events"` | `"events"`: event-driven, with time steps while several contacts last; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
-//! | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |
-//! | `neglect` | above 0, below 1 | nothing is neglected | relative tolerance for approximations, each with a reported bound: see [`Simulation::neglect`]. Ignored with `model = "full"` |
-//! | `controller` | string | `"off"` | what drives the joints, see below |
-//! | `after_impact` | string | that of `controller` | controller from the first impact on |
-//!
-//! | controller | keys of `[run]` that it reads | joint forces |
-//! | --- | --- | --- |
-//! | `"off"` | – | zero |
-//! | `"constant"` | `torque` (nv numbers; N m, N; required) | constant |
-//! | `"torque-file"` | `torque_file` (CSV file, required) | interpolated linearly over time, constant before the first and after the last row. Columns: time (s, ascending), then nv joint forces (N m, N) in the order of qd. A first line without numbers is skipped |
-//! | `"pd"` | `kp` (N m/rad, N/m), `kd` (N m s/rad, N s/m), `target` (nq numbers); all required | `kp (target − q) − kd qd`, with the same gains at all joints. No floating joints |
-//! | `"gravity-compensation"` | – | those that balance gravity, on all coordinates, also on those of a floating base |
-//! | `"transition"` | `gain` (1/s, required), `press` (m/s², default `0`), `compensate` (boolean, default `true`) | transition from free motion to contact, see [`Transition`](crate::Transition). The desired tip velocity is that at the start. The first surface must be a half-space |
-//! | `"impact-invariant"` | `kp`, `kd`, `target` as for `"pd"`; all required | [`ImpactInvariant`](crate::ImpactInvariant) feedback with the desired velocity zero. The first surface must be a half-space. No floating joints |
-//!
-//! A key that neither `controller` nor `after_impact` reads is refused. The damping and the dry friction of the URDF's
-//! `<dynamics>` act in addition to every controller.
+//! Scenes: reads a robot, the surfaces around it, contact laws and run settings from a TOML file. The keys are documented at
+//! [`Scene`].
 
 use crate::compliance::{Compliance, Holding, Yielding};
 use crate::error::SimError;
@@ -148,7 +14,142 @@ use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 
-/// A scene file with the robot and the meshes that it names.
+/// A scene: a robot, the surfaces around it, contact laws and run settings, read from a TOML file ([`Scene::from_file`]).
+///
+/// ```toml
+/// [robot]
+/// urdf = "robots/planar2.urdf"        # relative to the scene file
+/// q = [0.7854, -1.5708]
+/// tip_velocity = { speed = 0.2, angle_deg = 45, along = [0, -1, 0] }   # or qd = [..]
+///
+/// [[surface]]
+/// shape = { halfspace = { point = [0.6364, 0, 0], normal = [-1, 0, 0] } }
+///
+/// [contact]
+/// law = "energetic"
+/// restitution = 0.35
+/// friction = 0.0
+///
+/// [run]
+/// duration = 0.5
+/// ```
+///
+/// # Keys
+///
+/// Units are SI, angles are in radians unless the key says otherwise, vectors are in world axes. File names are relative to
+/// the folder of the scene file. "nq" is the length of q, "nv" that of qd. "required" and "–" mark keys without a default,
+/// of which those with "–" are optional. A key that does not exist is refused.
+///
+/// ## `[robot]`
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `urdf` | file name | required | the robot |
+/// | `q` | nq numbers; rad, m | required | configuration at the start, in the order of the joints in the URDF (a floating base first; fixed and mimic joints have no number). A floating joint has seven numbers: position x, y, z and quaternion x, y, z, w |
+/// | `qd` | nv numbers; rad/s, m/s | zeros | joint velocities at the start, in the same order. A floating joint has six: linear, then angular velocity, in the axes of the body. Not together with `tip_velocity` |
+/// | `tip_velocity` | table, see below | – | velocity of the tip at the start, instead of `qd` |
+/// | `tip` | link name | `"tip"` | the link whose frame origin is the tip: used by `tip_velocity`, by the controllers `"transition"` and `"impact-invariant"`, and for the path in recordings. A robot without a link named `tip` needs the key for these only |
+/// | `floating` | boolean | `false` | connects the base link to the world by a floating joint |
+///
+/// `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
+/// n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
+/// required, and the first surface must be a half-space. Of all joint velocities that give the tip this velocity, those with
+/// the least kinetic energy are taken.
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `speed` | m/s | required | speed of the tip |
+/// | `angle_deg` | degrees | required | angle α between the velocity and the surface; positive towards the surface |
+/// | `along` | 3 numbers | required | direction of the tangential velocity; its length and its normal part are ignored |
+///
+/// ## `[[surface]]` (one table for each surface; none is needed)
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
+/// | `shape` | one of the four shapes below | required | shape and pose |
+/// | `contact` | table of `law`, `restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
+/// | `motion` | table of `amplitude`, `frequency`, `phase` | at rest | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
+/// | `motion.amplitude` | 3 numbers, m | required in `motion` | direction and size of the displacement |
+/// | `motion.frequency` | Hz | required in `motion` | |
+/// | `motion.phase` | rad | `0` | |
+///
+/// | shape | keys | defaults |
+/// | --- | --- | --- |
+/// | `halfspace` | `point` (m) on its boundary, `normal` (any length) out of it, towards the robot | – |
+/// | `box` | `centre` (m), `size` (m, full side lengths), `rpy` (rad) | `rpy = [0, 0, 0]` |
+/// | `sphere` | `centre` (m), `radius` (m) | – |
+/// | `mesh` | `file` (STL, DAE or OBJ), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
+///
+/// `rpy` are roll, pitch and yaw about the fixed x, y and z axes, as in URDF.
+///
+/// ## `[contact]`
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `law` | string | `"frictionless"` | impact law of a single contact: `"frictionless"`, `"whittaker"`, `"newton"`, `"poisson"`, `"energetic"` (Stronge), `"chatterjee-ruina"`, `"brach"` or `"smith"` |
+/// | `restitution` | 0 … 1 | `0` | coefficient of restitution e, in the sense of the law. Compliant contacts need e > 0 |
+/// | `friction` | ≥ 0 | `0` | Coulomb's coefficient μ, of impacts and of lasting contacts. With the law `"frictionless"` it does not act in impacts of a single contact |
+/// | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
+/// | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
+/// | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
+/// | `links` | list of pairs of link names | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`. All other pairs of links are ignored |
+/// | `compliance` | table, see below | rigid | makes all contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Joint limits stay rigid, and while several contacts last they are computed as rigid. Not together with `method = "steps"` |
+///
+/// `compliance = { … }`:
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `stiffness` | > 0; N/m, for `"hunt-crossley"` N/mⁿ | required | k |
+/// | `force` | string | `"hunt-crossley"` | normal force over the penetration d: `"hunt-crossley"` k dⁿ (1 + a ḋ), `"kelvin-voigt"` k d + c ḋ, or `"walton-braun"` (k d in loading, a steeper line in unloading). Damping follows from `restitution` |
+/// | `exponent` | 0.1 … 10 | `1.5` | n; `"hunt-crossley"` only |
+/// | `damping` | string | `"exact"` | formula for a; `"hunt-crossley"` only. `"exact"` gives the rebound e exactly; the others are published approximations: `"hunt-crossley"`, `"herbert-mcwhannell"`, `"lee-wang"`, `"lankarani-nikravesh"`, `"gonthier"`, `"zhiying-qishao"`, `"flores"`, `"hu-guo"` (see [`Damping`]) |
+/// | `pulls` | boolean | `false` | whether the force may be tensile while the bodies separate; `"kelvin-voigt"` only |
+/// | `slip_speed` | > 0, m/s | `1e-3` | v_s of the smoothed Coulomb friction μ Fₙ tanh(v/v_s). Not together with `bristle` |
+/// | `bristle` | table of `stiffness` (> 0, N/m) and `damping` (> 0, N s/m), both required | – | friction by a bristle, which sticks, instead of smoothed friction |
+///
+/// ## `[[contact.pair]]` (one table for each exception)
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `link` | link name | every link | contacts of this link; for a pair of `links`, the first one |
+/// | `surface` | surface name, or the second link of a pair of `links` | every surface | contacts with this surface |
+/// | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
+/// | `law`, `restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
+///
+/// At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
+/// value decides.
+///
+/// ## `[run]`
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `duration` | > 0, s | required | simulated time |
+/// | `gravity` | 3 numbers, m/s² | `[0, 0, 0]` | acceleration of free fall |
+/// | `tolerance` | > 0 | `1e-9` | relative tolerance of each integration step; the absolute one is 1e-3 of it |
+/// | `max_step` | > 0, s | `0.1` | longest integration step |
+/// | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
+/// | `zeno_time` | > 0, s | `1e-5` | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
+/// | `contact_step` | > 0, s | `1e-3` | length of a time step while several contacts last |
+/// | `max_events` | integer | `100000` | the run stops after this number of events |
+/// | `method` | string | `"events"` | `"events"`: event-driven, with time steps while several contacts last; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
+/// | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |
+/// | `neglect` | above 0, below 1 | nothing is neglected | relative tolerance for approximations, each with a reported bound: see [`Simulation::neglect`]. Ignored with `model = "full"` |
+/// | `controller` | string | `"off"` | what drives the joints, see below |
+/// | `after_impact` | string | that of `controller` | controller from the first impact on |
+///
+/// | controller | keys of `[run]` that it reads | joint forces |
+/// | --- | --- | --- |
+/// | `"off"` | – | zero |
+/// | `"constant"` | `torque` (nv numbers; N m, N; required) | constant |
+/// | `"torque-file"` | `torque_file` (CSV file, required) | interpolated linearly over time, constant before the first and after the last row. Columns: time (s, ascending), then nv joint forces (N m, N) in the order of qd. A first line without numbers is skipped |
+/// | `"pd"` | `kp` (N m/rad, N/m), `kd` (N m s/rad, N s/m), `target` (nq numbers); all required | `kp (target − q) − kd qd`, with the same gains at all joints. No floating joints |
+/// | `"gravity-compensation"` | – | those that balance gravity, on all coordinates, also on those of a floating base |
+/// | `"transition"` | `gain` (1/s, required), `press` (m/s², default `0`), `compensate` (boolean, default `true`) | transition from free motion to contact, see [`Transition`](crate::Transition). The desired tip velocity is that at the start. The first surface must be a half-space |
+/// | `"impact-invariant"` | `kp`, `kd`, `target` as for `"pd"`; all required | [`ImpactInvariant`](crate::ImpactInvariant) feedback with the desired velocity zero. The first surface must be a half-space. No floating joints |
+///
+/// A key that neither `controller` nor `after_impact` reads is refused. The damping and the dry friction of the URDF's
+/// `<dynamics>` act in addition to every controller.
 #[derive(Debug, Clone)]
 pub struct Scene {
     /// The simulation of the whole chain; [`Scene::plan`] reduces it.
