@@ -1,4 +1,4 @@
-//! Contacts that give way: the rebound that was asked for, a force whose integral is the impulse, and the rigid limit.
+//! Compliant contacts: rebound with the given restitution, a force whose integral is the impulse, and the rigid limit.
 
 use carom::impact::Damping;
 use carom::sim::{Compliance, ContactMode, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Yielding};
@@ -18,9 +18,9 @@ fn soft(stiffness: f64, restitution: f64, friction: f64) -> ContactRule {
     ContactRule { law: "energetic", restitution, friction, compliance, ..ContactRule::default() }
 }
 
-/// Whatever mass, stiffness and speed: e in, e out. The dissipated energy is ½ m v² (1 − e²), and ∫F dt = m v (1 + e).
+/// For every mass, stiffness and speed: v⁺ = e v⁻, the dissipated energy is ½ m v² (1 − e²), and ∫F dt = m v (1 + e).
 #[test]
-fn a_compliant_ball_rebounds_with_the_coefficient_that_was_asked_for() {
+fn a_compliant_ball_rebounds_with_the_given_restitution() {
     for (mass, stiffness, speed, e) in [(2.0, 1e5, 1.0, 0.35), (0.1, 1e7, 0.05, 0.8), (50.0, 1e6, 3.0, 0.1)] {
         let text = format!(
             r#"<robot name="ball"><link name="world"/>
@@ -40,10 +40,10 @@ fn a_compliant_ball_rebounds_with_the_coefficient_that_was_asked_for() {
             panic!("{:?}", presses.kind)
         };
         assert!((leaves.qd_plus[0] / (e * speed) - 1.0).abs() < 1e-8, "{} {}", leaves.qd_plus[0], e * speed);
-        let books = run.summary.energy;
+        let balance = run.summary.energy;
         let lost = 0.5 * mass * speed * speed * (1.0 - e * e);
-        assert!((books.resistance / -lost - 1.0).abs() < 1e-7 && books.error().abs() < 1e-9 * books.start);
-        // Simpson's rule over the dense motion.
+        assert!((balance.resistance / -lost - 1.0).abs() < 1e-7 && balance.error().abs() < 1e-9 * balance.start);
+        // Simpson's rule over the dense output.
         let (a, b, n) = (presses.time, leaves.time, 2000);
         let force = |k: i32| {
             let moment = run.at(&sim.chain, a + (b - a) * f64::from(k) / f64::from(n));
@@ -60,13 +60,14 @@ fn a_compliant_ball_rebounds_with_the_coefficient_that_was_asked_for() {
         };
         let impulse: f64 = (0..=n).map(|k| weight(k) * force(k)).sum::<f64>() * (b - a) / (3.0 * f64::from(n));
         assert!((impulse / (mass * speed * (1.0 + e)) - 1.0).abs() < 1e-5, "{impulse}");
-        assert!((0..=n).all(|k| force(k) >= 0.0), "it never pulls");
+        assert!((0..=n).all(|k| force(k) >= 0.0), "the force is never tensile");
     }
 }
 
-/// Stiffer and stiffer, an arm's compliant impact goes to the rigid one, as its duration does: k^(−2/5) for n = 3/2.
+/// The compliant impact of an arm converges to the rigid one with increasing stiffness, with the order of its duration:
+/// k^(−2/5) for n = 3/2.
 #[test]
-fn the_stiff_limit_of_a_compliant_impact_is_the_rigid_one() {
+fn a_compliant_impact_converges_to_the_rigid_one_with_stiffness() {
     let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let wall = || Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let (q, qd) = ([0.78, -1.57], [0.1, 0.5]);
@@ -89,9 +90,9 @@ fn the_stiff_limit_of_a_compliant_impact_is_the_rigid_one() {
     }
 }
 
-/// With friction the force stays in the cone, against the slip.
+/// The force of a compliant contact with friction is inside the friction cone.
 #[test]
-fn compliant_friction_stays_in_its_cone() {
+fn compliant_friction_force_is_inside_the_friction_cone() {
     let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let touches = touching(&chain, wall, soft(1e7, 0.35, 0.2));
@@ -110,9 +111,9 @@ fn compliant_friction_stays_in_its_cone() {
     assert!(pushed && run.summary.energy.resistance < 0.0);
 }
 
-/// Taken for rigid within a tolerance: the depth that is said is the depth that the full model reaches, and never less.
+/// A compliant contact that is treated as rigid: the reported depth is that of the compliant model to 1 %.
 #[test]
-fn neglected_compliance_says_how_deep_it_would_have_been() {
+fn neglected_compliance_reports_the_penetration_depth() {
     let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let touches = touching(&chain, wall, soft(1e8, 0.35, 0.0));
@@ -130,9 +131,9 @@ fn neglected_compliance_says_how_deep_it_would_have_been() {
     let run = rigid.run(&q, &qd, 1.0).unwrap();
     assert_eq!(run.events[0].kind.name(), "impact");
     let said = run.summary.statistics.neglected_depth;
-    // Beside the force, centrifugal terms act while the contact lasts: they are what the closed form leaves out.
+    // The closed form leaves out the centrifugal terms that act during the contact.
     assert!((depth / said - 1.0).abs() < 0.01, "{depth} against {said}");
-    // A tolerance that is smaller than the depth leaves nothing out.
+    // Nothing is neglected if the tolerance is smaller than the depth.
     let strict = Simulation { neglect: Some(depth / 2.0), ..full };
     assert_eq!(strict.run(&q, &qd, 1.0).unwrap().events[0].kind.name(), "pressing");
 }
@@ -162,9 +163,9 @@ fn block_on_slope(tangent: f64, compliance: Compliance) -> Simulation {
     Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) }
 }
 
-/// Every normal force in a chain: e in, e out, books closed, also when the mass differs from scene to scene.
+/// Every normal force rebounds with v⁺ = e v⁻ and a closed energy balance.
 #[test]
-fn every_force_law_rebounds_with_its_coefficient_in_a_scene() {
+fn every_normal_force_rebounds_with_the_given_restitution() {
     for normal in [Yielding::KelvinVoigt { pulls: false }, Yielding::KelvinVoigt { pulls: true }, Yielding::WaltonBraun]
     {
         for (stiffness, speed, e) in [(1e5, 1.0, 0.35), (1e7, 0.05, 0.8), (1e4, 2.0, 0.1)] {
@@ -183,10 +184,10 @@ fn every_force_law_rebounds_with_its_coefficient_in_a_scene() {
     }
 }
 
-/// A block dropped on a slope below the angle of friction: on a bristle it comes to stand still, with smoothed friction it
-/// creeps at v_s atanh(tan θ/μ), whatever normal force carries it.
+/// A block dropped on a slope below the angle of friction: with a bristle it comes to rest, with smoothed friction it creeps
+/// at v_s atanh(tan θ/μ), for both normal forces.
 #[test]
-fn a_block_on_a_slope_stands_on_a_bristle_and_creeps_on_smoothed_friction() {
+fn a_block_on_a_slope_rests_with_a_bristle_and_creeps_with_smoothed_friction() {
     let tangent = 0.4;
     let bristle = Holding::Bristle { stiffness: 1e4, damping: 150.0 };
     for normal in [Compliance::new(1.0).normal, Yielding::KelvinVoigt { pulls: false }] {
@@ -197,7 +198,7 @@ fn a_block_on_a_slope_stands_on_a_bristle_and_creeps_on_smoothed_friction() {
         let run = on(bristle, 2.0);
         assert_eq!(run.summary.mode.name(), "pressing", "{:?}", run.events);
         let [along, off] = [run.summary.last.qd[0], run.summary.last.qd[1]];
-        // what is left is the noise of the integration
+        // The remaining velocity is the error of the integration.
         assert!(along.abs() < 1e-8 && off.abs() < 1e-8, "{normal:?}: creeps at {along:e} m/s");
         assert!(run.summary.energy.error().abs() < 1e-7 && run.summary.energy.resistance < 0.0);
         let run = on(Holding::Smoothed { slip_speed: 1e-3 }, 2.0);
@@ -207,9 +208,9 @@ fn a_block_on_a_slope_stands_on_a_bristle_and_creeps_on_smoothed_friction() {
     }
 }
 
-/// Above the angle of friction the bristle slides with Coulomb's acceleration.
+/// Above the angle of friction a bristle slides with Coulomb's acceleration.
 #[test]
-fn a_bristle_slides_as_coulomb_says() {
+fn a_bristle_slides_with_coulombs_acceleration() {
     let (tangent, mu) = (0.8, 0.5);
     let tangential = Holding::Bristle { stiffness: 1e5, damping: 100.0 };
     let normal = Yielding::KelvinVoigt { pulls: false };
@@ -221,9 +222,9 @@ fn a_bristle_slides_as_coulomb_says() {
     assert!((acceleration / coulomb - 1.0).abs() < 1e-6, "{acceleration} instead of {coulomb}");
 }
 
-/// An arm's tip with Walton & Braun's spring, stiffer and stiffer: Stronge's impact, which another force is not.
+/// A stiff contact with Walton & Braun's force gives the velocities of Stronge's (energetic) law.
 #[test]
-fn an_arm_on_walton_and_brauns_spring_has_stronges_impact() {
+fn a_stiff_walton_braun_contact_gives_stronges_impact() {
     let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let tangential = Holding::Smoothed { slip_speed: 1e-5 };
@@ -242,12 +243,12 @@ fn an_arm_on_walton_and_brauns_spring_has_stronges_impact() {
     }
     let EventKind::Mode { mode: ContactMode::Pressing { touch, damping } } = presses.kind else { panic!() };
     let refused = sim.pressing_force(touch, damping, &run.summary.last).unwrap_err().to_string();
-    assert!(refused.starts_with("tip on surface: its force has a memory"), "{refused}");
+    assert!(refused.starts_with("tip on surface: its force depends on the history of the contact"), "{refused}");
 }
 
-/// The scene file's words: what they choose, and what is refused with key, value and rule.
+/// The keys of `compliance` in a scene file, and the refusals of invalid ones with key, value and rule.
 #[test]
-fn a_scene_chooses_its_forces_and_says_what_is_wrong() {
+fn compliance_keys_of_a_scene_are_read_and_invalid_ones_refused() {
     let folder = std::env::temp_dir().join(format!("carom-compliance-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let file = folder.join("s.toml");
@@ -285,12 +286,12 @@ fn a_scene_chooses_its_forces_and_says_what_is_wrong() {
         ),
         (
             "stiffness = 1, force = \"kelvin-voigt\", exponent = 2",
-            "[contact] compliance exponent belongs to force = \"hunt-crossley\"",
+            "[contact] compliance exponent is read with force = \"hunt-crossley\" only",
         ),
-        ("stiffness = 1, pulls = true", "[contact] compliance pulls belongs to force = \"kelvin-voigt\""),
+        ("stiffness = 1, pulls = true", "[contact] compliance pulls is read with force = \"kelvin-voigt\" only"),
         (
             "stiffness = 1, slip_speed = 1, bristle = { stiffness = 1, damping = 1 }",
-            "[contact] compliance has slip_speed and bristle",
+            "[contact] compliance has both slip_speed (smoothed friction) and bristle",
         ),
         ("stiffness = -1, force = \"walton-braun\"", "[contact]: stiffness is -1: it must be finite and above 0"),
         ("stiffness = 1, slip_speed = 0", "[contact]: slip speed is 0: it must be finite and above 0"),
@@ -307,9 +308,9 @@ fn a_scene_chooses_its_forces_and_says_what_is_wrong() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// A ball put down where its contact bears its weight, k dⁿ = m g, stays there: it may start inside its surface.
+/// A ball that starts at the static depth of its compliant contact, k dⁿ = m g, stays there.
 #[test]
-fn a_ball_rests_on_what_gives_way() {
+fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {
     let chain = Chain::from_urdf_str(
         r#"<robot name="ball"><link name="world"/><link name="ball"><inertial><mass value="2"/>
         <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.008" iyz="0" izz="0.008"/></inertial>
@@ -328,7 +329,7 @@ fn a_ball_rests_on_what_gives_way() {
     let run = sim.run(&[0.1 - depth], &[0.0], 1.0).unwrap();
     assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-10, "{:?} {:?}", run.summary.last, run.events);
     assert_eq!(run.summary.mode.name(), "pressing");
-    // Put down higher, where it presses less than the weight, it sinks to the same depth.
+    // Started at half that depth, it settles at the same depth.
     let run = sim.run(&[0.1 - 0.5 * depth], &[0.0], 5.0).unwrap();
     assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-2 * depth, "{:?}", run.summary.last);
 }

@@ -1,4 +1,4 @@
-//! Links that touch each other.
+//! Contacts between two links of a chain.
 
 use carom::Chain;
 use carom::sim::{ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
@@ -23,7 +23,7 @@ fn row(count: usize) -> Chain {
     Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
 }
 
-/// Neighbours may touch.
+/// A simulation in which neighbouring balls may touch.
 fn neighbours(chain: Chain, contact: ContactRule) -> Simulation {
     let pairs = 1..chain.nv();
     let touches =
@@ -31,9 +31,9 @@ fn neighbours(chain: Chain, contact: ContactRule) -> Simulation {
     Simulation::new(chain.clone(), touches.collect())
 }
 
-/// B14: two balls of 1 kg, the first at 1 m/s, e = 1: the second takes its velocity over at contact, v₀T + x₁ + 2r at the end.
+/// B14: two balls of 1 kg, the first at 1 m/s, e = 1: they exchange their velocities, and the second ends at x₁ + v₀T + 2r.
 #[test]
-fn an_elastic_pair_swaps_velocities() {
+fn an_elastic_pair_exchanges_velocities() {
     let sim = neighbours(row(2), ContactRule { restitution: 1.0, ..ContactRule::default() });
     let run = sim.run(&[0.0, 0.52], &[1.0, 0.0], 1.0).unwrap();
     let end = &run.summary.last;
@@ -43,9 +43,9 @@ fn an_elastic_pair_swaps_velocities() {
     assert!((run.events[0].time - 0.32).abs() < 1e-14);
 }
 
-/// B8: the first ball strikes two (or four) that touch at rest.
+/// B8: the first ball strikes two (or four) balls at rest that touch each other.
 #[test]
-fn the_law_of_several_contacts_decides_the_cradle() {
+fn each_law_of_several_contacts_gives_its_cradle_velocities() {
     let third = 1.0 / 3.0;
     let cases: [(usize, f64, SeveralLaw, Vec<f64>); 6] = [
         (3, 1.0, SeveralLaw::Moreau, vec![-third, 2.0 * third, 2.0 * third]),
@@ -73,10 +73,9 @@ fn the_law_of_several_contacts_decides_the_cradle() {
     }
 }
 
-/// Two free bodies that collide askew, with friction: momentum and angular momentum of both together stay, energy does not
-/// grow, and the impulse is within the cone.
+/// An oblique collision of two free bodies with friction conserves linear and angular momentum and loses energy.
 #[test]
-fn a_collision_of_free_bodies_keeps_their_momenta() {
+fn a_collision_of_free_bodies_conserves_momentum() {
     let body = |name: &str, mass: f64, inertia: f64, shape: &str| {
         format!(
             r#"<link name="{name}"><inertial><mass value="{mass}"/>
@@ -115,22 +114,22 @@ fn a_collision_of_free_bodies_keeps_their_momenta() {
         let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0].kind) };
         assert!(hit.energy_after < hit.energy_before);
         let (before, after) = (momenta(&q, &qd), momenta(&run.summary.last.q, &run.summary.last.qd));
-        // Velocities are in the bodies' own axes: both momenta are as good as the flight's integration, 1e-9 a second.
+        // The flight is integrated with a tolerance of 1e-9 for each step.
         assert!((before.0 - after.0).norm() < 1e-8, "{law}: {:?} {:?}", before.0, after.0);
         assert!((before.1 - after.1).norm() < 1e-8, "{law}: {:?} {:?}", before.1, after.1);
     }
 }
 
-/// A pendulum hits a ball that rests beside it: its period is that of its string, thirty times over, with the energy kept.
+/// Newton's cradle as shipped: the impacts are equally spaced in time and the energy is conserved.
 #[test]
-fn a_cradle_swings_for_ever() {
+fn a_cradle_keeps_its_period_and_energy() {
     let scene = carom::sim::Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cradle.toml")).unwrap();
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, 6.0).unwrap();
     let energy = &run.summary.energy;
     assert!((energy.start - energy.end).abs() < 1e-7 * energy.start.abs(), "{energy:?}");
-    // A ball struck a rounding error early is left that much off its place, 1e-13 rad of its string, and swings against its
-    // neighbour with some 1e-12 rad/s of its own: every change of velocity is all of the swing's, or of that size.
+    // Rounding of the time of an impact displaces a ball by some 1e-13 rad, after which it swings against its neighbour at
+    // some 1e-12 rad/s. So every change of velocity is either that of the swing or of that size.
     let change = |e: &Event| e.qd_minus.iter().zip(&e.qd_plus).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     let (mass, length) = (0.26, 0.3);
     let inertia: f64 = mass * length * length + 4.16e-5;
@@ -141,7 +140,7 @@ fn a_cradle_swings_for_ever() {
         assert!((change - all).abs() < 1e-8 * all || change < none, "{event:?}");
     }
     let mut strikes: Vec<f64> = run.events.iter().filter(|e| change(e) > none).map(|e| e.time).collect();
-    // Balls that rest a rounding error apart are struck that much later.
+    // Balls at rest are apart by a rounding error: the impacts of one strike differ in time by that much.
     strikes.dedup_by(|later, time| *later - *time < 1e-12);
     let half = (strikes[1] - strikes[0]).abs();
     assert!(strikes.len() > 9, "{strikes:?}");
@@ -151,7 +150,7 @@ fn a_cradle_swings_for_ever() {
 }
 
 #[test]
-fn pairs_that_cannot_be_are_refused() {
+fn invalid_link_pairs_are_refused() {
     let chain = row(2);
     let refuse = |a: &str, b: &str| Touch::between(&chain, a, b, ContactRule::default()).unwrap_err().to_string();
     assert_eq!(refuse("ball1", "ball1"), "link 'ball1' is paired with itself: name two links");

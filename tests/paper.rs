@@ -1,4 +1,4 @@
-//! The two-link experiment: the documented stand-in's numbers, and the paper's claims.
+//! The two-link experiment: the documented numbers of the stand-in arm, and the claims of the paper.
 
 use carom::Chain;
 use carom::study::paper::{self, Elbow, Tangential};
@@ -9,7 +9,7 @@ fn arm(name: &str) -> Chain {
     Chain::from_urdf_file(format!("{}/robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
 
-/// M of the stand-in: p₁ = 3.473, p₂ = 0.196, p₃ = 0.242 kg m².
+/// M of the stand-in arm: p₁ = 3.473, p₂ = 0.196, p₃ = 0.242 kg m².
 #[test]
 fn stand_in_has_its_documented_mass_matrix() {
     let chain = arm("planar2");
@@ -22,9 +22,9 @@ fn stand_in_has_its_documented_mass_matrix() {
     }
 }
 
-/// Numbers derived for the stand-in at .2 m/s: v_t⁺ with Table I's Newton coefficients, energy losses and ratios.
+/// Numbers derived for the stand-in arm at 0.2 m/s: v_t⁺ with Table I's Newton coefficients, energy losses and ratios.
 #[test]
-fn documented_numbers_of_the_stand_in() {
+fn stand_in_has_its_documented_impact_numbers() {
     let chain = arm("planar2");
     let tangential =
         [(Elbow::Up, [0.29740, 0.31079, 0.29668, 0.23952]), (Elbow::Down, [0.05788, -0.02795, -0.10590, -0.23952])];
@@ -53,7 +53,11 @@ fn documented_numbers_of_the_stand_in() {
 #[test]
 fn tangential_jump_follows_eq_15() {
     let chain = arm("planar2");
-    for run in paper::experiment(&chain).unwrap() {
+    let runs = paper::experiment(&chain).unwrap();
+    let count = |change| runs.iter().filter(|run| run.tangential_change() == change).count();
+    let kinds = [Tangential::Reverses, Tangential::Grows, Tangential::Shrinks, Tangential::Appears];
+    assert_eq!(kinds.map(count), [6, 9, 3, 6]);
+    for run in &runs {
         let ((before, after), (approach, rebound)) = (run.tangential(), run.normal());
         let jump = run.coupling * (1.0 + run.restitution) * approach;
         assert!((after - (before + jump)).abs() < 1e-14);
@@ -69,7 +73,7 @@ fn tangential_jump_follows_eq_15() {
 }
 
 #[test]
-fn claims_hold_but_for_the_energies_of_table_1() {
+fn all_claims_hold_except_the_energies_of_table_1() {
     let chain = arm("planar2");
     let runs = paper::experiment(&chain).unwrap();
     assert_eq!(runs.len(), 24);
@@ -101,11 +105,13 @@ fn map_agrees_with_the_experiment_and_with_eq_15() {
 }
 
 #[test]
-fn self_motion_keeps_the_tip_and_changes_its_mass() {
+fn self_motion_keeps_the_tip_position_and_changes_its_effective_mass() {
     let chain = arm("planar3");
     let tip = chain.frame("tip").unwrap();
     let (n, t) = (-Vector3::x(), -Vector3::y());
     let poses = self_motion(&chain, tip, [0.45, 0.45, 0.25], [0.6364, 0.0], n, t, 360).unwrap();
+    // The wrist is within reach of the first two links for every direction of the third: 360 directions, two elbows.
+    assert_eq!(poses.len(), 720);
     let point = chain.point(tip, Vector3::zeros());
     let mut ws = chain.workspace();
     for pose in &poses {
@@ -113,6 +119,7 @@ fn self_motion_keeps_the_tip_and_changes_its_mass() {
         assert!((p - Vector3::new(0.6364, 0.0, 0.0)).norm() < 1e-14);
     }
     let masses: Vec<f64> = poses.iter().filter_map(|p| p.effective_mass).collect();
+    assert_eq!(masses.len(), poses.len());
     let (least, most) = masses.iter().fold((f64::MAX, 0.0_f64), |(a, b), &m| (a.min(m), b.max(m)));
     assert!(least > 0.2 && most > 200.0 * least, "{least} to {most} kg");
     let wrong = self_motion(&chain, tip, [0.45, 0.45, 0.2], [0.6364, 0.0], n, t, 90).unwrap_err();

@@ -1,5 +1,5 @@
-//! External truth: values computed with Pinocchio 4.1.0 in float64 for four robots (`tests/reference/*.json`, ten random
-//! states each). The robots' parameters stand in the same files; the URDF text is written here from them.
+//! Comparison with Pinocchio 4.1.0 in float64 for four robots (`tests/reference/*.json`, ten random states each). The files
+//! also contain the parameters of the robots, from which this test generates the URDF text.
 //!
 //! `planar2`, `planar3`: uniform links in the xy plane. `panda7`: the published inertial parameters of a seven-joint arm
 //! with hand. `chain10`: ten joints with random frames and inertias.
@@ -11,9 +11,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use serde_json::Value;
 use std::fmt::Write;
 
-/// Relative to the largest entry: both sides round some thousand operations at 1e-16.
+/// Relative to the largest entry: both libraries round some thousand operations at 1e-16.
 const DIRECT: f64 = 1e-12;
-/// Where a solve with M enters: its condition number (up to 1e4 for these robots) on top.
+/// For results of a solve with M: additionally its condition number, up to 1e4 for these robots.
 const SOLVED: f64 = 1e-10;
 
 struct Reference {
@@ -79,7 +79,7 @@ fn load(name: &str) -> Reference {
     }
     urdf += "</robot>\n";
     let chain = Chain::from_urdf_str(&urdf, &LoadOptions::default()).unwrap();
-    // The references list the joints in the order of the file, which is ours.
+    // The reference files list the joints in the order of the file, as `Chain` does.
     let order: Vec<&str> = json["joint_order"].as_array().unwrap().iter().map(text).collect();
     let ours: Vec<&str> = chain.joints().iter().filter(|j| j.kind.name() != "fixed").map(|j| j.name.as_str()).collect();
     assert_eq!(ours, order);
@@ -136,7 +136,7 @@ fn kinematics(name: &str) {
         close("position", pose.translation.as_slice(), &numbers(&sample["tip_position"]), DIRECT);
         let rotation = numbers(&sample["tip_rotation_rowmajor"]);
         close("rotation", pose.rotation.transpose().as_slice(), &rotation, DIRECT);
-        // Pinocchio puts the linear rows first, we the angular ones.
+        // Pinocchio orders the linear rows first, carom the angular rows.
         let j = kin.geometric_jacobian(tip);
         let six = DMatrix::from_fn(6, j.ncols(), |i, k| j[((i + 3) % 6, k)]);
         close("J", &row_major(&six), &numbers(&sample["J"]), DIRECT);
@@ -169,11 +169,13 @@ fn delassus_and_impacts(name: &str) {
         let want = numbers(&sample["H"]);
         close("H recursive", &row_major(&kin.delassus(point).unwrap()), &want, SOLVED);
         close("H dense", &row_major(&kin.delassus_dense(point).unwrap()), &want, SOLVED);
-        // Their impact ignores the sign of the approach; ours needs the normal on the robot's side.
+        // The reference impact ignores the sign of the approach; in carom the normal points to the robot.
         let sign = if sample["tip_vn_minus"].as_f64().unwrap() < 0.0 { 1.0 } else { -1.0 };
         let normal: Vec<f64> = numbers(&sample["n"]).iter().map(|x| x * sign).collect();
         let (q, qd) = (numbers(&sample["q"]), numbers(&sample["v"]));
-        for impact in sample["impact"].as_array().unwrap() {
+        let impacts = sample["impact"].as_array().unwrap();
+        assert_eq!(impacts.len(), 3);
+        for impact in impacts {
             let law = Frictionless { restitution: impact["e"].as_f64().unwrap() };
             let normal = [normal[0], normal[1], normal[2]];
             let hit = reference.chain.impact(&q, &qd).at(reference.tip()).normal(normal).resolve(&law).unwrap();

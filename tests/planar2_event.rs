@@ -1,4 +1,4 @@
-//! The paper's arm against formulas written out by hand: nothing here comes from the chain but what is tested.
+//! The paper's arm compared with formulas that are written out here and do not use the chain.
 //!
 //! | symbol | value or meaning |
 //! | --- | --- |
@@ -51,7 +51,7 @@ fn gap(y: State) -> f64 {
     WALL - R - L * (y[0].cos() + (y[0] + y[1]).cos())
 }
 
-/// J of the touching point, r before the tip's centre.
+/// J of the contact point, at distance r from the centre of the tip.
 fn jacobian(q: &[f64]) -> Matrix2<f64> {
     let (elbow, fore) =
         (L * Vector2::new(q[0].cos(), q[0].sin()), L * Vector2::new((q[0] + q[1]).cos(), (q[0] + q[1]).sin()));
@@ -69,7 +69,7 @@ fn after_impact(y: State) -> Vector2<f64> {
     qd + inverse * j.transpose() * n * p
 }
 
-/// The state at the time when the gap closes: steps of 10 µs, the last one cut by halving.
+/// Time and state when the gap closes: RK4 steps of 10 µs, the last one found by bisection.
 fn until_touch(mut y: State) -> (f64, State) {
     let (mut steps, h) = (0.0, 1e-5);
     while gap(rk4(y, h)) > 0.0 {
@@ -93,34 +93,37 @@ fn first_impact(run: &Trajectory) -> &Event {
     event
 }
 
-/// The scene itself starts some micrometres before the wall; moved back along its own motion, millimetres.
+/// The scene starts some micrometres before the wall, and some millimetres before it when the start is moved back in time.
 #[test]
-fn the_arm_hits_the_wall_when_and_as_the_closed_form_says() {
+fn time_and_velocities_of_the_impact_match_the_closed_form() {
     let scene = scene();
     let at_wall: State = [scene.q[0], scene.q[1], scene.qd[0], scene.qd[1]];
     let u = jacobian(&scene.q) * Vector2::new(scene.qd[0], scene.qd[1]);
     assert!(
         (u - Vector2::new(0.2, -0.2) * 0.5_f64.sqrt()).norm() < 1e-6,
-        "0.2 m/s under 45° but for the ball's radius: {u}"
+        "0.2 m/s at 45°, except for the radius of the ball: {u}"
     );
     for back in [0.0, 0.02, 0.05] {
         let start = (0..1000).fold(at_wall, |y, _| rk4(y, -back / 1000.0));
         let (time, y) = until_touch(start);
         let run = scene.simulation.run(&start[..2], &start[2..], 0.2).unwrap();
         let event = first_impact(&run);
-        // The scene's tolerance is 1e-9 for each step; RK4's own error is far below, (10 µs)⁴.
+        // The scene's tolerance is 1e-9 for each step; the error of RK4 is far below it, (10 µs)⁴.
         assert!((event.time - time).abs() < 1e-10, "back {back}: {} against {time}", event.time);
-        let close = |got: &[f64], want: &[f64]| got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-10);
+        let close = |got: &[f64], want: &[f64]| {
+            got.len() == want.len() && got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-10)
+        };
         assert!(close(&event.q, &y[..2]) && close(&event.qd_minus, &y[2..]), "back {back}: {event:?} against {y:?}");
         let plus = after_impact(y);
         assert!(close(&event.qd_plus, plus.as_slice()), "back {back}: {:?} against {plus}", event.qd_plus);
-        assert!((plus - Vector2::new(y[2], y[3])).norm() > 0.1, "there is a jump");
+        assert!((plus - Vector2::new(y[2], y[3])).norm() > 0.1, "the velocities jump");
     }
 }
 
-/// The event's jump is that of one strike at the same state: the touching point in the tip's own axes.
+/// The velocity jump of the event equals that of a single impact at the same state. The contact point is given in the axes
+/// of the tip.
 #[test]
-fn an_impact_in_a_scene_is_the_strike_at_its_state() {
+fn an_impact_in_a_scene_equals_the_single_impact_at_its_state() {
     let Scene { simulation: Simulation { chain, .. }, .. } = &scene();
     let scene = scene();
     let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
@@ -132,7 +135,7 @@ fn an_impact_in_a_scene_is_the_strike_at_its_state() {
     let strike = chain.impact(&event.q, &event.qd_minus).at(tip).offset(offset.into()).normal([-1.0, 0.0, 0.0]);
     let hit = strike.resolve(&Frictionless { restitution: E }).unwrap();
     for (a, b) in event.qd_plus.iter().zip(&hit.qd_plus) {
-        // Both carry the rounding of M⁻¹, whose condition number is about 20.
+        // Both have the rounding of M⁻¹, whose condition number is about 20.
         assert!((a - b).abs() < 1e-14, "{a} against {b}");
     }
 }
@@ -144,9 +147,9 @@ fn energy(state: &[f64]) -> f64 {
     0.5 * qd.dot(&(mass(state) * qd)) + G * (first_moment * state[0].sin() + P3 / L * (state[0] + state[1]).sin())
 }
 
-/// A minute of swinging under gravity against a nearly elastic wall: between impacts the energy stays.
+/// One minute under gravity against a nearly elastic wall: the energy is constant between impacts.
 #[test]
-fn energy_changes_in_impacts_only() {
+fn energy_changes_at_impacts_only() {
     let mut sim = scene().simulation;
     sim.gravity = Vector3::new(0.0, -G, 0.0);
     sim.touches.iter_mut().for_each(|touch| touch.contact.restitution = 0.99);
@@ -165,14 +168,15 @@ fn energy_changes_in_impacts_only() {
             }
         }
         assert!(k > 20, "{k} impacts");
-        // Each of some tens of steps between two impacts may err by the tolerance, in energies of up to 70 J.
+        // Each of some tens of steps between two impacts has an error of the tolerance; energies are up to 70 J.
         assert!(worst < 1e3 * tolerance, "{worst} J at {tolerance}");
     }
 }
 
-/// Damped joints, a regulator that pulls the tip into the wall, and gravity: what the books miss is the integration's error.
+/// Damped joints, a PD controller that pulls the tip into the wall, and gravity: the error of the energy balance is that of
+/// the integration.
 #[test]
-fn the_books_of_energy_balance() {
+fn energy_balance_closes_to_the_integration_error() {
     let text = std::fs::read_to_string(format!("{ROOT}/robots/planar2.urdf")).unwrap();
     let damped = text.replace("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 1\"/><dynamics damping=\"0.5\"/>");
     let mut sim = scene().simulation;
@@ -188,16 +192,16 @@ fn the_books_of_energy_balance() {
         sim.tolerance = tolerance;
         sim.drive = Drive::Pd { kp: 60.0, kd: 1.0, target: vec![0.4, -0.6] };
         let run = sim.run(&[0.9, -1.7], &[0.0, 0.0], 5.0).unwrap();
-        let books = run.summary.energy;
+        let balance = run.summary.energy;
         assert!(run.events.iter().any(|event| event.kind.name() == "zeno") && run.events.len() > 20);
-        let flows = [books.drive, books.resistance, books.impacts];
-        assert!(flows.iter().all(|flow| flow.abs() > 10.0), "all three take part: {books:?}");
-        // Flows of about 100 J, each known to the tolerance.
-        assert!(books.error().abs() < 100.0 * tolerance, "{} J at {tolerance}", books.error());
+        let terms = [balance.drive, balance.resistance, balance.impacts];
+        assert!(terms.iter().all(|term| term.abs() > 10.0), "no term of the balance is small: {balance:?}");
+        // Terms of about 100 J, each computed to the tolerance.
+        assert!(balance.error().abs() < 100.0 * tolerance, "{} J at {tolerance}", balance.error());
     }
 }
 
-/// The implicit integrator is as exact as it is asked to be.
+/// The error of the implicit integrator is below its tolerance times the number of steps.
 #[test]
 fn radau_keeps_its_tolerance() {
     let free =
@@ -210,7 +214,7 @@ fn radau_keeps_its_tolerance() {
     for tolerance in [1e-4, 1e-6, 1e-8, 1e-10, 1e-12] {
         let last = end(Integrator::Radau, tolerance);
         for (a, b) in last.q.iter().zip(&exact.q) {
-            // Errors of steps add up; there are 15 to 200 of them, each below the tolerance.
+            // The errors of 15 to 200 steps add up, each below the tolerance.
             assert!((a - b).abs() < 10.0 * tolerance, "{a} against {b} at {tolerance}");
         }
     }

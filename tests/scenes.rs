@@ -1,4 +1,4 @@
-//! The scenes that come with the project tell the stories that their first lines promise.
+//! The shipped scenes: each has the events and the final state that its first lines describe.
 
 use carom::sim::{Event, Scene, Trajectory};
 
@@ -6,23 +6,24 @@ fn run(name: &str) -> (Scene, Trajectory) {
     let scene = Scene::from_file(format!("{}/scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap();
     let plan = scene.plan().unwrap();
     let run = plan.simulation.run(&plan.q, &plan.qd, scene.duration).unwrap();
-    // Nothing is ever inside a surface, but for what a time step overlaps.
+    // No shape penetrates a surface by more than the overlap of a time step.
     let deepest = (0..=1000)
         .map(|k| run.at(&plan.simulation.chain, scene.duration * f64::from(k) / 1000.0))
         .map(|moment| plan.simulation.smallest_gap(&moment.q).unwrap())
         .fold(f64::INFINITY, f64::min);
     let fastest = run.events.iter().flat_map(|event| &event.qd_minus).fold(0.0_f64, |m, v| m.max(v.abs()));
     assert!(deepest > -2.0 * fastest * plan.simulation.contact_step, "{name}: overlap {deepest}");
-    let books = run.summary.energy;
-    assert!(books.error().abs() < 1e-6 * books.start.abs().max(books.impacts.abs()), "{name}: {books:?}");
+    let balance = run.summary.energy;
+    assert!(balance.error().abs() < 1e-6 * balance.start.abs().max(balance.impacts.abs()), "{name}: {balance:?}");
     (scene, run)
 }
 
+/// The events of a run contain these kinds in this order.
 fn happens(run: &Trajectory, kinds: &[&str]) {
     let mut events = run.events.iter().map(|event: &Event| event.kind.name());
     for kind in kinds {
         let all = || run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>();
-        assert!(events.any(|name| name == *kind), "no '{kind}' where it should be in {:?}", all());
+        assert!(events.any(|name| name == *kind), "'{kind}' is missing or out of order in {:?}", all());
     }
 }
 
@@ -32,7 +33,7 @@ fn a_three_link_arm_hits_slides_and_lifts_off() {
 }
 
 #[test]
-fn a_free_rod_rattles_to_rest_on_both_ends() {
+fn a_free_rod_comes_to_rest_on_both_ends() {
     let (_, run) = run("rod");
     happens(&run, &["impact", "impact", "rest"]);
     assert!((run.summary.last.q[2] - 0.01).abs() < 1e-9);
@@ -60,13 +61,13 @@ fn a_falling_arm_comes_to_rest_on_a_table() {
 }
 
 #[test]
-fn the_experiments_arm_strikes_its_wall_once() {
+fn the_arm_of_the_experiment_hits_its_wall_once() {
     let (_, run) = run("planar2");
     assert_eq!(run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>(), ["impact"]);
 }
 
 #[test]
-fn a_cradle_sends_its_last_ball_up() {
+fn in_a_cradle_only_the_last_ball_swings_up() {
     let (scene, run) = run("cradle");
     happens(&run, &["several", "several"]);
     let swings = run.at(&scene.simulation.chain, 0.5).q;
@@ -74,7 +75,7 @@ fn a_cradle_sends_its_last_ball_up() {
 }
 
 #[test]
-fn a_dropped_ball_bounces_six_times_to_e_squared_of_the_height_before() {
+fn a_dropped_ball_bounces_six_times_to_e_squared_of_the_previous_height() {
     let (_, run) = run("bounce");
     assert_eq!(run.events.iter().map(|event| event.kind.name()).collect::<Vec<_>>(), ["impact"; 6]);
     // From h = 1 m with e = 0.8: the k-th flight lasts 2 e^k sqrt(2 h / g), and v_k = e^k sqrt(2 g h).
@@ -89,8 +90,8 @@ fn a_dropped_ball_bounces_six_times_to_e_squared_of_the_height_before() {
 
 #[test]
 fn kane_and_levinsons_tip_slides_back_after_the_impact() {
-    // Reference digits of Stronge's law at the pose of contact itself; the floor lies 2e-6 m below, which moves the pose and
-    // the answer by no more than that.
+    // Reference digits of Stronge's law at the pose of contact. The floor of the scene is 2e-6 m lower, which changes the
+    // pose and the velocities by about that much.
     let (_, run) = run("kane");
     let [event] = &run.events[..] else { panic!("{} events", run.events.len()) };
     for (found, wanted) in event.qd_plus.iter().zip([-0.198932335971, 0.223136785377 + 0.198932335971]) {

@@ -46,23 +46,26 @@ fn ball(joint: &str) -> Chain {
 
 /// Apex heights e^{2k} h, and the end of the bouncing at t₁ (1+e)/(1−e).
 #[test]
-fn ball_bounces_to_e_squared_heights_and_comes_to_rest_when_it_should() {
+fn bouncing_ball_has_closed_form_heights_and_zeno_time() {
     for (e, zeno) in [(0.5, 1.354570923), (0.8, 4.063712769), (0.9, 8.578949179)] {
         let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.3));
         let run = sim.run(&[1.1], &[0.0], zeno + 1.0).unwrap();
         let impacts: Vec<_> = run.events.iter().filter(|e| matches!(e.kind, EventKind::Impact { .. })).collect();
         let first = (2.0 / G).sqrt();
         assert!((impacts[0].time - first).abs() < 1e-13 * first);
+        // The impacts before the remaining bouncing time 2 v⁺/(g (1 − e)) falls below `zeno_time`, v⁺ = eᵏ √(2 g h).
+        let resolved = (1..).find(|&k| 2.0 * e.powi(k) * (2.0 * G).sqrt() / (G * (1.0 - e)) < sim.zeno_time).unwrap();
+        assert_eq!(impacts.len(), resolved as usize, "e {e}");
         for (k, impact) in impacts.iter().enumerate() {
             let apex = impact.qd_plus[0] * impact.qd_plus[0] / (2.0 * G);
             let exact = e.powi(2 * (k as i32 + 1));
-            // Heights are differences of positions near 0.1 m, known to 1e-17 m: that is what tiny bounces are made of.
+            // Heights are differences of positions near 0.1 m, which are rounded to about 1e-17 m.
             let tolerance = 1e-9_f64.max(1e-16 / exact);
             assert!((apex / exact - 1.0).abs() < tolerance, "e {e}, bounce {k}: {apex} against {exact}");
         }
         let end = run.events.iter().find(|e| matches!(e.kind, EventKind::Zeno { .. })).unwrap();
         assert!((end.time - zeno).abs() < 1e-9, "e {e}: {} against {zeno}", end.time);
-        // It rests on the floor ever after, and has lost what it fell.
+        // It then rests on the floor, and has lost its initial potential energy.
         assert_eq!(run.summary.mode.name(), "sticking");
         assert!((run.summary.last.q[0] - 0.1).abs() < 1e-12 && run.summary.last.qd[0].abs() < 1e-12);
         assert!((run.summary.energy.impacts - 2.0 * G).abs() < 1e-9);
@@ -70,9 +73,9 @@ fn ball_bounces_to_e_squared_heights_and_comes_to_rest_when_it_should() {
     }
 }
 
-/// No event is lost, and none comes twice, over ten thousand bounces: e = 1, every 2√(2h/g).
+/// No event is lost or reported twice in ten thousand bounces with e = 1, one every 2√(2h/g).
 #[test]
-fn ten_thousand_elastic_bounces_come_one_by_one() {
+fn ten_thousand_elastic_bounces_are_each_reported_once() {
     let mut sim = simulation(ball("prismatic"), level(), rule("newton", 1.0, 0.0));
     sim.max_events = 10_000;
     let h = 0.02_f64;
@@ -81,12 +84,12 @@ fn ten_thousand_elastic_bounces_come_one_by_one() {
     assert!(run.events.iter().all(|e| matches!(e.kind, EventKind::Impact { .. })));
     let half = (2.0 * h / G).sqrt();
     let last = half * (2.0 * 9_999.0 + 1.0);
-    // Each bounce rounds position and time; the errors add up like a random walk, and the period follows the energy.
+    // Each bounce rounds position and time; the errors accumulate like a random walk, and the period depends on the energy.
     assert!((run.summary.last.time / last - 1.0).abs() < 1e-8, "{} against {last}", run.summary.last.time);
     assert!((run.summary.energy.end / run.summary.energy.start - 1.0).abs() < 1e-8);
 }
 
-/// A ball thrown obliquely: no friction, so its course over ground is straight through all bounces.
+/// A ball thrown obliquely: without friction its horizontal velocity stays constant through all bounces.
 #[test]
 fn free_ball_keeps_its_horizontal_velocity_without_friction() {
     let sim = simulation(ball("floating"), level(), rule("frictionless", 0.7, 0.0));
@@ -103,10 +106,10 @@ fn free_ball_keeps_its_horizontal_velocity_without_friction() {
     assert_eq!(run.summary.mode, ContactMode::Sliding { touch: 0 });
 }
 
-/// A solid ball put down with slip: Coulomb friction μ m g decelerates it and spins it up, until it rolls at 5/7 of its
-/// speed, after t = 2 v/(7 μ g).
+/// A solid ball that starts with slip: Coulomb friction μ m g decelerates it and accelerates its rotation until it rolls at
+/// 5/7 of its initial speed, after t = 2 v/(7 μ g).
 #[test]
-fn sliding_ball_begins_to_roll_when_it_should() {
+fn sliding_ball_begins_to_roll_at_the_closed_form_time() {
     let sim = simulation(ball("floating"), level(), rule("frictionless", 0.0, 0.2));
     let (q, v) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], 1.4);
     let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 2.0).unwrap();
@@ -139,16 +142,16 @@ fn wall_scene(speed: f64, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
     (sim, q, qd.as_slice().to_vec())
 }
 
-/// Restitution comes out as it went in, at every speed: no threshold anywhere.
+/// u_n⁺ = −e u_n⁻ at approach speeds from 1 mm/s to 3 m/s: there is no velocity threshold.
 #[test]
-fn restitution_comes_out_as_it_went_in_from_a_millimetre_to_metres_a_second() {
+fn restitution_is_exact_at_every_approach_speed() {
     for speed in [0.001, 0.01, 0.2, 3.0] {
         for e in [0.0, 0.35, 1.0] {
             let (sim, q, qd) = wall_scene(speed, e);
             let run = sim.run(&q, &qd, 0.05 / speed).unwrap();
             let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
             assert!(((hit.u_plus.x / hit.u_minus.x) + e).abs() < 1e-12, "{speed} {e}");
-            // The whole jump is that of the closed form at the pose of the event.
+            // The jump of all joint velocities equals that of a single impact at the pose of the event.
             let law = carom::Frictionless { restitution: e };
             let tip = sim.chain.frame("tip").unwrap();
             let event = &run.events[0];
@@ -156,7 +159,8 @@ fn restitution_comes_out_as_it_went_in_from_a_millimetre_to_metres_a_second() {
             let exact =
                 sim.chain.impact(&event.q, &event.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
             for (a, b) in event.qd_plus.iter().zip(&exact.qd_plus) {
-                assert!((a - b).abs() <= 1e-5 * b.abs(), "the ball's radius apart: {a} {b}");
+                // The simulated contact point is offset by the radius of the tip's ball.
+                assert!((a - b).abs() <= 1e-5 * b.abs(), "{a} {b}");
             }
             // The tip is on the wall to rounding.
             let mut ws = sim.chain.workspace();
@@ -166,9 +170,10 @@ fn restitution_comes_out_as_it_went_in_from_a_millimetre_to_metres_a_second() {
     }
 }
 
-/// A pendulum that swings into a wall at its lowest point: impacts for ever, every half period, each e times slower.
+/// A pendulum that hits a wall at its lowest point: one impact every half period, each e times slower, without
+/// accumulation.
 #[test]
-fn false_zeno_pendulum_never_comes_to_rest() {
+fn pendulum_impacts_without_accumulation_are_all_resolved() {
     let text = r#"<robot name="pendulum"><link name="top"/>
         <link name="bob"><inertial><origin xyz="0 0 -1"/><mass value="1"/>
           <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial>
@@ -189,7 +194,8 @@ fn false_zeno_pendulum_never_comes_to_rest() {
     assert_eq!(run.events.len(), 1 + ((30.0 - half / 2.0) / half) as usize);
 }
 
-/// A block on a slope as a ball that can't turn: sticks below the friction angle, slides above with g (sin θ − μ cos θ).
+/// A block (a ball that cannot rotate) on a slope sticks below the friction angle and slides above it with
+/// g (sin θ − μ cos θ).
 #[test]
 fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
     let text = r#"<robot name="block"><link name="world"/><link name="a"/>
@@ -214,10 +220,9 @@ fn slider_on_a_slope_sticks_below_the_friction_angle_and_slides_above() {
     }
 }
 
-/// A bead sliding down a smooth sphere from the top leaves it where it has fallen a third of the radius (and flies on): with a
-/// start at cos θ₀ and speed v₀, at cos θ = ⅔ (cos θ₀ + v₀²/2gR).
+/// A bead that slides down a smooth sphere from θ₀ with speed v₀ leaves it at cos θ = ⅔ (cos θ₀ + v₀²/2gR).
 #[test]
-fn bead_leaves_a_smooth_sphere_where_it_should() {
+fn bead_leaves_a_smooth_sphere_at_the_closed_form_angle() {
     let text = r#"<robot name="bead"><link name="world"/><link name="a"/>
         <link name="bead"><inertial><mass value="0.3"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
           <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
@@ -234,7 +239,7 @@ fn bead_leaves_a_smooth_sphere_where_it_should() {
     let leaves = run.events.iter().find(|e| matches!(e.kind, EventKind::LiftOff { .. })).unwrap();
     let height = 2.0 / 3.0 * (theta.cos() + v * v / (2.0 * G));
     assert!((leaves.q[1] - height).abs() < 1e-8, "{} against {height}", leaves.q[1]);
-    // On the sphere until then, by energy too, and never in it afterwards.
+    // The bead is on the sphere until then, and its speed satisfies the condition for leaving it.
     assert!((leaves.q[0].hypot(leaves.q[1]) - 1.0).abs() < 1e-11);
     let speed = leaves.qd_plus[0].hypot(leaves.qd_plus[1]);
     assert!((speed * speed - G * height).abs() < 1e-8);
@@ -242,9 +247,9 @@ fn bead_leaves_a_smooth_sphere_where_it_should() {
     assert!((run.summary.energy.end - run.summary.energy.start).abs() < 1e-9);
 }
 
-/// A dropped chain keeps its energy between impacts, over a minute and thousands of steps.
+/// A falling chain without impacts conserves its energy over a minute and thousands of steps.
 #[test]
-fn energy_is_conserved_between_impacts() {
+fn energy_is_conserved_without_impacts() {
     let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
     let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
     let mut sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
@@ -261,9 +266,9 @@ fn energy_is_conserved_between_impacts() {
     assert!(run.statistics.steps > 500 && run.events == 0);
 }
 
-/// A limit is an impact of the joint, and all joints jump.
+/// Reaching a joint limit is an impact: the velocities of all joints jump.
 #[test]
-fn joint_limits_are_impacts() {
+fn reaching_a_joint_limit_is_an_impact() {
     let text = r#"<robot name="r"><link name="a"/>
         <link name="b"><inertial><mass value="1"/><origin xyz="0.5 0 0"/>
           <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
@@ -288,7 +293,7 @@ fn joint_limits_are_impacts() {
 }
 
 #[test]
-fn scene_file_of_the_design_runs() {
+fn shipped_planar2_scene_runs() {
     let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/planar2.toml")).unwrap();
     let run = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap();
     let EventKind::Impact { hit, .. } = &run.events[0].kind else { panic!("{:?}", run.events[0]) };
@@ -297,14 +302,14 @@ fn scene_file_of_the_design_runs() {
 }
 
 #[test]
-fn what_can_not_be_simulated_is_refused_with_the_reason() {
+fn invalid_simulations_are_refused_with_the_reason() {
     let sim = simulation(ball("prismatic"), level(), rule("newton", 0.5, 0.0));
     let said = |q: f64, tolerance: f64, duration: f64| {
         let mut sim = sim.clone();
         sim.tolerance = tolerance;
         sim.run(&[q], &[0.0], duration).unwrap_err().to_string()
     };
-    assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: move the start apart");
+    assert_eq!(said(0.05, 1e-9, 1.0), "at the start ball on floor overlaps by 0.05 m: choose a start without overlap");
     assert_eq!(said(1.0, 0.0, 1.0), "tolerance is 0: it must be positive and finite");
     assert_eq!(said(1.0, 1e-9, -1.0), "duration is -1: it must be positive and finite");
     let hertz = simulation(ball("prismatic"), level(), rule("hertz", 0.5, 0.0));
@@ -313,28 +318,29 @@ fn what_can_not_be_simulated_is_refused_with_the_reason() {
         said,
         "no law is named 'hertz': the laws are frictionless, whittaker, newton, poisson, energetic, chatterjee-ruina, brach, smith"
     );
-    // A wall that nothing reaches is left out, and nothing happens.
+    // A robot without collision shapes has no touches.
     let arm = carom::uniform_chain(2, 2.0, 2.0).unwrap();
     assert!(
         Touch::all(&arm, &[surface(level(), rule("newton", 0.5, 0.0))], 0.0).unwrap().touches.is_empty(),
-        "it has no shapes"
+        "the chain has no collision shapes"
     );
 }
 
-/// A ball flies past a sphere and overlaps it by a thousandth of a millimetre on the way, for a fraction of a step.
+/// A ball flies past a sphere; its path overlaps the sphere by 1 µm or less, for a fraction of an integration step.
 #[test]
-fn a_touch_much_shorter_than_a_step_is_not_stepped_over() {
+fn a_contact_much_shorter_than_a_step_is_detected() {
     for (depth, hits) in [(1e-6, true), (1e-9, true), (-1e-9, false)] {
         let post = Obstacle::sphere(Vector3::zeros(), 0.5).unwrap();
         let sim =
             Simulation { gravity: Vector3::zeros(), ..simulation(ball("floating"), post, rule("newton", 0.5, 0.0)) };
         let start = [-2.0, 0.6 - depth, 0.0, 0.0, 0.0, 0.0, 1.0];
         let run = sim.run(&start, &[40.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
-        assert_eq!(run.events.iter().filter(|e| e.kind.name() == "impact").count(), usize::from(hits), "{depth}");
-        if let Some(event) = run.events.first() {
-            // It touches where (0.6 − depth)² + x² = 0.6².
-            let x = -(2.0 * 0.6 * depth - depth * depth).sqrt();
-            assert!((event.q[0] - x).abs() < 1e-7, "{} against {x}", event.q[0]);
+        let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+        assert_eq!(kinds, if hits { vec!["impact"] } else { Vec::new() }, "{depth}");
+        if hits {
+            // The contact begins where (0.6 − depth)² + x² = 0.6².
+            let (x, found) = (-(2.0 * 0.6 * depth - depth * depth).sqrt(), run.events[0].q[0]);
+            assert!((found - x).abs() < 1e-7, "{found} against {x}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The kernel for sweeps: one at a time against the recursive kernel, many at once against one at a time.
+//! The kernel for sweeps: `jump_into` compared with the recursive kernel, `many` compared with `jump_into`.
 
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::LoadOptions;
@@ -24,10 +24,10 @@ fn write(columns: &mut [Vec<f64>]) -> Vec<&mut [f64]> {
     columns.iter_mut().map(Vec::as_mut_slice).collect()
 }
 
-/// Every number of `count` impacts at once has the digits of the same impact alone, and those agree with the recursion.
-fn many_are_each_alone<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, count: usize) {
+/// Every result of `many` with `count` states equals that of `jump_into` bit by bit, and those agree with the recursion.
+fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, normal: A::Vector, count: usize) {
     let (nq, nv, linear) = (chain.nq(), chain.nv(), A::LINEAR);
-    // A quaternion's numbers are of any length here: kernels divide by it.
+    // The quaternions are not normalised here: the kernels divide by their length.
     let q = columns(nq, count, |row, k| 0.4 * (row as f64 + 1.0) + 0.7 * (k as f64 + 0.3 * row as f64).sin());
     let qd = columns(nv, count, |row, k| (1.3 * row as f64 + 0.9 * k as f64).cos());
     let mut qd_plus = columns(nv, count, |_, _| f64::NAN);
@@ -63,7 +63,7 @@ fn many_are_each_alone<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<
 
         let mut kin = workspace.update(chain, &q).unwrap();
         let p = frictionless_jump_into(&mut kin, point, normal, 0.35, &qd, &mut scratch, &mut recursive).unwrap();
-        // Both lose the condition number of M, some 1e4 for these robots, of 1e-16.
+        // Both have rounding errors of 1e-16 times the condition number of M, some 1e4 for these robots.
         let scale = recursive.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
         assert!((p - jump.impulse).abs() <= 1e-11 * p.abs(), "{p} {}", jump.impulse);
         assert!(jump.qd_plus.iter().zip(&recursive).all(|(a, b)| (a - b).abs() <= 1e-11 * scale));
@@ -71,8 +71,8 @@ fn many_are_each_alone<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<
 }
 
 #[test]
-fn many_impacts_at_once_are_each_alone_to_the_last_digit() {
-    // A point on the last of a row of hinges, one between them, and a floating body.
+fn batched_impacts_equal_single_impacts_bit_by_bit() {
+    // Points on the last link of an arm, on a middle link, on a branch of a tree, and on a floating body.
     let cases = [
         ("planar2", "tip", false),
         ("planar3", "tip", false),
@@ -81,29 +81,32 @@ fn many_impacts_at_once_are_each_alone_to_the_last_digit() {
         ("humanoid29", "tip", false),
         ("box", "box", true),
     ];
+    let mut planar = Vec::new();
     for (name, link, floating) in cases {
         let chain = robot(name, floating);
         let frame = chain.frame(link).unwrap();
         let point = chain.point(frame, Vector3::new(0.1, 0.02, 0.05));
-        // Full blocks and every kind of end.
+        // Complete blocks and incomplete ones.
         for count in [0, 1, 4, 8, 19, 64, 131] {
-            many_are_each_alone(&chain, point, Vector3::new(0.6, 0.0, 0.8), count);
+            check_batch(&chain, point, Vector3::new(0.6, 0.0, 0.8), count);
         }
         if let Ok(flat) = chain.to_planar() {
+            planar.push(name);
             let point = flat.point(frame, Vector3::zeros());
             for count in [1, 70] {
-                many_are_each_alone(&flat.chain, point, Vector2::new(-0.8, 0.6), count);
+                check_batch(&flat.chain, point, Vector2::new(-0.8, 0.6), count);
             }
         }
     }
+    assert_eq!(planar, ["planar2", "planar3"]);
     let long = uniform_chain(12, 3.0, 2.0).unwrap();
     let flat = long.to_planar().unwrap();
     let tip = long.frame("tip").unwrap();
-    many_are_each_alone(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9);
+    check_batch(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9);
 }
 
 #[test]
-fn columns_that_do_not_fit_are_refused() {
+fn columns_of_wrong_number_or_length_are_refused() {
     let chain = robot("planar2", false);
     let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
     let kernel = FrictionlessJump::new(&chain, tip).unwrap();

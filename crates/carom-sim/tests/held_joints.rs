@@ -1,4 +1,5 @@
-//! Drives that act during an impact: locked joints and impedance, held against smaller robots, limits and energy books.
+//! Drives that act during an impact: locked and impedance-weighted joints, compared with smaller robots, with limit cases
+//! and with the energy balance.
 
 use carom_chain::urdf::{JointType, LoadOptions};
 use carom_chain::{Chain, ChainError};
@@ -12,7 +13,7 @@ fn text(name: &str) -> String {
     std::fs::read_to_string(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap()
 }
 
-/// The robot; afloat, its base gets a mass, without which its own turning would move nothing.
+/// The robot. A floating base gets a mass: a massless one has no inertia of its own.
 fn robot(text: &str, floating_base: bool) -> Chain {
     let base = "<link name=\"base\"><inertial><mass value=\"4\"/>\
         <inertia ixx=\"0.1\" ixy=\"0\" ixz=\"0\" iyy=\"0.1\" iyz=\"0\" izz=\"0.1\"/></inertial>";
@@ -42,9 +43,9 @@ fn same(what: &str, x: &[f64], y: &[f64], within: f64) {
 
 const LAW: Energetic = Energetic { restitution: 0.4, friction: 0.3 };
 
-/// A joint locked at zero and a joint that the file fixes are one thing.
+/// A joint locked at zero gives the impact of a robot in whose URDF the joint is fixed.
 #[test]
-fn a_locked_joint_is_a_fixed_one() {
+fn a_locked_joint_equals_a_fixed_joint() {
     let mut rng = fastrand::Rng::with_seed(1);
     let text = text("arm7");
     let chain = robot(&text, false);
@@ -73,7 +74,7 @@ fn a_locked_joint_is_a_fixed_one() {
             let kept: Vec<f64> = free.iter().map(|&i| hit.qd_plus[i]).collect();
             same("qd⁺", &kept, &other.qd_plus, 1e-10 * size);
             assert!((0..names.len()).all(|i| free.contains(&i) || hit.qd_plus[i] == 0.0));
-            // Joints that stand still let no work through.
+            // Locked joints with zero velocity do no work.
             assert!(
                 hit.drive_work == 0.0
                     && (hit.energy_after - other.energy_after).abs() < 1e-11 * (1.0 + hit.energy_after)
@@ -82,9 +83,9 @@ fn a_locked_joint_is_a_fixed_one() {
     }
 }
 
-/// Afloat, with every joint locked, the robot is one rigid body, moving joints or not.
+/// With a floating base and all joints locked, the robot has the inertia of one rigid body, whatever its joint velocities.
 #[test]
-fn all_locked_afloat_is_the_composite_rigid_body() {
+fn all_joints_locked_with_a_floating_base_is_the_composite_rigid_body() {
     let mut rng = fastrand::Rng::with_seed(2);
     let chain = robot(&text("arm7"), true);
     let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
@@ -95,7 +96,7 @@ fn all_locked_afloat_is_the_composite_rigid_body() {
         let h = &contact.inertia().delassus;
         assert!((h - &composite).amax() < 1e-12 * h.amax(), "{h}{composite}");
     }
-    // Locking takes mobility away: the point gets heavier in every direction.
+    // Locking joints increases the effective mass in every direction.
     let (q, qd) = (afloat(&random(&mut rng, 7)), random(&mut rng, 13));
     let mass = |joints| strike(&chain, &q, &qd, joints).contact().unwrap().inertia().effective_mass(&NORMAL).unwrap();
     let (free, some, all) =
@@ -103,9 +104,9 @@ fn all_locked_afloat_is_the_composite_rigid_body() {
     assert!(free <= some && some < all, "{free} {some} {all}");
 }
 
-/// ½ p·(u⁻ + u⁺) + ½ j·(q̇⁻ + q̇⁺) = T⁺ - T⁻, where the energies come from M and the whole motion; and M Δq̇ = Jᵀp + j.
+/// ½ p·(u⁻ + u⁺) + ½ j·(q̇⁻ + q̇⁺) = T⁺ − T⁻, with T from M and all joint velocities; and M Δq̇ = Jᵀp + j.
 #[test]
-fn the_drives_work_closes_the_energy_books() {
+fn work_of_the_drives_closes_the_energy_balance() {
     let mut rng = fastrand::Rng::with_seed(3);
     let (e, mu) = (0.5, 0.4);
     let laws: [&dyn Law<f64, 3>; 4] = [
@@ -139,7 +140,7 @@ fn the_drives_work_closes_the_energy_books() {
                     let given =
                         contact.jacobian().transpose() * hit.impulse + DVector::from_vec(hit.drive_impulse.clone());
                     let pushed = (&m * &jump).amax() + given.amax();
-                    // A solve with M is good to ε times its condition.
+                    // The error of a solve with M is ε times its condition number.
                     let spread = m.clone().symmetric_eigenvalues();
                     let solved = 1e3 * f64::EPSILON * spread.max() / spread.min();
                     let off = (&m * jump - given).amax();
@@ -153,12 +154,13 @@ fn the_drives_work_closes_the_energy_books() {
             }
         }
     }
-    assert!(gains > 50 && losses > 50, "a moving drive gives or takes: {gains} {losses}");
+    assert!(gains > 50 && losses > 50, "the drives do positive work in {gains} cases and negative work in {losses}");
 }
 
-/// Stiffness 0 is free and stiffness without end is locked, to the first order of what is left.
+/// Stiffness 0 gives the free joints; with stiffness going to 0 or infinity the result converges to free or locked joints
+/// with first order.
 #[test]
-fn impedance_lies_between_free_and_locked() {
+fn impedance_converges_to_free_and_to_locked_joints() {
     let mut rng = fastrand::Rng::with_seed(4);
     let chain = robot(&text("arm7"), true);
     let (q, qd) = (afloat(&random(&mut rng, 7)), random(&mut rng, 13));
@@ -175,7 +177,7 @@ fn impedance_lies_between_free_and_locked() {
     };
     let free = strike(&chain, &q, &qd, JointModel::Free).resolve(&law).unwrap();
     let locked = strike(&chain, &q, &qd, JointModel::AllLocked).resolve(&law).unwrap();
-    assert!(off(&free, &locked) > 0.1, "the limits differ");
+    assert!(off(&free, &locked) > 0.1, "the two limits differ");
     assert!(off(&with(0.0, 0.0), &free) == 0.0);
     for (weak, strong) in [(1e-2, 1e9), (1e-3, 1e10)] {
         let (near_free, near_locked) = (off(&with(weak, 0.0), &free), off(&with(strong, 0.0), &locked));
@@ -183,15 +185,15 @@ fn impedance_lies_between_free_and_locked() {
         assert!(ratio(off(&with(0.1 * weak, 0.0), &free), near_free), "{near_free:e}");
         assert!(ratio(off(&with(10.0 * strong, 0.0), &locked), near_locked), "{near_locked:e}");
     }
-    // Δt (K Δt + D): a damper of K Δt is that spring.
+    // W = Δt (K Δt + D): a damping of K Δt is equivalent to the stiffness K.
     assert!(off(&with(400.0, 0.0), &with(0.0, 4.0)) < 1e-12);
     let rise = [0.0, 1e2, 1e4, 1e6].map(|k| with(k, 0.0).contact.impulse.z);
-    assert!(rise.windows(2).all(|pair| pair[0] < pair[1]), "stiffer is heavier: {rise:?}");
+    assert!(rise.windows(2).all(|pair| pair[0] < pair[1]), "the impulse grows with the stiffness: {rise:?}");
     assert!(rise[3] < locked.contact.impulse.z);
 }
 
 #[test]
-fn what_can_t_be_held_is_refused() {
+fn invalid_joint_models_are_refused() {
     let chain = robot(&text("arm7"), false);
     let (q, qd, zeros) = ([0.3; 7], [0.5; 7], [0.0; 7]);
     let refused = |joints: JointModel| strike(&chain, &q, &qd, joints).resolve(&LAW).unwrap_err();
@@ -207,10 +209,10 @@ fn what_can_t_be_held_is_refused() {
     for (joints, words) in [
         (impedance(&zeros[..6], &zeros, 1e-3), "stiffness has 6 numbers, 7 are needed"),
         (impedance(&zeros, &[f64::NAN; 7], 1e-3), "damping[0] is NaN: every number must be finite"),
-        (impedance(&[-1.0; 7], &zeros, 1e-3), "a joint's stiffness is -1: a drive resists, so it is 0 or more"),
-        (impedance(&zeros, &[-2.0; 7], 1e-3), "a joint's damping is -2: a drive resists, so it is 0 or more"),
-        (impedance(&zeros, &zeros, 0.0), "the contact time is 0: it is a finite number of seconds above 0"),
-        (impedance(&zeros, &zeros, f64::INFINITY), "the contact time is inf: it is a finite number"),
+        (impedance(&[-1.0; 7], &zeros, 1e-3), "a joint's stiffness is -1: it must be 0 or more"),
+        (impedance(&zeros, &[-2.0; 7], 1e-3), "a joint's damping is -2: it must be 0 or more"),
+        (impedance(&zeros, &zeros, 0.0), "the contact time is 0: it must be finite and above 0 s"),
+        (impedance(&zeros, &zeros, f64::INFINITY), "the contact time is inf: it must be finite"),
         (impedance(&[1e300; 7], &zeros, 1e10), "the inertia Δt (K Δt + D) is inf: it must be finite"),
     ] {
         let why = refused(joints).to_string();
