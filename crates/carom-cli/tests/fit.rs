@@ -153,9 +153,7 @@ fn data_that_cannot_be_fitted_are_refused() {
     desk.refused("fit --velocities empty.jsonl", "empty.jsonl: it holds no impacts: give at least one");
     desk.refused(
         "fit --velocities jumps.jsonl --law frictionless",
-        &format!(
-            "jumps.jsonl: the law 'frictionless' has no coefficient of friction to fit: choose one of {laws}"
-        ),
+        &format!("jumps.jsonl: the law 'frictionless' has no coefficient of friction to fit: choose one of {laws}"),
     );
     desk.refused(
         "fit --velocities jumps.jsonl --train 0",

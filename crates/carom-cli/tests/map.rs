@@ -151,11 +151,9 @@ fn an_unknown_quantity_is_refused_with_the_nearest_name() {
     let desk = Desk::new("nearest");
     desk.study(|text| text.replace("\"impulse\"", "\"impulses\""));
     let said = String::from_utf8(desk.run("map s.toml --out x.csv").stderr).unwrap();
-    assert!(
-        said.starts_with(
-            "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? Known names: mode"
-        )
-    );
+    assert!(said.starts_with(
+        "error: s.toml: [map] quantities holds \"impulses\": did you mean \"impulse\"? Known names: mode"
+    ));
 }
 
 #[test]
