@@ -23,8 +23,8 @@
 //!
 //! SI units. Contact axes hold the tangents first and the normal last; the normal `n` is a unit vector **from the
 //! environment to the robot**, so an approaching contact has `u_n < 0`. Impulses act on the robot. `D`, the number of
-//! contact axes, is 2 in the plane, 3 in space, and 1 without tangents. The scalar `T` is any `nalgebra` real field that
-//! is `Copy`: `f64`, `f32`, dual numbers.
+//! contact axes, is 2 in the plane, 3 in space, and 1 without tangents. The scalar `T` is any `nalgebra` real field
+//! that is `Copy`: `f64`, `f32`, dual numbers.
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|

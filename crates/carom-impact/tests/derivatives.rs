@@ -196,7 +196,8 @@ fn crosses<const D: usize>(case: &Moving<D>, tally: &mut std::collections::BTree
     assert_eq!((back.edge, back.beyond), (nearest.edge, before.mode), "{case:?}");
     *tally.entry(nearest.edge.name()).or_default() += 1;
 
-    // The impulse is continuous there (but for Whittaker's, which may have three answers), its derivative need not be.
+    // The impulse is continuous there (but for Whittaker's, which may have three solutions), its derivative need not
+    // be.
     let jump = (before.impulse - after.impulse).norm();
     assert!(jump < 1e-6 * before.impulse.norm(), "{jump:e} {case:?}");
     let middle = Moving {

@@ -232,8 +232,8 @@ fn planar_arm_keeps_the_slip_across_its_plane() {
     }
 }
 
-/// Two joints in space whose null direction of H has components along all axes: every law answers within its guarantees
-/// or refuses with `Wedged`.
+/// Two joints in space whose null direction of H has components along all axes: every law has an outcome within its
+/// guarantees or refuses with `Wedged`.
 ///
 /// Only Whittaker's law refuses, and only where friction jams (`μ |H_tn| >= H_nn`), which leaves the cone unbounded:
 /// the prescribed rebound then may need an infinite impulse. A scan of the slip directions finds no solution in these

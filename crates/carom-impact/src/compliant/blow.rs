@@ -214,7 +214,7 @@ const TOLERANCE: f64 = 1e-12;
 const ABSOLUTE: f64 = 1e-14;
 /// Largest number of steps.
 const MAX_STEPS: usize = 10_000_000;
-/// Largest duration, in units of penetration over approach velocity: weak rebounds take long.
+/// Largest duration, in units of penetration over approach velocity: weak rebounds last long.
 const HORIZON: f64 = 1e12;
 /// Number of intervals of a step in which the largest force is searched.
 const PLACES: usize = 8;
