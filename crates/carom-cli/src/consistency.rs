@@ -18,7 +18,7 @@ use std::path::PathBuf;
 ///
 /// Input: a CSV table.
 /// Output, for each row: the verdict; cot α, e, E and Y with its range; the implied tangential
-/// velocity after the impact; the ranges of h and D; the nearest V; single changes of one number
+/// velocity after the impact; the ranges of h and D; the best fit; single changes of one number
 /// that would make the row consistent.
 /// JSON keys: rows [{row, consistent, points, branches, fit {factor, h, d}, changes, directions,
 ///   verdict}]; an end of a range is left out if it is unbounded.
@@ -36,7 +36,7 @@ pub struct ConsistencyCommand {
     /// Half-width of the rounding of every number [default: half a unit of its last digit]
     #[arg(long, value_name = "HALF", allow_hyphen_values = true)]
     rounding: Option<f64>,
-    /// Draw Y over cot α with the nearest V of each row (SVG)
+    /// Draw Y over cot α with the best fit of each row (SVG)
     #[arg(long, value_name = "X.svg")]
     svg: Option<PathBuf>,
     /// Print one line of JSON instead of text
@@ -236,7 +236,7 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             )?;
         }
         if let (false, Some(h), Some(d)) = (row.consistent, row.fit.h, row.fit.d) {
-            writeln!(out, "  (tangential velocities are those of the nearest V: h = {}, D = {})", short(h), short(d))?;
+            writeln!(out, "  (tangential velocities are those of the best fit: h = {}, D = {})", short(h), short(d))?;
         }
         for sentence in &row.verdict {
             writeln!(out, "  - {sentence}")?;

@@ -5,6 +5,6 @@
 
 pub(crate) use re_sdk::*;
 pub(crate) use re_sdk_types::archetypes::*;
-pub(crate) use re_sdk_types::components::{Color, Radius};
+pub(crate) use re_sdk_types::components::{Color, FillMode, Radius};
 pub(crate) use re_sdk_types::datatypes::Quaternion;
 pub(crate) use re_sdk_types::{components, datatypes};
