@@ -267,8 +267,8 @@ fn floating_base_comes_first_or_where_joints_option_names_it() {
 fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
     let desk = Desk::new("namesake");
     desk.write("r.urdf", floater().replace("continuous_b", "root_joint"));
-    let message = "r.urdf:1: joint 'root_joint': a floating base is to be added under this name: rename the joint, or load \
-                   the file as it is";
+    let message = "r.urdf:1: joint 'root_joint': the floating base is added as a joint of this name: rename the joint, or \
+                   load the robot without a floating base";
     for args in [
         "inspect r.urdf --floating",
         "dynamics r.urdf --floating --json --tip b --states -",

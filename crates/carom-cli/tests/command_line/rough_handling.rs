@@ -140,7 +140,7 @@ fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
     for (text, message) in [
         (
             "<robot name='r'>\n<link name='a'/\n></robot>".to_owned(),
-            "r.urdf:2: XML: not well-formed: expected '>' not '\\n' at 2:16; correct the file",
+            "r.urdf:2: XML: is not well-formed: expected '>' not '\\n' at 2:16; correct the file",
         ),
         (
             robot("<link name='a&#10;b'/><link name='a&#10;b'/>"),
