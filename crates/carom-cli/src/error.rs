@@ -52,6 +52,14 @@ pub enum CliError {
         /// The file that holds them.
         partial: std::path::PathBuf,
     },
+    /// Cells of `carom stress` that are not as theory predicts.
+    #[error("{count} cells are defects, see the notes in stress.md: {cells}")]
+    Defects {
+        /// Number of defects.
+        count: usize,
+        /// Scene and method of each.
+        cells: String,
+    },
     /// An option; the message names it, and its file if it has one.
     #[error("{0}")]
     Option(String),

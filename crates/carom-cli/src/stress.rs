@@ -1,4 +1,6 @@
-//! `carom stress`: the table of failures of impact laws and simulation methods.
+//! `carom stress`: scenes that are hard for impact laws and simulators, against what theory predicts.
+//!
+//! The files are written whatever the verdicts; a defect then ends the command with exit 1 and a line that lists the cells.
 
 use crate::error::CliError;
 use crate::files;
@@ -12,13 +14,13 @@ use std::path::PathBuf;
 
 /// Run impact laws and simulation methods on built-in scenes that make methods fail
 ///
-/// Compares the result of each method on each scene with a closed form, an invariant or a theorem.
-/// The result is the same on every machine.
+/// Each cell (method in a scene) has a verdict and a bound on its figure that theory predicts. A cell
+/// that differs is a defect: the files are written, and the command ends with exit status 1.
 ///
-/// Output: stress.md (table with figures and reasons), stress.json and stress.svg in --out, and the
-/// number of cells of each verdict, from exact to defect (a failure that theory does not predict).
-/// JSON keys: methods, scenes [{scene, story, measures, tolerance, cells [{method, verdict, figure,
-///   note}]}].
+/// Output: stress.md (table with figures, bounds and reasons), stress.json and stress.svg in --out,
+/// and the number of cells of each verdict.
+/// JSON keys: methods, scenes [{scene, story, measures, tolerance, cells [{method, verdict, expected,
+///   figure, bound, reason, note}]}].
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct StressCommand {
@@ -52,8 +54,13 @@ struct Scene {
 struct Cell {
     method: &'static str,
     verdict: &'static str,
+    expected: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     figure: Option<f64>,
+    /// Least and largest figure that theory allows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bound: Option<[f64; 2]>,
+    reason: &'static str,
     #[serde(skip_serializing_if = "String::is_empty")]
     note: String,
 }
@@ -88,22 +95,35 @@ impl StressCommand {
         write_whole(&self.out.join("stress.json"), &format!("{json}\n"))?;
         if self.json {
             writeln!(out, "{json}")?;
-            return Ok(());
+            return defects(&rows);
         }
         let count = |verdict| rows.iter().flat_map(|row| &row.cells).filter(|cell| cell.verdict == verdict).count();
         for verdict in Verdict::ALL {
             writeln!(out, "{:5} {}", count(verdict), verdict.name())?;
         }
         writeln!(out, "{} scenes; the table is {}", rows.len(), self.out.join("stress.md").display())?;
-        Ok(())
+        defects(&rows)
     }
+}
+
+/// An error that lists the cells that are defects, if there are any.
+fn defects(rows: &[Row]) -> Result<(), CliError> {
+    let cells: Vec<String> =
+        stress::defects(rows).iter().map(|(scene, cell)| format!("{scene} / {}", cell.method)).collect();
+    if cells.is_empty() {
+        return Ok(());
+    }
+    Err(CliError::Defects { count: cells.len(), cells: cells.join(", ") })
 }
 
 fn report(rows: &[Row]) -> Report {
     let cell = |cell: &stress::Cell| Cell {
         method: cell.method,
         verdict: cell.verdict.name(),
+        expected: cell.expected.name(),
         figure: cell.figure,
+        bound: cell.bound,
+        reason: cell.reason,
         note: cell.note.clone(),
     };
     let scene = |row: &Row| Scene {

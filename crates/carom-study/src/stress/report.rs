@@ -5,55 +5,112 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::fmt::Write;
 
-/// A figure in the fewest characters that tell its size.
+/// A figure above rounding, with two significant digits.
 fn short(figure: f64) -> String {
-    if figure == 0.0 { "0".to_owned() } else { format!("{figure:.0e}") }
+    format!("{figure:.1e}")
+}
+
+/// The least and the largest figure allowed.
+pub fn interval([least, most]: [f64; 2]) -> String {
+    if least == 0.0 {
+        format!("≤ {}", plain(most))
+    } else if (most - least) < 1e-2 * most {
+        // Relative, with one digit.
+        format!("{} ± {:.0e}", four(0.5 * (least + most)), 0.5 * (most - least) / (0.5 * (most + least)))
+    } else {
+        format!("{} … {}", plain(least), plain(most))
+    }
+}
+
+fn plain(x: f64) -> String {
+    format!("{x:e}")
+}
+
+/// With four significant digits.
+fn four(x: f64) -> String {
+    if (1e-3..1e3).contains(&x.abs()) {
+        format!("{x:.digits$}", digits = (3.0 - x.abs().log10().floor()) as usize)
+    } else {
+        format!("{x:.3e}")
+    }
 }
 
 fn cell_of<'a>(row: &'a Row, method: &str) -> Option<&'a Cell> {
     row.cells.iter().find(|cell| cell.method == method)
 }
 
-/// A table of all scenes and methods, and below it what each scene is, and why cells are what they are.
+/// The figure as it is printed: never a digit that is rounding.
+fn figure(cell: &Cell) -> String {
+    match (cell.verdict, cell.figure, cell.bound) {
+        (Verdict::Exact, ..) => "exact".to_owned(),
+        (Verdict::Within, _, Some([_, most])) => format!("≤ {}", plain(most)),
+        (Verdict::Refused, ..) => "refused".to_owned(),
+        (_, Some(figure), _) => four(figure),
+        (_, None, _) => "–".to_owned(),
+    }
+}
+
+/// The table in Markdown: all scenes and methods, and below it for every cell verdict, figure, bound and reason.
+///
+/// Figures that are rounding are printed as `exact` or by their bound, so that the text is the same on every machine.
 pub fn markdown(rows: &[Row]) -> String {
-    let mut text = "# Where methods fail\n\n".to_owned();
+    let mut text = "# Where methods fail\n\n\
+                    Made by `carom stress --out docs`; a test compares it with a fresh run. Every cell has the verdict that theory \
+                    predicts and a bound on its figure; what does not meet them is a defect.\n\n"
+        .to_owned();
     let _ = writeln!(text, "| scene | {} |", METHODS.join(" | "));
     let _ = writeln!(text, "| --- |{}", " --- |".repeat(METHODS.len()));
     for row in rows {
         let _ = write!(text, "| {} |", row.scene);
         for method in METHODS {
-            let shown = match cell_of(row, method) {
-                None => String::new(),
-                Some(Cell { verdict: Verdict::Exact, .. }) => "exact".to_owned(),
-                Some(Cell { verdict: Verdict::Within, figure, .. }) => short(figure.unwrap_or(f64::NAN)),
-                Some(Cell { verdict: Verdict::Degrades, figure, .. }) => {
-                    format!("*degrades, {}*", short(figure.unwrap_or(f64::NAN)))
-                }
-                Some(Cell { verdict: Verdict::Refused, .. }) => "refused".to_owned(),
-                Some(Cell { verdict: Verdict::Fails, .. }) => "**fails**".to_owned(),
-                Some(Cell { verdict: Verdict::Defect, .. }) => "**DEFECT**".to_owned(),
-            };
+            let shown = cell_of(row, method).map_or_else(String::new, |cell| match cell.verdict {
+                Verdict::Exact | Verdict::Within | Verdict::Refused => figure(cell),
+                Verdict::Degrades => format!("*degrades, {}*", cell.figure.map_or_else(String::new, short)),
+                Verdict::Fails => "**fails**".to_owned(),
+                Verdict::Defect => "**DEFECT**".to_owned(),
+            });
             let _ = write!(text, " {shown} |");
         }
         text.push('\n');
     }
     text.push_str(
-        "\nexact: off by at most 1e-12 · a figure: within tolerance · *degrades*: beyond it · refused: with an error · \
-         **fails**: as theory says · empty: does not apply\n",
+        "\nexact: the figure is at most 1e-12 · ≤ a number: within tolerance, the number bounds the figure · *degrades*: an error of \
+         approximation of the predicted size · refused: an error, as predicted · **fails**: wrong by the predicted amount · empty: \
+         does not apply\n",
     );
     for row in rows {
         let _ = write!(
             text,
-            "\n## {}\n\n{}. Figure: {}; tolerance {:e}.\n\n",
-            row.scene, row.story, row.measures, row.tolerance
+            "\n## {}\n\n{}. Figure: {}; tolerance {:e}.\n\n| method | verdict | figure | bound | reason |\n{}\n",
+            row.scene,
+            row.story,
+            row.measures.replace('|', "\\|"),
+            row.tolerance,
+            "| --- | --- | --- | --- | --- |"
         );
-        for cell in &row.cells {
-            let figure = cell.figure.map_or_else(String::new, |figure| format!(" {figure:.3e}"));
-            let note = if cell.note.is_empty() { String::new() } else { format!(" ({})", cell.note) };
-            let _ = writeln!(text, "- {}: {}{figure}{note}", cell.method, cell.verdict.name());
+        let mut cells = row.cells.iter().peekable();
+        while let Some(cell) = cells.next() {
+            // Neighbours that say the same share a line.
+            let line = |cell: &Cell| [figure(cell), cell.verdict.name().to_owned(), reason(cell)];
+            let mut methods = vec![cell.method];
+            while let Some(next) = cells.next_if(|next| line(next) == line(cell)) {
+                methods.push(next.method);
+            }
+            let bound = cell.bound.map_or_else(|| "–".to_owned(), interval);
+            let shown = if cell.verdict == Verdict::Refused { "–".to_owned() } else { figure(cell) };
+            let [methods, verdict, reason] = [methods.join(", "), cell.verdict.name().to_owned(), reason(cell)];
+            let _ = writeln!(text, "| {methods} | {verdict} | {shown} | {bound} | {} |", reason.replace('|', "\\|"));
         }
     }
     text
+}
+
+fn reason(cell: &Cell) -> String {
+    match (cell.verdict, cell.note.is_empty()) {
+        (Verdict::Defect, _) => cell.note.clone(),
+        (_, true) => cell.reason.to_owned(),
+        (_, false) => format!("{} ({})", cell.reason, cell.note),
+    }
 }
 
 const LEFT: i32 = 230;
@@ -72,12 +129,12 @@ fn colour(verdict: Verdict) -> RGBColor {
     }
 }
 
-/// The table as SVG, coloured by verdict, each cell with its figure.
+/// The table as SVG, coloured by verdict, each cell with its figure or bound.
 pub fn svg(rows: &[Row]) -> String {
     let mut text = String::new();
     let size = ((LEFT + WIDE * METHODS.len() as i32 + 20) as u32, (TOP + HIGH * rows.len() as i32 + 60) as u32);
     let drawn = draw(&SVGBackend::with_string(&mut text, size).into_drawing_area(), rows);
-    // Text is all that is written to: there is nothing that could fail.
+    // Writing to a string can't fail.
     debug_assert!(drawn.is_ok(), "{drawn:?}");
     text
 }
@@ -105,19 +162,18 @@ fn draw<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, rows: &[
                 continue;
             };
             area.draw(&Rectangle::new(frame, colour(cell.verdict).filled()))?;
-            let shown = match (cell.verdict, cell.figure) {
-                (Verdict::Exact, _) => "exact".to_owned(),
-                (Verdict::Refused, _) => "refused".to_owned(),
-                (Verdict::Fails, _) => "fails".to_owned(),
-                (_, Some(figure)) => short(figure),
-                (_, None) => "defect".to_owned(),
+            let shown = match cell.verdict {
+                Verdict::Exact | Verdict::Within | Verdict::Refused => figure(cell),
+                Verdict::Fails => "fails".to_owned(),
+                Verdict::Degrades => cell.figure.map_or_else(String::new, short),
+                Verdict::Defect => "DEFECT".to_owned(),
             };
             area.draw(&Text::new(shown, (x + WIDE / 2, y + HIGH / 2), inside.clone()))?;
         }
     }
     let (mut x, y) = (LEFT, TOP + HIGH * rows.len() as i32 + 24);
     let left = font(13).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
-    for verdict in Verdict::ALL.into_iter().filter(|verdict| *verdict != Verdict::Defect) {
+    for verdict in Verdict::ALL {
         area.draw(&Rectangle::new([(x, y), (x + 18, y + 14)], colour(verdict).filled()))?;
         area.draw(&Text::new(verdict.name(), (x + 24, y + 7), left.clone()))?;
         x += 50 + 8 * verdict.name().len() as i32;
