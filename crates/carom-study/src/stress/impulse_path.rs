@@ -18,7 +18,9 @@ const STEP: f64 = 0.5;
 /// Steps after which an integration is given up; the scenes need some dozens.
 const MOST_STEPS: usize = 4000;
 /// Slip below this share of the speed before the impact has stopped.
-const STOPPED: f64 = 1e-14;
+const STOPPED: f64 = 1e-13;
+/// Slip turns no more if its rate of turning is below this share of the rates.
+const STRAIGHT: f64 = 1e-14;
 
 /// The contact after the normal impulse p.
 #[derive(Debug, Clone, Copy)]
@@ -116,7 +118,8 @@ impl Contact {
             (rest[0], rest[1]) = (0.0, 0.0);
             return Some(self.straight(&rest, self.from_rest()?, left));
         }
-        if direction.x * drive.y == direction.y * drive.x {
+        let rates = self.h.norm() + self.mu * self.a.norm();
+        if (direction.x * drive.y - direction.y * drive.x).abs() <= STRAIGHT * rates {
             let stops = if radial < 0.0 { -r / radial } else { f64::INFINITY };
             let mut piece = self.straight(y, -direction * self.mu, left.min(stops));
             if stops <= left {
@@ -124,7 +127,7 @@ impl Contact {
             }
             return Some(piece);
         }
-        let span = STEP / (self.h.norm() + self.mu * self.a.norm() + self.c);
+        let span = STEP / (rates + self.c);
         let end = self.extrapolated(y, span);
         if end[P] - y[P] <= left {
             return Some(Piece { end, kind: Kind::Curved(span) });

@@ -18,7 +18,6 @@ const NO_GAIN: &str =
     "each of these laws has a proof that it never gains energy; the rest is its definition, to rounding";
 const CENSUS: &str = "each of these laws has a proof (Poisson's in space: a census) that it never gains energy; the rest is its \
                       definition, to rounding over the least share of the normal work, and in space to the integration of the path";
-const CLOSED: &str = "closed form: only rounding";
 
 const VIOLATION: &str = "largest relative violation of the law's definition, cone, unilaterality and energy balance";
 

@@ -99,7 +99,8 @@ fn violation(method: &str, problem: &SeveralProblem, hit: &Answer) -> f64 {
     let (h, u) = (problem.delassus(), problem.u_minus());
     let speed = u.amax();
     let moved = (u + h * &hit.impulse - &hit.u_plus).amax() / speed;
-    let balance = (0.5 * hit.impulse.dot(&(u + &hit.u_plus)) - hit.energy_change).abs() / (speed * hit.impulse.amax());
+    let balance = (0.5 * hit.impulse.dot(&(u + &hit.u_plus)) - hit.energy_change).abs()
+        / (speed * hit.impulse.amax()).max(f64::MIN_POSITIVE);
     let none = DVector::zeros(u.len());
     let law = match (&hit.phases, method) {
         (Some([compression, expansion]), _) => {
@@ -333,24 +334,29 @@ pub fn different_restitutions_share(method: &str) -> Result<f64, String> {
 pub fn rough(method: &str) -> Judged {
     let common = |rng: &mut fastrand::Rng, restitution: f64| Constraint::Contact { restitution, friction: rng.f64() };
     let problems = random(100, 3, common)?;
-    let (mut wrong, mut gaining, mut unsolved) = (0.0, 0_usize, 0_usize);
+    let (mut wrong, mut gaining, mut unsolved, mut regular) = (0.0, 0_usize, 0_usize, 0_usize);
     for problem in &problems {
         let hit = resolve(method, problem)?;
         unsolved += usize::from(!hit.solved);
+        regular += usize::from(!hit.solved && problem.delassus().clone().cholesky().is_some());
         if hit.solved {
             wrong = worse(wrong, violation(method, problem, &hit));
             gaining += usize::from(gains(hit.energy_change, problem.u_minus()));
         }
     }
     let count = problems.len() as f64;
-    // Moreau's law has no answer where friction wedges what restitution drives apart.
-    let most = if method == MOREAU { 0.05 } else { 0.0 };
+    // Where H is singular, as in most of these problems, friction may wedge what Moreau's restitution drives apart: no answer.
+    let most = if method == MOREAU { 0.3 } else { 0.0 };
     let found = if method == GLOCKER_PFEIFFER {
         Found::figure(wrong).must("impacts that gain energy", gaining as f64, 0.0)
     } else {
         Found::figure(gaining as f64 / count).must("violation of the law's definition", wrong, SOLVED)
     };
-    Ok(found.must("share of problems not solved", unsolved as f64 / count, most))
+    Ok(found.must("share of problems not solved", unsolved as f64 / count, most).must(
+        "problems with regular H not solved",
+        regular as f64,
+        0.0,
+    ))
 }
 
 /// Points of a rigid raft, 5 by 10, with friction: 150 rows, 6 freedoms.
