@@ -231,5 +231,6 @@ fn root(end: f64, value: impl Fn(f64) -> f64) -> f64 {
             break;
         }
     }
-    high.0
+    // The root may be next to either end.
+    if value(low.0).abs() < value(high.0).abs() { low.0 } else { high.0 }
 }

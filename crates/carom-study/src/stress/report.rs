@@ -10,13 +10,13 @@ fn short(figure: f64) -> String {
     format!("{figure:.1e}")
 }
 
-/// The least and the largest figure allowed.
+/// The least and the largest figure allowed; of a predicted value, that and the relative error allowed.
 pub fn interval([least, most]: [f64; 2]) -> String {
+    let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
     if least == 0.0 {
         format!("≤ {}", plain(most))
-    } else if (most - least) < 1e-2 * most {
-        // Relative, with one digit.
-        format!("{} ± {:.0e}", four(0.5 * (least + most)), 0.5 * (most - least) / (0.5 * (most + least)))
+    } else if half < 0.05 * middle {
+        format!("{} (1 ± {:.0e})", four(middle), half / middle)
     } else {
         format!("{} … {}", plain(least), plain(most))
     }
@@ -45,6 +45,7 @@ fn figure(cell: &Cell) -> String {
         (Verdict::Exact, ..) => "exact".to_owned(),
         (Verdict::Within, _, Some([_, most])) => format!("≤ {}", plain(most)),
         (Verdict::Refused, ..) => "refused".to_owned(),
+        (Verdict::Degrades, Some(figure), _) => short(figure),
         (_, Some(figure), _) => four(figure),
         (_, None, _) => "–".to_owned(),
     }
@@ -88,18 +89,22 @@ pub fn markdown(rows: &[Row]) -> String {
             row.tolerance,
             "| --- | --- | --- | --- | --- |"
         );
-        let mut cells = row.cells.iter().peekable();
-        while let Some(cell) = cells.next() {
-            // Neighbours that say the same share a line.
-            let line = |cell: &Cell| [figure(cell), cell.verdict.name().to_owned(), reason(cell)];
-            let mut methods = vec![cell.method];
-            while let Some(next) = cells.next_if(|next| line(next) == line(cell)) {
-                methods.push(next.method);
-            }
-            let bound = cell.bound.map_or_else(|| "–".to_owned(), interval);
+        let line = |cell: &Cell| {
             let shown = if cell.verdict == Verdict::Refused { "–".to_owned() } else { figure(cell) };
-            let [methods, verdict, reason] = [methods.join(", "), cell.verdict.name().to_owned(), reason(cell)];
-            let _ = writeln!(text, "| {methods} | {verdict} | {shown} | {bound} | {} |", reason.replace('|', "\\|"));
+            let bound = cell.bound.map_or_else(|| "–".to_owned(), interval);
+            format!("{} | {shown} | {bound} | {} |", cell.verdict.name(), reason(cell).replace('|', "\\|"))
+        };
+        // Methods that have the same line share it.
+        let mut lines: Vec<(String, Vec<&str>)> = Vec::new();
+        for cell in &row.cells {
+            let own = line(cell);
+            match lines.iter_mut().find(|(line, _)| *line == own) {
+                Some((_, methods)) => methods.push(cell.method),
+                None => lines.push((own, vec![cell.method])),
+            }
+        }
+        for (line, methods) in lines {
+            let _ = writeln!(text, "| {} | {line}", methods.join(", "));
         }
     }
     text

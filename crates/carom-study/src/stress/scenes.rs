@@ -522,7 +522,7 @@ pub const SCENES: &[Scene] = &[
     },
     Scene {
         name: "Painlevé's rod",
-        story: "the rod of 60° and μ = 1.5 slides into its jam, e = 0 (compliant: 0.01)",
+        story: "the rod of 60° and μ = 1.5 slides into its jam, e = 0 (compliant: e = 0.01, from an overlap of 1e-8 m)",
         measures: "largest overlap, m",
         tolerance: 1e-6,
         expected: &[
