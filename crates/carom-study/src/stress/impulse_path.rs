@@ -116,7 +116,7 @@ impl Contact {
         if r == 0.0 || (r <= stopped && radial < 0.0) {
             let mut rest = *y;
             (rest[0], rest[1]) = (0.0, 0.0);
-            return Some(self.straight(&rest, self.from_rest()?, left));
+            return Some(self.straight(&rest, self.after_stop()?, left));
         }
         let rates = self.h.norm() + self.mu * self.a.norm();
         if (direction.x * drive.y - direction.y * drive.x).abs() <= STRAIGHT * rates {
@@ -139,7 +139,7 @@ impl Contact {
     }
 
     /// dp_t/dp of a contact without slip: stick where friction can hold it, else slip in the direction in which it grows.
-    fn from_rest(&self) -> Option<Vector2<f64>> {
+    fn after_stop(&self) -> Option<Vector2<f64>> {
         let hold = -(self.a.try_inverse()? * self.h);
         if hold.norm() <= self.mu {
             return Some(hold);

@@ -82,12 +82,12 @@ pub fn markdown(rows: &[Row]) -> String {
     for row in rows {
         let _ = write!(
             text,
-            "\n## {}\n\n{}. Figure: {}; tolerance {:e}.\n\n| method | verdict | figure | bound | reason |\n{}\n",
+            "\n## {}\n\n{}. Figure: {}; tolerance {:e}.\n\n| method | verdict | figure | bound | reason |\n\
+             | --- | --- | --- | --- | --- |\n",
             row.scene,
             row.story,
             row.measures.replace('|', "\\|"),
-            row.tolerance,
-            "| --- | --- | --- | --- | --- |"
+            row.tolerance
         );
         let line = |cell: &Cell| {
             let shown = if cell.verdict == Verdict::Refused { "–".to_owned() } else { figure(cell) };
