@@ -144,11 +144,12 @@ fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
         ),
         (
             robot("<link name='a&#10;b'/><link name='a&#10;b'/>"),
-            "r.urdf:1: link 'a\\nb': the name is already taken on line 1: names must differ, rename one",
+            "r.urdf:1: link 'a\\nb': the name is already used on line 1: names must be unique; rename one of the \
+             two",
         ),
         (
             robot("<link name='a\u{1b}[31m'/>"),
-            "r.urdf:1: XML: not well-formed: a non-XML character '\\u{1b}' found at 1:30; correct the file",
+            "r.urdf:1: XML: is not well-formed: a non-XML character '\\u{1b}' found at 1:30; correct the file",
         ),
     ] {
         desk.write("r.urdf", &text);
