@@ -68,9 +68,9 @@ pub enum SimError {
         /// The rule that it breaks.
         rule: &'static str,
     },
-    /// At this pose the tip cannot move in all directions of the plane.
+    /// The Jacobian of the tip is singular at this pose.
     #[error(
-        "at q = {q:?} '{link}' can't move in all directions of the plane (stretched or folded): choose another pose"
+        "at q = {q:?} the Jacobian of '{link}' is singular (arm stretched or folded): choose another pose"
     )]
     SingularPose {
         /// The link.

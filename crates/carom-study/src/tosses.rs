@@ -66,7 +66,7 @@ pub struct PoseError {
     pub joint: f64,
 }
 
-/// Reason why tosses cannot be read or rolled out.
+/// Reason why tosses cannot be read or simulated.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TossError {
