@@ -69,9 +69,7 @@ pub enum SimError {
         rule: &'static str,
     },
     /// The Jacobian of the tip is singular at this pose.
-    #[error(
-        "at q = {q:?} the Jacobian of '{link}' is singular (arm stretched or folded): choose another pose"
-    )]
+    #[error("at q = {q:?} the Jacobian of '{link}' is singular (arm stretched or folded): choose another pose")]
     SingularPose {
         /// The link.
         link: String,
