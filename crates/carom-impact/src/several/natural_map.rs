@@ -168,7 +168,7 @@ impl Piece {
         self.aim.norm() <= self.radius
     }
 
-    /// The aim, projected on the disc.
+    /// Friction impulse: the trial impulse `aim`, projected on the friction disc.
     fn friction(&self) -> Vector2<f64> {
         if self.sticks() { self.aim } else { self.aim.normalize() * self.radius }
     }

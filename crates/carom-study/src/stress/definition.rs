@@ -135,7 +135,7 @@ impl Case {
         (self.after.z + self.e * self.before.z).abs() / self.speed()
     }
 
-    /// P_t = −μ P_n along a slip: as much as there is slip.
+    /// Relative residual of Coulomb friction P_t = −μ P_n s/|s|, weighted by |s|, for a slip velocity s.
     fn against(&self, slip: &Vector2<f64>) -> f64 {
         (slip.norm() * self.impulse.xy() + slip * (self.mu * self.impulse.z)).norm() / (self.speed() * self.size())
     }
