@@ -123,3 +123,21 @@ fn invalid_ranges_are_refused() {
     let band = parting.band(&law, &ranges, &[vector![0.0, 1.0]]).unwrap();
     assert!(band.exact && band.low == [0.0] && band.high == [0.0]);
 }
+
+/// Friction from 0 on, a contact that slips, stops and slips back: with more friction P_n and P_t grow, so the band is
+/// between the frictionless impulse and that of the largest friction.
+#[test]
+fn band_from_zero_friction_begins_at_the_frictionless_impulse() {
+    let problem = ImpactProblem::new(nalgebra::matrix![2.5, -1.5; -1.5, 2.5], vector![0.1, -1.0]).unwrap();
+    let law = AnyLaw::named("newton", rough(0.5, 0.1)).unwrap();
+    let ranges = CoefficientRanges { restitution: [0.5, 0.5], friction: [0.0, 0.2] };
+    let band = problem.band(&law, &ranges, &[vector![1.0, 0.0], vector![0.0, 1.0]]).unwrap();
+    // By hand at μ = 0.2: it slips until p1 = 0.1/(1.5 + 0.2·2.5) = 0.05, where v_n = -1 + (2.5 + 0.3)·0.05 = -0.86;
+    // then it slips back at dv_n/dp = 2.5 - 0.3 until v_n = 0.5.
+    let back = (0.86 + 0.5) / 2.2;
+    for (found, expected) in
+        [(band.low[0], 0.0), (band.high[0], 0.2 * (back - 0.05)), (band.low[1], 1.5 / 2.5), (band.high[1], 0.05 + back)]
+    {
+        assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+    }
+}
