@@ -267,6 +267,63 @@ fn sets_of_orders_are_reproducible() {
     assert_eq!(one.all_orders(0, &Accuracy::default()).tried, 1);
 }
 
+/// The set of outcomes does not depend on the unit of velocity.
+#[test]
+fn sets_of_orders_scale_with_the_velocities() {
+    for scale in [1e-9, 1e-6, 1.0, 1e6, 1e9] {
+        let rod = problem(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![-scale, -scale], vec![stop(0.5); 2]);
+        let set = rod.all_orders(2, &Accuracy::default());
+        assert_eq!((set.outcomes.len(), set.unfinished), (2, 0), "{scale}");
+        for (found, [left, right]) in set.outcomes.iter().zip([[0.40625, 0.265625], [0.265625, 0.40625]]) {
+            close("left", found.outcome.u_plus[0] / scale, left, EXACT);
+            close("right", found.outcome.u_plus[1] / scale, right, EXACT);
+        }
+        close("spread", set.spread / scale, 0.140625 * 2.0_f64.sqrt(), EXACT);
+    }
+}
+
+/// Bodies that rest in contact have no sub-impact, and with a tolerance of zero neither has a constraint that is
+/// satisfied exactly.
+#[test]
+fn satisfied_constraints_have_no_sub_impact() {
+    let exactly = Accuracy { tolerance: 0.0, ..Accuracy::default() };
+    for order in [Order::Cycle(vec![0, 1]), Order::MostApproaching] {
+        for accuracy in [Accuracy::default(), exactly] {
+            let at_rest = problem(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![0.0, 0.0], vec![stop(0.5); 2]);
+            let hit = at_rest.sequential(&order, &accuracy).unwrap();
+            assert_eq!((hit.sub_impacts, hit.finished, hit.residual), (0, true, 0.0), "{order:?}");
+            assert_eq!((hit.impulse, hit.u_plus), (DVector::zeros(2), DVector::zeros(2)));
+        }
+        // Newton's cradle, in exact numbers.
+        let cradle = problem(dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0], vec![stop(1.0); 2]);
+        let hit = cradle.sequential(&order, &exactly).unwrap();
+        assert_eq!((hit.sub_impacts, hit.finished, hit.impulse), (2, true, dvector![1.0, 1.0]), "{order:?}");
+    }
+}
+
+/// A contact that moves along one tangent only, and has no coupling between tangents and normal: where it sticks,
+/// friction acts along that tangent, whatever its direction, `P_t = -v_t/A`.
+#[test]
+fn contact_with_one_tangent_of_motion_sticks_along_it() {
+    for k in 0..100 {
+        let angle = 0.1 + f64::from(k);
+        let tangent = dvector![angle.cos(), angle.sin(), 0.0];
+        let normal = dvector![0.0, 0.0, 1.0];
+        let h = &tangent * tangent.transpose() * 3.5 + &normal * normal.transpose();
+        let slip = 0.4 / 3.0;
+        let one = problem(h, &tangent * slip - &normal, vec![contact(0.5, 0.7)]);
+        for order in [Order::Cycle(vec![0]), Order::MostApproaching] {
+            let hit = run(&one, order);
+            assert!(hit.finished);
+            let expected = &tangent * (-slip / 3.5) + &normal * 1.5;
+            close("impulse", (&hit.impulse - expected).amax(), 0.0, 1e-14);
+            close("slip", hit.u_plus.rows(0, 2).amax(), 0.0, 1e-14);
+        }
+        let hit = one.simultaneous(&Accuracy::default(), None).unwrap();
+        close("Moreau", (hit.impulse - &tangent * (-slip / 3.5) - &normal * 1.5).amax(), 0.0, 1e-12);
+    }
+}
+
 #[test]
 fn invalid_orders_are_refused() {
     let three =
