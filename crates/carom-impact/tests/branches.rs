@@ -3,9 +3,10 @@
 
 mod common;
 
-use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Mode, law_by_name};
+use carom_impact::{Flags, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Whittaker, law_by_name};
 use common::{any_case, any_spatial, close, rough};
 use nalgebra::{Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3, vector};
+use num_dual::Dual64;
 
 const PATHS: [&str; 3] = ["newton", "poisson", "energetic"];
 
@@ -299,4 +300,37 @@ fn refused_second_solution_is_not_a_branch() {
         assert_eq!((all.len(), all[0].flags), (1, flags), "{law}");
         assert_eq!((all[0].impulse, all[0].u_plus), (Vector2::zeros(), vector![1.0, 0.0]), "{law}");
     }
+}
+
+/// Each branch of Whittaker's law in space is a smooth function of the friction, and dual numbers give its derivative.
+#[test]
+fn derivative_of_each_branch_agrees_with_central_differences() {
+    let mut rng = fastrand::Rng::with_seed(75);
+    let mut compared = 0;
+    for _ in 0..6_000 {
+        let case = any_spatial(&mut rng, 0.2);
+        let (h, u, mu) = (case.delassus, vector![case.u.x, case.u.y, 0.0], case.friction);
+        let [behind, here, ahead] =
+            [mu - 1e-6, mu, mu + 1e-6].map(|mu| branches("whittaker", h, u, case.restitution, mu.max(0.0)));
+        if here.len() < 2 || behind.len() != here.len() || ahead.len() != here.len() {
+            continue;
+        }
+        let dual = ImpactProblem::new(h.map(Dual64::from_re), u.map(Dual64::from_re)).unwrap();
+        let law = Whittaker { restitution: case.restitution.into(), friction: Dual64::new(mu, 1.0) };
+        let all = law.branches(&dual).unwrap();
+        assert_eq!(all.len(), here.len());
+        for (k, hit) in all.iter().enumerate() {
+            let size = 1.0 + here[k].impulse.norm();
+            close("value", (hit.impulse.map(|x| x.re) - here[k].impulse).norm(), 0.0, 1e-11 * size);
+            let (forward, backward) = (ahead[k].impulse - here[k].impulse, here[k].impulse - behind[k].impulse);
+            if (forward - backward).norm() > 1e-8 * size {
+                continue; // a change from stick to slip, or a large curvature
+            }
+            let difference = (forward + backward) / 2e-6;
+            let off = (hit.impulse.map(|x| x.eps) - difference).norm() / (size + difference.norm());
+            assert!(off < 1e-4, "{off:e} {case:?}");
+            compared += usize::from(k > 0 && hit.mode != Mode::Stick);
+        }
+    }
+    assert!(compared > 50, "{compared}");
 }
