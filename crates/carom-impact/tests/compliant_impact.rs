@@ -314,6 +314,39 @@ fn separated_contact_closes_again() {
     assert!(one.deepest > 0.0 && hit.steps > 100, "{hit:?}");
 }
 
+/// The middle one of three balls of 1 kg leaves the last one at v, is struck by the first one, and strikes the last one
+/// after the first contact has ended: two impacts of two balls, the first with a relative velocity of v + w.
+#[test]
+fn contact_that_closes_again_is_an_impact_of_its_own() {
+    let (v, w, k) = (1.0, 0.25, 1e6_f64);
+    let h = dmatrix![2.0, -1.0; -1.0, 2.0];
+    let laws = [
+        (hunt_crossley(k, 1.0, 1.0), 1.0),
+        (hunt_crossley(k, 1.5, 1.0), 1.0),
+        (hunt_crossley(k, 1.5, 0.9), 0.9),
+        (walton_braun(k, 0.9), 0.9),
+    ];
+    for (law, e) in laws {
+        let hit = compliant_impact(&h, &dvector![-v - w, v], &[(law, NO); 2]).unwrap();
+        let what = format!("{law:?}");
+        let first = (1.0 + e) * (v + w) / 2.0;
+        let meets = first - v; // velocity at which the middle ball strikes the last one, which rests
+        let second = (1.0 + e) * meets / 2.0;
+        close(&what, hit.impulse[0], first, EXACT);
+        close(&what, hit.impulse[1], second, EXACT);
+        for (contact, speed) in hit.contacts.iter().zip([v + w, meets]) {
+            close(&what, contact.deepest / law.greatest_penetration(speed, 0.5), 1.0, EXACT);
+            close(&what, contact.absorbed, 0.25 * speed * speed, EXACT);
+            close(&what, contact.energetic().unwrap(), e, EXACT);
+        }
+    }
+    // With springs: two half periods, and the time in which the middle ball crosses the gap that has opened.
+    let hit = compliant_impact(&h, &dvector![-v - w, v], &[(hunt_crossley(k, 1.0, 1.0), NO); 2]).unwrap();
+    let half = PI / (2.0 * k).sqrt();
+    let gap = (v - w) / 2.0 * half;
+    close("duration", hit.duration / (2.0 * half + gap / w), 1.0, EXACT);
+}
+
 #[test]
 fn invalid_compliant_impacts_are_refused() {
     let law = [(walton_braun(1.0, 0.5), NO)];
