@@ -109,6 +109,23 @@ fn kelvin_voigt_rebound_depends_on_the_end_of_the_contact() {
     assert!(KelvinVoigt { restitution: 0.0, ..clipped }.damping(mass).is_nan());
 }
 
+/// Near critical damping ln e is −2 ζ acos ζ/√(1 − ζ²), and −2 ζ acosh ζ/√(ζ² − 1) beyond it, to rounding.
+#[test]
+fn kelvin_voigt_rebound_near_critical_damping_has_its_closed_form() {
+    let (contact, mass) = (KelvinVoigt::new(1e5, 0.5).unwrap(), 2.5);
+    let critical = 2.0 * (1e5_f64 * mass).sqrt();
+    for k in 1..=40 {
+        for share in [1.0 - 5e-5 * f64::from(k), 1.0 + 5e-5 * f64::from(k)] {
+            let damping = share * critical;
+            let z = damping / critical;
+            let root = ((1.0 - z) * (1.0 + z)).abs().sqrt();
+            let angle = if z < 1.0 { root.asin() } else { root.asinh() };
+            let obtained = contact.rebound(damping, mass).ln();
+            assert!((obtained / (-2.0 * z * angle / root) - 1.0).abs() < 1e-14, "{share}: {obtained}");
+        }
+    }
+}
+
 /// The spring returns e² of the work it absorbed, and its memory is the deepest point.
 #[test]
 fn walton_and_brauns_spring_returns_e_squared_of_the_work() {
