@@ -2,8 +2,8 @@
 
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3, matrix, vector};
 
-use super::follow;
-use crate::routh::{Ending, walk};
+use super::{Line, Return, State, follow};
+use crate::routh::{End, Ending, walk};
 use crate::{ImpactError, ImpactProblem};
 
 /// `H = G Gᵀ` of condition up to 100, any approach, any friction.
@@ -88,5 +88,33 @@ fn flow_of_a_single_joint_stays_or_wedges() {
         assert!(found.u_plus.norm() < 1e-15 && found.impulse.amax().is_finite());
         let (carried, _) = in_space(&h, &vector![0.5, -0.7], 0.0, 1.1);
         assert!(matches!(follow(&carried, 0.5, 4.0, ending), Err(ImpactError::Wedged { .. })));
+    }
+}
+
+/// Stronge's coefficient where friction jams during restitution: v_n falls, and restitution ends where the work returned
+/// since its begin is e² times the work absorbed, or v_n is zero before.
+#[test]
+fn restitution_that_jams_ends_at_e_squared_of_the_work_or_at_zero_velocity() {
+    let heading = vector![1.0, 0.0];
+    let line = Line { heading, slip_rate: 0.5, normal_rate: -1.0, friction_rate: heading * -0.8, locked: false };
+    let returned = 0.2;
+    let state =
+        State { p: 0.3, p_t: Vector2::zeros(), heading, r: 1.0, v_n: 1.0, normal_work: returned, friction_work: 0.0 };
+    // At most v_n²/2 = 0.5 more is returned before v_n = 0.
+    for k in 0..=100 {
+        let target = returned + 0.01 * f64::from(k);
+        let end = End { ending: Ending::Work, e: target.sqrt(), v_n_minus: -2.0, pc: 1.0, work: -1.0 };
+        match line.returns(&state, &end) {
+            Return::Ends(x) => {
+                assert!(target < 0.7 + 1e-12, "{target}");
+                let step = line.at(&state, x);
+                assert!((returned + step.normal_work - target).abs() < 1e-14 && step.v_n >= -1e-7, "{target}");
+            }
+            Return::Falls(x) => {
+                assert!(target > 0.7 - 1e-12, "{target}");
+                assert_eq!(line.at(&state, x).v_n, 0.0);
+            }
+            Return::Not => panic!("slip does not stop here"),
+        }
     }
 }
