@@ -166,3 +166,18 @@ fn near_singular_matrices_tend_to_the_sticking_arm() {
         assert!(newton.impulse[1] > 0.01 / det && newton.flags.contains(Flags::ENERGY_GAIN));
     }
 }
+
+/// Without friction nothing holds the tangent of a single-joint arm, and the singular direction has no influence: every
+/// law has the frictionless outcome, without a flag.
+#[test]
+fn frictionless_single_joint_arm_is_not_flagged_as_singular() {
+    let j = vector![0.3, 0.7];
+    let problem = single_joint(j, -1.0);
+    for law in LAW_NAMES {
+        let hit = law_by_name::<2>(law, rough(0.5, 0.0)).unwrap().resolve(&problem).unwrap();
+        assert_eq!(hit.flags, Flags::NONE, "{law}");
+        close(law, hit.impulse[0], 0.0, 0.0);
+        // u⁺ = j q̇ with q̇ = -0.5 q̇⁻
+        close(law, (hit.u_plus - j * 0.5).norm(), 0.0, 1e-15);
+    }
+}
