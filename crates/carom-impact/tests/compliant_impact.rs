@@ -347,6 +347,36 @@ fn contact_that_closes_again_is_an_impact_of_its_own() {
     close("duration", hit.duration / (2.0 * half + gap / w), 1.0, EXACT);
 }
 
+/// A ball of 1 kg strikes a wall, rebounds into one of 3 kg that retreats slowly, and strikes the wall again: at the wall
+/// two single impacts, the second with an unbent bristle and the slip that the first one left.
+#[test]
+fn bristle_is_unbent_where_a_contact_closes_again() {
+    let (fast, retreat) = (1.0, 0.1);
+    let again = (fast - 3.0 * retreat) / 2.0; // elastic impact of the two balls at fast - retreat
+    let spring = hunt_crossley(1e6, 1.0, 1.0);
+    let bristle = TangentialForce::Bristle(Bristle::new(0.5, 3e5, 10.0).unwrap());
+    let wall = matrix![3.5, 0.0; 0.0, 1.0];
+    let single = |slip: f64, speed: f64| {
+        let hit = ImpactProblem::new(wall, vector![slip, -speed]).unwrap().compliant(spring, bristle).unwrap();
+        (hit.impulse[0], hit.u_plus[0])
+    };
+    let (first, left) = single(0.3, fast);
+    let (second, end) = single(left, again);
+    // rows: tangent and normal between the balls, then at the wall; spin couples nothing between the contacts
+    let h = dmatrix![
+        7.0, 0.0, 0.0, 0.0;
+        0.0, 4.0 / 3.0, 0.0, -1.0;
+        0.0, 0.0, 3.5, 0.0;
+        0.0, -1.0, 0.0, 1.0
+    ];
+    let hit =
+        compliant_impact(&h, &dvector![0.0, fast + retreat, 0.3, -fast], &[(spring, NO), (spring, bristle)]).unwrap();
+    close("between the balls", hit.impulse[1], fast + again, EXACT);
+    close("normal impulse of the wall", hit.impulse[3], 2.0 * (fast + again), EXACT);
+    close("friction", hit.impulse[2], first + second, EXACT);
+    close("slip", hit.u_plus[2], end, EXACT);
+}
+
 #[test]
 fn invalid_compliant_impacts_are_refused() {
     let law = [(walton_braun(1.0, 0.5), NO)];
