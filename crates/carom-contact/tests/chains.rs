@@ -2,7 +2,7 @@
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
-use carom_contact::{ContactError, Obstacle, gap, gap_rate, link_shapes, reachable_pairs};
+use carom_contact::{ContactError, LeftOut, Obstacle, Pair, gap, gap_rate, link_shapes, reachable_pairs};
 use nalgebra::{Isometry3, Vector3};
 
 fn robot(name: &str) -> Chain {
@@ -78,6 +78,92 @@ fn reachable_pairs_include_all_touching_pairs_and_exclude_a_far_wall() {
     }
     assert!(touched > 100);
     assert!((0..shapes.len()).all(|s| !in_reach(s, 1)), "no link of the arm reaches 2 m");
+}
+
+/// An arm that turns about the vertical through `base`, with a ball of radius 0.1 m on a vertical slider 1 m from that axis.
+/// The slider moves from −0.4 m to 0.1 m; `None`: it is fixed.
+fn turning_arm(base: Vector3<f64>, slider: Option<&str>) -> Chain {
+    let inertial = r#"<inertial><mass value="1"/>
+        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
+    let [x, y, z] = base.into();
+    let kind = if slider.is_some() { "prismatic" } else { "fixed" };
+    let limit = slider.unwrap_or_default();
+    Chain::from_urdf_str(
+        &format!(
+            r#"<robot name="arm"><link name="base"/><link name="beam">{inertial}</link>
+            <link name="tool">{inertial}
+              <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+            <joint name="hinge" type="continuous"><parent link="base"/><child link="beam"/>
+              <origin xyz="{x} {y} {z}"/><axis xyz="0 0 1"/></joint>
+            <joint name="slider" type="{kind}"><parent link="beam"/><child link="tool"/>
+              <origin xyz="0.5 0 0"/><axis xyz="0 0 1"/>{limit}</joint></robot>"#
+        ),
+        &LoadOptions::default(),
+    )
+    .unwrap()
+}
+
+/// The reason why the only shape of a chain cannot touch each obstacle; `None` if it can.
+fn reasons(chain: &Chain, obstacles: &[Obstacle]) -> Vec<Option<LeftOut>> {
+    let reach = reachable_pairs(chain, &link_shapes(chain).unwrap(), obstacles);
+    let reason = |obstacle| {
+        let pair = Pair { shape: 0, obstacle };
+        let left_out = reach.left_out.iter().find(|(p, _)| *p == pair).map(|(_, reason)| *reason);
+        assert_ne!(left_out.is_some(), reach.pairs.contains(&pair));
+        left_out
+    };
+    (0..obstacles.len()).map(reason).collect()
+}
+
+fn room(reason: Option<LeftOut>) -> Option<f64> {
+    match reason {
+        Some(LeftOut::BesidePlane { room }) => Some(room),
+        None => None,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// The ball's centre is at a height of 1 m for q = 0, and its slider's greatest distance from zero is 0.4 m. The heights
+/// from 1 − 0.4 − 0.1 = 0.5 m to 1.5 m are therefore within reach.
+#[test]
+fn slider_along_the_hinge_axis_widens_the_reachable_heights_by_its_stroke() {
+    let limit = r#"<limit lower="-0.4" upper="0.1" effort="1" velocity="1"/>"#;
+    let chain = turning_arm(Vector3::new(0.0, 0.0, 1.0), Some(limit));
+    let floor = |z: f64| Obstacle::half_space(Vector3::new(0.0, 0.0, z), Vector3::z()).unwrap();
+    let ceiling = |z: f64| Obstacle::half_space(Vector3::new(0.0, 0.0, z), -Vector3::z()).unwrap();
+    let ball = |z: f64| Obstacle::sphere(Vector3::new(0.9, 0.0, z), 0.1).unwrap();
+    let obstacles =
+        [floor(0.45), floor(0.55), ceiling(1.55), ceiling(1.45), ball(0.3), ball(0.45), ball(1.7), ball(1.55)];
+    let expected = [Some(0.05), None, Some(0.05), None, Some(0.1), None, Some(0.1), None];
+    for (k, reason) in reasons(&chain, &obstacles).into_iter().enumerate() {
+        let found = room(reason);
+        assert_eq!(found.is_some(), expected[k].is_some(), "obstacle {k}: {reason:?}");
+        assert!((found.unwrap_or(0.0) - expected[k].unwrap_or(0.0)).abs() < 1e-12, "obstacle {k}: {reason:?}");
+    }
+}
+
+/// The reachable region of the ball at the base c is the part of the ball (c, R = 1.1 m) with heights within r = 0.1 m of c.
+/// A half-space whose normal is tilted by α, with its boundary D below c, is D − r cos α − R sin α away from its bound. The
+/// position of the base does not occur in this, and the gap is never smaller.
+#[test]
+fn room_to_a_tilted_half_space_does_not_depend_on_the_position_of_the_base() {
+    let (sine, cosine) = std::f64::consts::FRAC_PI_6.sin_cos();
+    let normal = Vector3::new(sine, 0.0, cosine);
+    let expected = |depth: f64| depth - 0.1 * cosine - 1.1 * sine;
+    for base in [Vector3::zeros(), Vector3::new(0.3, 0.2, 1.5), Vector3::new(-2.0, 0.7, -1.2)] {
+        let chain = turning_arm(base, None);
+        let below = |depth: f64| Obstacle::half_space(base - normal * depth, normal).unwrap();
+        let found = reasons(&chain, &[below(0.8), below(0.6)]);
+        let Some(room) = room(found[0]) else { panic!("{base:?}: {found:?}") };
+        assert!((room - expected(0.8)).abs() < 1e-11, "{base:?}: {room}");
+        assert_eq!(found[1], None);
+        let shape = &link_shapes(&chain).unwrap()[0];
+        let mut workspace = chain.workspace();
+        for k in 0..64 {
+            let at_q = workspace.update(&chain, &[k as f64 * 0.1]).unwrap();
+            assert!(gap(shape, &at_q.pose(shape.frame()), &below(0.8)).distance >= room);
+        }
+    }
 }
 
 #[test]

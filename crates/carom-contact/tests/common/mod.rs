@@ -47,20 +47,22 @@ pub fn body(kind: &str, rng: &mut fastrand::Rng) -> LinkShape {
         "capsule" => Shape::Capsule { radius: size() / 2.0, length: size() },
         "cylinder" => Shape::Cylinder { radius: size(), length: size() },
         "box" => Shape::Box { size: Vector3::from_fn(|_, _| size()) },
-        _ => {
-            let mut text = String::new();
-            for _ in 0..30 {
-                let v = vector(rng, 0.15);
-                text += &format!("v {} {} {}\n", v.x, v.y, v.z);
-            }
-            for k in 0..10 {
-                text += &format!("f {} {} {}\n", 3 * k + 1, 3 * k + 2, 3 * k + 3);
-            }
-            let file = temp(&format!("hull-{}.obj", rng.u64(..)));
-            std::fs::write(&file, text).unwrap();
-            Shape::Mesh { file, scale: Vector3::repeat(1.0) }
-        }
+        _ => return hull_of(&(0..30).map(|_| vector(rng, 0.15)).collect::<Vec<_>>(), rng.u64(..)),
     })
+}
+
+/// The convex hull of some points, at least three, through the OBJ file `hull-<number>.obj`.
+pub fn hull_of(points: &[Vector3<f64>], number: u64) -> LinkShape {
+    let mut text = String::new();
+    for v in points {
+        text += &format!("v {} {} {}\n", v.x, v.y, v.z);
+    }
+    for k in 3..=points.len() {
+        text += &format!("f {} {} {k}\n", k - 2, k - 1);
+    }
+    let file = temp(&format!("hull-{number}.obj"));
+    std::fs::write(&file, text).unwrap();
+    link_shape(Shape::Mesh { file, scale: Vector3::repeat(1.0) })
 }
 
 /// A path in a folder of this process.

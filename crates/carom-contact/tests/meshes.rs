@@ -1,0 +1,63 @@
+//! Gaps to meshes, compared with gaps to their triangles and to the bodies that they bound.
+
+mod common;
+
+use carom_chain::urdf::Shape;
+use carom_contact::{Mesh, Obstacle, gap};
+use common::*;
+use nalgebra::{Isometry3, Vector3};
+
+/// Bodies larger and smaller than 1 m: no length is special.
+#[test]
+fn gap_to_a_mesh_is_the_smallest_gap_to_one_of_its_triangles() {
+    let mut rng = fastrand::Rng::with_seed(7);
+    let at = isometry(&mut rng, 1.0);
+    // Hilly ground of 6 by 6 squares with sides of 1 m.
+    let mut corner = |k: u32| Vector3::new(f64::from(k % 7), f64::from(k / 7), rng.f64());
+    let vertices: Vec<_> = (0..49).map(&mut corner).collect();
+    let squares = (0..49).filter(|k| k % 7 < 6 && k / 7 < 6);
+    let triangles: Vec<_> = squares.flat_map(|k| [[k, k + 1, k + 8], [k, k + 8, k + 7]]).collect();
+    let ground = Obstacle::mesh(Mesh::from_triangles(vertices.clone(), triangles.clone()).unwrap(), at).unwrap();
+    let single = |triangle: &[u32; 3]| {
+        let corners = triangle.map(|k| vertices[k as usize]).to_vec();
+        Obstacle::mesh(Mesh::from_triangles(corners, vec![[0, 1, 2]]).unwrap(), at).unwrap()
+    };
+    let parts: Vec<_> = triangles.iter().map(single).collect();
+    let mut rng = fastrand::Rng::with_seed(8);
+    for size in [0.1, 0.3, 1.0, 2.0, 4.0] {
+        let bodies = [
+            link_shape(Shape::Sphere { radius: size }),
+            link_shape(Shape::Capsule { radius: size, length: size }),
+            link_shape(Shape::Box { size: Vector3::new(size, 2.0 * size, size / 2.0) }),
+        ];
+        for (kind, body) in bodies.iter().enumerate() {
+            for _ in 0..20 {
+                let height = size + 3.0 * rng.f64();
+                let place = Vector3::new(8.0 * rng.f64() - 1.0, 8.0 * rng.f64() - 1.0, height);
+                let place = at * Isometry3::from_parts(place.into(), isometry(&mut rng, 1.0).rotation);
+                let whole = gap(body, &pose(&place), &ground).distance;
+                let least = parts.iter().map(|part| gap(body, &pose(&place), part).distance);
+                let least = least.fold(f64::INFINITY, f64::min);
+                assert!((whole - least).abs() < 1e-13, "size {size}, body {kind}: {whole} against {least}");
+            }
+        }
+    }
+}
+
+#[test]
+fn sphere_centred_in_a_closed_box_mesh_has_the_gap_to_the_solid_box() {
+    let mut rng = fastrand::Rng::with_seed(9);
+    for _ in 0..300 {
+        let size = Vector3::from_fn(|_, _| 0.1 + rng.f64());
+        let at = isometry(&mut rng, 2.0);
+        let inside = vector(&mut rng, 0.5).component_mul(&size);
+        let place = at * Isometry3::translation(inside.x, inside.y, inside.z);
+        let body = link_shape(Shape::Sphere { radius: 0.01 + 0.3 * rng.f64() });
+        let found = gap(&body, &pose(&place), &Obstacle::mesh(box_mesh(size), at).unwrap());
+        let exact = gap(&body, &pose(&place), &Obstacle::cuboid(at, size).unwrap());
+        assert!((found.distance - exact.distance).abs() < 1e-13, "{found:?} against {exact:?}");
+        assert!((found.normal - exact.normal).norm() < 1e-9, "{found:?} against {exact:?}");
+        assert!((found.on_robot - exact.on_robot).norm() < 1e-9, "{found:?} against {exact:?}");
+        assert!((found.on_environment - exact.on_environment).norm() < 1e-9, "{found:?} against {exact:?}");
+    }
+}
