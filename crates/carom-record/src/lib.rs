@@ -11,7 +11,6 @@ mod layout;
 mod map;
 mod measures;
 mod planar2;
-mod rerun;
 mod scene;
 mod summary;
 mod target;

@@ -5,13 +5,12 @@
 //! `/arm`: the pose of the row. `/legend`: the meaning of the colours.
 
 use crate::RecordError;
-use crate::rerun;
-use crate::rerun::blueprint as view;
-use crate::rerun::blueprint::components::PanelState;
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
 use carom_study::study::{Evaluator, Values};
 use carom_study::{Study, StudyError};
+use rerun::blueprint as view;
+use rerun::blueprint::components::PanelState;
 
 /// Largest number of rows of a recording; each row is a point.
 const MOST: usize = 1 << 20;

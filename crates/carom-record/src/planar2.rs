@@ -4,15 +4,14 @@
 //! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
 use crate::RecordError;
-use crate::rerun;
-use crate::rerun::RecordingStream;
-use crate::rerun::blueprint as view;
-use crate::rerun::blueprint::components::PanelState;
 use carom_chain::{Chain, ChainError, Spatial, Workspace};
 use carom_sim::Moment;
 use carom_study::MapPoint;
 use carom_study::paper::{NORMAL, Run, TANGENT};
 use nalgebra::{Vector2, Vector3};
+use rerun::RecordingStream;
+use rerun::blueprint as view;
+use rerun::blueprint::components::PanelState;
 use std::path::Path;
 
 /// Data of one elbow pose.

@@ -17,8 +17,6 @@ use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, entity, fixed, transform};
 use crate::layout::{self, Tile};
 use crate::measures::Measures;
-use crate::rerun;
-use crate::rerun::AsComponents;
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
@@ -26,6 +24,7 @@ use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, link_shapes};
 use carom_sim::{Blow, Event, EventKind, Moment, Plan, Scene, Seen, Summary};
 use nalgebra::{Matrix3, Vector3};
+use rerun::AsComponents;
 use std::collections::BTreeMap;
 
 const PATH: u32 = 0xffb0_00ff;
