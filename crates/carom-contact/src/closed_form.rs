@@ -127,12 +127,18 @@ pub(crate) fn point_cylinder(p: Vector3<f64>, radius: f64, half: f64) -> Nearest
     }
 }
 
-/// A segment c + s d and a box.
+/// A segment and a box.
+pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
+    let nearest = point_box(segment.at(nearest_to_box(segment, half)), half);
+    if nearest.distance > 1e-9 * half.max() { nearest } else { segment_in_box(segment, half) }
+}
+
+/// s in [−1, 1] of the point of a segment c + s d nearest to a box.
 ///
 /// The squared distance f(s) = Σ max(|cᵢ + s dᵢ| − hᵢ, 0)² is convex and piecewise quadratic, with breakpoints where a
 /// coordinate is ±hᵢ. Its derivative g is non-decreasing and piecewise linear, so its zeros are a point or an interval (for
 /// a segment along a face), whose middle is used.
-pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
+fn nearest_to_box(segment: &Segment, half: Vector3<f64>) -> f64 {
     let (c, d) = (segment.middle, segment.half);
     let zero = 4.0 * f64::EPSILON * d.norm() * (c.norm() + d.norm() + half.norm());
     let slope = |s: f64| {
@@ -156,7 +162,7 @@ pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
             }
         }
     }
-    let s = if first.1 == 0.0 {
+    if first.1 == 0.0 {
         (first.0 + last.0) / 2.0
     } else if falls.1 >= 0.0 {
         -1.0
@@ -164,9 +170,7 @@ pub(crate) fn segment_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
         1.0
     } else {
         falls.0 - falls.1 * (grows.0 - falls.0) / (grows.1 - falls.1)
-    };
-    let nearest = point_box(segment.at(s), half);
-    if nearest.distance > 1e-9 * half.max() { nearest } else { segment_in_box(segment, half) }
+    }
 }
 
 /// A segment that intersects a box. The Minkowski difference of the two is a polyhedron whose faces are those of the box and
@@ -184,9 +188,9 @@ fn segment_in_box(segment: &Segment, half: Vector3<f64>) -> Nearest {
         }
     }
     let (distance, normal) = best;
-    let lowest = if normal.dot(&d) > 0.0 { -1.0 } else { 1.0 };
-    // For a segment parallel to the face, the middle.
-    let s = if normal.dot(&d).abs() <= 1e-12 * d.norm() { 0.0 } else { lowest };
+    // The segment translated out of the box touches it at the nearest point.
+    let touching = Segment { middle: c - normal * distance, half: d };
+    let s = nearest_to_box(&touching, half);
     let a = segment.at(s);
     Nearest { distance, normal, a, b: a - normal * distance }
 }

@@ -133,7 +133,7 @@ impl Pair<'_> {
     fn climb(&self, apart: Option<Nearest>) -> Nearest {
         let found = match apart {
             Some(nearest) => Some(nearest.normal),
-            None => parry::way_out_of(|d| self.lowest(-d).w),
+            None => parry::way_out_of(|d| self.lowest(-d).w / self.size),
         };
         let mut n = self.guess(found);
         let mut separation = self.separation(n);

@@ -3,6 +3,7 @@
 
 mod common;
 
+use carom_chain::urdf::Shape;
 use carom_contact::{Gap, LinkShape, Obstacle, Solid, gap, gap_between};
 use common::*;
 use nalgebra::{Isometry3, Vector3};
@@ -80,6 +81,73 @@ fn normal_of_an_overlap_has_the_greatest_separation() {
                 }
             }
             assert!(overlapping > 30, "{first} and {second}: {overlapping}");
+        }
+    }
+}
+
+/// The bodies touch at the nearest points if the first is translated by −g n. With a rim, whose separation changes only by
+/// rounding when the normal turns by 1e-8, the points of two such directions may be combined.
+#[test]
+fn deepest_points_of_overlapping_bodies_are_extreme_along_the_normal() {
+    let mut rng = fastrand::Rng::with_seed(4);
+    for first in KINDS {
+        for second in KINDS {
+            let (mut overlapping, mut worst) = (0, [0.0_f64; 4]);
+            for _ in 0..400 {
+                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
+                let (at_a, at_b) = (isometry(&mut rng, 0.12), isometry(&mut rng, 0.12));
+                let found = gap_between((&a, &pose(&at_a)), (&b, &pose(&at_b)));
+                if found.distance >= 0.0 {
+                    continue;
+                }
+                overlapping += 1;
+                let Gap { distance, normal, on_robot, on_environment } = found;
+                let height = normal.dot(&on_robot) - lowest(&a, &at_a, normal);
+                let depth = normal.dot(&on_environment) + lowest(&b, &at_b, -normal);
+                worst[0] = worst[0].max((normal * distance - (on_robot - on_environment)).norm());
+                worst[1] = worst[1].max(height.abs());
+                worst[2] = worst[2].max(depth.abs());
+                worst[3] = worst[3].max(outside(&a, &at_a, on_robot)).max(outside(&b, &at_b, on_environment));
+            }
+            assert!(overlapping > 100, "{first} and {second}: {overlapping}");
+            let round = [first, second].contains(&"cylinder");
+            assert!(worst[0] < if round { 1e-6 } else { ROUNDING }, "{first} and {second}: {worst:?}");
+            assert!(worst[1..].iter().all(|w| *w < ROUNDING), "{first} and {second}: {worst:?}");
+        }
+    }
+}
+
+/// The same bodies with all lengths multiplied by a power of two, as by a change of the unit of length.
+#[test]
+fn gap_is_proportional_to_a_common_scale_of_all_lengths() {
+    let mut rng = fastrand::Rng::with_seed(6);
+    let scaled = |body: &LinkShape, k: f64| match body.solid() {
+        Solid::Sphere { radius } => link_shape(Shape::Sphere { radius: k * radius }),
+        Solid::Capsule { radius, half_length } => {
+            link_shape(Shape::Capsule { radius: k * radius, length: 2.0 * k * half_length })
+        }
+        Solid::Cylinder { radius, half_length } => {
+            link_shape(Shape::Cylinder { radius: k * radius, length: 2.0 * k * half_length })
+        }
+        Solid::Box { half } => link_shape(Shape::Box { size: half * (2.0 * k) }),
+        Solid::Hull(hull) => hull_of(&hull.vertices().iter().map(|v| v * k).collect::<Vec<_>>(), k.to_bits()),
+    };
+    let moved = |at: &Isometry3<f64>, k: f64| Isometry3::from_parts((at.translation.vector * k).into(), at.rotation);
+    for first in KINDS {
+        for second in KINDS {
+            for _ in 0..40 {
+                let (a, b) = (body(first, &mut rng), body(second, &mut rng));
+                let (at_a, at_b) = (isometry(&mut rng, 0.2), isometry(&mut rng, 0.2));
+                let of = |k: f64| {
+                    let (a, b) = (scaled(&a, k), scaled(&b, k));
+                    gap_between((&a, &pose(&moved(&at_a, k))), (&b, &pose(&moved(&at_b, k)))).distance / k
+                };
+                let one = of(1.0);
+                for power in [-20, -10, 10, 20, 40] {
+                    let other = of(2.0_f64.powi(power));
+                    assert!((other - one).abs() < ROUNDING, "{first} and {second}, 2^{power}: {other} against {one}");
+                }
+            }
         }
     }
 }
