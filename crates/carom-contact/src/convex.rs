@@ -175,7 +175,7 @@ impl Pair<'_> {
         let likely = likely.chain([Vector3::x(), Vector3::y(), Vector3::z(), self.offset]);
         let mut best = (f64::NEG_INFINITY, Vector3::z());
         let both = likely.flat_map(|n| [n, -n]).chain(found);
-        for n in both.filter_map(|n| n.try_normalize(1e-9 * n.amax().max(1.0))) {
+        for n in both.filter_map(|n| n.try_normalize(1e-9)) {
             let separation = self.separation(n);
             if separation > best.0 {
                 best = (separation, n);
