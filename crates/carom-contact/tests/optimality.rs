@@ -135,7 +135,7 @@ fn gap_is_proportional_to_a_common_scale_of_all_lengths() {
     let moved = |at: &Isometry3<f64>, k: f64| Isometry3::from_parts((at.translation.vector * k).into(), at.rotation);
     for first in KINDS {
         for second in KINDS {
-            for _ in 0..40 {
+            for _ in 0..15 {
                 let (a, b) = (body(first, &mut rng), body(second, &mut rng));
                 let (at_a, at_b) = (isometry(&mut rng, 0.2), isometry(&mut rng, 0.2));
                 let of = |k: f64| {
@@ -143,7 +143,7 @@ fn gap_is_proportional_to_a_common_scale_of_all_lengths() {
                     gap_between((&a, &pose(&moved(&at_a, k))), (&b, &pose(&moved(&at_b, k)))).distance / k
                 };
                 let one = of(1.0);
-                for power in [-20, -10, 10, 20, 40] {
+                for power in [-20, 20, 60] {
                     let other = of(2.0_f64.powi(power));
                     assert!((other - one).abs() < ROUNDING, "{first} and {second}, 2^{power}: {other} against {one}");
                 }
