@@ -1,11 +1,26 @@
 //! Small systems compared with their closed forms, and the errors of singular ones.
 
+use carom_chain::algebra::{Articulated, Inertia, Motion, PlanarArticulated};
 use carom_chain::urdf::{Inertial, Joint, JointType, Link, LoadOptions, Robot};
-use carom_chain::{Chain, ChainError, uniform_chain};
-use nalgebra::{Isometry3, Matrix3, Vector3};
+use carom_chain::{Chain, ChainError, Planar, uniform_chain};
+use nalgebra::{Isometry3, Matrix3, Vector2, Vector3};
 
 fn close(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-14 * b.abs().max(1.0), "{a} against {b}");
+}
+
+/// A free rigid body whose centre of mass c lies off the reference point: for the acceleration (α, a) of that point the
+/// force is f = m (a + α ẑ × c), and the moment about the point is I_c α + c × f.
+#[test]
+fn planar_articulated_inertia_of_a_rigid_body_is_newtons_and_eulers_law() {
+    let (mass, c, i_c) = (3.0, Vector2::new(0.4, -0.7), 0.9);
+    let articulated = PlanarArticulated::from_rigid(&Inertia::<Planar<f64>>::from_com(mass, c, i_c));
+    let (alpha, a) = (1.7, Vector2::new(-0.6, 2.3));
+    let force = articulated.apply(Motion { angular: alpha, linear: a });
+    let f = mass * (a + alpha * Vector2::new(-c.y, c.x));
+    close(force.force.x, f.x);
+    close(force.force.y, f.y);
+    close(force.moment, i_c * alpha + c.x * f.y - c.y * f.x);
 }
 
 /// Two uniform rods of 1 m and 1 kg, hinged at the origin and end to end, angles from the x axis.

@@ -232,6 +232,9 @@ proptest! {
         let mut flat_kin = flat_ws.update(&flat.chain, &q).unwrap();
         let plane = flat.plane;
         close("p", flat_kin.position(flat_tip).iter(), plane.project(kin.position(tip)).iter(), KINEMATIC, 1.0);
+        let (pose, lifted) = (kin.pose(frame), flat.lift_pose(frame, &flat_kin.pose(frame)));
+        close("rotation", lifted.rotation.iter(), pose.rotation.iter(), KINEMATIC, 1.0);
+        close("translation", lifted.translation.iter(), pose.translation.iter(), KINEMATIC, 1.0);
         let m = kin.mass_matrix();
         close("M", flat_kin.mass_matrix().iter(), m.iter(), KINEMATIC, 1e-3);
         let shadow = nalgebra::Matrix2x3::from_rows(&[plane.x.transpose(), plane.y.transpose()]);
