@@ -135,3 +135,18 @@ fn report(rows: &[Row]) -> Report {
     };
     Report { methods: &METHODS, scenes: rows.iter().map(scene).collect() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_defect_is_an_error_that_names_scene_and_method() {
+        let scene = stress::SCENES.iter().find(|scene| scene.name == "jam").unwrap();
+        let mut row = scene.run();
+        assert!(defects(std::slice::from_ref(&row)).is_ok());
+        row.cells[4].verdict = Verdict::Defect;
+        let message = defects(&[row]).unwrap_err().to_string();
+        assert_eq!(message, "1 cells are defects, see the notes in stress.md: jam / energetic");
+    }
+}

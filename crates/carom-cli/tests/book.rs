@@ -68,13 +68,13 @@ fn check_output(page: &str, printed: &str, place: &str) {
     }
 }
 
-/// Every `sh` block runs, and prints the `text` block that follows it. `sh,ignore` marks commands that take long or need other
+/// Every `sh` block runs, prints the `text` block that follows it, and draws the pictures of its names in `images`. `sh,ignore` marks commands that take long or need other
 /// programs.
 #[test]
 fn printed_outputs_of_the_book_are_those_of_carom() {
     let carom = Path::new(env!("CARGO_BIN_EXE_carom"));
     let path = format!("{}:{}", carom.parent().unwrap().display(), std::env::var("PATH").unwrap());
-    let mut compared = 0;
+    let (mut compared, mut pictures) = (0, 0);
     for page in markdown("book/src") {
         let name = page.file_stem().unwrap().to_str().unwrap();
         let desk = std::env::temp_dir().join(format!("carom-book-{name}-{}", std::process::id()));
@@ -94,8 +94,22 @@ fn printed_outputs_of_the_book_are_those_of_carom() {
                 compared += 1;
             }
         }
+        for drawn in std::fs::read_dir(&desk).unwrap().map(|entry| entry.unwrap().path()) {
+            let shown = Path::new(ROOT).join("book/src/images").join(drawn.file_name().unwrap());
+            if shown.is_file() {
+                let same = std::fs::read(&drawn).unwrap() == std::fs::read(&shown).unwrap();
+                assert!(
+                    same,
+                    "{}: a command draws another {} than book/src/images has",
+                    page.display(),
+                    shown.display()
+                );
+                pictures += 1;
+            }
+        }
         std::fs::remove_dir_all(&desk).unwrap();
     }
+    assert!(pictures >= 3, "only {pictures} pictures were compared");
     assert!(compared > 10, "only {compared} outputs were compared: the pages are expected in book/src");
 }
 

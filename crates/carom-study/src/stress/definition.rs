@@ -22,7 +22,7 @@ use super::single::worse;
 use carom_impact::ImpactOutcome;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-/// An outcome, or a matrix, with two tangents: in the plane the second one does nothing.
+/// An outcome, or a matrix, with two tangents: in the plane the second one is decoupled.
 fn in_space<const D: usize>(u: &SVector<f64, D>) -> Vector3<f64> {
     Vector3::new(u[0], if D == 3 { u[1] } else { 0.0 }, u[D - 1])
 }
@@ -38,7 +38,7 @@ fn matrix_in_space<const D: usize>(h: &SMatrix<f64, D, D>) -> Matrix3<f64> {
     whole
 }
 
-/// The largest relative error of an outcome against its law's definition; NaN if it can't be told.
+/// The largest relative error of an outcome against its law's definition; NaN if it cannot be computed.
 pub fn violation<const D: usize>(h: &SMatrix<f64, D, D>, hit: &ImpactOutcome<f64, D>, e: f64, mu: f64) -> f64 {
     let reported = Reported::of(hit);
     violation_of(hit.law, h, &[hit.u_minus, hit.u_plus, hit.impulse], &reported, e, mu)
@@ -110,7 +110,7 @@ impl Case {
         self.impulse.norm().max(f64::MIN_POSITIVE)
     }
 
-    /// What every law promises but for energy.
+    /// Conditions that all laws have in common, except the energy balance.
     fn any_law(&self) -> f64 {
         let outside = (self.impulse.xy().norm() - self.mu * self.impulse.z).max(0.0) / self.size();
         let pulls = (-self.impulse.z).max(0.0) / self.size();

@@ -346,6 +346,17 @@ fn law<const D: usize>(name: &str, restitution: f64, friction: f64) -> Box<dyn L
     law_by_name(name, coefficients).unwrap_or_else(|| unreachable!("the scene lists laws only"))
 }
 
+/// A step h of the classical method of Runge and Kutta for dy/dt = rate(y): the integrator of the reference solutions, independent
+/// of those that the scenes test.
+fn runge_kutta<const N: usize>(y: [f64; N], h: f64, rate: impl Fn([f64; N]) -> [f64; N]) -> [f64; N] {
+    let plus = |k: [f64; N], h: f64| std::array::from_fn(|i| y[i] + h * k[i]);
+    let k1 = rate(y);
+    let k2 = rate(plus(k1, h / 2.0));
+    let k3 = rate(plus(k2, h / 2.0));
+    let k4 = rate(plus(k3, h));
+    std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]))
+}
+
 /// An error's text.
 fn said(error: impl std::fmt::Display) -> String {
     error.to_string()

@@ -1,7 +1,7 @@
 //! Motions: events, time steps, and compliant contacts.
 
 use super::single::worse;
-use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, said};
+use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
@@ -177,20 +177,14 @@ impl Compliant {
         low
     }
 
-    fn step(&self, [q, v]: [f64; 2], damping: Option<f64>, h: f64) -> [f64; 2] {
+    fn step(&self, y: [f64; 2], damping: Option<f64>, h: f64) -> [f64; 2] {
         let rate = |[q, v]: [f64; 2]| {
             let (depth, slope) = (self.overlap)(q);
             let force =
                 damping.map_or(0.0, |a| self.stiffness * depth.max(0.0).powf(1.5) * (1.0 + a * slope * v).max(0.0));
             [v, (self.fall)(q) - slope * force / self.inertia]
         };
-        let plus = |[dq, dv]: [f64; 2], h: f64| [q + h * dq, v + h * dv];
-        let k1 = rate([q, v]);
-        let k2 = rate(plus(k1, h / 2.0));
-        let k3 = rate(plus(k2, h / 2.0));
-        let k4 = rate(plus(k3, h));
-        let mean = |i: usize| (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0;
-        plus([mean(0), mean(1)], h)
+        runge_kutta(y, h, rate)
     }
 
     /// Calls `seen` with time and state before each step, and with its length and the state after; returns the last state and the
@@ -380,12 +374,7 @@ fn bristle_way() -> f64 {
     };
     let (mut y, h) = ([0.0; 3], 1e-6);
     for _ in 0..50_000 {
-        let plus = |k: [f64; 3], h: f64| std::array::from_fn(|i| y[i] + h * k[i]);
-        let k1 = rate(y);
-        let k2 = rate(plus(k1, h / 2.0));
-        let k3 = rate(plus(k2, h / 2.0));
-        let k4 = rate(plus(k3, h));
-        y = std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        y = runge_kutta(y, h, rate);
     }
     y[0]
 }

@@ -366,8 +366,8 @@ pub const SCENES: &[Scene] = &[
         expected: &[Expected::within(
             &[MOREAU, GLOCKER_PFEIFFER, SEQUENTIAL],
             6e-9,
-            "at 1e-8 rad, below √ε, the rows of H are equal in double precision: the walls' velocities, 2 · 0.3 · 1e-8 m/s apart, can't be \
-             told from one another",
+            "at 1e-8 rad, below √ε, the rows of H are equal in double precision: the walls' velocities, 2 · 0.3 · 1e-8 m/s apart, cannot be \
+             distinguished",
         )],
         judge: several::groove,
     },

@@ -1,7 +1,7 @@
 //! Several contacts at one time, given by their Delassus matrix and velocities.
 
 use super::single::worse;
-use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, MOREAU, said};
+use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, MOREAU, runge_kutta, said};
 use carom_impact::{
     Accuracy, Constraint, HuntCrossley, NormalForce, Order, SeveralProblem, TangentialForce, compliant_impact,
 };
@@ -404,19 +404,14 @@ pub fn groove(method: &str) -> Judged {
 /// second: the velocities after, by the classical fourth-order method of Runge and Kutta.
 fn elastic_cradle(ratio: f64) -> [f64; 3] {
     let force = |x: f64| x.max(0.0).powf(1.5);
-    let rate = |y: &[f64; 6]| {
+    let rate = |y: [f64; 6]| {
         let (first, second) = (ratio * force(y[0] - y[1]), force(y[1] - y[2]));
         [y[3], y[4], y[5], -first, first - second, second]
     };
     let step = 5e-4;
     let mut y = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
     loop {
-        let plus = |y: &[f64; 6], k: &[f64; 6], h: f64| std::array::from_fn(|i| y[i] + h * k[i]);
-        let k1 = rate(&y);
-        let k2 = rate(&plus(&y, &k1, step / 2.0));
-        let k3 = rate(&plus(&y, &k2, step / 2.0));
-        let k4 = rate(&plus(&y, &k3, step));
-        y = std::array::from_fn(|i| y[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        y = runge_kutta(y, step, rate);
         if y[0] < y[1] && y[1] < y[2] && y[3] <= y[4] && y[4] <= y[5] {
             return [y[3], y[4], y[5]];
         }

@@ -1,0 +1,207 @@
+//! Fits to robots in motion: scale of inertia, flights around an impact, whole tosses.
+
+use super::*;
+
+fn load(robot: &str) -> Chain {
+    let file = format!("{}/../../robots/{robot}.urdf", env!("CARGO_MANIFEST_DIR"));
+    Chain::from_urdf_file_with(file, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+}
+
+fn tossed(rng: &mut Rng) -> (Vec<f64>, Vec<f64>) {
+    let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
+    let turn = nalgebra::UnitQuaternion::from_euler_angles(wide(3.0), wide(1.5), wide(3.0));
+    let q = vec![wide(1.0), wide(1.0), 0.2, turn.i, turn.j, turn.k, turn.w];
+    let qd = (0..6).map(|k| if k < 3 { wide(2.0) } else { wide(10.0) }).collect();
+    (q, qd)
+}
+
+#[test]
+fn a_fit_recovers_the_scale_of_inertia() {
+    let nominal = load("box");
+    let truth = nominal.with_inertia_scaled(1.3).unwrap();
+    let (frame, mut rng) = (nominal.frame("box").unwrap(), Rng::with_seed(9));
+    let law = law_by_name::<3>("chatterjee-ruina", rough(0.4, 0.2)).unwrap();
+    let (mut impacts, mut receding) = (Vec::new(), 0);
+    while impacts.len() < 12 {
+        let (q, qd_minus) = tossed(&mut rng);
+        let (frame_there, offset) = lowest_point(&nominal, &q, Vector3::z()).unwrap();
+        assert_eq!(frame_there, frame);
+        let strike = truth.impact(&q, &qd_minus).at(frame).offset(offset).normal([0.0, 0.0, 1.0]);
+        let hit = strike.resolve(law.as_ref()).unwrap();
+        let (qd_plus, normal) = (hit.qd_plus, [0.0, 0.0, 1.0]);
+        let jump = ChainJump { q, qd_minus, qd_plus, frame, offset, normal };
+        match MeasuredImpact::of_chain(&nominal, &jump) {
+            Ok(impact) => impacts.push(impact),
+            // a bound on the contact points that recede, about half of all
+            Err(FitError::NoApproach { .. }) if receding < 30 => receding += 1,
+            Err(error) => panic!("{error}"),
+        }
+    }
+    let options = FitOptions { law: "chatterjee-ruina", inertia: true, ..ALL };
+    let fit = fit_velocities(&impacts, Some(&nominal), &options, QUIET).unwrap();
+    assert_eq!(fit.coefficients.len(), 3);
+    for (c, truth) in fit.coefficients.iter().zip([0.4, 0.2, 1.3]) {
+        close(c.name, c.value, truth, 1e-6);
+    }
+    let rigid = fit_velocities(&impacts, Some(&nominal), &FitOptions { inertia: false, ..options }, QUIET).unwrap();
+    assert!(rigid.train.mean > 1e-3, "the nominal inertia must leave a residual: {}", rigid.train.mean);
+    assert_eq!(fit_velocities(&impacts, None, &options, QUIET).unwrap_err(), FitError::NoInertia);
+}
+
+/// Samples of both flights around an impact at time 0, with noise in position and rotation.
+fn flights(chain: &Chain, q: &[f64], qd: [&[f64]; 2], sigma: f64, rng: &mut Rng) -> (Flight, Flight) {
+    let gravity = Vector3::new(0.0, 0.0, -9.81);
+    let mut fly = |qd: &[f64], sign: f64| {
+        let times: Vec<f64> = (0..8).map(|k| sign * (0.003 + 0.0068 * f64::from(k))).collect();
+        let flown = free_motion_at(chain, q, qd, gravity, &times).unwrap();
+        let mut shake = |pose: &[f64]| {
+            let step: Vec<f64> = (0..chain.nv()).map(|_| sigma * normal(rng)).collect();
+            chain.integrate(pose, &step, 1.0).unwrap()
+        };
+        let mut samples: Vec<(f64, Vec<f64>)> = flown.iter().map(|m| (m.time, shake(&m.q))).collect();
+        samples.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (times, poses) = samples.into_iter().unzip();
+        Flight { times, poses }
+    };
+    (fly(qd[0], -1.0), fly(qd[1], 1.0))
+}
+
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
+#[test]
+fn exact_flights_give_time_pose_and_velocities_of_the_impact() {
+    let mut rng = Rng::with_seed(10);
+    let arm = uniform_chain(3, 0.6, 1.0).unwrap();
+    let (arm_q, arm_qd) = (vec![3.1, -0.4, 0.9], [vec![3.0, -2.0, 4.0], vec![-1.0, 2.5, -6.0]]);
+    let free = load("box");
+    let (q, before) = tossed(&mut rng);
+    let (_, later) = tossed(&mut rng);
+    for (chain, q, qd) in [(&arm, arm_q, arm_qd), (&free, q, [before, later])] {
+        let (before, after) = flights(chain, &q, [&qd[0], &qd[1]], 0.0, &mut rng);
+        let joined = join_flights(chain, GRAVITY, &before, &after).unwrap();
+        // errors of 1e-10 s and 1e-10 m are rounding errors of the integration (1e-12) over flights of 0.05 s
+        close("time", joined.time, 0.0, 1e-9);
+        assert_eq!([&joined.q, &joined.qd_minus, &joined.qd_plus].map(Vec::len), [chain.nq(), chain.nv(), chain.nv()]);
+        for (a, b) in joined.q.iter().zip(&q) {
+            close("pose", *a, *b, 1e-8);
+        }
+        for (found, truth) in [(&joined.qd_minus, &qd[0]), (&joined.qd_plus, &qd[1])] {
+            for (a, b) in found.iter().zip(truth) {
+                close("velocity", *a, *b, 1e-7);
+            }
+        }
+        assert!(joined.rest < 1e-10, "{}", joined.rest);
+    }
+}
+
+#[test]
+fn noisy_flights_give_unbiased_velocities_and_their_standard_deviation() {
+    let mut rng = Rng::with_seed(11);
+    let free = load("box");
+    let toward = |(q, qd): &(Vec<f64>, Vec<f64>)| {
+        let (frame, offset) = lowest_point(&free, q, Vector3::z()).unwrap();
+        let contact = free.impact(q, qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).contact().unwrap();
+        contact.problem().approach_speed() > 0.5
+    };
+    let (q, qd) = std::iter::repeat_with(|| tossed(&mut rng)).find(toward).unwrap();
+    let hit = {
+        let (frame, offset) = lowest_point(&free, &q, Vector3::z()).unwrap();
+        let law = law_by_name::<3>("energetic", rough(0.4, 0.2)).unwrap();
+        free.impact(&q, &qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).resolve(law.as_ref()).unwrap()
+    };
+    assert!(hit.impulse.norm() > 0.0);
+    let (runs, nv) = (16, free.nv());
+    let mut misses = Vec::new();
+    let mut doubt = 0.0;
+    let mass_matrix = free.workspace().update(&free, &q).unwrap().mass_matrix() / free.total_mass();
+    let mut scatter = 0.0;
+    for _ in 0..runs {
+        let (before, after) = flights(&free, &q, [&qd, &hit.qd_plus], 5e-4, &mut rng);
+        let joined = join_flights(&free, GRAVITY, &before, &after).unwrap();
+        let miss = DVector::from_iterator(
+            nv,
+            (0..nv).map(|k| joined.qd_plus[k] - joined.qd_minus[k] - (hit.qd_plus[k] - qd[k])),
+        );
+        doubt += joined.deviation.powi(2) / f64::from(runs);
+        scatter += miss.dot(&(&mass_matrix * &miss)) / f64::from(runs);
+        misses.push(miss);
+    }
+    for k in 0..nv {
+        let of: Vec<f64> = misses.iter().map(|miss| miss[k]).collect();
+        let mean = of.iter().sum::<f64>() / f64::from(runs);
+        let deviation = (of.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / f64::from(runs - 1)).sqrt();
+        // five standard errors of 16 samples, for six numbers
+        assert!(mean.abs() < 5.0 * deviation / f64::from(runs).sqrt(), "qd[{k}]: {mean} ± {deviation}");
+        assert!(deviation > 0.0);
+    }
+    // the standard error of a variance from 16 samples of six numbers is about 15 %
+    assert!((0.5..2.0).contains(&(scatter / doubt)), "{scatter} against {doubt}");
+}
+
+#[test]
+fn invalid_flights_are_refused() {
+    let arm = uniform_chain(2, 0.6, 1.0).unwrap();
+    let flight = |times: &[f64]| Flight { times: times.to_vec(), poses: times.iter().map(|t| vec![*t, 0.0]).collect() };
+    let join = |before: &Flight, after: &Flight| join_flights(&arm, GRAVITY, before, after).unwrap_err().to_string();
+    let good = flight(&[0.1, 0.2, 0.3]);
+    assert_eq!(join(&flight(&[0.0]), &good), "samples of a flight (two or more): 1, but 2 are needed");
+    assert_eq!(
+        join(&flight(&[0.0, 0.2]), &good),
+        "the flight before the impact ends at 0.2 s and the flight after it begins at 0.1 s: it must begin later"
+    );
+    assert_eq!(
+        join(&flight(&[0.0, -0.1]), &good),
+        "the times of the flight before the impact must ascend: -0.1 s follows 0 s"
+    );
+    let mut short = good.clone();
+    short.poses.pop();
+    assert_eq!(join(&flight(&[0.0, 0.05]), &short), "poses of a flight, one for each time: 2, but 3 are needed");
+    short.times = vec![0.1, f64::NAN];
+    assert_eq!(
+        join(&flight(&[0.0, 0.05]), &short),
+        "the list of a flight's times contains NaN: every number must be finite"
+    );
+    let mut long = good.clone();
+    long.poses[0].push(0.0);
+    assert!(join(&flight(&[0.0, 0.05]), &long).starts_with("q has 3 numbers, 2 are needed"));
+}
+
+/// A ball with spin is thrown at the floor: the bounces identify restitution, the change of spin identifies friction.
+#[test]
+fn a_fit_to_tosses_of_a_ball_recovers_the_coefficients() {
+    let ball = load("ball");
+    let mut rng = Rng::with_seed(12);
+    let mut tosses = Vec::new();
+    for number in 0..8 {
+        let (mut q, mut qd) = tossed(&mut rng);
+        q[2] = 0.1 + 0.2 * rng.f64();
+        qd[2] *= 0.2;
+        let truth =
+            carom_sim::ContactRule { law: "energetic", restitution: 0.62, friction: 0.13, ..Default::default() };
+        let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact: truth, motion: None };
+        let touches = carom_sim::Touch::all(&ball, &[floor], 0.0).unwrap().touches;
+        let simulation =
+            carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(ball.clone(), touches) };
+        let mut samples: Vec<Moment> = Vec::new();
+        let sampling = carom_sim::Sampling { every: Some(0.02), dense: false };
+        simulation
+            .stream(&q, &qd, 0.4, sampling, &mut |seen| {
+                if let carom_sim::Seen::Moment(moment) = seen {
+                    samples.push(moment.clone());
+                }
+            })
+            .unwrap();
+        tosses.push(Toss { number, samples });
+    }
+    let tosses = Tosses { chain: ball, tosses };
+    let options = FitOptions { train: 0.5, ..ALL };
+    let fit = fit_trajectories(&tosses, &options, &RollOutOptions::default(), QUIET).unwrap();
+    // resolution of the search: 1/50 of its range, halved a few times
+    close("restitution", fit.coefficients[0].value, 0.62, 5e-3);
+    close("friction", fit.coefficients[1].value, 0.13, 5e-3);
+    assert_eq!((fit.train.count, fit.test.unwrap().count), (4, 4));
+    let test = fit.test.unwrap();
+    assert!(test.mean < 0.05 && test.below_half == Some(1.0), "{test:?}");
+    assert!(fit.notes[0].starts_with("fitted to trajectories"));
+}
