@@ -78,7 +78,7 @@ fn a_chart_contains_every_method_and_the_peers() {
     for (method, law) in [
         ("events, DOP853, in space", "the scene's"),
         ("Moreau–Jean steps", "Newton's e with a friction cone"),
-        ("compliant, Hunt–Crossley", "that of the contact force"),
+        ("compliant, Hunt–Crossley", "contact force"),
         ("x 1, steps", "its own"),
     ] {
         assert!(of(method).iter().all(|run| run["law"] == law) && !of(method).is_empty(), "{method}");

@@ -180,11 +180,11 @@ impl Chart {
         let knob = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
         let method = ("Moreau–Jean steps".to_owned(), "Newton's e with a friction cone".to_owned());
         chart.sweep((scene, budget), method, "step, s", steps, knob, done);
-        let own = "that of the contact force";
+        let own = "contact force";
         let forces = [
             ("Hunt–Crossley", own, Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
             ("Kelvin–Voigt", own, Yielding::KelvinVoigt { pulls: false }),
-            ("Walton–Braun", "that of the contact force; Stronge's in the stiff limit", Yielding::WaltonBraun),
+            ("Walton–Braun", "contact force, in the stiff limit Stronge's", Yielding::WaltonBraun),
         ];
         for (name, law, normal) in forces {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
