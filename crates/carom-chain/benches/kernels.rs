@@ -6,7 +6,7 @@
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Kinematics, Planar, Point, Spatial, uniform_chain, uniform_chain_urdf};
 use divan::{Bencher, black_box};
-use nalgebra::{DMatrix, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, Vector2, Vector3};
 
 const SIZES: [usize; 6] = [2, 3, 7, 10, 30, 100];
 
@@ -39,36 +39,6 @@ fn in_space(n: usize) -> Case<Spatial<f64>> {
     let chain = Chain::from_urdf_str(&turned, &Default::default()).unwrap();
     let tip = chain.point(chain.frame("tip").unwrap(), Vector3::zeros());
     Case { chain, tip, gravity: Vector3::new(0.0, 0.0, -9.81) }
-}
-
-/// The dense method with matrices of fixed size on the stack, its fastest form for short chains.
-fn dense_on_stack<A: Algebra<Scalar = f64>, const N: usize, const K: usize>(bencher: Bencher, case: Case<A>) {
-    let (mut m, mut j) = (SMatrix::<f64, N, N>::zeros(), SMatrix::<f64, K, N>::zeros());
-    at_pose(bencher, case, |kin, case, _, _| {
-        kin.mass_matrix_into(&mut m);
-        kin.point_jacobian_into(case.tip, &mut j);
-        let mut x = j.transpose();
-        m.cholesky().unwrap().l_dirty().solve_lower_triangular_mut(&mut x);
-        black_box(x.transpose() * x);
-    });
-}
-
-#[divan::bench(args = [2, 3, 7])]
-fn delassus_dense_on_stack_planar(bencher: Bencher, n: usize) {
-    match n {
-        2 => dense_on_stack::<_, 2, 2>(bencher, in_plane(n)),
-        3 => dense_on_stack::<_, 3, 2>(bencher, in_plane(n)),
-        _ => dense_on_stack::<_, 7, 2>(bencher, in_plane(n)),
-    }
-}
-
-#[divan::bench(args = [2, 3, 7])]
-fn delassus_dense_on_stack_space(bencher: Bencher, n: usize) {
-    match n {
-        2 => dense_on_stack::<_, 2, 3>(bencher, in_space(n)),
-        3 => dense_on_stack::<_, 3, 3>(bencher, in_space(n)),
-        _ => dense_on_stack::<_, 7, 3>(bencher, in_space(n)),
-    }
 }
 
 /// Times `kernel` on a chain that has been moved to its pose.
@@ -135,9 +105,9 @@ macro_rules! kernels {
                 });
             }
             #[divan::bench(args = SIZES)]
-            fn delassus_dense(bencher: Bencher, n: usize) {
+            fn contact(bencher: Bencher, n: usize) {
                 at_pose(bencher, $case(n), |kin, case, _, _| {
-                    black_box(kin.delassus_dense(case.tip).unwrap());
+                    black_box(kin.contact(case.tip, case.gravity, &[]).unwrap().mobility);
                 });
             }
             #[divan::bench(args = SIZES)]

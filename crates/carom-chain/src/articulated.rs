@@ -21,7 +21,6 @@ use crate::chain::Point;
 use crate::error::ChainError;
 use crate::steps::Held;
 use crate::workspace::{Flow, Kinematics, Link};
-use nalgebra::SimdComplexField;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut};
 use num_traits::{One, Zero};
 
@@ -38,15 +37,12 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints.
     pub fn articulate(&mut self) -> Result<Articulation<'_, 'b, A>, ChainError> {
-        self.articulate_with(None)
+        self.articulate_with(&[])
     }
 
     /// The same with inertia added to each coordinate, for example that of a rotor: it is added to the joint's Dᵢ. Infinite
-    /// inertia makes 1/Dᵢ zero, which locks the joint.
-    pub(crate) fn articulate_with(
-        &mut self,
-        added: Option<&[A::Scalar]>,
-    ) -> Result<Articulation<'_, 'b, A>, ChainError> {
+    /// inertia makes 1/Dᵢ zero, which locks the joint. `added` is empty or has length nv.
+    pub(crate) fn articulate_with(&mut self, added: &[A::Scalar]) -> Result<Articulation<'_, 'b, A>, ChainError> {
         if self.chain.is_coupled() {
             return Err(ChainError::Coupled { chain: self.chain.name().into() });
         }
@@ -67,8 +63,11 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
                 articulated += own.articulated;
             }
             let u = articulated.along(*axis);
-            let added = added.map_or_else(A::Scalar::zero, |added| added[step.v_index]);
-            let inverse_d = A::Scalar::one() / (axis.dot(u) + added);
+            let mut d = axis.dot(u);
+            if let Some(more) = added.get(step.v_index) {
+                d += *more;
+            }
+            let inverse_d = A::Scalar::one() / d;
             (own.articulated, own.transmitted, own.inverse_d) = (articulated, u, inverse_d);
             if step.held_by != Held::World {
                 felt = articulated.without(u, inverse_d).shifted(offset);
@@ -164,6 +163,66 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
                 step.held_by.add(&mut ws.force, felt);
             }
         }
+        self.kin.accelerate(turns, |v, rate| qdd[v] = rate);
+    }
+
+    /// The Delassus matrix H of a point, 3×3 (2×2 in the plane), world axes, 1/kg. Overwrites all of `out`; does not
+    /// allocate.
+    ///
+    /// # Panics
+    /// If `out` is smaller.
+    pub fn delassus_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
+        &self,
+        point: Point<A>,
+        out: &mut Matrix<A::Scalar, R, C, S>,
+    ) {
+        out.fill(A::Scalar::zero());
+        let Some(body) = point.body else { return };
+        self.kin.send_unit_forces(body, point, |i, epsilon| {
+            let scaled = A::times(epsilon, self.kin.ws.free[i].inverse_d);
+            for a in 0..A::LINEAR {
+                for b in 0..A::LINEAR {
+                    out[(a, b)] += A::linear_part(scaled, a) * A::linear_part(epsilon, b);
+                }
+            }
+        });
+    }
+
+    /// As [`Self::delassus_into`]; returns a new matrix.
+    pub fn delassus(&self, point: Point<A>) -> DMatrix<A::Scalar> {
+        let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
+        self.delassus_into(point, &mut h);
+        h
+    }
+}
+
+impl<A: Algebra> Kinematics<'_, A> {
+    /// Propagates unit forces along each axis from a point to the world, and calls `keep` with each joint's ε.
+    pub(crate) fn send_unit_forces(&self, body: usize, point: Point<A>, mut keep: impl FnMut(usize, A::Vector)) {
+        let ws = &*self.ws;
+        let r = self.arm(body, point);
+        let unit = |k: usize| {
+            let e = A::vector(|i| if i == k { A::Scalar::one() } else { A::Scalar::zero() });
+            Force::at(r, e)
+        };
+        let mut f = [unit(0), unit(1), unit(A::LINEAR - 1)]; // in the plane the third is not used
+        let mut next = Some(body);
+        while let Some(i) = next {
+            let epsilon = f.map(|f| ws.links[i].axis.dot(f));
+            keep(i, A::vector(|k| epsilon[k]));
+            for k in 0..A::LINEAR {
+                f[k] =
+                    (f[k] - ws.free[i].transmitted * (epsilon[k] * ws.free[i].inverse_d)).shifted(ws.links[i].offset);
+            }
+            next = self.chain.bodies[i].parent;
+        }
+    }
+
+    /// The outward pass q̈ᵢ = (uᵢ − Uᵢ·a)/Dᵢ for the forces u in `drive`; calls `keep` with each coordinate and its q̈. With
+    /// `turns`, the velocity-dependent rates c of ω in `flow` are added.
+    #[inline(always)]
+    pub(crate) fn accelerate(&mut self, turns: bool, mut keep: impl FnMut(usize, A::Scalar)) {
+        let (steps, ws) = (&self.chain.steps, &mut *self.ws);
         let mut a = Motion::zero();
         for (i, step) in steps.iter().enumerate() {
             let Link { offset, ref axis, .. } = ws.links[i];
@@ -180,69 +239,7 @@ impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
             let rate = (own.drive - own.transmitted.power(a)) * own.inverse_d;
             a = a + axis.at_rate(rate);
             own.acceleration = a;
-            qdd[step.v_index] = rate;
+            keep(step.v_index, rate);
         }
-    }
-
-    /// The Delassus matrix H of a point, 3×3 (2×2 in the plane), world axes, 1/kg. Overwrites all of `out`; does not
-    /// allocate.
-    ///
-    /// # Panics
-    /// If `out` is smaller.
-    pub fn delassus_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
-        &self,
-        point: Point<A>,
-        out: &mut Matrix<A::Scalar, R, C, S>,
-    ) {
-        out.fill(A::Scalar::zero());
-        self.send_unit_forces(point, |i, epsilon| {
-            for a in 0..A::LINEAR {
-                let scaled = epsilon[a] * self.kin.ws.free[i].inverse_d;
-                for b in 0..A::LINEAR {
-                    out[(a, b)] += scaled * epsilon[b];
-                }
-            }
-        });
-    }
-
-    /// A factor E of the Delassus matrix, 3×nv (2×nv in the plane), 1/√kg: H = E Eᵀ.
-    pub fn delassus_factor(&self, point: Point<A>) -> DMatrix<A::Scalar> {
-        let mut e = DMatrix::zeros(A::LINEAR, self.kin.chain.nv);
-        self.send_unit_forces(point, |i, epsilon| {
-            let root = self.kin.ws.free[i].inverse_d.simd_sqrt();
-            for k in 0..A::LINEAR {
-                e[(k, self.kin.chain.bodies[i].v_index)] = epsilon[k] * root;
-            }
-        });
-        e
-    }
-
-    /// Propagates unit forces along each axis from a point to the world, and calls `keep` with each joint's ε.
-    fn send_unit_forces(&self, point: Point<A>, mut keep: impl FnMut(usize, [A::Scalar; 3])) {
-        let Some(body) = point.body else { return };
-        let ws = &*self.kin.ws;
-        let r = self.kin.arm(body, point);
-        let unit = |k: usize| {
-            let e = A::vector(|i| if i == k { A::Scalar::one() } else { A::Scalar::zero() });
-            Force::at(r, e)
-        };
-        let mut f = [unit(0), unit(1), unit(A::LINEAR - 1)]; // in the plane the third is not used
-        let mut next = Some(body);
-        while let Some(i) = next {
-            let epsilon = f.map(|f| ws.links[i].axis.dot(f));
-            keep(i, epsilon);
-            for k in 0..A::LINEAR {
-                f[k] =
-                    (f[k] - ws.free[i].transmitted * (epsilon[k] * ws.free[i].inverse_d)).shifted(ws.links[i].offset);
-            }
-            next = self.kin.chain.bodies[i].parent;
-        }
-    }
-
-    /// As [`Self::delassus_into`]; returns a new matrix.
-    pub fn delassus(&self, point: Point<A>) -> DMatrix<A::Scalar> {
-        let mut h = DMatrix::zeros(A::LINEAR, A::LINEAR);
-        self.delassus_into(point, &mut h);
-        h
     }
 }

@@ -13,6 +13,7 @@
 //! ratio · q + shift. Every joint of the recursions therefore has one degree of freedom. Without mimic joints n = nv.
 
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
+use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::steps::Step;
 use crate::urdf::{Collision, JointType, Limits, suggestion};
@@ -140,8 +141,7 @@ pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
     pub(crate) steps: Vec<Step<A>>,
-    /// Whether every joint is a hinge with its own coordinate: see [`crate::moves`].
-    pub(crate) hinges_alone: bool,
+    pub(crate) structure: Arc<Structure<A>>,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
@@ -252,7 +252,7 @@ impl<A: Algebra> Chain<A> {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
             steps: self.steps.iter().map(Step::cast).collect(),
-            hinges_alone: self.hinges_alone,
+            structure: Arc::new(self.structure.cast()),
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
@@ -289,8 +289,7 @@ impl<A: Algebra> Chain<A> {
             let of_mass = Inertia::<A>::from_com(inertia.mass, com, A::Rotational::zero()).rotational;
             inertia.rotational = of_mass + (inertia.rotational - of_mass) * scale;
         }
-        scaled.steps = Step::of(&scaled.bodies);
-        Ok(scaled)
+        Ok(Self::of(scaled.about, scaled.bodies, scaled.frames, scaled.nq, scaled.nv))
     }
 
     /// The chain of these bodies.
@@ -298,10 +297,17 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
-        // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
-        let hinge = |body: &Body<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
-        let hinges_alone = bodies.len() == nv && bodies.iter().all(hinge);
-        Self { about, steps: Step::of(&bodies), hinges_alone, bodies, frames, nq, nv }
+        let steps = Step::of(&bodies);
+        let structure = Arc::new(Structure::of(&bodies, &steps, nv));
+        Self { about, steps, structure, bodies, frames, nq, nv }
+    }
+
+    /// The error for a coordinate whose joint moves no inertia.
+    #[cold]
+    pub(crate) fn no_inertia(&self, v_index: usize) -> ChainError {
+        let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&v_index));
+        let joint = self.about.joints.iter().find(owns).map_or("?".into(), |j| j.name.clone());
+        ChainError::NoInertia { joint }
     }
 
     #[inline(always)]

@@ -6,21 +6,16 @@
 //! | E | 3×nv, 2×nv | a factor: H = E Eᵀ, with the singular values of H's square root | `factor` |
 //! | 1/(nᵀHn) | 1 | effective mass in direction n, kg | `effective_mass` |
 //!
-//! **Methods.** E is computed by the dense method (`M = L Lᵀ`, `E = J L⁻ᵀ`) or by the recursion of
-//! [`crate::Articulation`]. Chains with mimic joints need the dense method; all others use the recursion, and the tests
-//! compare the two. Measured by `cargo bench -p carom-chain` (`delassus_recursive`, `delassus_dense`,
-//! `delassus_dense_on_stack`), the recursion is faster than the dense method with matrices of run-time size at every length.
-//! It is faster than matrices of fixed size on the stack from 7 joints on; at 2 and 3 joints those are faster by 5 to 30 %.
-//!
 //! **Rank.** Singular directions are found from the singular values of E. A direction whose singular value is 1e-14 of the
 //! largest is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
 
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::articulated::Articulation;
-use crate::chain::{Coordinates, JointInfo, Point};
+use crate::chain::Point;
+use crate::delassus::{PointResponse, singular};
 use crate::error::ChainError;
 use crate::workspace::{Free, Kinematics, Link};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField, SimdRealField};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField};
 use num_traits::{One, Zero};
 
 /// The inertia of the chain at one point.
@@ -36,38 +31,36 @@ pub struct ContactInertia {
     pub rank: usize,
     /// M⁻¹Jᵀ, nv×3 (nv×2 in the plane): the joint velocities that unit impulses along the axes give.
     pub response: DMatrix<f64>,
+    /// Size of σ below which a direction is singular: 64 ε √(tr H).
+    tolerance: f64,
 }
 
 impl ContactInertia {
-    fn new(factor: &DMatrix<f64>, response: DMatrix<f64>) -> Self {
-        let rows = factor.nrows();
-        // Short chains have fewer columns than rows: columns of zeros are added.
-        let e =
-            faer::Mat::from_fn(
-                rows,
-                factor.ncols().max(rows),
-                |i, j| {
-                    if j < factor.ncols() { factor[(i, j)] } else { 0.0 }
-                },
-            );
-        // E of a few rows, by a rank-revealing factorisation: E = U Σ Vᵀ.
-        let (mut principal, tolerance) = match e.thin_svd() {
+    /// The inertia that a contact feels.
+    pub fn of<A: Algebra<Scalar = f64>>(contact: PointResponse<A>) -> Self {
+        let (rows, nv) = (A::LINEAR, contact.felt.len());
+        let part = |v: A::Vector, i: usize| A::linear_part(v, i);
+        let factor = DMatrix::from_fn(rows, nv, |i, k| part(contact.felt[k], i) * contact.inverse_d[k].max(0.0).sqrt());
+        // E of a few rows, by a rank-revealing factorisation: E = U Σ Vᵀ. Short chains have fewer columns than rows: columns
+        // of zeros are added.
+        let e = faer::Mat::from_fn(rows, nv.max(rows), |i, j| if j < nv { factor[(i, j)] } else { 0.0 });
+        let mut principal = match e.thin_svd() {
             Ok(svd) => {
                 let (u, s) = (svd.U(), svd.S().column_vector());
                 let columns = (0..rows).map(|j| {
                     let sigma = if j < s.nrows() { s[j] } else { 0.0 };
                     (DVector::from_fn(rows, |i, _| u[(i, j)]), sigma)
                 });
-                let columns: Vec<_> = columns.collect();
-                let fastest = columns.iter().map(|c| c.1).fold(0.0, f64::max);
-                (columns, fastest * 64.0 * f64::EPSILON)
+                columns.collect()
             }
             // Only a factor that is not finite has no decomposition.
-            Err(_) => (Vec::new(), 0.0),
+            Err(_) => Vec::new(),
         };
-        principal.sort_by(|a, b| b.1.total_cmp(&a.1));
+        principal.sort_by(|a: &(DVector<f64>, f64), b| b.1.total_cmp(&a.1));
+        let tolerance = factor.norm() * singular::<f64>();
         let rank = principal.iter().filter(|p| p.1 > tolerance).count();
-        Self { delassus: factor * factor.transpose(), principal, rank, response }
+        let response = DMatrix::from_fn(nv, rows, |k, i| part(contact.response[k], i));
+        Self { delassus: &factor * factor.transpose(), principal, rank, response, tolerance }
     }
 
     /// The singular directions, in which no joint motion moves the point (world axes, orthonormal).
@@ -76,7 +69,7 @@ impl ContactInertia {
     }
 
     /// Effective mass in the direction `n` (world axes, any length): 1/(nᵀHn) for unit n, kg. `None` if n is singular
-    /// (√(nᵀHn) at most 64 ε of the largest σ), because the effective mass is then undefined; also if n is zero or not
+    /// (√(nᵀHn) at most 64 ε √(tr H)), because the effective mass is then undefined; also if n is zero or not
     /// finite, or its length is not the number of rows of H.
     pub fn effective_mass(&self, n: &[f64]) -> Option<f64> {
         if n.len() != self.delassus.nrows() {
@@ -86,8 +79,7 @@ impl ContactInertia {
         // nᵀHn as Σ (n·uᵢ)² σᵢ²: no cancellation
         let moving = self.principal[..self.rank].iter();
         let speed = moving.map(|(u, sigma)| (u.dot(&n) * sigma).powi(2)).sum::<f64>();
-        let fastest = self.principal.first().map_or(0.0, |p| p.1);
-        (speed.sqrt() > fastest * 64.0 * f64::EPSILON).then(|| 1.0 / speed)
+        (speed.sqrt() > self.tolerance).then(|| 1.0 / speed)
     }
 }
 
@@ -128,36 +120,13 @@ where
         Ok(h)
     }
 
-    /// The factor E of H (1/√kg) by the dense method: `M = L Lᵀ`, `E = (L⁻¹ Jᵀ)ᵀ`.
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular.
-    pub fn delassus_factor_dense(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
-        let cholesky = self.cholesky()?;
-        let mut x = self.point_jacobian(point).transpose();
-        cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
-        Ok(x.transpose())
-    }
-
-    /// The Delassus matrix H (world axes, 1/kg) by the dense method, in time O(n³).
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular.
-    pub fn delassus_dense(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
-        let e = self.delassus_factor_dense(point)?;
-        Ok(&e * e.transpose())
-    }
-
-    /// The Delassus matrix H (world axes, 1/kg): by the recursion, or by the dense method for chains with mimic joints.
+    /// The Delassus matrix H (world axes, 1/kg).
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
-        if self.chain.is_coupled() {
-            self.delassus_dense(point)
-        } else {
-            Ok(self.articulate_checked(None)?.delassus(point))
-        }
+        let columns = self.contact(point, A::zero(), &[])?.delassus;
+        Ok(DMatrix::from_fn(A::LINEAR, A::LINEAR, |i, k| A::linear_part(columns[k], i)))
     }
 
     /// Solves M x = `joint_force`: by the recursion, or by the dense method for chains with mimic joints.
@@ -171,7 +140,7 @@ where
             return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
         }
         let mut out = DVector::zeros(self.chain.nv);
-        self.articulate_checked(None)?.solve_into(joint_force, out.as_mut_slice())?;
+        self.articulate_checked(&[])?.solve_into(joint_force, out.as_mut_slice())?;
         Ok(out)
     }
 
@@ -209,14 +178,14 @@ where
             qdd.copy_from_slice(self.solve(left.as_slice())?.as_slice());
             return Ok(());
         }
-        self.articulate_checked(None)?.forward_dynamics_into(qd, tau, gravity, qdd)
+        self.articulate_checked(&[])?.forward_dynamics_into(qd, tau, gravity, qdd)
     }
 
     /// [`Kinematics::articulate`], with an error if a joint moves no inertia: if Dᵢ is no larger than the rounding error of
     /// the composite inertia of the joint's subtree.
-    fn articulate_checked(&mut self, added: Option<&[A::Scalar]>) -> Result<Articulation<'_, 'b, A>, ChainError> {
+    pub(crate) fn articulate_checked(&mut self, added: &[A::Scalar]) -> Result<Articulation<'_, 'b, A>, ChainError> {
         self.composites();
-        let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
+        let rounding: A::Scalar = singular();
         let size = |(link, composite): (&Link<A>, &Inertia<A>)| match link.axis {
             Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
             Axis::Slide(z) => A::dot(z, z) * composite.mass,
@@ -231,8 +200,7 @@ where
             let d = A::Scalar::one() / inverse_d;
             let moves_inertia = d > size * rounding; // false for NaN too
             if !moves_inertia {
-                let joint = self.chain.joints()[self.chain.bodies[i].joint_index].name.clone();
-                return Err(ChainError::NoInertia { joint });
+                return Err(self.chain.no_inertia(self.chain.bodies[i].v_index));
             }
         }
         Ok(Articulation::of(self))
@@ -241,19 +209,9 @@ where
     /// M = L Lᵀ, with an error if a pivot is no larger than the rounding error of its diagonal entry.
     fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
         let m = self.mass_matrix();
-        self.factored(m, |k| k)
-    }
-
-    /// The same for a submatrix of M, whose row k belongs to the coordinate `v_index(k)`.
-    fn factored(
-        &self,
-        m: DMatrix<A::Scalar>,
-        v_index: impl Fn(usize) -> usize,
-    ) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
-        let rounding = nalgebra::convert::<f64, A::Scalar>(64.0) * A::Scalar::simd_default_epsilon();
         let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
             let root = c.l_dirty()[(k, k)];
-            root * root <= m[(k, k)] * rounding
+            root * root <= m[(k, k)] * singular()
         };
         let at = match m.clone().cholesky() {
             Some(c) => match (0..m.nrows()).find(|&k| lost(&c, k)) {
@@ -263,13 +221,7 @@ where
             // nalgebra does not return where the factorisation failed: the first leading block without a factor.
             None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
         };
-        Err(self.no_inertia(v_index(at.unwrap_or(0))))
-    }
-
-    fn no_inertia(&self, v_index: usize) -> ChainError {
-        let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&v_index));
-        let joint = self.chain.joints().iter().find(owns).map_or("?".into(), |j| j.name.clone());
-        ChainError::NoInertia { joint }
+        Err(self.chain.no_inertia(at.unwrap_or(0)))
     }
 }
 
@@ -279,7 +231,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn contact_inertia(&mut self, point: Point<A>) -> Result<ContactInertia, ChainError> {
-        self.contact_inertia_adding(point, None)
+        Ok(ContactInertia::of(self.contact(point, A::zero(), &[])?))
     }
 
     /// As [`Self::contact_inertia`], with inertia `added` to the diagonal of M: one number per velocity coordinate (kg m² or
@@ -291,55 +243,10 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// [`ChainError::NoInertia`] where M is singular.
     pub fn contact_inertia_with(&mut self, point: Point<A>, added: &[f64]) -> Result<ContactInertia, ChainError> {
         self.chain.check_nv("added inertia", added.len())?;
-        match added.iter().find(|x| x.is_nan() || **x < 0.0) {
-            Some(&value) => Err(ChainError::OutOfRange {
-                what: "added inertia",
-                value,
-                rule: "it must be 0 or more, or infinite to lock the joint",
-            }),
-            None => self.contact_inertia_adding(point, Some(added)),
+        if let Some(&value) = added.iter().find(|x| x.is_nan() || **x < 0.0) {
+            let rule = "it must be 0 or more, or infinite to lock the joint";
+            return Err(ChainError::OutOfRange { what: "added inertia", value, rule });
         }
-    }
-
-    fn contact_inertia_adding(&mut self, point: Point<A>, added: Option<&[f64]>) -> Result<ContactInertia, ChainError> {
-        let (factor, response) = self.delassus_factor_and_response(point, added)?;
-        Ok(ContactInertia::new(&factor, response))
-    }
-
-    /// The factor E and the response M⁻¹Jᵀ, with inertia `added` as in [`Self::contact_inertia_with`]: [`ContactInertia`]
-    /// without the principal directions, whose decomposition takes longer than the rest. `added` is not checked.
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular.
-    pub fn delassus_factor_and_response(
-        &mut self,
-        point: Point<A>,
-        added: Option<&[f64]>,
-    ) -> Result<(DMatrix<f64>, DMatrix<f64>), ChainError> {
-        let rows = self.point_jacobian(point).transpose();
-        let mut response = rows.clone();
-        if self.chain.is_coupled() {
-            let own = |k: usize| added.map_or(0.0, |added| added[k]);
-            let free: Vec<usize> = (0..self.chain.nv).filter(|&k| own(k).is_finite()).collect();
-            let mut m = self.mass_matrix().select_rows(&free).select_columns(&free);
-            for (i, &k) in free.iter().enumerate() {
-                m[(i, i)] += own(k);
-            }
-            let cholesky = self.factored(m, |i| free[i])?;
-            let pushed = rows.select_rows(&free);
-            let mut x = pushed.clone();
-            cholesky.l_dirty().solve_lower_triangular_mut(&mut x);
-            response.fill(0.0);
-            for (&k, row) in free.iter().zip(cholesky.solve(&pushed).row_iter()) {
-                response.set_row(k, &row);
-            }
-            return Ok((x.transpose(), response));
-        }
-        let mut articulation = self.articulate_checked(added)?;
-        let factor = articulation.delassus_factor(point);
-        for (row, mut column) in rows.column_iter().zip(response.column_iter_mut()) {
-            articulation.solve_into(row.as_slice(), column.as_mut_slice())?;
-        }
-        Ok((factor, response))
+        Ok(ContactInertia::of(self.contact(point, A::zero(), added)?))
     }
 }

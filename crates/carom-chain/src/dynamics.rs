@@ -38,14 +38,14 @@ impl<A: Algebra> Kinematics<'_, A> {
             out.fill(A::Scalar::zero());
         }
         let mut out = out.view_mut((0, 0), (nv, nv));
-        if !chain.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
+        if !chain.structure.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
             // Column by column, each one contiguous fill: `fill` of a view costs a dozen instructions per number.
             for v in 0..nv {
                 let mut column = out.view_mut((0, v), (nv, 1));
                 (0..nv).for_each(|w| column[(w, 0)] = A::Scalar::zero());
             }
         }
-        if chain.hinges_alone { self.columns::<Hinge<A>, _>(out) } else { self.columns::<Axis<A>, _>(out) }
+        if chain.structure.hinges_alone { self.columns::<Hinge<A>, _>(out) } else { self.columns::<Axis<A>, _>(out) }
     }
 
     /// Writes the entries of M that can be non-zero; `out` holds zeros elsewhere.

@@ -31,6 +31,7 @@
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion, Pose, Real};
 use crate::chain::{Chain, FrameId, Point};
+use crate::delassus::{PointResponse, ResponseMemory};
 use crate::error::ChainError;
 use crate::moves::{Hinge, Moves};
 use crate::sine::sin_cos_by_pairs;
@@ -53,6 +54,8 @@ pub struct Workspace<A: Algebra> {
     angles: Vec<A::Scalar>,
     sines: Vec<A::Scalar>,
     cosines: Vec<A::Scalar>,
+    /// Of [`Kinematics::contact`].
+    pub(crate) response: ResponseMemory<A>,
 }
 
 /// Position and orientation of a body and its joint axis, in world axes.
@@ -127,6 +130,7 @@ impl<A: Algebra> Chain<A> {
             angles: vec![zero; n],
             sines: vec![zero; n],
             cosines: vec![zero; n],
+            response: ResponseMemory::default(),
         }
     }
 }
@@ -153,12 +157,17 @@ impl<A: Algebra> Workspace<A> {
             }
         }
         self.take_sines();
-        if chain.hinges_alone {
+        if chain.structure.hinges_alone {
             self.place::<Hinge<A>>(chain, q)
         } else {
             self.place::<Axis<A>>(chain, q)
         }
         Ok(Kinematics { chain, ws: self })
+    }
+
+    /// The result of the last [`Kinematics::contact`].
+    pub fn contact(&self) -> PointResponse<'_, A> {
+        self.response.response()
     }
 
     /// Sines and cosines of all angles: by [`crate::sine`] for `f64`, otherwise by the scalar type.
@@ -230,7 +239,7 @@ impl<A: Algebra> Kinematics<'_, A> {
 
     /// Visits the joints that move a point, from the point to the world: the body, and the vector from the joint's origin
     /// to the point. The vector is a sum of offsets, which avoids cancellation far from the world's origin.
-    fn for_each_mover(&self, point: Point<A>, mut visit: impl FnMut(usize, A::Vector)) {
+    pub(crate) fn for_each_mover(&self, point: Point<A>, mut visit: impl FnMut(usize, A::Vector)) {
         let Some(body) = point.body else { return };
         let mut r = self.arm(body, point);
         let mut next = Some(body);

@@ -1,6 +1,6 @@
 //! In-place calls do not allocate, as counted by the allocator.
 
-use carom_chain::{Chain, uniform_chain};
+use carom_chain::{Chain, Keep, ResponseMemory, uniform_chain};
 use nalgebra::{DMatrix, Matrix2, Matrix3, Vector2, Vector3};
 
 fn allocations(work: impl FnOnce()) -> u64 {
@@ -29,17 +29,23 @@ fn in_place_calls_do_not_allocate() {
     let short = uniform_chain(3, 2.0, 3.0).unwrap().to_planar().unwrap();
     let row = carom_chain::PlanarRow::of(&short.chain).unwrap();
 
-    let (probe, flat_probe) = (chain.probe(point).unwrap(), flat.chain.probe(flat_point).unwrap());
-    let (mut reading, mut flat_reading) = (probe.reading(), flat_probe.reading());
+    let (fused, flat_fused) = (chain.contact_point(point).unwrap(), flat.chain.contact_point(flat_point).unwrap());
+    let (mut memory, mut flat_memory) = (ResponseMemory::default(), ResponseMemory::default());
+    let down = Vector2::new(0.0, 1.0);
+    // The first call allocates.
+    fused.visit(&q, gravity, &[], &mut memory, Keep).unwrap();
+    flat_fused.visit(&q, down, &[], &mut flat_memory, Keep).unwrap();
+    ws.update(&chain, &q).unwrap().contact(point, gravity, &[]).unwrap();
 
     let count = allocations(|| {
-        probe.read_into(&q, gravity, &mut reading).unwrap();
-        flat_probe.read_into(&q, Vector2::new(0.0, 1.0), &mut flat_reading).unwrap();
+        fused.visit(&q, gravity, &[], &mut memory, Keep).unwrap();
+        flat_fused.visit(&q, down, &[], &mut flat_memory, Keep).unwrap();
         assert!(row.accelerate(&q[..3], &qd[..3], &tau[..3], Vector2::new(0.0, -9.81), &mut out[..3]));
         let mut kin = ws.update(&chain, &q).unwrap();
         kin.point_jacobian_into(point, &mut j);
         kin.mass_matrix_into(&mut m);
         kin.inverse_dynamics_into(&qd, &qd, gravity, &mut out).unwrap();
+        kin.contact(point, gravity, &tau).unwrap();
         kin.point_drift(point, &qd).unwrap();
         kin.kinetic_energy(&qd).unwrap();
         kin.forward_dynamics_into(&qd, &tau, gravity, &mut out).unwrap();
@@ -58,5 +64,5 @@ fn in_place_calls_do_not_allocate() {
     });
     assert_eq!(count, 0);
     assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite() && flat_h.determinant() > 0.0);
-    assert!(reading.found().mobility > 0.0 && flat_reading.found().mobility > 0.0);
+    assert!(memory.response().mobility > 0.0 && flat_memory.response().mobility > 0.0);
 }

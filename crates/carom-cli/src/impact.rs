@@ -264,7 +264,7 @@ impl Impact {
         };
         // Options that no state can satisfy are refused before any state is read, without a line number.
         let strike = chain.impact(&[], &[]).at(tip).offset(self.state.point).normal(self.normal).joints(joints);
-        strike.check().map_err(|why| {
+        strike.prepare().map_err(|why| {
             // Faults of the robot are named with its file.
             let robot = format!("{}: ", self.robot.urdf.display());
             let (robot, option) = match &why {

@@ -55,6 +55,21 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
         Ok(Self::trusted(h, u_minus))
     }
 
+    /// The problem of a matrix that is symmetric and positive semidefinite by construction, for instance as a sum of squares
+    /// H = Σ yₖ yₖᵀ / dₖ: checks only that all numbers are finite.
+    ///
+    /// # Errors
+    ///
+    /// [`ImpactError::NotFinite`]: an entry is NaN or infinite.
+    pub fn from_gram(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
+        // A sum is finite if no term is NaN or infinite; otherwise the entry is found by the checks of `new`.
+        if !(delassus.sum() + u_minus.sum()).is_finite() {
+            return Self::new(delassus, u_minus);
+        }
+        let mirrored = delassus.transpose();
+        Ok(Self::trusted(mirrored + (delassus - mirrored) * convert::<f64, T>(0.5), u_minus))
+    }
+
     /// A problem made from parts of one that has been checked.
     pub(crate) fn trusted(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Self {
         Self { delassus, u_minus }

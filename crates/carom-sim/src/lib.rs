@@ -14,20 +14,17 @@
 //! normal velocity is negative while the bodies approach. Impulses and forces are those on the robot. A gap is positive
 //! while a contact is open.
 
-mod batch;
 mod compliance;
-mod derivative;
 mod drive;
 mod error;
 mod free_motion;
-mod frictionless;
 mod held;
+mod impact;
 mod leg;
 mod motion;
 mod plan;
 mod root;
 mod run;
-mod saltation;
 mod scene;
 mod scene_drive;
 mod scene_file;
@@ -35,26 +32,25 @@ mod settle;
 mod several;
 mod simulate;
 mod space;
-mod strike;
 mod touch;
 mod trajectory;
 mod watch;
 
-pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
 pub use compliance::{Compliance, Holding, Yielding};
-pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
 pub use drive::{Drive, ImpactInvariant, Transition};
 pub use error::SimError;
 pub use free_motion::{free_motion, free_motion_at};
-pub use frictionless::frictionless_jump_into;
+pub use impact::{
+    ChainImpact, Contact, ContactRows, FrictionlessJump, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
+    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, States, Strike, frictionless_jump_into,
+    saltation,
+};
 pub use plan::{Bounded, Decision, Plan};
-pub use saltation::{Jump, Saltation, saltation};
 pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
-pub use strike::{ChainImpact, Contact, ImpactBand, Impacts, JointModel, Strike};
 pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,

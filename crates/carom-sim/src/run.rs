@@ -20,11 +20,11 @@
 
 use crate::compliance::Compliance;
 use crate::error::SimError;
+use crate::impact::ChainImpact;
 use crate::leg::{Accuracy, LegEnd, Sampler, leg};
 use crate::motion::{Dry, Motion};
 use crate::simulate::{Integrator, Simulation};
 use crate::space::Space;
-use crate::strike::carry;
 use crate::touch::ContactRule;
 use crate::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
@@ -333,8 +333,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     self.statistics.neglected += 1;
                     self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
                 }
-                let energy = &mut |qd: &[f64]| Ok(view.kin.kinetic_energy(qd)?);
-                let hit = Box::new(carry(law.resolve(&problem)?, &axes, &response, &qd, energy)?);
+                let mut hit = Box::new(ChainImpact::empty(qd.len()));
+                let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
+                hit.carry(law.resolve(&problem)?, &axes, rows.iter(), &qd);
+                hit.energy_before = view.kin.kinetic_energy(&qd)?;
+                hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
                 let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
                 (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
             }

@@ -6,7 +6,7 @@
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
 use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Spatial, Workspace};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, MatrixXx3, Vector2, Vector3};
 
 /// An algebra whose vectors can be lifted to space.
 pub(crate) trait Space: Algebra<Scalar = f64> {
@@ -97,12 +97,8 @@ impl Space for Planar<f64> {
     }
 }
 
-/// A direction is singular if its share of the factor E of H = E Eᵀ is below this: the rounding of E, as for
-/// [`carom_chain::ContactInertia::effective_mass`].
-const STRUT: f64 = 64.0 * f64::EPSILON;
-
 /// Delassus matrix H = J M⁻¹ Jᵀ (3×3) and response M⁻¹Jᵀ (nv×3) of a point, world axes.
-pub(crate) type Felt = (Matrix3<f64>, DMatrix<f64>);
+pub(crate) type Felt = (Matrix3<f64>, MatrixXx3<f64>);
 
 /// The chain at one configuration.
 pub(crate) struct View<'a, A: Space> {
@@ -158,18 +154,21 @@ impl<'a, A: Space> View<'a, A> {
 
     /// Delassus matrix and response of a point; `None` if no joint moves it along `n`.
     pub fn inertia(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
-        let (factor, response) = self.kin.delassus_factor_and_response(point, None)?;
-        let axis = |k: usize| A::lift(self.model, A::vector(|i| if i == k { 1.0 } else { 0.0 }));
-        let lift = DMatrix::from_fn(3, A::LINEAR, |i, k| axis(k)[i]);
-        let own = lift.tr_mul(&n);
-        // ‖Eᵀn‖² = nᵀHn; a value within the rounding of E counts as zero.
-        let moves = own.norm() >= 1e-12 && factor.tr_mul(&own).norm() > STRUT * factor.norm() * own.norm();
-        if !moves {
+        let own = A::project(self.model, n);
+        let share = A::dot(own, own).sqrt();
+        // A normal perpendicular to the plane of a planar chain.
+        if share < 1e-12 {
             return Ok(None);
         }
-        let factor = &lift * factor;
-        let delassus = (&factor * factor.transpose()).fixed_view::<3, 3>(0, 0).into_owned();
-        Ok(Some((delassus, response * lift.transpose())))
+        let contact = self.kin.contact(point, own * (1.0 / share), &[])?;
+        if !contact.moves() {
+            return Ok(None);
+        }
+        let axis = |k: usize| A::lift(self.model, A::vector(|i| if i == k { 1.0 } else { 0.0 }));
+        let columns = contact.delassus.map(|column| A::lift(self.model, column));
+        let delassus = (0..A::LINEAR).map(|k| columns[k] * axis(k).transpose()).sum();
+        let rows: Vec<_> = contact.response.iter().map(|row| A::lift(self.model, *row).transpose()).collect();
+        Ok(Some((delassus, MatrixXx3::from_rows(&rows))))
     }
 
     /// q̈ under joint forces and gravity alone.

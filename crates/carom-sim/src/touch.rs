@@ -184,6 +184,7 @@ impl<A: Space> Place<A> {
         let jacobian = self.jacobian(view);
         let response = responses(view, &jacobian)?;
         let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+        let response = response.fixed_columns::<3>(0).into_owned();
         // Each row of J is a difference, in which common parts cancel up to rounding.
         let apart = view.jacobian(self.point);
         let most = (&apart * responses(view, &apart)?).trace();

@@ -1,7 +1,7 @@
 //! The results of a simulation: events with the states before and after, the motion between them, the reason for the end,
 //! solver statistics and the energy balance.
 
-use crate::strike::ChainImpact;
+use crate::impact::ChainImpact;
 use carom_chain::Chain;
 use nalgebra::Vector3;
 use std::f64::consts::PI;

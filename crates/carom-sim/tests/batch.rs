@@ -56,7 +56,7 @@ fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, norm
         let parts = |v: &A::Vector| (0..linear).map(|i| A::linear_part(*v, i)).collect::<Vec<_>>();
         assert_eq!(at(&qd_plus), jump.qd_plus);
         assert_eq!(at(&impulse), [jump.impulse]);
-        let found = jump.reading.found();
+        let found = jump.memory.response();
         assert_eq!(at(&delassus), found.delassus[..linear].iter().flat_map(parts).collect::<Vec<_>>());
         assert_eq!(at(&jacobian), found.jacobian.iter().flat_map(parts).collect::<Vec<_>>());
         assert_eq!(at(&mass_matrix), found.mass_matrix);

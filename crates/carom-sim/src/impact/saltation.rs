@@ -20,7 +20,7 @@
 //! Source: Kong, Payne, Zhu & Johnson, *Saltation matrices: the essential tool for linearizing hybrid dynamical systems*,
 //! Proc. IEEE 112 (2024) 585.
 
-use crate::derivative::{At, ContactRows, differentiate, responses};
+use super::derivative::{At, ContactRows, differentiate, responses};
 use crate::error::SimError;
 use crate::trajectory::Moment;
 use carom_chain::Chain;

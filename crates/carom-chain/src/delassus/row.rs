@@ -7,10 +7,10 @@
 //!
 //! Inertia: the [`base_parameters`] in these axes, which have no mass.
 
-use super::kernel::{Link, Shape};
+use super::fused::{BodyAt, Shape, Topology};
 use crate::algebra::{Algebra, Pose, Real};
 use crate::base_parameters::base_parameters;
-use crate::chain::{Body, Chain};
+use crate::chain::Body;
 use crate::moves::{Hinge, Turning};
 use crate::turned::{Angle, Turned};
 use nalgebra::convert;
@@ -18,7 +18,7 @@ use std::ops::Range;
 
 /// A row of hinges, one after another in the order of their coordinates.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct HingeRow<A: Algebra> {
+pub(crate) struct HingeRow<A: Algebra> {
     /// R_z(a) R_x(b) of the first.
     pub base: A::Rotation,
     /// The bodies, from the world outward.
@@ -27,7 +27,7 @@ pub(super) struct HingeRow<A: Algebra> {
 
 /// One body of a row of hinges and its parent hinge.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Hinged<A: Algebra> {
+pub(crate) struct Hinged<A: Algebra> {
     /// Sine and cosine of the tilt b relative to the parent body.
     pub tilt: (A::Scalar, A::Scalar),
     /// The joint's origin relative to the previous one, in parent axes, m.
@@ -50,7 +50,7 @@ impl<A: Algebra> Hinged<A> {
 
 impl<A: Algebra> HingeRow<A> {
     /// `None` for a chain that is not such a row.
-    pub fn of(chain: &Chain<A>) -> Option<Self>
+    pub fn of(all: &[Body<A>]) -> Option<Self>
     where
         A: Algebra<Scalar = f64>,
     {
@@ -58,15 +58,15 @@ impl<A: Algebra> HingeRow<A> {
             let forwards = b.ratio == 1.0 || A::ANGULAR == 1;
             A::turns(b.joint) && forwards && b.parent == i.checked_sub(1) && b.v_index == i && b.q_index == i
         };
-        if !chain.bodies.iter().enumerate().all(follows) {
+        if all.is_empty() || !all.iter().enumerate().all(follows) {
             return None;
         }
         let about_z = |angle: f64| A::turn(A::no_rotation(), angle.sin(), angle.cos());
-        let angles: Vec<[f64; 3]> = chain.bodies.iter().map(|b| A::euler_angles(b.placement.rotation)).collect();
+        let angles: Vec<[f64; 3]> = all.iter().map(|b| A::euler_angles(b.placement.rotation)).collect();
         // Each body's axes are rotated by the a of the next.
         let beyond = |i: usize| angles.get(i + 1).map_or(0.0, |[a, ..]| *a);
         let mut turned = Vec::with_capacity(angles.len());
-        for (i, (body, [a, b, _])) in chain.bodies.iter().zip(&angles).enumerate() {
+        for (i, (body, [a, b, _])) in all.iter().zip(&angles).enumerate() {
             let offset = body.placement.translation;
             let placement = Pose {
                 rotation: A::tilt(A::no_rotation(), b.sin(), b.cos()),
@@ -109,8 +109,7 @@ impl<A: Algebra> HingeRow<A> {
 }
 
 /// The point is on the last body.
-impl<A: Algebra> Shape<A> for &HingeRow<A> {
-    type Axis = Hinge<A>;
+impl<A: Algebra> Topology for &HingeRow<A> {
     #[inline(always)]
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
         std::iter::once(0..i)
@@ -135,6 +134,10 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
     fn moved(self, n: usize) -> Range<usize> {
         0..n
     }
+}
+
+impl<A: Algebra> Shape<A> for &HingeRow<A> {
+    type Axis = Hinge<A>;
     #[inline(always)]
     fn place(
         self,
@@ -142,7 +145,7 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
         outer: Option<A::Rotation>,
         _: &[A::Scalar],
         turned: &impl Turned<A>,
-    ) -> Link<A, Hinge<A>> {
+    ) -> BodyAt<A, Hinge<A>> {
         let body = &self.bodies[i];
         let (placed, offset) = match outer {
             None => (self.base, body.offset),
@@ -150,7 +153,7 @@ impl<A: Algebra> Shape<A> for &HingeRow<A> {
         };
         let (sin, cos) = turned.sin_cos(i, body.angle(i));
         let rotation = A::turn(placed, sin, cos);
-        Link::at(rotation, offset, Hinge(A::hinge(rotation, body.sense)), body.turning.rotated(rotation))
+        BodyAt::at(rotation, offset, Hinge(A::hinge(rotation, body.sense)), body.turning.rotated(rotation))
     }
     #[inline(always)]
     fn shifted(self, _: usize, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {

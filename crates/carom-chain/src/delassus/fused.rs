@@ -1,6 +1,6 @@
-//! The kernel, generic over the shape of the chain (see [`super`] for the symbols).
+//! The fused pass, generic over the shape of the chain (see [`super`] for the symbols).
 
-use super::Found;
+use super::PointResponse;
 use super::row::HingeRow;
 use crate::algebra::{Algebra, Real};
 use crate::moves::Moves;
@@ -8,26 +8,25 @@ use crate::turned::Turned;
 use num_traits::{One, Zero};
 use std::ops::Range;
 
-/// Scratch memory of one body. Aligned, so that no vector of eight numbers crosses a cache line.
+/// One body in the fused pass. Aligned, so that no vector of eight numbers crosses a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub(super) struct Link<A: Algebra, X: Moves<A>> {
+pub(crate) struct BodyAt<A: Algebra, X: Moves<A>> {
     rotation: A::Rotation,
     offset: A::Vector,
     axis: X,
     composite: X::Inertia,
-    felt: A::Vector,
 }
 
-/// Output and scratch memory of the kernel: `factor` has n rows of [`row_length`], M has n² and the others n entries.
-pub(super) struct Memory<'a, A: Algebra, X: Moves<A>> {
-    pub links: &'a mut [Link<A, X>],
+/// Output and scratch memory: `factor` has n rows of [`row_length`], M has n² and the others n entries.
+pub(super) struct Memory<'a, A: Algebra> {
     pub factor: &'a mut [A::Scalar],
-    pub by_depth: &'a mut [A::Scalar],
+    pub by_depth: &'a mut [A::Vector],
     pub jacobian: &'a mut [A::Vector],
     pub mass_matrix: &'a mut [A::Scalar],
-    pub joint_impulse: &'a mut [A::Scalar],
-    pub response: &'a mut [A::Scalar],
+    pub felt: &'a mut [A::Vector],
+    pub inverse_d: &'a mut [A::Scalar],
+    pub response: &'a mut [A::Vector],
 }
 
 /// Whether `T` is one number and not SIMD lanes. Numbers stored one by one and read in pairs miss store forwarding, so
@@ -71,8 +70,10 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
     }
 }
 
-/// All results for the point at `arm` on the body [`Shape::point`].
+/// All results for the point at `arm` on the body [`Topology::point`]. `added`: inertia added to the diagonal of the factored
+/// matrix, by coordinate; empty for none.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     shape: S,
     n: usize,
@@ -80,123 +81,171 @@ pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
     q: &[A::Scalar],
     turned: &impl Turned<A>,
     normal: A::Vector,
-    memory: Memory<'a, A, S::Axis>,
-) -> Found<'a, A> {
-    let links = &mut memory.links[..n];
-    let length = row_length::<A::Scalar>(n);
-    let (rows, by_depth) = (&mut memory.factor[..n * length], &mut memory.by_depth[..n]);
-    let (jacobian, mass_matrix) = (&mut memory.jacobian[..n], &mut memory.mass_matrix[..n * n]);
-    let (joint_impulse, response) = (&mut memory.joint_impulse[..n], &mut memory.response[..n]);
+    added: &[A::Scalar],
+    bodies: &mut [BodyAt<A, S::Axis>],
+    mut memory: Memory<'a, A>,
+) -> PointResponse<'a, A> {
+    let bodies = &mut bodies[..n];
+    outward(shape, bodies, q, turned);
+    composite_rigid_body(shape, bodies, added, &mut memory);
+    let position = jacobian(shape, bodies, arm, &mut memory);
+    eliminate(shape, n, position, normal, memory)
+}
 
-    // Outward: poses.
+/// Poses of all bodies.
+#[inline(always)]
+fn outward<A: Algebra, S: Shape<A>>(
+    shape: S,
+    bodies: &mut [BodyAt<A, S::Axis>],
+    q: &[A::Scalar],
+    turned: &impl Turned<A>,
+) {
     let at_hand = single::<A::Scalar>();
     let mut before = A::no_rotation();
-    for i in 0..n {
+    for i in 0..bodies.len() {
         let outer = match shape.parent(i) {
             Some(p) if at_hand && p + 1 == i => Some(before),
-            Some(p) => Some(links[p].rotation),
+            Some(p) => Some(bodies[p].rotation),
             None => None,
         };
-        let link = shape.place(i, outer, q, turned);
-        before = link.rotation;
-        links[i] = link;
+        let body = shape.place(i, outer, q, turned);
+        before = body.rotation;
+        bodies[i] = body;
     }
+}
 
-    // Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
+/// Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
+#[inline(always)]
+fn composite_rigid_body<A: Algebra, S: Shape<A>>(
+    shape: S,
+    bodies: &mut [BodyAt<A, S::Axis>],
+    added: &[A::Scalar],
+    memory: &mut Memory<A>,
+) {
+    let (n, at_hand) = (bodies.len(), single::<A::Scalar>());
+    let length = row_length::<A::Scalar>(n);
+    let (rows, mass_matrix) = (&mut memory.factor[..n * length], &mut memory.mass_matrix[..n * n]);
     let mut carried = S::Axis::nothing();
     for i in (0..n).rev() {
-        let mut composite = links[i].composite;
+        let mut composite = bodies[i].composite;
         if at_hand && i + 1 < n && shape.parent(i + 1) == Some(i) {
             composite += carried;
         }
         if let Some(p) = shape.parent(i) {
-            carried = shape.shifted(i, &composite, links[i].offset);
+            carried = shape.shifted(i, &composite, bodies[i].offset);
             if !at_hand || p + 1 < i {
-                links[p].composite += carried;
+                bodies[p].composite += carried;
             }
         }
-        let mut f = links[i].axis.momentum(&composite);
+        let mut f = bodies[i].axis.momentum(&composite);
         let v = shape.coordinate(i);
-        let own = links[i].axis.share(f);
+        let own = bodies[i].axis.share(f);
         let depth = shape.depth(i);
         let row = &mut rows[i * length..][..=depth];
         (row[depth], mass_matrix[v * n + v]) = (own, own);
-        let mut shift = links[i].offset;
+        if let Some(more) = added.get(v) {
+            row[depth] += *more;
+        }
+        let mut shift = bodies[i].offset;
         let mut b = depth;
         for run in shape.runs(i) {
             for j in run.rev() {
                 b -= 1;
                 f = f.shifted(shift);
-                let m = links[j].axis.share(f);
-                shift = links[j].offset;
+                let m = bodies[j].axis.share(f);
+                shift = bodies[j].offset;
                 let w = shape.coordinate(j);
                 row[b] = m;
                 (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
             }
         }
     }
+}
 
-    // From the point to the world: J.
+/// From the point to the world: J. Returns the position of the point.
+#[inline(always)]
+fn jacobian<A: Algebra, S: Shape<A>>(
+    shape: S,
+    bodies: &[BodyAt<A, S::Axis>],
+    arm: A::Vector,
+    memory: &mut Memory<A>,
+) -> A::Vector {
+    let n = bodies.len();
+    let (jacobian, felt) = (&mut memory.jacobian[..n], &mut memory.felt[..n]);
     let point = shape.point(n);
-    let mut r = A::rotate(links[point].rotation, arm);
+    let mut r = A::rotate(bodies[point].rotation, arm);
     let mut next = Some(point);
     while let Some(i) = next {
-        let felt = links[i].axis.at(r);
-        links[i].felt = felt;
+        let column = bodies[i].axis.at(r);
         let v = shape.coordinate(i);
-        (jacobian[v], joint_impulse[v]) = (felt, A::dot(felt, normal));
-        r = A::plus(r, links[i].offset);
+        (jacobian[v], felt[v]) = (column, column);
+        r = A::plus(r, bodies[i].offset);
         next = shape.parent(i);
     }
-    let position = r;
+    r
+}
 
-    // M = Lᵀ D L, with the rows of D L in place, indexed by the depths of the body's ancestors. As soon as a row is known,
-    // its parts of Y = L⁻ᵀ Jᵀ and of H = Yᵀ D⁻¹ Y are computed, which hides the latency of the divisions.
+/// M = Lᵀ D L, with the rows of M in `factor`, indexed by the depths of the body's ancestors, and J in `felt`. As soon as a
+/// row is known, its parts of Y = L⁻ᵀ Jᵀ and of H = Yᵀ D⁻¹ Y are computed, which hides the latency of the divisions.
+#[inline(always)]
+pub(super) fn eliminate<'a, A: Algebra>(
+    shape: impl Topology,
+    n: usize,
+    position: A::Vector,
+    normal: A::Vector,
+    memory: Memory<'a, A>,
+) -> PointResponse<'a, A> {
+    let length = row_length::<A::Scalar>(n);
+    let (rows, by_depth) = (&mut memory.factor[..n * length], &mut memory.by_depth[..n]);
+    let (felt, inverse_d) = (&mut memory.felt[..n], &mut memory.inverse_d[..n]);
+    let response = &mut memory.response[..n];
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
-    let mut on_the_way = Some(point);
+    let mut on_the_way = Some(shape.point(n));
     for k in shape.moved(n).rev() {
         let depth = shape.depth(k);
-        let inverse_d = A::Scalar::one() / rows[k * length + depth];
+        let inverse = A::Scalar::one() / rows[k * length + depth];
         let mut a = depth;
         for run in shape.runs(k) {
             for i in run.rev() {
                 a -= 1;
-                let share = rows[k * length + a] * inverse_d;
+                let share = rows[k * length + a] * inverse;
                 subtract(rows, length, i, k, share, a);
             }
         }
-        rows[k * length + depth] = inverse_d;
+        rows[k * length + depth] = inverse;
         let v = shape.coordinate(k);
+        inverse_d[v] = inverse;
         if on_the_way != Some(k) {
-            response[v] = A::Scalar::zero();
+            response[v] = A::zero();
             continue;
         }
         on_the_way = shape.parent(k);
-        let y = links[k].felt;
-        response[v] = sum.add(y, inverse_d, normal);
-        let scaled = A::times(y, inverse_d);
+        let scaled = sum.add(felt[v], inverse, normal);
+        response[v] = scaled;
         let mut a = depth;
         for run in shape.runs(k) {
             for i in run.rev() {
                 a -= 1;
-                links[i].felt = A::minus(links[i].felt, A::times(scaled, rows[k * length + a]));
+                let w = shape.coordinate(i);
+                felt[w] = A::minus(felt[w], A::times(scaled, rows[k * length + a]));
             }
         }
     }
 
-    // Outward: M⁻¹Jᵀn = x = L⁻¹ (D⁻¹ Y n). Bodies are numbered depth first: the last body of each smaller depth is an ancestor.
+    // Outward: M⁻¹Jᵀ = X = L⁻¹ (D⁻¹ Y). Bodies are numbered depth first: the last body of each smaller depth is an ancestor.
     for i in shape.moved(n) {
         let v = shape.coordinate(i);
         let depth = shape.depth(i);
-        let mut carried = A::Scalar::zero();
+        let mut carried = A::zero();
         for (b, x) in by_depth[..depth].iter().enumerate() {
-            carried += rows[i * length + b] * *x;
+            carried = A::plus(carried, A::times(*x, rows[i * length + b]));
         }
-        let x = response[v] - carried * rows[i * length + depth];
+        let x = A::minus(response[v], A::times(carried, rows[i * length + depth]));
         (by_depth[depth], response[v]) = (x, x);
     }
     let Sum { delassus, mobility } = sum;
-    Found { position, jacobian, mass_matrix, delassus, joint_impulse, response, mobility }
+    let Memory { jacobian, mass_matrix, .. } = memory;
+    PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, felt, inverse_d }
 }
 
 /// The kernel for two hinges, unrolled: the same operations in the same order. The compiler does not unroll loops over
@@ -229,15 +278,17 @@ pub(super) fn read_two<A: Algebra>(
     let d0 = A::Scalar::one() / (m00 - l10 * m10);
 
     let (mut sum, x1) = Sum::<A>::of(j1, d1, n);
-    let x0 = sum.add(A::minus(j0, A::times(j1, l10)), d0, n);
+    let y0 = A::minus(j0, A::times(j1, l10));
+    let x0 = sum.add(y0, d0, n);
     Answer {
         position,
         jacobian: [j0, j1],
         mass_matrix: [[m00, m10], [m10, m11]],
         delassus: sum.delassus,
-        joint_impulse: [A::dot(j0, n), A::dot(j1, n)],
-        response: [x0, x1 - l10 * x0],
+        response: [x0, A::minus(x1, A::times(x0, l10))],
         mobility: sum.mobility,
+        felt: [y0, j1],
+        inverse_d: [d0, d1],
     }
 }
 
@@ -286,16 +337,18 @@ pub(super) fn read_three<A: Algebra>(
     let (mut sum, x2) = Sum::<A>::of(j2, d2, n);
     let y1 = A::minus(j1, A::times(j2, l21));
     let x1 = sum.add(y1, d1, n);
-    let x0 = sum.add(A::minus(A::minus(j0, A::times(j2, l20)), A::times(y1, l10)), d0, n);
-    let x1 = x1 - l10 * x0;
+    let y0 = A::minus(A::minus(j0, A::times(j2, l20)), A::times(y1, l10));
+    let x0 = sum.add(y0, d0, n);
+    let x1 = A::minus(x1, A::times(x0, l10));
     Answer {
         position,
         jacobian: [j0, j1, j2],
         mass_matrix: [[m00, m10, m20], [m10, m11, m21], [m20, m21, m22]],
         delassus: sum.delassus,
-        joint_impulse: [A::dot(j0, n), A::dot(j1, n), A::dot(j2, n)],
-        response: [x0, x1, (x2 - l21 * x1) - l20 * x0],
+        response: [x0, x1, A::minus(A::minus(x2, A::times(x1, l21)), A::times(x0, l20))],
         mobility: sum.mobility,
+        felt: [y0, y1, j2],
+        inverse_d: [d0, d1, d2],
     }
 }
 
@@ -305,22 +358,24 @@ pub(super) struct Answer<A: Algebra, const N: usize> {
     jacobian: [A::Vector; N],
     mass_matrix: [[A::Scalar; N]; N],
     delassus: [A::Vector; 3],
-    joint_impulse: [A::Scalar; N],
-    response: [A::Scalar; N],
+    response: [A::Vector; N],
     mobility: A::Scalar,
+    felt: [A::Vector; N],
+    inverse_d: [A::Scalar; N],
 }
 
 impl<A: Algebra, const N: usize> Answer<A, N> {
     #[inline(always)]
-    pub fn found(&self) -> Found<'_, A> {
-        Found {
+    pub fn response(&self) -> PointResponse<'_, A> {
+        PointResponse {
             position: self.position,
             jacobian: &self.jacobian,
             mass_matrix: self.mass_matrix.as_flattened(),
             delassus: self.delassus,
-            joint_impulse: &self.joint_impulse,
             response: &self.response,
             mobility: self.mobility,
+            felt: &self.felt,
+            inverse_d: &self.inverse_d,
         }
     }
 }
@@ -332,34 +387,32 @@ struct Sum<A: Algebra> {
 }
 
 impl<A: Algebra> Sum<A> {
-    /// The contribution of one joint with row `y` and 1/D, and its entry of D⁻¹ Y n.
+    /// The contribution of one joint with row `y` and 1/D, and its row of D⁻¹ Y.
     #[inline(always)]
-    fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Scalar) {
+    fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Vector) {
         let scaled = A::times(y, inverse_d);
         let mut delassus = [A::zero(); 3];
         for (c, column) in delassus[..A::LINEAR].iter_mut().enumerate() {
             *column = A::times(y, A::linear_part(scaled, c));
         }
         let along = A::dot(y, normal);
-        let moved = along * inverse_d;
-        (Self { delassus, mobility: along * moved }, moved)
+        (Self { delassus, mobility: along * (along * inverse_d) }, scaled)
     }
 
-    /// Adds the contribution of another joint; returns its entry of D⁻¹ Y n.
+    /// Adds the contribution of another joint; returns its row of D⁻¹ Y.
     #[inline(always)]
-    fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Scalar {
-        let (other, moved) = Self::of(y, inverse_d, normal);
+    fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Vector {
+        let (other, scaled) = Self::of(y, inverse_d, normal);
         for c in 0..A::LINEAR {
             self.delassus[c] = A::plus(self.delassus[c], other.delassus[c]);
         }
         self.mobility += other.mobility;
-        moved
+        scaled
     }
 }
 
-/// The structure of a chain, as the kernel needs it.
-pub(super) trait Shape<A: Algebra>: Copy {
-    type Axis: Moves<A>;
+/// The structure of M: which entries of its factor are not zero.
+pub(super) trait Topology: Copy {
     /// The ancestors of body `i`, from its parent to the world, as runs of consecutive indices, each to be visited backwards.
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>>;
     fn parent(self, i: usize) -> Option<usize>;
@@ -370,6 +423,11 @@ pub(super) trait Shape<A: Algebra>: Copy {
     fn point(self, n: usize) -> usize;
     /// The bodies that an impulse at the point moves: the branch of the point.
     fn moved(self, n: usize) -> Range<usize>;
+}
+
+/// The structure of a chain, and its bodies.
+pub(super) trait Shape<A: Algebra>: Topology {
+    type Axis: Moves<A>;
     /// Body `i`, for the rotation `outer` of its parent.
     fn place(
         self,
@@ -377,7 +435,7 @@ pub(super) trait Shape<A: Algebra>: Copy {
         outer: Option<A::Rotation>,
         q: &[A::Scalar],
         turned: &impl Turned<A>,
-    ) -> Link<A, Self::Axis>;
+    ) -> BodyAt<A, Self::Axis>;
     /// Composite inertia of body `i`, about the point at −r.
     fn shifted(self, i: usize, inertia: &Carried<A, Self>, r: A::Vector) -> Carried<A, Self>;
 }
@@ -385,10 +443,10 @@ pub(super) trait Shape<A: Algebra>: Copy {
 /// Type of the composite inertia of a shape.
 pub(super) type Carried<A, S> = <<S as Shape<A>>::Axis as Moves<A>>::Inertia;
 
-impl<A: Algebra, X: Moves<A>> Link<A, X> {
+impl<A: Algebra, X: Moves<A>> BodyAt<A, X> {
     #[inline(always)]
     pub fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
-        Self { rotation, offset, axis, composite, felt: A::zero() }
+        Self { rotation, offset, axis, composite }
     }
 
     /// Initial contents, to be overwritten.

@@ -1,7 +1,7 @@
 //! The frictionless impact at one configuration or at many: the kernel for sweeps.
 //!
 //! `qd⁺ = qd⁻ − (1+e) (n·J qd⁻)/(nᵀHn) M⁻¹Jᵀn`: eqs. (10)–(15) of Pagilla & Yu, IEEE/ASME T. Mechatronics 9 (2004), with
-//! J, M, H and M⁻¹Jᵀn from one fused pass ([`carom_chain::Probe`]).
+//! J, M, H and M⁻¹Jᵀ from one fused pass ([`carom_chain::ContactPoint`]).
 //!
 //! **Batches.** [`FrictionlessJump::many`] reads and writes columns: one slice for each coordinate, with one entry for each
 //! configuration. It computes sines and cosines of whole columns and then runs the kernel for four or eight
@@ -16,7 +16,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
-use carom_chain::{Angle, Chain, ChainError, Finish, Found, Point, Probe, Reading, Turned};
+use carom_chain::{Angle, Chain, ChainError, ContactPoint, Point, PointResponse, ResponseMemory, Turned, Visit};
 use nalgebra::SimdRealField;
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
@@ -30,7 +30,8 @@ const BLOCK: usize = 64;
 /// The frictionless impact of one point of a chain, prepared for many configurations. Immutable; share it by reference.
 #[derive(Debug, Clone)]
 pub struct FrictionlessJump<A: Algebra<Scalar = f64>> {
-    probe: Probe<A>,
+    chain: Chain<A>,
+    point: Point<A>,
 }
 
 /// The result of one impact, with its scratch memory.
@@ -40,8 +41,8 @@ pub struct Jumped<A: Algebra> {
     pub qd_plus: Vec<A::Scalar>,
     /// Normal impulse, N s.
     pub impulse: A::Scalar,
-    /// Position, J, M and H at the contact point.
-    pub reading: Reading<A>,
+    /// Position, J, M, H and M⁻¹Jᵀ at the contact point.
+    pub memory: ResponseMemory<A>,
 }
 
 /// States before the impacts, as columns of equal length.
@@ -74,16 +75,22 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
     /// # Errors
     /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
     pub fn new(chain: &Chain<A>, point: Point<A>) -> Result<Self, ChainError> {
-        Ok(Self { probe: chain.probe(point)? })
+        chain.contact_point(point)?;
+        Ok(Self { chain: chain.clone(), point })
+    }
+
+    fn contact_point(&self) -> Result<ContactPoint<'_, A>, ChainError> {
+        self.chain.contact_point(self.point)
     }
 
     /// Allocates the memory for one impact, for [`FrictionlessJump::jump_into`].
     pub fn jump(&self) -> Jumped<A> {
-        Jumped { qd_plus: vec![0.0; self.probe.chain().nv()], impulse: 0.0, reading: self.probe.reading() }
+        Jumped { qd_plus: vec![0.0; self.chain.nv()], impulse: 0.0, memory: ResponseMemory::default() }
     }
 
     /// Computes the impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes, from the environment
-    /// to the robot. Allocates nothing.
+    /// to the robot. Allocates only at the first
+    /// use of `jump`.
     ///
     /// The kernel checks neither the sign of the approach velocity nor a singular normal, which gives infinite results; use
     /// [`crate::Strike`] for these checks.
@@ -101,10 +108,12 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         restitution: f64,
         jump: &mut Jumped<A>,
     ) -> Result<(), ChainError> {
-        self.probe.check_velocities(qd.len())?;
+        if qd.len() != self.chain.nv() {
+            self.chain.check_v("qd", qd)?;
+        }
         assert_eq!(jump.qd_plus.len(), qd.len(), "this jump belongs to another chain");
-        let Jumped { qd_plus, impulse, reading } = jump;
-        self.probe.read_and(q, normal, reading, Single { qd, restitution, qd_plus, impulse })
+        let Jumped { qd_plus, impulse, memory } = jump;
+        self.contact_point()?.visit(q, normal, &[], memory, Single { normal, qd, restitution, qd_plus, impulse })
     }
 
     /// Computes the impacts at many states with the same unit `normal` (world axes, from the environment to the robot) and
@@ -121,13 +130,12 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         outcomes: &mut Outcomes,
     ) -> Result<(), ChainError> {
         let count = self.check(&states, outcomes)?;
-        Arch::new().dispatch(Sweep { probe: &self.probe, states, normal, restitution, outcomes, count });
-        Ok(())
+        Arch::new().dispatch(Sweep { jump: self, states, normal, restitution, outcomes, count })
     }
 
     /// Checks number and length of all columns; returns the number of states.
     fn check(&self, states: &States, outcomes: &Outcomes) -> Result<usize, ChainError> {
-        let chain = self.probe.chain();
+        let chain = &self.chain;
         let (nv, linear) = (chain.nv(), A::LINEAR);
         let number = |what, got, expected: usize, optional: bool| {
             let layout = "one column for each number".to_string();
@@ -171,36 +179,38 @@ fn impulse<T: SimdRealField + Copy>(restitution: T, approach: T, mobility: T) ->
 }
 
 /// A single impact.
-struct Single<'a> {
+struct Single<'a, A: Algebra> {
+    normal: A::Vector,
     qd: &'a [f64],
     restitution: f64,
     qd_plus: &'a mut [f64],
     impulse: &'a mut f64,
 }
 
-impl<A: Algebra<Scalar = f64>> Finish<A> for Single<'_> {
+impl<A: Algebra<Scalar = f64>> Visit<A> for Single<'_, A> {
     const KEEPS: bool = true;
     // Loops over a known number of entries, as in [`Several`]: values then stay in registers.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]
-    fn finish(&mut self, found: Found<A>) {
+    fn visit(&mut self, found: PointResponse<A>) {
         let n = found.response.len();
-        let (qd, qd_plus) = (&self.qd[..n], &mut self.qd_plus[..n]);
-        let mut approach = found.joint_impulse[0] * qd[0];
+        let (qd, qd_plus, normal) = (&self.qd[..n], &mut self.qd_plus[..n], self.normal);
+        let mut approach = A::dot(found.jacobian[0], normal) * qd[0];
         for i in 1..n {
-            approach += found.joint_impulse[i] * qd[i];
+            approach += A::dot(found.jacobian[i], normal) * qd[i];
         }
         let impulse = impulse(self.restitution, approach, found.mobility);
+        let push = A::times(normal, impulse);
         for i in 0..n {
-            qd_plus[i] = qd[i] + found.response[i] * impulse;
+            qd_plus[i] = qd[i] + A::dot(found.response[i], push);
         }
         *self.impulse = impulse;
     }
 }
 
 /// The computation over all states, dispatched to the instruction set of the processor.
-struct Sweep<'a, 'b, 'c, A: Algebra> {
-    probe: &'a Probe<A>,
+struct Sweep<'a, 'b, 'c, A: Algebra<Scalar = f64>> {
+    jump: &'a FrictionlessJump<A>,
     states: States<'a>,
     normal: A::Vector,
     restitution: f64,
@@ -209,28 +219,30 @@ struct Sweep<'a, 'b, 'c, A: Algebra> {
 }
 
 impl<A: Algebra<Scalar = f64>> WithSimd for Sweep<'_, '_, '_, A> {
-    type Output = ();
+    type Output = Result<(), ChainError>;
 
     // Everything must be inlined here: only this function is compiled for the detected instruction set.
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
         if S::F64_LANES >= 8 { self.over::<8>() } else { self.over::<4>() }
     }
 }
 
 impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
     #[inline(always)]
-    fn over<const L: usize>(self)
+    fn over<const L: usize>(self) -> Result<(), ChainError>
     where
         Lanes<L>: SimdRealField + Copy,
     {
-        let Self { probe, states, normal, restitution, outcomes, count } = self;
-        let angles = probe.angles();
-        let bodies = probe.chain().bodies().len();
-        let probe = probe.cast::<Lanes<L>>();
+        let Self { jump, states, normal, restitution, outcomes, count } = self;
+        let angles = jump.contact_point()?.angles();
+        let bodies = jump.chain.bodies().len();
+        let chain = jump.chain.cast::<Lanes<L>>();
+        let point = Point { body: jump.point.body, position: A::cast_vector(jump.point.position) };
+        let point = chain.contact_point(point)?;
         let normal = A::cast_vector(normal);
         let restitution = AutoSimd([restitution; L]);
-        let mut reading = probe.reading();
+        let mut memory = ResponseMemory::default();
         let zero = AutoSimd([0.0; L]);
         let mut q = vec![zero; states.q.len()];
         let turns_only = angles.len() == bodies;
@@ -238,7 +250,7 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
         let (mut sines, mut cosines) = (vec![[0.0; BLOCK]; bodies], vec![[0.0; BLOCK]; bodies]);
         for block in (0..count).step_by(BLOCK) {
             let size = BLOCK.min(count - block);
-            for &(body, Angle { coordinate, sense, shift }) in angles {
+            for &(body, Angle { coordinate, sense, shift }) in &angles {
                 for (angle, q) in block_angles.iter_mut().zip(&states.q[coordinate][block..block + size]) {
                     *angle = sense * q + shift;
                 }
@@ -252,23 +264,24 @@ impl<A: Algebra<Scalar = f64>> Sweep<'_, '_, '_, A> {
                     }
                 }
                 let turned = ByColumn { sines: &sines, cosines: &cosines, start };
-                let finish = Several { qd: states.qd, restitution, outcomes, at };
-                // This cannot fail: `check` verified the number of columns.
-                let _ = probe.read_turned(&q, &turned, normal, &mut reading, finish);
+                let several = Several::<L, A::Cast<Lanes<L>>> { normal, qd: states.qd, restitution, outcomes, at };
+                point.visit_turned(&q, &turned, normal, &mut memory, several)?;
             }
         }
+        Ok(())
     }
 }
 
 /// `L` impacts, starting at entry `at` of the columns.
-struct Several<'a, 'b, 'c, const L: usize> {
+struct Several<'a, 'b, 'c, const L: usize, A: Algebra> {
+    normal: A::Vector,
     qd: &'a [&'a [f64]],
     restitution: Lanes<L>,
     outcomes: &'a mut Outcomes<'b, 'c>,
     at: usize,
 }
 
-impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Finish<A> for Several<'_, '_, '_, L>
+impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Visit<A> for Several<'_, '_, '_, L, A>
 where
     Lanes<L>: SimdRealField + Copy,
 {
@@ -276,21 +289,22 @@ where
     // The compiler unrolls these loops where it knows the number of joints; it did not with iterators.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]
-    fn finish(&mut self, found: Found<A>) {
-        let Self { qd, restitution, outcomes, at } = self;
-        let at = *at;
+    fn visit(&mut self, found: PointResponse<A>) {
+        let Self { normal, qd, restitution, outcomes, at } = self;
+        let (at, normal) = (*at, *normal);
         // Slices of the length of the response, so that the compiler can unroll where it knows this length.
         let n = found.response.len();
         let qd = &qd[..n];
-        let mut approach = found.joint_impulse[0] * load(qd[0], at);
+        let mut approach = A::dot(found.jacobian[0], normal) * load(qd[0], at);
         for i in 1..n {
-            approach += found.joint_impulse[i] * load(qd[i], at);
+            approach += A::dot(found.jacobian[i], normal) * load(qd[i], at);
         }
         let impulse = impulse(*restitution, approach, found.mobility);
+        let push = A::times(normal, impulse);
         if !outcomes.qd_plus.is_empty() {
             let columns = &mut outcomes.qd_plus[..n];
             for i in 0..n {
-                store(columns[i], at, load(qd[i], at) + found.response[i] * impulse);
+                store(columns[i], at, load(qd[i], at) + A::dot(found.response[i], push));
             }
         }
         for column in outcomes.impulse.iter_mut() {

@@ -20,8 +20,8 @@
 //! `qd[k]` ([`Chain::q_rate_into`]) at constant qd⁻. For a floating joint these are translations along and rotations about
 //! the axes of the body.
 
+use super::hit::ChainImpact;
 use crate::error::SimError;
-use crate::strike::ChainImpact;
 use crate::touch::Oscillation;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Spatial};

@@ -1,0 +1,435 @@
+//! What a contact at one point feels of the chain: position, J, M, H = J M⁻¹ Jᵀ and X = M⁻¹Jᵀ, computed together.
+//!
+//! M is computed once and factored in place, `M = Lᵀ D L`, which keeps the zeros of a tree. With `Y = L⁻ᵀ Jᵀ`, whose rows are
+//! zero for bodies not between the point and the world, `H = Yᵀ D⁻¹ Y` and `X = L⁻¹ D⁻¹ Y`. There are no square roots, and one
+//! division per joint.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
+//! | M | nv×nv | mass matrix | `mass_matrix` |
+//! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L; stored as rows of D L, without the zeros | `factor`, `inverse_d` |
+//! | yₖ | 3, 2 | row k of Y: unit forces at the point, projected on joint k after the joints beyond it are eliminated | `felt` |
+//! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
+//! | X | nv×3, nv×2 | M⁻¹Jᵀ: joint velocities after unit impulses along the axes | `response` |
+//! | nᵀHn | 1 | velocity of the point along n after a unit impulse along n, 1/kg | `mobility` |
+//! | W | nv | inertia added to the diagonal of M by drives; infinite for a locked joint | `added` |
+//!
+//! **Two entries.** [`ContactPoint::visit`] starts from q and hands the results to a [`Visit`] while they are in registers: for
+//! loops and SIMD lanes. [`Kinematics::contact`](crate::Kinematics::contact) starts from the poses of a workspace and returns
+//! a view of its memory (`view.rs`).
+//!
+//! **Routes.** The fused pass (`fused.rs`) is generic over the shape of the chain. A row of hinges (`row.rs`) needs no branches
+//! on joint types and parents; rows of two and three hinges have unrolled passes. Any other chain is a tree (`tree.rs`): of
+//! hinges alone, so that the joint type is known statically, or of any joints. Chains of more than [`LONG`] bodies use the
+//! articulated-body recursion, whose time is proportional to their number; chains with mimic joints the same factorisation
+//! without the zeros. `book/src/benchmarks.md` gives the gain in speed of each; `tests/delassus.rs` compares all of them with
+//! the definitions.
+//!
+//! **Singularity.** One rule ([`singular`]): a quantity is zero if it is within the rounding of the terms that cancel in it. A
+//! joint moves no inertia if its D is within the rounding of the composite inertia of its subtree
+//! ([`Kinematics::check_inertia`](crate::Kinematics::check_inertia)); a direction n is singular if √(nᵀHn), a sum of squares, is
+//! within the rounding of the factor D^(-1/2) Y of H ([`PointResponse::moves`]).
+//!
+//! **SIMD lanes.** Code that runs in lanes must be inlined, because it is otherwise compiled without AVX instructions. The
+//! pass and the algebra that it calls therefore use no closures, and the pass uses no operators of nalgebra.
+//!
+//! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
+
+mod fused;
+mod row;
+mod tree;
+mod view;
+
+use crate::algebra::{Algebra, Axis};
+use crate::chain::{Body, Chain, Point};
+use crate::error::ChainError;
+use crate::moves::Hinge;
+use crate::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
+use crate::steps::Step;
+use crate::turned::{Angle, ByBody, Turned};
+use fused::{BodyAt, Memory, read, read_three, read_two, row_length};
+use nalgebra::{SimdRealField, convert};
+use num_traits::Zero;
+use row::HingeRow;
+use std::sync::Arc;
+use tree::{Tree, Way};
+
+/// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
+pub(crate) const LONG: usize = 48;
+
+/// A pivot or a direction whose size is below this share of the terms that it is the difference of counts as zero: their
+/// rounding. 64 covers the operations of a chain of some dozens of bodies; a chain in regular position is far above it.
+pub(crate) fn singular<T: SimdRealField>() -> T {
+    convert::<f64, T>(64.0) * T::simd_default_epsilon()
+}
+
+/// The structure of a chain, prepared when it is made.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Structure<A: Algebra> {
+    /// Whether every joint is a hinge with its own coordinate: see [`crate::moves`].
+    pub hinges_alone: bool,
+    row: Option<HingeRow<A>>,
+    ways: Vec<Way>,
+}
+
+impl<A: Algebra> Structure<A> {
+    pub fn of(bodies: &[Body<A>], steps: &[Step<A>], nv: usize) -> Self
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
+        let hinge = |body: &Body<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
+        let hinges_alone = bodies.len() == nv && bodies.iter().all(hinge);
+        Self { hinges_alone, row: HingeRow::of(bodies), ways: Way::all(steps) }
+    }
+
+    /// The same over another scalar.
+    pub fn cast<U: crate::algebra::Real>(&self) -> Structure<A::Cast<U>>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        Structure {
+            hinges_alone: self.hinges_alone,
+            row: self.row.as_ref().map(HingeRow::cast),
+            ways: self.ways.clone(),
+        }
+    }
+}
+
+/// A contact point of a chain. It refers to the chain and holds no other memory.
+#[derive(Debug, Clone, Copy)]
+pub struct ContactPoint<'c, A: Algebra> {
+    chain: &'c Chain<A>,
+    body: usize,
+    arm: A::Vector,
+}
+
+/// What a contact feels of a chain at one configuration. With inertia added by drives, all quantities but M include it.
+#[derive(Debug, Clone, Copy)]
+pub struct PointResponse<'a, A: Algebra> {
+    /// World position of the point, m.
+    pub position: A::Vector,
+    /// The nv columns of the Jacobian: velocity of the point at unit joint rate, world axes.
+    pub jacobian: &'a [A::Vector],
+    /// The mass matrix, all nv×nv entries; kg m², kg m, kg. Empty if the recursion was used, which does not form it.
+    pub mass_matrix: &'a [A::Scalar],
+    /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
+    pub delassus: [A::Vector; 3],
+    /// The nv rows of X = M⁻¹Jᵀ: the velocity of each joint after unit impulses along the world axes on the chain at rest.
+    pub response: &'a [A::Vector],
+    /// nᵀHn: the velocity of the point along the normal after a unit impulse along it, 1/kg.
+    pub mobility: A::Scalar,
+    /// The nv rows yₖ of Y: H = Σ yₖ yₖᵀ / Dₖ.
+    pub felt: &'a [A::Vector],
+    /// 1/Dₖ by coordinate; 0 for locked joints and for joints that the impulse cannot move.
+    pub inverse_d: &'a [A::Scalar],
+}
+
+/// A function of the results, called while they are in registers. It is a trait because inlining of a closure cannot be
+/// forced.
+pub trait Visit<A: Algebra> {
+    /// Whether the results are also stored in the [`ResponseMemory`]. If `false`, its contents are unspecified.
+    const KEEPS: bool;
+    /// Called once with the results.
+    fn visit(&mut self, response: PointResponse<A>);
+}
+
+/// Stores the results in the memory and does nothing else.
+pub struct Keep;
+
+impl<A: Algebra> Visit<A> for Keep {
+    const KEEPS: bool = true;
+    #[inline(always)]
+    fn visit(&mut self, _: PointResponse<A>) {}
+}
+
+/// Memory for the results at one point, and scratch memory. It grows at first use and can be used for any chain.
+#[derive(Debug, Clone)]
+pub struct ResponseMemory<A: Algebra> {
+    position: A::Vector,
+    delassus: [A::Vector; 3],
+    mobility: A::Scalar,
+    size: usize,
+    /// J, X, Y, and scratch memory by depth.
+    vectors: Vec<A::Vector>,
+    /// 1/D, M, the factor.
+    numbers: Vec<A::Scalar>,
+    /// Angle of each body's joint, rad, used for hinges only; their sines and cosines.
+    angles: [Vec<A::Scalar>; 3],
+    hinges: Vec<BodyAt<A, Hinge<A>>>,
+    joints: Vec<BodyAt<A, Axis<A>>>,
+    /// The structure and the branch whose zeros are in place: those entries of M between branches and of J and Y off the path
+    /// to the point that its pass does not write.
+    zeros_of: Option<(Arc<Structure<A>>, usize)>,
+}
+
+impl<A: Algebra> Default for ResponseMemory<A> {
+    fn default() -> Self {
+        Self {
+            position: A::zero(),
+            delassus: [A::zero(); 3],
+            mobility: A::Scalar::zero(),
+            size: 0,
+            vectors: Vec::new(),
+            numbers: Vec::new(),
+            angles: [Vec::new(), Vec::new(), Vec::new()],
+            hinges: Vec::new(),
+            joints: Vec::new(),
+            zeros_of: None,
+        }
+    }
+}
+
+impl<A: Algebra> Chain<A> {
+    /// Whether [`ContactPoint::visit`] is the fastest route: neither mimic joints nor more than some 48 bodies. Otherwise
+    /// [`Kinematics::contact`](crate::Kinematics::contact) is.
+    pub fn has_fused_pass(&self) -> bool {
+        !self.is_coupled() && self.bodies.len() <= LONG
+    }
+
+    /// A contact point, for [`ContactPoint::visit`].
+    ///
+    /// # Errors
+    /// [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the world.
+    #[inline]
+    pub fn contact_point(&self, point: Point<A>) -> Result<ContactPoint<'_, A>, ChainError> {
+        match point.body {
+            Some(body) if !self.is_coupled() => Ok(ContactPoint { chain: self, body, arm: point.position }),
+            Some(_) => Err(ChainError::Coupled { chain: self.name().into() }),
+            None => Err(ChainError::FixedPoint { chain: self.name().into() }),
+        }
+    }
+}
+
+impl<A: Algebra<Scalar = f64>> ContactPoint<'_, A> {
+    /// Computes the response at `q` (length nq; rad, m, quaternion) for the unit normal n in world axes, and calls `visit` with
+    /// it. `added`: inertia W added to the diagonal of M, by coordinate, kg m² or kg, 0 or more, infinite for a locked joint;
+    /// empty for none. Allocates only at first use of the memory.
+    ///
+    /// The numbers are not checked; use [`Chain::check_state`] for that. A singular M gives infinite results:
+    /// [`PointResponse::is_doubtful`].
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    #[inline(always)]
+    pub fn visit(
+        &self,
+        q: &[f64],
+        normal: A::Vector,
+        added: &[f64],
+        memory: &mut ResponseMemory<A>,
+        visit: impl Visit<A>,
+    ) -> Result<(), ChainError> {
+        self.chain.check_nq(q.len())?;
+        match self.row() {
+            // All sines first: computed body by body, each would delay the next body.
+            Some(row) if row.bodies.len() == 2 && added.is_empty() => {
+                let [a, b] = [0, 1].map(|i| row.bodies[i].angle(i).at(q));
+                let (sines, cosines) = sin_cos_of_two(a, b);
+                let turned = ByBody { sines: &sines, cosines: &cosines };
+                memory.keep(read_two(row, self.arm, &turned, normal).response(), visit);
+            }
+            Some(row) if row.bodies.len() == 3 && added.is_empty() => {
+                let [a, b, c] = [0, 1, 2].map(|i| sin_cos(row.bodies[i].angle(i).at(q)));
+                let turned = ByBody { sines: &[a.0, b.0, c.0], cosines: &[a.1, b.1, c.1] };
+                memory.keep(read_three(row, self.arm, &turned, normal).response(), visit);
+            }
+            row => {
+                let [mut angles, mut sines, mut cosines] = std::mem::take(&mut memory.angles);
+                let n = self.chain.bodies.len();
+                for all in [&mut angles, &mut sines, &mut cosines] {
+                    all.resize(n, 0.0);
+                }
+                match row {
+                    Some(row) => {
+                        for (i, (angle, body)) in angles.iter_mut().zip(&row.bodies).enumerate() {
+                            *angle = body.angle(i).at(q);
+                        }
+                    }
+                    None => {
+                        for (angle, step) in angles.iter_mut().zip(&self.chain.steps) {
+                            if A::turns(step.joint) {
+                                *angle = step.angle().at(q);
+                            }
+                        }
+                    }
+                }
+                sin_cos_by_pairs(&angles, &mut sines, &mut cosines);
+                let turned = ByBody { sines: &sines, cosines: &cosines };
+                self.many(q, &turned, normal, added, memory, visit);
+                memory.angles = [angles, sines, cosines];
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<A: Algebra> ContactPoint<'_, A> {
+    /// The chain.
+    pub fn chain(&self) -> &Chain<A> {
+        self.chain
+    }
+
+    /// The row of hinges, if the chain is one and the point is on its last body.
+    #[inline(always)]
+    fn row(&self) -> Option<&HingeRow<A>> {
+        if self.body + 1 == self.chain.bodies.len() { self.chain.structure.row.as_ref() } else { None }
+    }
+
+    /// The hinges whose sines and cosines [`Self::visit_turned`] needs: index of the body, and angle.
+    pub fn angles(&self) -> Vec<(usize, Angle<A::Scalar>)> {
+        match self.row() {
+            Some(row) => row.bodies.iter().enumerate().map(|(i, body)| (i, body.angle(i))).collect(),
+            None => {
+                let hinges = self.chain.steps.iter().enumerate().filter(|(_, step)| A::turns(step.joint));
+                hinges.map(|(i, step)| (i, step.angle())).collect()
+            }
+        }
+    }
+
+    /// As [`Self::visit`] without added inertia, with the sines and cosines of the hinges' angles given. Each lane of a SIMD
+    /// scalar gives the same digits as the scalar alone, for the same sines and cosines.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    #[inline(always)]
+    pub fn visit_turned(
+        &self,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+        normal: A::Vector,
+        memory: &mut ResponseMemory<A>,
+        visit: impl Visit<A>,
+    ) -> Result<(), ChainError> {
+        self.chain.check_nq(q.len())?;
+        match self.row() {
+            Some(row) if row.bodies.len() == 2 => {
+                memory.keep(read_two(row, self.arm, turned, normal).response(), visit);
+            }
+            Some(row) if row.bodies.len() == 3 => {
+                memory.keep(read_three(row, self.arm, turned, normal).response(), visit);
+            }
+            _ => self.many(q, turned, normal, &[], memory, visit),
+        }
+        Ok(())
+    }
+
+    /// The passes with loops.
+    #[inline(always)]
+    fn many(
+        &self,
+        q: &[A::Scalar],
+        turned: &impl Turned<A>,
+        normal: A::Vector,
+        added: &[A::Scalar],
+        memory: &mut ResponseMemory<A>,
+        mut visit: impl Visit<A>,
+    ) {
+        let Chain { bodies, steps, structure, .. } = self.chain;
+        let (n, arm) = (bodies.len(), self.arm);
+        memory.grow(n, row_length::<A::Scalar>(n));
+        memory.put_zeros(structure, self.body);
+        let (hinges, joints, parts) = memory.parts(n);
+        let response = if let Some(row) = self.row() {
+            hinges.resize(n, BodyAt::new());
+            read(row, n, arm, q, turned, normal, added, hinges, parts)
+        } else if structure.hinges_alone {
+            hinges.resize(n, BodyAt::new());
+            let tree = Tree::<A, Hinge<A>>::new(steps, &structure.ways, self.body);
+            read(tree, n, arm, q, turned, normal, added, hinges, parts)
+        } else {
+            joints.resize(n, BodyAt::new());
+            let tree = Tree::<A, Axis<A>>::new(steps, &structure.ways, self.body);
+            read(tree, n, arm, q, turned, normal, added, joints, parts)
+        };
+        visit.visit(response);
+        let PointResponse { position, delassus, mobility, .. } = response;
+        (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
+    }
+}
+
+impl<A: Algebra> ResponseMemory<A> {
+    /// The results of the last evaluation.
+    pub fn response(&self) -> PointResponse<'_, A> {
+        let &Self { position, delassus, mobility, size: n, .. } = self;
+        let Self { vectors, numbers, .. } = self;
+        let m = if numbers.len() > n { n * n } else { 0 };
+        PointResponse {
+            position,
+            delassus,
+            mobility,
+            jacobian: &vectors[..n],
+            response: &vectors[n..2 * n],
+            felt: &vectors[2 * n..3 * n],
+            inverse_d: &numbers[..n],
+            mass_matrix: &numbers[n..n + m],
+        }
+    }
+
+    /// Zeros for n coordinates, without M and its factor.
+    fn clear(&mut self, n: usize) {
+        self.grow_to(n, n);
+        (self.position, self.delassus, self.mobility) = (A::zero(), [A::zero(); 3], A::Scalar::zero());
+    }
+
+    /// Memory for n coordinates, with a factor of rows of the length given; 0 without M and its factor.
+    #[inline(always)]
+    fn grow(&mut self, n: usize, row: usize) {
+        let numbers = if row == 0 { n } else { n * (1 + n + row) };
+        if self.size != n || self.numbers.len() != numbers {
+            self.grow_to(n, numbers);
+        }
+    }
+
+    #[inline(never)]
+    fn grow_to(&mut self, n: usize, numbers: usize) {
+        self.size = n;
+        self.zeros_of = None;
+        self.vectors.clear();
+        self.vectors.resize(4 * n, A::zero());
+        self.numbers.clear();
+        self.numbers.resize(numbers, A::Scalar::zero());
+    }
+
+    /// The parts of the memory.
+    #[inline(always)]
+    #[allow(clippy::type_complexity)]
+    fn parts(&mut self, n: usize) -> (&mut Vec<BodyAt<A, Hinge<A>>>, &mut Vec<BodyAt<A, Axis<A>>>, Memory<'_, A>) {
+        let Self { vectors, numbers, hinges, joints, .. } = self;
+        let (jacobian, rest) = vectors.split_at_mut(n);
+        let (response, rest) = rest.split_at_mut(n);
+        let (felt, by_depth) = rest.split_at_mut(n);
+        let (inverse_d, rest) = numbers.split_at_mut(n);
+        let (mass_matrix, factor) = rest.split_at_mut(if rest.is_empty() { 0 } else { n * n });
+        (hinges, joints, Memory { factor, by_depth, jacobian, mass_matrix, felt, inverse_d, response })
+    }
+
+    /// Writes zeros into the entries that the pass does not write, unless they are already there.
+    #[inline(always)]
+    fn put_zeros(&mut self, structure: &Arc<Structure<A>>, body: usize) {
+        if !self.zeros_of.as_ref().is_some_and(|(other, there)| *there == body && Arc::ptr_eq(other, structure)) {
+            self.vectors.fill(A::zero());
+            self.numbers.fill(A::Scalar::zero());
+            self.zeros_of = Some((structure.clone(), body));
+        }
+    }
+
+    /// Calls `visit` with the results, and stores them if `V::KEEPS`.
+    #[inline(always)]
+    fn keep<V: Visit<A>>(&mut self, found: PointResponse<A>, mut visit: V) {
+        if V::KEEPS {
+            let n = found.jacobian.len();
+            self.grow(n, row_length::<A::Scalar>(n));
+            self.zeros_of = None;
+            let (_, _, memory) = self.parts(n);
+            memory.jacobian.copy_from_slice(found.jacobian);
+            memory.mass_matrix.copy_from_slice(found.mass_matrix);
+            memory.felt.copy_from_slice(found.felt);
+            memory.inverse_d.copy_from_slice(found.inverse_d);
+            memory.response.copy_from_slice(found.response);
+            (self.position, self.delassus, self.mobility) = (found.position, found.delassus, found.mobility);
+        }
+        visit.visit(found);
+    }
+}

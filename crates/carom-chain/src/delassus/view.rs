@@ -1,0 +1,223 @@
+//! The response at a point for the poses of a workspace, and what is read off a response.
+
+use super::fused::{Memory, eliminate, read, row_length};
+use super::tree::{Full, Placed, Tree};
+use super::{LONG, PointResponse, ResponseMemory, singular};
+use crate::algebra::{Algebra, Axis};
+use crate::chain::{Chain, Point};
+use crate::error::ChainError;
+use crate::moves::Hinge;
+use crate::turned::ByBody;
+use crate::workspace::Kinematics;
+use nalgebra::{DMatrixViewMut, RealField, convert};
+use num_traits::{One, Zero};
+
+impl<A: Algebra> PointResponse<'_, A> {
+    /// J q̇, the velocity of the point for joint velocities of length nv, world axes, m/s.
+    #[inline(always)]
+    pub fn velocity(&self, qd: &[A::Scalar]) -> A::Vector {
+        let mut velocity = A::zero();
+        for (column, rate) in self.jacobian.iter().zip(qd) {
+            velocity = A::plus(velocity, A::times(*column, *rate));
+        }
+        velocity
+    }
+
+    /// T = ½ q̇ᵀ M q̇, J: by M, which the response must contain.
+    #[inline(always)]
+    pub fn kinetic_energy(&self, qd: &[A::Scalar]) -> A::Scalar {
+        let mut twice = A::Scalar::zero();
+        for (v, column) in self.mass_matrix.chunks_exact(qd.len()).enumerate() {
+            // Σ over pairs of joints: M is symmetric.
+            let mut momentum = column[v] * qd[v];
+            for (m, rate) in column[..v].iter().zip(qd) {
+                momentum += (*m + *m) * *rate;
+            }
+            twice += momentum * qd[v];
+        }
+        twice * convert(0.5)
+    }
+}
+
+impl<A: Algebra> PointResponse<'_, A>
+where
+    A::Scalar: RealField,
+{
+    /// Whether an impulse along the normal moves the point along it: √(nᵀHn) > 64 ε √(tr H). `false` for NaN.
+    #[inline(always)]
+    pub fn moves(&self) -> bool {
+        let mut trace = A::Scalar::zero();
+        for (k, column) in self.delassus[..A::LINEAR].iter().enumerate() {
+            trace += A::linear_part(*column, k);
+        }
+        self.mobility > trace * singular::<A::Scalar>() * singular()
+    }
+
+    /// Whether some joint may move no inertia: its D is below 1e-6 of its diagonal entry of M, or not a number.
+    /// [`Kinematics::check_inertia`] decides.
+    #[inline(always)]
+    pub fn is_doubtful(&self) -> bool {
+        let (n, mut doubt) = (self.inverse_d.len(), false);
+        for (own, inverse_d) in self.mass_matrix.iter().step_by(n + 1).zip(self.inverse_d) {
+            let share = *own * *inverse_d;
+            let clear = share >= A::Scalar::zero() && share < convert(1e6); // false for NaN too
+            doubt |= !clear;
+        }
+        doubt
+    }
+}
+
+impl<A: Algebra> Kinematics<'_, A>
+where
+    A::Scalar: RealField,
+{
+    /// What a contact at a point feels of the chain, for the unit normal n in world axes. `added`: inertia W added to the
+    /// diagonal of M, by coordinate, kg m² or kg, 0 or more, infinite for a locked joint; empty for none. All zero for a point
+    /// of the world. Allocates only at the first call for a workspace.
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] where M is singular; [`ChainError::WrongLength`] for `added`.
+    pub fn contact(
+        &mut self,
+        point: Point<A>,
+        normal: A::Vector,
+        added: &[A::Scalar],
+    ) -> Result<PointResponse<'_, A>, ChainError> {
+        let (chain, nv) = (self.chain, self.chain.nv);
+        if !added.is_empty() {
+            chain.check_nv("added inertia", added.len())?;
+        }
+        let mut memory = std::mem::take(&mut self.ws.response);
+        let done = match point.body {
+            None => {
+                memory.clear(nv);
+                Ok(())
+            }
+            Some(body) if chain.bodies.len() > LONG && !chain.is_coupled() => {
+                self.recursive((body, point), normal, added, &mut memory)
+            }
+            Some(body) => {
+                if chain.is_coupled() {
+                    self.full(point, normal, added, &mut memory);
+                } else {
+                    self.fused((body, point), normal, added, &mut memory);
+                }
+                Ok(())
+            }
+        };
+        self.ws.response = memory;
+        done?;
+        if self.ws.contact().is_doubtful() {
+            self.check_inertia(added)?;
+        }
+        Ok(self.ws.contact())
+    }
+
+    /// Checks that every joint moves inertia: that its D exceeds the rounding of the composite inertia of its subtree, or of its
+    /// diagonal entry of M for a chain with mimic joints. `added` as for [`Kinematics::contact`].
+    ///
+    /// # Errors
+    /// [`ChainError::NoInertia`] with the joint.
+    pub fn check_inertia(&mut self, added: &[A::Scalar]) -> Result<(), ChainError> {
+        if !self.chain.is_coupled() {
+            return self.articulate_checked(added).map(|_| ());
+        }
+        let contact = self.ws.contact();
+        for (v, own) in contact.mass_matrix.iter().step_by(self.chain.nv + 1).enumerate() {
+            let moves_inertia = *own * contact.inverse_d[v] * singular() < A::Scalar::one(); // false for NaN too
+            if !moves_inertia {
+                return Err(self.chain.no_inertia(v));
+            }
+        }
+        Ok(())
+    }
+
+    /// By the fused pass.
+    fn fused(
+        &self,
+        (body, point): (usize, Point<A>),
+        normal: A::Vector,
+        added: &[A::Scalar],
+        memory: &mut ResponseMemory<A>,
+    ) {
+        let Chain { steps, structure, .. } = self.chain;
+        let (n, arm, links) = (steps.len(), point.position, &self.ws.links[..]);
+        memory.grow(n, row_length::<A::Scalar>(n));
+        memory.put_zeros(structure, body);
+        let (hinges, joints, parts) = memory.parts(n);
+        let turned = ByBody { sines: &[], cosines: &[] };
+        let response = if structure.hinges_alone {
+            hinges.resize(n, super::BodyAt::new());
+            let placed = Placed { tree: Tree::<A, Hinge<A>>::new(steps, &structure.ways, body), links };
+            read(placed, n, arm, &[], &turned, normal, added, hinges, parts)
+        } else {
+            joints.resize(n, super::BodyAt::new());
+            let placed = Placed { tree: Tree::<A, Axis<A>>::new(steps, &structure.ways, body), links };
+            read(placed, n, arm, &[], &turned, normal, added, joints, parts)
+        };
+        let PointResponse { position, delassus, mobility, .. } = response;
+        (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
+    }
+
+    /// By the same factorisation without the zeros, for bodies that share coordinates.
+    fn full(&mut self, point: Point<A>, normal: A::Vector, added: &[A::Scalar], memory: &mut ResponseMemory<A>) {
+        let n = self.chain.nv;
+        let length = row_length::<A::Scalar>(n);
+        memory.clear(n);
+        memory.grow(n, length);
+        let (_, _, parts) = memory.parts(n);
+        let Memory { factor, jacobian, mass_matrix, felt, .. } = &parts;
+        debug_assert!(factor.len() == n * length && felt.len() == jacobian.len() && mass_matrix.len() == n * n);
+        self.mass_matrix_into(&mut DMatrixViewMut::from_slice(parts.mass_matrix, n, n));
+        for (i, column) in parts.mass_matrix.chunks_exact(n).enumerate() {
+            let row = &mut parts.factor[i * length..][..=i];
+            row.copy_from_slice(&column[..=i]);
+            if let Some(more) = added.get(i) {
+                row[i] += *more;
+            }
+        }
+        self.for_each_mover(point, |i, r| {
+            let v = self.chain.bodies[i].v_index;
+            parts.jacobian[v] += self.ws.links[i].axis.point_velocity(r);
+        });
+        parts.felt.copy_from_slice(parts.jacobian);
+        let response = eliminate(Full, n, self.position(point), normal, parts);
+        let PointResponse { position, delassus, mobility, .. } = response;
+        (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
+    }
+
+    /// By the articulated-body recursion, in time proportional to the number of bodies. It does not form M.
+    fn recursive(
+        &mut self,
+        (body, point): (usize, Point<A>),
+        normal: A::Vector,
+        added: &[A::Scalar],
+        memory: &mut ResponseMemory<A>,
+    ) -> Result<(), ChainError> {
+        memory.clear(self.chain.nv);
+        self.articulate_checked(added)?;
+        let position = self.position(point);
+        let bodies = &self.chain.bodies;
+        let (_, _, Memory { jacobian, felt, inverse_d, response, .. }) = memory.parts(self.chain.nv);
+        self.for_each_mover(point, |i, r| jacobian[bodies[i].v_index] = self.ws.links[i].axis.point_velocity(r));
+        let (mut delassus, mut mobility) = ([A::zero(); 3], A::Scalar::zero());
+        self.send_unit_forces(body, point, |i, y| {
+            let (v, inverse) = (bodies[i].v_index, self.ws.free[i].inverse_d);
+            (felt[v], inverse_d[v]) = (y, inverse);
+            let scaled = A::times(y, inverse);
+            for (c, column) in delassus[..A::LINEAR].iter_mut().enumerate() {
+                *column += A::times(y, A::linear_part(scaled, c));
+            }
+            mobility += A::dot(y, normal) * A::dot(scaled, normal);
+        });
+        for k in 0..A::LINEAR {
+            for (free, step) in self.ws.free.iter_mut().zip(&self.chain.steps) {
+                free.drive = A::linear_part(felt[step.v_index], k);
+            }
+            let unit = A::vector(|i| if i == k { convert(1.0) } else { A::Scalar::zero() });
+            self.accelerate(false, |v, rate| response[v] += A::times(unit, rate));
+        }
+        (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
+        Ok(())
+    }
+}

@@ -1,0 +1,91 @@
+//! A contact at one state of a chain: the quantities that are the same for all laws.
+
+use super::derivative::{At, ImpactDerivative, differentiate};
+use super::hit::ChainImpact;
+use super::prepared::PreparedStrike;
+use crate::error::SimError;
+use carom_chain::ContactInertia;
+use carom_impact::{ImpactOutcome, ImpactProblem, Law};
+use nalgebra::{DMatrix, Matrix3xX, MatrixXx3};
+use std::cell::OnceCell;
+
+/// A contact at one state of a chain, to which laws are applied.
+#[derive(Debug)]
+pub struct Contact<'a> {
+    pub(super) strike: PreparedStrike<'a>,
+    pub(super) q: &'a [f64],
+    pub(super) qd: &'a [f64],
+    pub(super) problem: ImpactProblem<f64, 3>,
+    jacobian: OnceCell<DMatrix<f64>>,
+    inertia: OnceCell<ContactInertia>,
+}
+
+impl<'a> Contact<'a> {
+    pub(super) fn new(mut strike: PreparedStrike<'a>, q: &'a [f64], qd: &'a [f64]) -> Result<Self, SimError> {
+        let problem = strike.problem(q, qd)?;
+        Ok(Self { strike, q, qd, problem, jacobian: OnceCell::new(), inertia: OnceCell::new() })
+    }
+
+    /// The impact problem, which is the input of the law: in contact axes, tangents first, normal last.
+    pub fn problem(&self) -> &ImpactProblem<f64, 3> {
+        &self.problem
+    }
+
+    /// Delassus matrix and effective mass at the contact point, world axes. Inertia of drives is included.
+    pub fn inertia(&self) -> &ContactInertia {
+        self.inertia.get_or_init(|| ContactInertia::of(self.strike.response()))
+    }
+
+    /// Jacobian of the contact point, 3×nv, world axes.
+    pub fn jacobian(&self) -> &DMatrix<f64> {
+        self.jacobian.get_or_init(|| {
+            let columns = self.strike.response().jacobian;
+            DMatrix::from_fn(3, columns.len(), |i, k| columns[k][i])
+        })
+    }
+
+    /// Computes the impact with a law.
+    ///
+    /// # Errors
+    /// [`SimError::Impact`] for errors of the law.
+    pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
+        let outcome = law.resolve(&self.problem)?;
+        self.carry(outcome)
+    }
+
+    /// Computes all impacts that satisfy the law, see [`Law::branches`]. The first one is that of [`Contact::resolve`].
+    ///
+    /// # Errors
+    /// [`SimError::Impact`] for errors of the law.
+    pub fn branches(&mut self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
+        let outcomes = law.branches(&self.problem)?;
+        outcomes.into_iter().map(|outcome| self.carry(outcome)).collect()
+    }
+
+    fn carry(&mut self, outcome: ImpactOutcome<f64, 3>) -> Result<ChainImpact, SimError> {
+        let Self { strike, q, qd, .. } = self;
+        let mut hit = strike.outcome();
+        hit.carry(outcome, &strike.axes, strike.response().response.iter(), qd);
+        strike.account(q, qd, &mut hit)?;
+        Ok(hit)
+    }
+
+    /// Computes the impact with a law and its derivatives: see [`Strike::derivative`](crate::Strike::derivative).
+    ///
+    /// # Errors
+    /// [`SimError::Impact`] for errors of the law and for a user-defined law, which has no derivative;
+    /// [`SimError::DerivativeOfHeldJoints`].
+    pub fn derivative(&mut self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        if !self.strike.added.is_empty() {
+            return Err(SimError::DerivativeOfHeldJoints);
+        }
+        let law = self.problem.differentiate(law)?;
+        let response = self.strike.response();
+        let rows = self.strike.axes.transpose() * Matrix3xX::from_columns(response.jacobian);
+        let columns = (self.strike.axes.transpose() * Matrix3xX::from_columns(response.response)).transpose();
+        let state = At { chain: self.strike.chain, q: self.q, qd: self.qd, time: 0.0 };
+        let by = differentiate(state, &self.strike.plane(), &rows, &MatrixXx3::from(columns), &law)?;
+        let hit = self.carry(law.outcome)?;
+        Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })
+    }
+}

@@ -1,0 +1,101 @@
+//! The result of an impact of a chain: `qd⁺ = qd⁻ + M⁻¹ Jᵀ p`, energies, and the impulse of the drives.
+//!
+//! Symbols as in `strike.rs`.
+
+use carom_impact::{Flags, ImpactOutcome, Mode};
+use nalgebra::{Matrix3, Vector3};
+
+/// The result of an impact of a chain.
+#[derive(Debug, Clone)]
+pub struct ChainImpact {
+    /// Joint velocities after the impact, length nv; rad/s, m/s.
+    pub qd_plus: Vec<f64>,
+    /// Impulse on the robot, world axes, N s.
+    pub impulse: Vector3<f64>,
+    /// Velocity of the contact point before, world axes, m/s.
+    pub u_minus: Vector3<f64>,
+    /// Velocity of the contact point after, world axes, m/s.
+    pub u_plus: Vector3<f64>,
+    /// Kinetic energy of the whole chain before, J.
+    pub energy_before: f64,
+    /// Kinetic energy of the whole chain after, J, from `qd_plus`: `energy_before + ½ p·(u⁻ + u⁺) + drive_work`.
+    pub energy_after: f64,
+    /// Impulse of the drives on each joint, length nv, N m s or N s; zeros with [`JointModel::Free`].
+    pub drive_impulse: Vec<f64>,
+    /// Work of that impulse, J.
+    pub drive_work: f64,
+    /// Contact mode at the end of the impact: no impact, stick, slip or reverse slip.
+    pub mode: Mode,
+    /// Notes about the result, for instance an energy gain.
+    pub flags: Flags,
+    /// The outcome of the law in contact axes: work, realised coefficients, phases. Its energies include the inertia W of the
+    /// drives.
+    pub contact: ImpactOutcome<f64, 3>,
+}
+
+impl ChainImpact {
+    /// T⁺/T⁻ of the whole chain. Its square root is what the paper's eq. (16) calls "energetic coefficient": a ratio of
+    /// kinetic energies, not Stronge's coefficient of the normal work. 1 for a chain at rest.
+    pub fn energy_ratio(&self) -> f64 {
+        if self.energy_before > 0.0 { self.energy_after / self.energy_before } else { 1.0 }
+    }
+
+    /// Kinetic energy lost, J (negative: gained).
+    pub fn energy_loss(&self) -> f64 {
+        self.energy_before - self.energy_after
+    }
+
+    /// An impact of a chain without motion, as memory for the result.
+    pub(crate) fn empty(nv: usize) -> Self {
+        let zero = Vector3::zeros();
+        Self {
+            qd_plus: vec![0.0; nv],
+            impulse: zero,
+            u_minus: zero,
+            u_plus: zero,
+            energy_before: 0.0,
+            energy_after: 0.0,
+            drive_impulse: vec![0.0; nv],
+            drive_work: 0.0,
+            mode: Mode::Open,
+            flags: Flags::default(),
+            contact: ImpactOutcome {
+                law: "",
+                impulse: zero,
+                u_minus: zero,
+                u_plus: zero,
+                mode: Mode::Open,
+                energy_before: 0.0,
+                energy_after: 0.0,
+                energy_change: 0.0,
+                normal_work: 0.0,
+                friction_work: 0.0,
+                newton: None,
+                poisson: None,
+                energetic: None,
+                slip_end: None,
+                slip_stop: None,
+                flags: Flags::default(),
+            },
+        }
+    }
+
+    /// Sets all but energies and drives from the outcome of a law: qd⁺ = qd⁻ + X p, where `response` has the rows of X = M⁻¹Jᵀ
+    /// in world axes.
+    #[inline(always)]
+    pub(crate) fn carry<'r>(
+        &mut self,
+        outcome: ImpactOutcome<f64, 3>,
+        axes: &Matrix3<f64>,
+        response: impl Iterator<Item = &'r Vector3<f64>>,
+        qd: &[f64],
+    ) {
+        let impulse = axes * outcome.impulse;
+        self.impulse = impulse;
+        (self.u_minus, self.u_plus) = (axes * outcome.u_minus, axes * outcome.u_plus);
+        (self.mode, self.flags, self.contact) = (outcome.mode, outcome.flags, outcome);
+        for ((after, before), row) in self.qd_plus.iter_mut().zip(qd).zip(response) {
+            *after = before + row.dot(&impulse);
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! Impacts of a chain at one point: single, prepared, in batches; their derivatives, saltation matrices and bounds.
+
+mod band;
+mod batch;
+mod contact;
+mod derivative;
+mod frictionless;
+mod hit;
+mod joints;
+mod prepared;
+mod saltation;
+mod strike;
+
+pub use band::ImpactBand;
+pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
+pub use contact::Contact;
+pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
+pub use frictionless::frictionless_jump_into;
+pub use hit::ChainImpact;
+pub use joints::JointModel;
+pub use prepared::PreparedStrike;
+pub use saltation::{Jump, Saltation, saltation};
+pub use strike::{Impacts, Strike};

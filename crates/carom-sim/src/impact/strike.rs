@@ -1,0 +1,194 @@
+//! One impact of a chain at one point: `qd⁺ = qd⁻ + M⁻¹ Jᵀ p`.
+//!
+//! Data flow: chain, contact point, normal, joint model → [`PreparedStrike`]; with q and qd → response of the chain at the
+//! point ([`carom_chain::PointResponse`]) → [`ImpactProblem`](carom_impact::ImpactProblem) → law → [`ChainImpact`].
+//! [`Contact`] holds the response, for several laws at one state.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | n | 3 | unit normal, from the environment to the robot, world | `normal` |
+//! | R | 3×3 | contact axes (t₁, t₂, n) as columns, world | `axes` |
+//! | J | 3×nv | Jacobian of the contact point, world | `jacobian` |
+//! | H | 3×3 | Delassus matrix, world | `delassus` |
+//! | u⁻, u⁺ | 3 | velocity of the contact point before and after, world | `u_minus`, `u_plus` |
+//! | p | 3 | impulse on the robot, world, N s | `impulse` |
+//! | W | nv | inertia that the drives add to the diagonal of M; infinite at locked joints | – |
+//! | j | nv | impulse of the drives, −W (q̇⁺ − q̇⁻) | `drive_impulse` |
+
+use super::band::ImpactBand;
+use super::contact::Contact;
+use super::derivative::ImpactDerivative;
+use super::hit::ChainImpact;
+use super::joints::JointModel;
+use super::prepared::PreparedStrike;
+use super::saltation::{Saltation, saltation};
+use crate::error::SimError;
+use crate::trajectory::Moment;
+use carom_chain::{Chain, ChainError, FrameId, Point, Spatial};
+use carom_impact::{CoefficientRanges, Law};
+use nalgebra::Vector3;
+
+/// Extension trait of [`Chain`] with the method `chain.impact(&q, &qd)`; in the prelude of `carom`.
+pub trait Impacts {
+    /// Describes an impact of the chain at configuration `q` (length nq; rad, m, quaternion) with joint velocities `qd`
+    /// (length nv; rad/s, m/s). The contact point and the normal are set on the returned [`Strike`].
+    fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a>;
+}
+
+impl Impacts for Chain {
+    fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a> {
+        let joints = JointModel::Free;
+        Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None, joints }
+    }
+}
+
+/// The description of an impact: contact point, normal, and model of the joints.
+#[derive(Debug, Clone)]
+pub struct Strike<'a> {
+    chain: &'a Chain,
+    q: &'a [f64],
+    qd: &'a [f64],
+    frame: Option<FrameId>,
+    offset: Vector3<f64>,
+    normal: Option<[f64; 3]>,
+    joints: JointModel<'a>,
+}
+
+impl<'a> Strike<'a> {
+    /// The link frame whose origin is the contact point.
+    pub fn at(mut self, frame: FrameId) -> Self {
+        self.frame = Some(frame);
+        self
+    }
+
+    /// The contact point relative to that origin, in the axes of the frame, m; zero by default.
+    pub fn offset(mut self, offset: [f64; 3]) -> Self {
+        self.offset = offset.into();
+        self
+    }
+
+    /// Contact normal in world axes, from the environment to the robot, of any length except zero.
+    pub fn normal(mut self, normal: [f64; 3]) -> Self {
+        self.normal = Some(normal);
+        self
+    }
+
+    /// The action of the drives during the impact; none by default.
+    pub fn joints(mut self, joints: JointModel<'a>) -> Self {
+        self.joints = joints;
+        self
+    }
+
+    /// Checks the inputs that do not depend on q and qd: contact point, normal and joint model. The result computes impacts of
+    /// many states without allocation.
+    ///
+    /// # Errors
+    /// [`SimError::Incomplete`], [`SimError::FixedPoint`], [`SimError::Locked`] if all joints that move the point are locked,
+    /// [`SimError::Chain`] for a normal that is zero or an invalid joint, [`SimError::Setting`] for invalid impedances.
+    pub fn prepare(&self) -> Result<PreparedStrike<'a>, SimError> {
+        let Some(frame) = self.frame else {
+            return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
+        };
+        let Some(normal) = self.normal else {
+            return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
+        };
+        let given = Vector3::from(normal);
+        // Scaled first, so that squares neither overflow nor underflow.
+        let normal = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+        let Some(normal) = normal else {
+            return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
+        };
+        let point: Point<Spatial<f64>> = self.chain.point(frame, self.offset);
+        if point.body.is_none() {
+            return Err(SimError::FixedPoint { link: self.chain.frame_name(frame).to_owned() });
+        }
+        let added = self.joints.added_inertia(self.chain)?;
+        let bodies = self.chain.bodies();
+        let mut above = std::iter::successors(point.body, |&body| bodies[body].parent);
+        if !added.is_empty() && above.all(|body| added[bodies[body].v_index].is_infinite()) {
+            let link = self.chain.frame_name(frame).to_owned();
+            return Err(SimError::Locked { link, normal: normal.into() });
+        }
+        Ok(PreparedStrike::new(self.chain, (frame, self.offset), normal, added, self.joints.locks()))
+    }
+
+    /// Computes the contact: Jacobian, Delassus matrix and impact problem, which are the same for all laws.
+    ///
+    /// # Errors
+    /// As [`Strike::prepare`]; [`SimError::Chain`] for an invalid state; [`SimError::SingularNormal`] or [`SimError::Locked`] if
+    /// no (free) joint moves the contact point along the normal.
+    pub fn contact(self) -> Result<Contact<'a>, SimError> {
+        let prepared = self.prepare()?;
+        self.chain.check_state(self.q, self.qd)?;
+        Contact::new(prepared, self.q, self.qd)
+    }
+
+    /// Computes the impact with a law.
+    ///
+    /// # Errors
+    /// As [`Strike::contact`]; [`SimError::Impact`] for errors of the law.
+    pub fn resolve(self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
+        let mut prepared = self.prepare()?;
+        self.chain.check_state(self.q, self.qd)?;
+        let mut hit = prepared.outcome();
+        prepared.resolve_into(self.q, self.qd, law, &mut hit)?;
+        Ok(hit)
+    }
+
+    /// Computes all impacts that satisfy the law, see [`Law::branches`]. The first one is that of [`Strike::resolve`].
+    ///
+    /// # Errors
+    /// As [`Strike::resolve`].
+    pub fn branches(self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
+        self.contact()?.branches(law)
+    }
+
+    /// Computes the impact with a law and the derivatives of `qd_plus` with respect to q, qd⁻, e and μ. The contact point is
+    /// fixed on its link and the normal is fixed in the world.
+    ///
+    /// ```
+    /// # use carom_chain::uniform_chain;
+    /// # use carom_impact::Energetic;
+    /// # use carom_sim::Impacts;
+    /// let arm = uniform_chain(2, 1.0, 1.0)?;
+    /// let tip = arm.frame("tip")?;
+    /// let (q, qd) = ([0.3, 0.7], [-0.5, -1.0]);
+    /// let law = Energetic { restitution: 0.5, friction: 0.3 };
+    /// let derivative = arm.impact(&q, &qd).at(tip).normal([0.0, 1.0, 0.0]).derivative(&law)?;
+    /// // qd⁺ is homogeneous of degree one in qd⁻: ∂qd⁺/∂qd⁻ qd⁻ = qd⁺ (Euler's theorem).
+    /// let by_speed = &derivative.qd * nalgebra::DVector::from_column_slice(&qd);
+    /// assert!((by_speed - nalgebra::DVector::from_vec(derivative.hit.qd_plus)).amax() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Strike::resolve`]; [`SimError::Impact`] for a user-defined law, which has no derivative;
+    /// [`SimError::DerivativeOfHeldJoints`].
+    pub fn derivative(self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        self.contact()?.derivative(law)
+    }
+
+    /// Bounds of the outcome while e and μ vary in ranges: see [`Contact::band`].
+    ///
+    /// # Errors
+    /// As [`Strike::contact`] and [`Contact::band`].
+    pub fn band(self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
+        self.contact()?.band(law, ranges)
+    }
+
+    /// The saltation matrix of this impact with a plane at rest, for a chain that moves freely under `gravity` (world axes,
+    /// m/s²) before and after it: see [`saltation`](crate::saltation()).
+    ///
+    /// # Errors
+    /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
+    pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: [f64; 3]) -> Result<Saltation, SimError> {
+        let plane = self.prepare()?.plane();
+        let Self { chain, q, qd, .. } = self;
+        let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };
+        saltation(chain, &moment, &plane, law, |at| {
+            let mut workspace = chain.workspace();
+            let tau = vec![0.0; at.qd.len()];
+            Ok(workspace.update(chain, &at.q)?.forward_dynamics(&at.qd, &tau, gravity.into())?)
+        })
+    }
+}
