@@ -197,15 +197,13 @@ impl<A: Space> Motion<'_, A> {
         let wanted = DVector::from_fn(rows.len(), |i, _| -(rows[i].dot(&held.qdd) + drifts[i]));
         let slides = matches!(lasting, Some((_, Hold::Slides)));
         if let (true, Some((touch, _))) = (slides, lasting) {
-            // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
+            // Sliding is consistent if a unit force, with the other constraints held, opens the gap; NaN is not.
             let mut unit = DVector::zeros(rows.len());
             unit[0] = 1.0;
             let opens = solve(&delassus, &unit)[0];
             let mu = sim.touches[touch].contact.friction;
-            if opens.is_nan()
-                || opens <= 0.0
-                || 1.0 / opens <= 1e-12 * rows[0].dot(&view.kin.solve(rows[0].as_slice())?)
-            {
+            let yields = 1.0 / opens > 1e-12 * rows[0].dot(&view.kin.solve(rows[0].as_slice())?);
+            if !yields {
                 return Err(SimError::Jam { time, touch: sim.touches[touch].name.clone(), friction: mu });
             }
         }

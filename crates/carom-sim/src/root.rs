@@ -28,12 +28,11 @@ pub(crate) fn descent(mut above: Sample, mut below: Sample, mut value: impl FnMu
         }
         let new = (time, value(time));
         // `kept` and `new` are the new ends, `gone` the one that was left behind.
-        let (kept, gone) = if new.1 > 0.0 { (below, above) } else { (above, below) };
-        if new.1 > 0.0 {
-            above = new;
+        let (kept, gone) = if new.1 > 0.0 {
+            (below, std::mem::replace(&mut above, new))
         } else {
-            below = new;
-        }
+            (above, std::mem::replace(&mut below, new))
+        };
         share = if below.1 == 0.0 {
             // The value is exactly zero, so interpolation has no information: test whether the zeros begin here.
             let span = (below.0 - above.0).abs();
