@@ -3,8 +3,8 @@
 //! **Trigger rule.** A witness function w depends on the state. It is *armed* once it has been positive at the start of the
 //! leg or at the end of a step. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
 //! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
-//! start of a step and positive at its end, its minimum within the step is evaluated, so that a short or grazing contact is
-//! detected. A gap is armed only if it is wider than [`HYSTERESIS`], so that rounding after an impact does not count as
+//! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
+//! is detected. A gap is armed only if it is wider than [`HYSTERESIS`], so that rounding after an impact does not count as
 //! opening. A gap that is not armed and closes by more than this fires as well, so that no contact penetrates.
 //!
 //! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
@@ -160,7 +160,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
             sampler: None,
         };
         // A step must not be shorter than the rounding of the time.
-        if time - start > 1e-14 * (1.0 + time.abs()) {
+        if time - start > 1e-14 * time.abs() {
             integrate(system, start, &y, time, accuracy, statistics, &mut observer)?;
         }
         statistics.refinements += 1;
@@ -212,8 +212,13 @@ fn integrate(
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
         Integrator::Radau => {
-            let method =
-                RADAU::builder().max_step(longest).max_steps(max_steps).mass_storage(MatrixStorage::Identity).build();
+            // Radau of ivp 0.6 compares every step with the end but the first, which is 1e-6 s long by default.
+            let method = RADAU::builder()
+                .max_step(longest)
+                .first_step(f64::min(1e-6, (end - start).abs() / 2.0))
+                .max_steps(max_steps)
+                .mass_storage(MatrixStorage::Identity)
+                .build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
         }
     };
@@ -343,7 +348,7 @@ impl Observer<'_, '_, '_> {
         let (reached, value) = if after.value <= level {
             (end, after.value)
         } else {
-            let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b > 0.0)?;
+            let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
             let lowest = descent((start, -a), (end, -b), |time| -self.at(k, time, dense).rate.unwrap_or(0.0));
             let value = self.at(k, lowest, dense).value;
             if value > level {
@@ -362,5 +367,77 @@ impl Observer<'_, '_, '_> {
     fn at(&mut self, k: usize, time: f64, dense: &StepInterpolant) -> Witness {
         dense.interpolate(time, &mut self.buffer);
         self.system.ask(|flow| flow.witness(k, time, &self.buffer))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A flow with the rate 1, whose only witness is a gap that depends on time alone.
+    struct Clock<F> {
+        gap: F,
+        /// The latest time at which the rate was evaluated.
+        latest: f64,
+    }
+
+    impl<F: Fn(f64) -> Witness> Flow for Clock<F> {
+        fn rate(&mut self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+            self.latest = self.latest.max(t);
+            out.fill(1.0);
+            Ok(())
+        }
+        fn begin(&mut self) {}
+        fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
+            *out = vec![self.witness(0, t, y)?];
+            Ok(())
+        }
+        fn witness(&mut self, _: usize, t: f64, _: &[f64]) -> Result<Witness, SimError> {
+            Ok((self.gap)(t))
+        }
+        fn settle(&mut self, _: f64, _: &mut [f64]) -> Result<bool, SimError> {
+            Ok(false)
+        }
+    }
+
+    /// One leg of a [`Clock`] from time 0 with y = 1, and its latest evaluation.
+    fn run(gap: impl Fn(f64) -> Witness, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
+        let mut flow = Clock { gap, latest: 0.0 };
+        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, gives_up: false };
+        let mut statistics = Statistics::default();
+        let sampling = Sampling { every: None, dense: false };
+        let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {} };
+        let found = leg(&mut flow, 0.0, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
+        (found, statistics, flow.latest)
+    }
+
+    /// A gap 0.1 − x² + 1.1 x³ with x = 1 − t/T closes within the step of length T and is stationary, open, at its end.
+    #[test]
+    fn a_gap_that_is_stationary_at_the_end_of_its_step_is_not_missed() {
+        let end = 2.0_f64.powi(-10); // shorter than the first step, so that there is one step only
+        let gap = |t: f64| {
+            let x = 1.0 - t / end;
+            Witness { value: 0.1 - x * x + 1.1 * x.powi(3), rate: Some((2.0 * x - 3.3 * x * x) / end) }
+        };
+        assert_eq!(gap(end), Witness { value: 0.1, rate: Some(0.0) });
+        let (found, statistics, _) = run(gap, end, Integrator::DormandPrince);
+        assert_eq!((found.fired, statistics.steps - statistics.refinements), (Some(0), 1));
+        // Values of size one are exact to some units of rounding.
+        let there = gap(found.time);
+        assert!(there.value.abs() < 8.0 * f64::EPSILON && there.rate < Some(0.0), "{there:?} at {}", found.time);
+    }
+
+    /// Beyond its end the forces may be others, for instance those of the next row of a table.
+    #[test]
+    fn a_leg_is_not_evaluated_beyond_its_end() {
+        for integrator in [Integrator::DormandPrince, Integrator::Radau] {
+            for end in [1e-14, 5e-7, 2e-6, 1e-3, 3.0] {
+                let (found, _, latest) = run(|_| Witness { value: 1.0, rate: Some(0.0) }, end, integrator);
+                assert_eq!((found.time, found.fired), (end, None));
+                // The last step ends at the rounded sum of its start and its length.
+                assert!((latest / end - 1.0).abs() < 1e-15, "{integrator:?}: {latest} beyond {end}");
+                assert!((found.y[0] - 1.0 - end).abs() < 1e-14, "{integrator:?}: {:?}", found.y);
+            }
+        }
     }
 }
