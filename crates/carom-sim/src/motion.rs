@@ -297,3 +297,35 @@ pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
     let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
     eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carom_chain::urdf::LoadOptions;
+
+    /// Two free bodies: the change of one quaternion is reported, whichever it is, and none if both have unit length.
+    #[test]
+    fn normalise_reports_whether_any_quaternion_changed() {
+        let body = |name: &str| {
+            format!(
+                r#"<link name="{name}"><inertial><mass value="1"/>
+                  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+                <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>"#
+            )
+        };
+        let text = format!(r#"<robot name="pair"><link name="world"/>{}{}</robot>"#, body("a"), body("b"));
+        let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+        let simulation = Simulation::new(chain, Vec::new());
+        let unit = [0.0, 0.0, 0.0, 0.48, 0.6, 0.0, 0.64];
+        for lengths in [[1.0, 1.0], [1.0, 1.25], [1.25, 1.0], [1.25, 1.25]] {
+            let mut q = [unit, unit].concat();
+            for (q, length) in q.chunks_mut(7).zip(lengths) {
+                q[3..].iter_mut().for_each(|x| *x *= length);
+            }
+            assert_eq!(simulation.normalise(&mut q), lengths != [1.0, 1.0], "{lengths:?}");
+            for (found, exact) in q.iter().zip([unit, unit].concat()) {
+                assert!((found - exact).abs() <= f64::EPSILON, "{lengths:?}: {q:?}");
+            }
+        }
+    }
+}
