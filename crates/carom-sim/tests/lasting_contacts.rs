@@ -1,0 +1,107 @@
+//! Beginning and end of lasting contacts, and time steps while several last.
+
+use carom_chain::Chain;
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Surface, Touch};
+use nalgebra::{Isometry3, Vector3};
+
+const G: f64 = 9.81;
+
+fn over(chain: Chain, obstacle: Obstacle, restitution: f64) -> Simulation {
+    let contact = ContactRule { law: "newton", restitution, ..ContactRule::default() };
+    let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    Simulation::new(chain, touches)
+}
+
+/// A free body of 1 kg with a collision shape.
+fn body(shape: &str) -> Chain {
+    let text = format!(
+        r#"<robot name="body"><link name="body"><inertial><mass value="1"/>
+        <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
+        <collision><geometry>{shape}</geometry></collision></link></robot>"#
+    );
+    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+}
+
+/// A ball of radius r on top of a sphere of radius R leaves it at once if v² > g (R + r), and slides at first if not.
+#[test]
+fn a_fast_ball_leaves_the_top_of_a_sphere_at_once() {
+    let (post, own) = (0.5, 0.1);
+    let mut sim = over(body(r#"<sphere radius="0.1"/>"#), Obstacle::sphere(Vector3::zeros(), post).unwrap(), 0.0);
+    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    let q = [0.0, 0.0, post + own, 0.0, 0.0, 0.0, 1.0];
+    for (share, leaves) in [(0.99, false), (1.01, true)] {
+        let v = f64::sqrt(share * G * (post + own));
+        let run = sim.run(&q, &[v, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
+        let kinds: Vec<&str> = run.events.iter().map(|event| event.kind.name()).collect();
+        if leaves {
+            assert!(kinds.is_empty(), "{kinds:?}");
+            // A parabola, on which the tolerance of 1e-9 applies to some steps.
+            let exact = [v * 0.1, 0.0, post + own - G * 0.005];
+            let off = run.summary.last.q.iter().zip(exact).fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
+            assert!(off < 1e-8, "{:?} against {exact:?}", run.summary.last.q);
+        } else {
+            assert_eq!(kinds, ["sliding", "lift-off"]);
+        }
+    }
+}
+
+/// A box that starts in the instant of its flat impact on a table rebounds with e, without rotation: the impact is at all
+/// its corners, not at one nearest point.
+#[test]
+fn a_box_that_starts_with_a_flat_impact_rebounds_without_rotation() {
+    let table = Isometry3::translation(0.1, -0.2, -0.05);
+    let table = Obstacle::cuboid(table, Vector3::new(1.0, 1.0, 0.1)).unwrap();
+    let sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), table, 0.5);
+    assert_eq!(sim.touches.len(), 1);
+    let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();
+    let last = &run.summary.last;
+    assert!(last.qd[3..].iter().all(|w| w.abs() < 1e-9), "{last:?}");
+    assert!((last.qd[2] - 0.5).abs() < 1e-9, "{last:?}");
+    assert_eq!(run.events[0].kind.name(), "stepping");
+}
+
+/// After the last closed contact ten time steps pass before the motion is event-driven again.
+#[test]
+fn free_motion_begins_ten_time_steps_after_the_last_contact() {
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let mut sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), floor, 0.5);
+    sim.contact_step = 2.0_f64.powi(-10);
+    let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();
+    let modes: Vec<_> = run.events.iter().map(|event| (event.kind.name(), event.time)).collect();
+    // The impact is in the first step.
+    assert_eq!(modes, [("stepping", 0.0), ("free", 11.0 * sim.contact_step)]);
+    assert!(matches!(run.events[1].kind, EventKind::Mode { mode: ContactMode::Free }));
+    assert_eq!(run.summary.statistics.contact_steps, 11);
+    assert!((run.summary.last.qd[2] - 0.5).abs() < 1e-9, "{:?}", run.summary.last);
+}
+
+/// One mass on a spring and a damper in time steps: their force is that of the state at the end of each step,
+/// m (v⁺ − v)/h = k (target − x⁺) − d v⁺, which is stable for any stiffness. Without them the velocity stays.
+#[test]
+fn time_steps_are_implicit_in_the_controller() {
+    let text = r#"<robot name="slider"><link name="world"/>
+        <link name="mass"><inertial><mass value="2"/>
+          <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <joint name="x" type="prismatic"><parent link="world"/><child link="mass"/><axis xyz="1 0 0"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let (mass, target, h) = (2.0, 0.3, 2.0_f64.powi(-7));
+    for (kp, kd) in [(0.0, 0.0), (50.0, 0.0), (50.0, 4.0), (1e7, 3.0)] {
+        let drive = Drive::Pd { kp, kd, target: vec![target] };
+        let sim = Simulation { drive, stepping: true, contact_step: h, ..Simulation::new(chain.clone(), Vec::new()) };
+        let (mut x, mut v) = (0.1_f64, 1.5_f64);
+        for steps in 1..=8 {
+            let last = sim.run(&[0.1], &[1.5], f64::from(steps) * h).unwrap().summary.last;
+            let (after, force) = (last.qd[0], kp * (target - last.q[0]) - kd * last.qd[0]);
+            // Both sides are sums of terms of this size.
+            let size = mass * (v.abs() + after.abs()) + h * kp * (x.abs() + target) + h * kd * v.abs();
+            assert!((mass * (after - v) - h * force).abs() < 1e-14 * size, "kp {kp}, kd {kd}, step {steps}: {last:?}");
+            assert!((last.q[0] - x - h / 2.0 * (v + after)).abs() < 1e-15);
+            (x, v) = (last.q[0], after);
+        }
+        assert!(kp > 0.0 || v == 1.5);
+    }
+}
