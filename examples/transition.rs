@@ -10,7 +10,7 @@ use carom::sim::{
     Transition,
 };
 use carom::study::paper::{Elbow, strike};
-use carom::{Chain, SimError};
+use carom::{Chain, Energetic, SimError};
 
 const URDF: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf");
 const SPEED: f64 = 0.2;
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // The wall stands 10 mm before the tip of this pose.
     let at = arm.workspace().update(&arm, &pose)?.pose(arm.frame("tip")?).translation;
     let wall = Obstacle::half_space(at + Vector3::x() * 0.01, normal)?;
-    let contact = ContactRule { law: "energetic", restitution: RESTITUTION, ..ContactRule::default() };
+    let contact = ContactRule::new(Energetic { restitution: RESTITUTION, friction: 0.0 });
     let surface = Surface { name: "wall".into(), obstacle: wall, contact, motion: None };
     let touches = Touch::all(&arm, &[surface], 0.0)?.touches;
 

@@ -2,7 +2,7 @@
 
 use carom::impact::Damping;
 use carom::sim::{Compliance, ContactMode, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Yielding};
-use carom::{Chain, Energetic, Impacts};
+use carom::{Chain, Energetic, Frictionless, Impacts};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
@@ -15,7 +15,7 @@ fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule) -> Vec<Touc
 fn soft(stiffness: f64, restitution: f64, friction: f64) -> ContactRule {
     let compliance =
         Some(Compliance { tangential: Holding::Smoothed { slip_speed: 1e-4 }, ..Compliance::new(stiffness) });
-    ContactRule { law: "energetic", restitution, friction, compliance, ..ContactRule::default() }
+    ContactRule { compliance, ..ContactRule::new(Energetic { restitution, friction }) }
 }
 
 /// For every mass, stiffness and speed: v⁺ = e v⁻, the dissipated energy is ½ m v² (1 − e²), and ∫F dt = m v (1 + e).
@@ -155,8 +155,8 @@ fn sliding_block(mass: f64) -> Chain {
 
 fn block_on_slope(tangent: f64, compliance: Compliance) -> Simulation {
     let chain = sliding_block(2.0);
-    let rule =
-        ContactRule { law: "energetic", restitution: 0.2, friction: 0.5, compliance: Some(compliance), latch: false };
+    let law = Energetic { restitution: 0.2, friction: 0.5 };
+    let rule = ContactRule { compliance: Some(compliance), ..ContactRule::new(law) };
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
     let touches = touching(&chain, floor, rule);
     let gravity = Vector3::new(tangent, 0.0, -1.0) * (9.81 / tangent.hypot(1.0));
@@ -229,13 +229,12 @@ fn a_stiff_walton_braun_contact_gives_stronges_impact() {
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
     let tangential = Holding::Smoothed { slip_speed: 1e-5 };
     let compliance = Compliance { normal: Yielding::WaltonBraun, tangential, ..Compliance::new(1e9) };
-    let rule =
-        ContactRule { law: "energetic", restitution: 0.5, friction: 0.4, compliance: Some(compliance), latch: false };
+    let law = Energetic { restitution: 0.5, friction: 0.4 };
+    let rule = ContactRule { compliance: Some(compliance), ..ContactRule::new(law) };
     let touches = touching(&chain, wall, rule).into_iter().filter(|touch| touch.link() == Some("tip")).collect();
     let sim = Simulation { tolerance: 1e-11, max_events: 2, ..Simulation::new(chain.clone(), touches) };
     let run = sim.run(&[0.78, -1.57], &[0.1, 0.5], 1.0).unwrap();
     let [presses, leaves] = run.events.as_slice() else { panic!("{:?}", run.events) };
-    let law = Energetic { restitution: 0.5, friction: 0.4 };
     let tip = chain.frame("tip").unwrap();
     let rigid = chain.impact(&presses.q, &presses.qd_minus).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
     for (a, b) in leaves.qd_plus.iter().zip(&rigid.qd_plus) {
@@ -321,7 +320,8 @@ fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {
     )
     .unwrap();
     let floor = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let contact = ContactRule { restitution: 0.5, compliance: Some(Compliance::new(1e6)), ..ContactRule::default() };
+    let law = Frictionless { restitution: 0.5 };
+    let contact = ContactRule { compliance: Some(Compliance::new(1e6)), ..ContactRule::new(law) };
     let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
     let sim = Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) };

@@ -1,10 +1,10 @@
 //! Closed forms for dry friction, damping, torque tables, latches, moving surfaces and controllers, and the energy balance
 //! of each.
 
-use carom::Chain;
 use carom::sim::{
     ContactMode, ContactRule, Drive, EventKind, ImpactInvariant, Oscillation, Simulation, Surface, Touch, Transition,
 };
+use carom::{Chain, Newton};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
@@ -124,7 +124,7 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
             let amplitude = gamma * G / (omega * omega);
             let chain = slider("");
             let motion = Oscillation { amplitude: Vector3::z() * amplitude, frequency: omega, phase: 0.0 };
-            let rule = ContactRule { law: "newton", restitution: e, ..ContactRule::default() };
+            let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
             let touches = touching(&chain, level(), rule, Some(motion));
             let mut sim = Simulation { tolerance: 1e-11, zeno_time: 1e-7, ..Simulation::new(chain, touches) };
             sim.gravity = Vector3::new(0.0, 0.0, -G);
@@ -152,7 +152,7 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
 #[test]
 fn the_flow_through_a_bounce_has_the_published_derivative() {
     let chain = slider("");
-    let rule = ContactRule { law: "newton", restitution: 0.8, ..ContactRule::default() };
+    let rule = ContactRule::new(Newton { restitution: 0.8, friction: 0.0 });
     let touches = touching(&chain, level(), rule, None);
     let mut sim = Simulation { tolerance: 1e-12, ..Simulation::new(chain, touches) };
     sim.gravity = Vector3::new(0.0, 0.0, -G);
@@ -176,7 +176,7 @@ fn the_flow_through_a_bounce_has_the_published_derivative() {
 fn wall_arm(drive: Drive, after: Option<Drive>, e: f64) -> (Simulation, [f64; 2], Vec<f64>) {
     let chain = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let wall = Obstacle::half_space(Vector3::new(0.6464, 0.0, 0.0), -Vector3::x()).unwrap();
-    let rule = ContactRule { law: "newton", restitution: e, ..ContactRule::default() };
+    let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
     let touches = touching(&chain, wall, rule, None).into_iter().filter(|t| t.link() == Some("tip")).collect();
     let q = [PI / 4.0, -PI / 2.0];
     let mut ws = chain.workspace();

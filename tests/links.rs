@@ -1,7 +1,8 @@
 //! Contacts between two links of a chain.
 
-use carom::Chain;
-use carom::sim::{ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
+use carom::impact::Coefficients;
+use carom::sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
+use carom::{Chain, Frictionless};
 use carom_chain::urdf::LoadOptions;
 use nalgebra::Vector3;
 
@@ -27,14 +28,14 @@ fn row(count: usize) -> Chain {
 fn neighbours(chain: Chain, contact: ContactRule) -> Simulation {
     let pairs = 1..chain.nv();
     let touches =
-        pairs.flat_map(|k| Touch::between(&chain, &format!("ball{k}"), &format!("ball{}", k + 1), contact).unwrap());
+        pairs.flat_map(|k| Touch::between(&chain, &format!("ball{k}"), &format!("ball{}", k + 1), &contact).unwrap());
     Simulation::new(chain.clone(), touches.collect())
 }
 
 /// B14: two balls of 1 kg, the first at 1 m/s, e = 1: they exchange their velocities, and the second ends at x₁ + v₀T + 2r.
 #[test]
 fn an_elastic_pair_exchanges_velocities() {
-    let sim = neighbours(row(2), ContactRule { restitution: 1.0, ..ContactRule::default() });
+    let sim = neighbours(row(2), ContactRule::new(Frictionless { restitution: 1.0 }));
     let run = sim.run(&[0.0, 0.52], &[1.0, 0.0], 1.0).unwrap();
     let end = &run.summary.last;
     assert!((end.q[1] - 1.2).abs() < 1e-13, "{:?}", end.q);
@@ -56,7 +57,7 @@ fn each_law_of_several_contacts_gives_its_cradle_velocities() {
         (5, 1.0, SeveralLaw::Sequential, vec![0.0, 0.0, 0.0, 0.0, 1.0]),
     ];
     for (count, restitution, several, after) in cases {
-        let contact = ContactRule { restitution, ..ContactRule::default() };
+        let contact = ContactRule::new(Frictionless { restitution });
         let sim = Simulation { several, ..neighbours(row(count), contact) };
         let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
         q[0] = -0.3;
@@ -105,8 +106,9 @@ fn a_collision_of_free_bodies_conserves_momentum() {
         (linear, angular)
     };
     for law in ["energetic", "poisson", "chatterjee-ruina"] {
-        let contact = ContactRule { law, restitution: 0.6, friction: 0.4, ..ContactRule::default() };
-        let touches = Touch::between(&chain, "ball", "box", contact).unwrap();
+        let coefficients = Coefficients { restitution: 0.6, friction: 0.4, ..Coefficients::default() };
+        let contact = ContactRule::new(ContactLaw::named(law, coefficients).unwrap());
+        let touches = Touch::between(&chain, "ball", "box", &contact).unwrap();
         let sim = Simulation::new(chain.clone(), touches);
         let q = [-1.0, 0.05, -0.02, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
         let qd = [2.0, 0.1, 0.2, 0.0, 5.0, -3.0, -1.0, 0.0, 0.0, 0.3, -0.2, 0.4];
@@ -152,7 +154,7 @@ fn a_cradle_keeps_its_period_and_energy() {
 #[test]
 fn invalid_link_pairs_are_refused() {
     let chain = row(2);
-    let refuse = |a: &str, b: &str| Touch::between(&chain, a, b, ContactRule::default()).unwrap_err().to_string();
+    let refuse = |a: &str, b: &str| Touch::between(&chain, a, b, &ContactRule::default()).unwrap_err().to_string();
     assert_eq!(refuse("ball1", "ball1"), "link 'ball1' is paired with itself: name two links");
     assert_eq!(refuse("ball1", "world"), "link 'world' has no collision shape: give it one in the URDF");
     assert!(refuse("ball1", "ball3").contains("ball3"), "{}", refuse("ball1", "ball3"));

@@ -1,7 +1,8 @@
 //! The reductions of a plan: exact reductions change results by rounding only; the others stay within their bound.
 
 use carom::Chain;
-use carom::sim::{Moment, Oscillation, Scene, Simulation, Surface, Touch};
+use carom::impact::Coefficients;
+use carom::sim::{ContactLaw, ContactRule, Moment, Oscillation, Scene, Simulation, Surface, Touch};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
@@ -222,7 +223,8 @@ fn error_of_neglected_friction_is_within_the_reported_bound() {
         // The wall is 1 mm ahead of the tip in the direction of its motion along x.
         let toward = if u.x > 0.0 { 1.0 } else { -1.0 };
         let wall = Obstacle::half_space(place + Vector3::x() * toward * 1e-3, -Vector3::x() * toward).unwrap();
-        let rule = carom::sim::ContactRule { law, restitution: e, friction: mu, ..Default::default() };
+        let coefficients = Coefficients { restitution: e, friction: mu, ..Coefficients::default() };
+        let rule = ContactRule::new(ContactLaw::named(law, coefficients).unwrap());
         let surface = Surface { name: "wall".into(), obstacle: wall, contact: rule, motion: None };
         let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
         let touches = touches.into_iter().filter(|touch| touch.link() == Some("tip")).collect();

@@ -1,7 +1,8 @@
 //! Simulations with several contacts at the same time.
 
 use carom::Chain;
-use carom::sim::{ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
+use carom::impact::Coefficients;
+use carom::sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
@@ -12,8 +13,10 @@ fn slope(angle: f64) -> Obstacle {
     Obstacle::half_space(Vector3::zeros(), Vector3::new(angle.sin(), 0.0, angle.cos())).unwrap()
 }
 
-fn simulation(chain: Chain, floor: Obstacle, law: &'static str, e: f64, friction: f64) -> Simulation {
-    let contact = ContactRule { law, restitution: e, friction, ..ContactRule::default() };
+fn simulation(chain: Chain, floor: Obstacle, law: &str, restitution: f64, friction: f64) -> Simulation {
+    let contact = ContactRule::new(
+        ContactLaw::named(law, Coefficients { restitution, friction, ..Coefficients::default() }).unwrap(),
+    );
     let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
     let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();

@@ -56,6 +56,17 @@ pub struct LawArgs {
     tangential_restitution: Option<f64>,
 }
 
+/// The checked `--tangential-restitution`, with a warning if the law does not use it.
+pub fn tangential(law: &str, given: Option<f64>) -> Result<f64, CliError> {
+    let Some(et) = given else { return Ok(0.0) };
+    let rule = "a coefficient of tangential restitution lies between -1 and 1";
+    within("--tangential-restitution", et, -1.0..=1.0, rule)?;
+    if !["all", "chatterjee-ruina"].contains(&law) {
+        say(&format!("warning: --tangential-restitution is not used by {law}"));
+    }
+    Ok(et)
+}
+
 /// Laws with their names.
 type Named<const D: usize> = Vec<(&'static str, Box<dyn Law<f64, D> + Send + Sync>)>;
 
@@ -63,19 +74,10 @@ impl LawArgs {
     /// The laws asked for.
     pub fn laws<const D: usize>(&self) -> Result<Named<D>, CliError> {
         check_coefficients(self.restitution, self.friction)?;
-        if let Some(et) = self.tangential_restitution {
-            let rule = "a coefficient of tangential restitution lies between -1 and 1";
-            within("--tangential-restitution", et, -1.0..=1.0, rule)?;
-            if !["all", "chatterjee-ruina"].contains(&self.law.as_str()) {
-                say(&format!("warning: --tangential-restitution is not used by {}", self.law));
-            }
-        }
+        let tangential_restitution = tangential(&self.law, self.tangential_restitution)?;
         let asked = LAW_NAMES.into_iter().filter(|&name| self.law == "all" || self.law == name);
-        let coefficients = Coefficients {
-            restitution: self.restitution,
-            tangential_restitution: self.tangential_restitution.unwrap_or_default(),
-            friction: self.friction,
-        };
+        let (restitution, friction) = (self.restitution, self.friction);
+        let coefficients = Coefficients { restitution, tangential_restitution, friction };
         let law = |name| Some((name, law_by_name(name, coefficients)?));
         Ok(asked.filter_map(law).collect())
     }

@@ -181,7 +181,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
         qd_plus: &e.qd_plus,
         impact: match &e.kind {
             EventKind::Impact { touch, hit } => Some(Impact {
-                law: sim.touches[*touch].contact.law,
+                law: sim.touches[*touch].contact.law.name(),
                 impulse: hit.impulse.into(),
                 u_minus: hit.u_minus.into(),
                 u_plus: hit.u_plus.into(),

@@ -2,10 +2,10 @@
 
 use crate::error::CliError;
 use crate::input::{check_coefficients, within};
-use crate::law::laws;
+use crate::law::{laws, tangential};
 use crate::output::{answer, say, short};
-use carom_impact::LAW_NAMES;
-use carom_sim::ContactRule;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactRule};
 use carom_study::{PoseError, RollOut, TossError, Tosses};
 use clap::Args;
 use serde::Serialize;
@@ -44,6 +44,9 @@ pub struct TossesCommand {
     /// Coefficient of Coulomb friction, 0 or more
     #[arg(long, value_name = "MU", default_value_t = 0.3, allow_hyphen_values = true)]
     friction: f64,
+    /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
+    #[arg(long, value_name = "ET", allow_hyphen_values = true)]
+    tangential_restitution: Option<f64>,
     /// Relative tolerance of the integration
     #[arg(long, default_value = "1e-9", allow_hyphen_values = true)]
     tolerance: f64,
@@ -94,7 +97,9 @@ const REST: f64 = 1e-3;
 
 impl TossesCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        check_coefficients(self.restitution, self.friction)?;
+        let Self { restitution, friction, .. } = self;
+        check_coefficients(restitution, friction)?;
+        let tangential_restitution = tangential(&self.law, self.tangential_restitution)?;
         for (option, x) in [("--tolerance", self.tolerance), ("--contact-step", self.contact_step)] {
             within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
         }
@@ -103,10 +108,9 @@ impl TossesCommand {
         for warning in tosses.chain.warnings() {
             say(&format!("warning: {warning}"));
         }
-        let law = LAW_NAMES.into_iter().find(|name| *name == self.law).unwrap_or(LAW_NAMES[0]);
-        let rule =
-            ContactRule { law, restitution: self.restitution, friction: self.friction, ..ContactRule::default() };
-        let all = tosses.roll_out(rule, self.tolerance, self.contact_step);
+        let law = ContactLaw::named(&self.law, Coefficients { restitution, tangential_restitution, friction });
+        let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the option accepts names of laws only")));
+        let all = tosses.roll_out(&rule, self.tolerance, self.contact_step);
         let (mut rolled, mut failures) = (Vec::new(), Vec::new());
         for one in all {
             match one {

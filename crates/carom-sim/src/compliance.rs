@@ -7,9 +7,10 @@ use carom_impact::{
 use nalgebra::Vector3;
 
 use crate::error::SimError;
-use crate::touch::ContactRule;
+use crate::rule::ContactRule;
 
-/// The parameters of a compliant contact. Restitution and friction are those of its [`ContactRule`].
+/// The parameters of a compliant contact. Restitution and friction are those of its
+/// [`ContactLaw`](crate::ContactLaw).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Compliance {
     /// k, N/m; N/mⁿ under [`Yielding::HuntCrossley`].
@@ -134,8 +135,8 @@ impl Compliance {
             }
             other => other.into(),
         };
-        self.normal(rule.restitution).map_err(named)?;
-        self.tangential(rule.friction).map(drop).map_err(named)
+        self.normal(rule.law.restitution()).map_err(named)?;
+        self.tangential(rule.law.friction()).map(drop).map_err(named)
     }
 
     /// The force on the robot for a gap, its rate, and the velocity `u` relative to the surface.
@@ -148,8 +149,8 @@ impl Compliance {
         u: &Vector3<f64>,
     ) -> Result<Pressed, SimError> {
         let along = |v: &Vector3<f64>| v - normal * normal.dot(v);
-        let size = self.normal(rule.restitution)?.force(-gap, -rate, memory.damping, memory.deepest);
-        let (law, slip, deflection) = (self.tangential(rule.friction)?, along(u), along(&memory.deflection));
+        let size = self.normal(rule.law.restitution())?.force(-gap, -rate, memory.damping, memory.deepest);
+        let (law, slip, deflection) = (self.tangential(rule.law.friction())?, along(u), along(&memory.deflection));
         let force = normal * size + law.force(&deflection, &slip, size);
         Ok(Pressed { force, bends: law.rate(&deflection, &slip, size) })
     }

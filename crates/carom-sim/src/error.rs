@@ -152,14 +152,6 @@ pub enum SimError {
         "derivatives of an impact with locked or impedance-weighted joints are not implemented: leave the joints free"
     )]
     DerivativeOfHeldJoints,
-    /// An unknown impact law.
-    #[error("no law is named '{name}': the laws are {known}")]
-    UnknownLaw {
-        /// The name given.
-        name: String,
-        /// The known names, separated by commas.
-        known: String,
-    },
     /// An invalid scene file.
     #[error("{file}: {rule}")]
     Scene {

@@ -147,7 +147,7 @@ impl<A: Space> Motion<'_, A> {
                     normal = place.normal;
                 }
                 (Some(place), Hold::Slides) => {
-                    let mu = touch.contact.friction;
+                    let mu = touch.contact.law.friction();
                     let u = touch.u(&place, &view, qd, time)?;
                     let d = direction_of_slip(u, place.normal, qd).unwrap_or(slip);
                     normal = place.normal;
@@ -201,7 +201,7 @@ impl<A: Space> Motion<'_, A> {
             let mut unit = DVector::zeros(rows.len());
             unit[0] = 1.0;
             let opens = solve(&delassus, &unit)[0];
-            let mu = sim.touches[touch].contact.friction;
+            let mu = sim.touches[touch].contact.law.friction();
             let yields = 1.0 / opens > 1e-12 * rows[0].dot(&view.kin.solve(rows[0].as_slice())?);
             if !yields {
                 return Err(SimError::Jam { time, touch: sim.touches[touch].name.clone(), friction: mu });

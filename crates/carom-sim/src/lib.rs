@@ -24,8 +24,10 @@ mod leg;
 mod motion;
 mod plan;
 mod root;
+mod rule;
 mod run;
 mod scene;
+mod scene_contact;
 mod scene_drive;
 mod scene_file;
 mod settle;
@@ -46,12 +48,13 @@ pub use impact::{
     saltation,
 };
 pub use plan::{Bounded, Decision, Plan};
+pub use rule::{ContactLaw, ContactRule};
 pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;
 pub use several::SeveralLaw;
 pub use simulate::{Integrator, Simulation};
-pub use touch::{ContactRule, Oscillation, Surface, Touch, Touches};
+pub use touch::{Oscillation, Surface, Touch, Touches};
 pub use trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
     Trajectory,

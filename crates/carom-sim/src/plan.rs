@@ -17,11 +17,12 @@ use crate::compliance::Compliance;
 use crate::drive::Drive;
 use crate::error::SimError;
 use crate::motion::{Motion, beyond, responses};
+use crate::rule::ContactRule;
 use crate::run::friction_bound;
 use crate::scene::Scene;
 use crate::simulate::{Integrator, Simulation};
 use crate::space::View;
-use crate::touch::{ContactRule, Touch, TouchKind};
+use crate::touch::{Touch, TouchKind};
 use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -134,11 +135,11 @@ impl Plan {
         let mut pairs: Vec<_> = whole.touches.iter().filter_map(|touch| touch.link().zip(touch.other_link())).collect();
         pairs.dedup();
         for (link, other) in pairs {
-            touches.extend(Touch::between(&less.chain, link, other, ContactRule::default())?);
+            touches.extend(Touch::between(&less.chain, link, other, &ContactRule::default())?);
         }
         for touch in &mut touches {
             if let Some(same) = whole.touches.iter().find(|same| same.name == touch.name) {
-                touch.contact = same.contact;
+                touch.contact = same.contact.clone();
             }
         }
         let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
@@ -238,18 +239,37 @@ impl Plan {
         let surfaces: Vec<&Touch> = touches.filter(|touch| touch.link().is_some()).collect();
         let Some(first) = surfaces.first() else { return Ok(()) };
         let uniform = surfaces.iter().all(|touch| touch.contact == first.contact);
-        let (law, e, mu) = (first.contact.law, first.contact.restitution, first.contact.friction);
-        let choice =
-            if uniform { format!("{law}, restitution {e}, friction {mu}") } else { "one for each pair".to_owned() };
+        let law = &first.contact.law;
+        let (e, mu) = (law.restitution(), law.friction());
+        let tangential = match law.known().map_or(0.0, |law| law.coefficients().tangential_restitution) {
+            0.0 => String::new(),
+            value => format!(", tangential restitution {value}"),
+        };
+        let choice = if uniform {
+            format!("{}, restitution {e}{tangential}, friction {mu}", law.name())
+        } else {
+            "one for each pair".to_owned()
+        };
+        let users = surfaces.iter().map(|touch| &touch.contact.law).filter(|law| law.is_users());
+        let mut users: Vec<&str> = users.map(|law| law.name()).collect();
+        users.sort_unstable();
+        users.dedup();
         let compliant = surfaces.iter().any(|touch| touch.contact.compliance.is_some());
-        let largest = surfaces.iter().map(|touch| touch.contact.friction).fold(0.0, f64::max);
+        let known = surfaces.iter().map(|touch| &touch.contact.law).filter(|law| !law.is_users());
+        let largest = known.map(|law| law.friction()).fold(0.0, f64::max);
         let bound = match neglect {
             Some(share) if largest > 0.0 => self.bound_at_start(largest, e)?.map(|bound| (bound, share)),
             _ => None,
         };
+        let users = users.join(", ");
         let why = if uniform { "the same for all contacts" } else { "set by [[contact.pair]] or a surface" };
         self.keep("law", choice, why);
-        if largest == 0.0 {
+        if !users.is_empty() {
+            let choice = format!("{users}: in impacts of one contact, always with its own friction");
+            let why =
+                "a user's law; several, lasting and compliant contacts have the restitution and friction given with it";
+            self.keep("law", choice, why);
+        } else if largest == 0.0 {
             let why = "friction is 0 everywhere: every law then gives the normal impulse −(1+e) uₙ/(nᵀHn)";
             self.leave_out("friction", "tangential impulses and forces", why);
         }
@@ -282,7 +302,8 @@ impl Plan {
             if nearest.is_none_or(|(least, _)| gap < least) {
                 let speed = (-rate).max(Compliance::SLOWEST);
                 let mass = motion.effective_mass(k, &self.q, 0.0)?;
-                nearest = Some((gap, compliance.normal(touch.contact.restitution)?.greatest_penetration(speed, mass)));
+                nearest =
+                    Some((gap, compliance.normal(touch.contact.law.restitution())?.greatest_penetration(speed, mass)));
             }
         }
         Ok(nearest.map_or(0.0, |(_, depth)| depth))

@@ -25,13 +25,12 @@ use crate::leg::{Accuracy, LegEnd, Sampler, leg};
 use crate::motion::{Dry, Motion};
 use crate::simulate::{Integrator, Simulation};
 use crate::space::Space;
-use crate::touch::ContactRule;
 use crate::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
 };
 use crate::watch::Watch;
 use carom_chain::algebra::z_onto;
-use carom_impact::{Coefficients, Frictionless, ImpactProblem, law_by_name};
+use carom_impact::{Frictionless, ImpactProblem, Law};
 use nalgebra::{Matrix3, Vector3};
 
 /// The state of a run.
@@ -182,12 +181,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             if sunk.len() + hits.len() + rests.len() > 1 {
                 return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth });
             }
-            let ContactRule { compliance, restitution, .. } = sim.touches[touch].contact;
+            let rule = &sim.touches[touch].contact;
             let (q, _) = self.q_qd();
             let mass = self.motion.effective_mass(touch, &q, self.time)?;
             let speed = approach.max(Compliance::SLOWEST);
-            let damping =
-                compliance.map_or(Ok(0.0), |it| Ok::<_, SimError>(it.normal(restitution)?.damping(speed, mass)))?;
+            let damping = rule
+                .compliance
+                .map_or(Ok(0.0), |it| Ok::<_, SimError>(it.normal(rule.law.restitution())?.damping(speed, mass)))?;
             return self.press(touch, damping);
         }
         if sim.stepping {
@@ -299,7 +299,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let one = &sim.touches[touch];
         if let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) {
             let speed = (-approach).max(Compliance::SLOWEST);
-            let law = compliance.normal(one.contact.restitution)?;
+            let law = compliance.normal(one.contact.law.restitution())?;
             let mass = self.motion.effective_mass(touch, &q, time)?;
             let depth = law.greatest_penetration(speed, mass);
             if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
@@ -317,10 +317,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let at = one.at(&view, &q, time);
         let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
             (Some(place), _) => {
-                let ContactRule { law, restitution, friction, .. } = one.contact;
-                let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
-                let law = law_by_name::<3>(law, coefficients);
-                let mut law = law.unwrap_or_else(|| unreachable!("the name was checked before the start"));
+                let given = &one.contact.law;
+                let (restitution, friction) = (given.restitution(), given.friction());
                 let Some((delassus, response)) = place.inertia(&mut view)? else {
                     let link = one.link().unwrap_or_default().to_owned();
                     return Err(SimError::SingularNormal { link, normal: place.normal.into() });
@@ -328,8 +326,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let axes = z_onto(place.normal);
                 let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
                 let bound = friction_bound(&delassus, &place.normal, -approach, restitution, friction) / u.norm();
-                if friction > 0.0 && sim.neglect.is_some_and(|share| bound <= share) {
-                    law = Box::new(Frictionless { restitution });
+                let plain = Frictionless { restitution };
+                let mut law: &dyn Law<f64, 3> = &**given;
+                // The bound holds for the laws of `carom-impact`.
+                if friction > 0.0 && !given.is_users() && sim.neglect.is_some_and(|share| bound <= share) {
+                    law = &plain;
                     self.statistics.neglected += 1;
                     self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
                 }
@@ -344,7 +345,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             (None, joint) => {
                 let row = one.row(&at, &view)?;
                 let response = view.kin.solve(row.as_slice())?;
-                let impulse = -(1.0 + one.contact.restitution) * approach / row.dot(&response);
+                let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(&response);
                 let qd_plus = qd.iter().zip(response.iter()).map(|(v, x)| v + x * impulse).collect();
                 (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())
             }

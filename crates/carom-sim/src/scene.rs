@@ -1,16 +1,16 @@
 //! Scenes: reads a robot, the surfaces around it, contact laws and run settings from a TOML file. The keys are documented at
 //! [`Scene`].
 
-use crate::compliance::{Compliance, Holding, Yielding};
 use crate::error::SimError;
+use crate::rule::ContactRule;
+use crate::scene_contact::{apply, overridden, rule, unused};
 use crate::scene_drive::Drives;
 use crate::scene_file::{self, File, Method, Model, Robot, Shape, TipVelocity};
 use crate::simulate::Simulation;
-use crate::touch::{ContactRule, Oscillation, Surface, Touch, Touches};
+use crate::touch::{Oscillation, Surface, Touch, Touches};
 use carom_chain::urdf::{LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError};
 use carom_contact::{LeftOut, Obstacle};
-use carom_impact::{Damping, LAW_NAMES, NormalForce};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 
@@ -68,7 +68,7 @@ use std::path::{Path, PathBuf};
 /// | --- | --- | --- | --- |
 /// | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
 /// | `shape` | one of the four shapes below | required | shape and pose |
-/// | `contact` | table of `law`, `restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
+/// | `contact` | table of `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
 /// | `motion` | table of `amplitude`, `frequency`, `phase` | at rest | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
 /// | `motion.amplitude` | 3 numbers, m | required in `motion` | direction and size of the displacement |
 /// | `motion.frequency` | Hz | required in `motion` | |
@@ -89,6 +89,7 @@ use std::path::{Path, PathBuf};
 /// | --- | --- | --- | --- |
 /// | `law` | string | `"frictionless"` | impact law of a single contact: `"frictionless"`, `"whittaker"`, `"newton"`, `"poisson"`, `"energetic"` (Stronge), `"chatterjee-ruina"`, `"brach"` or `"smith"` |
 /// | `restitution` | 0 … 1 | `0` | coefficient of restitution e, in the sense of the law. Compliant contacts need e > 0 |
+/// | `tangential_restitution` | −1 … 1 | `0` | coefficient of tangential restitution of an impact of a single contact under `"chatterjee-ruina"`; no other law uses it |
 /// | `friction` | ≥ 0 | `0` | Coulomb's coefficient μ, of impacts and of lasting contacts. With the law `"frictionless"` it does not act in impacts of a single contact |
 /// | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
 /// | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
@@ -103,7 +104,7 @@ use std::path::{Path, PathBuf};
 /// | `stiffness` | > 0; N/m, for `"hunt-crossley"` N/mⁿ | required | k |
 /// | `force` | string | `"hunt-crossley"` | normal force over the penetration d: `"hunt-crossley"` k dⁿ (1 + a ḋ), `"kelvin-voigt"` k d + c ḋ, or `"walton-braun"` (k d in loading, a steeper line in unloading). Damping follows from `restitution` |
 /// | `exponent` | 0.1 … 10 | `1.5` | n; `"hunt-crossley"` only |
-/// | `damping` | string | `"exact"` | formula for a; `"hunt-crossley"` only. `"exact"` gives the rebound e exactly; the others are published approximations: `"hunt-crossley"`, `"herbert-mcwhannell"`, `"lee-wang"`, `"lankarani-nikravesh"`, `"gonthier"`, `"zhiying-qishao"`, `"flores"`, `"hu-guo"` (see [`Damping`]) |
+/// | `damping` | string | `"exact"` | formula for a; `"hunt-crossley"` only. `"exact"` gives the rebound e exactly; the others are published approximations: `"hunt-crossley"`, `"herbert-mcwhannell"`, `"lee-wang"`, `"lankarani-nikravesh"`, `"gonthier"`, `"zhiying-qishao"`, `"flores"`, `"hu-guo"` (see [`Damping`](carom_impact::Damping)) |
 /// | `pulls` | boolean | `false` | whether the force may be tensile while the bodies separate; `"kelvin-voigt"` only |
 /// | `slip_speed` | > 0, m/s | `1e-3` | v_s of the smoothed Coulomb friction μ Fₙ tanh(v/v_s). Not together with `bristle` |
 /// | `bristle` | table of `stiffness` (> 0, N/m) and `damping` (> 0, N s/m), both required | – | friction by a bristle, which sticks, instead of smoothed friction |
@@ -115,7 +116,7 @@ use std::path::{Path, PathBuf};
 /// | `link` | link name | every link | contacts of this link; for a pair of `links`, the first one |
 /// | `surface` | surface name, or the second link of a pair of `links` | every surface | contacts with this surface |
 /// | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
-/// | `law`, `restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
+/// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
 ///
 /// At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
 /// value decides.
@@ -190,22 +191,10 @@ impl Scene {
 
         let options = LoadOptions { floating_base: file.robot.floating, meshes: Meshes::Required };
         let chain = Chain::from_urdf_file_with(folder.join(&file.robot.urdf), &options)?;
-        let rule = ContactRule {
-            law: law(&file.contact.law).map_err(|why| refuse(format!("[contact] {why}")))?,
-            restitution: file.contact.restitution,
-            friction: file.contact.friction,
-            latch: file.contact.latch,
-            compliance: file
-                .contact
-                .compliance
-                .as_ref()
-                .map(compliance)
-                .transpose()
-                .map_err(|why| refuse(format!("[contact] compliance {why}")))?,
-        };
+        let rule = rule(&file.contact).map_err(|why| refuse(format!("[contact] {why}")))?;
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
-        let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, rule).map_err(&refuse));
+        let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, &rule).map_err(&refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
         if let Some((_, twin)) =
             surfaces.iter().enumerate().find(|(k, it)| surfaces[..*k].iter().any(|o| o.name == it.name))
@@ -239,7 +228,7 @@ impl Scene {
                     "[contact] links = [\"{link}\", \"{other}\"]: the pair is listed twice, remove one"
                 )));
             }
-            let pair = Touch::between(&chain, link, other, rule);
+            let pair = Touch::between(&chain, link, other, &rule);
             touches.extend(pair.map_err(|e| refuse(format!("[contact] links = [\"{link}\", \"{other}\"]: {e}")))?);
         }
         for pair in &file.contact.pair {
@@ -251,6 +240,7 @@ impl Scene {
                 warnings.push(format!("[[contact.pair]] {}: applies to no contact of this scene", named.join(", ")));
             }
         }
+        warnings.extend(unused(&file.contact, &file.surface, &touches));
         let drives = Drives { folder, file: &file, chain: &chain, surfaces: &surfaces, qd: &qd };
         let drive = drives.drive("controller", file.run.controller).map_err(&refuse)?;
         let after_impact = file.run.after_impact.map(|c| drives.drive("after_impact", c));
@@ -327,43 +317,7 @@ fn suggest(message: &str) -> String {
     }
 }
 
-fn law(name: &str) -> Result<&'static str, String> {
-    let found = LAW_NAMES.into_iter().find(|&known| known == name);
-    found.ok_or_else(|| format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", ")))
-}
-
-fn compliance(given: &scene_file::Compliance) -> Result<Compliance, String> {
-    let scene_file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle } = given;
-    let names = NormalForce::NAMES;
-    let force = force.as_deref().unwrap_or(names[0]);
-    let normal = match names.iter().position(|&name| name == force) {
-        Some(0) => {
-            let named = |name: &String| {
-                let known = || Damping::ALL.map(Damping::name).join(", ");
-                Damping::by_name(name).ok_or_else(|| format!("damping = \"{name}\": the formulas are {}", known()))
-            };
-            let damping = damping.as_ref().map_or(Ok(Damping::Exact), named)?;
-            Yielding::HuntCrossley { exponent: exponent.unwrap_or(1.5), damping }
-        }
-        Some(1) => Yielding::KelvinVoigt { pulls: pulls.unwrap_or(false) },
-        Some(_) => Yielding::WaltonBraun,
-        None => return Err(format!("force = \"{force}\": the forces are {}", names.join(", "))),
-    };
-    let owned = [("exponent", exponent.is_some(), 0), ("damping", damping.is_some(), 0), ("pulls", pulls.is_some(), 1)];
-    if let Some((key, _, owner)) = owned.into_iter().find(|&(_, given, owner)| given && names[owner] != force) {
-        return Err(format!("{key} is read with force = \"{}\" only: remove it or choose this force", names[owner]));
-    }
-    let tangential = match (slip_speed, bristle) {
-        (Some(_), Some(_)) => {
-            return Err("has both slip_speed (smoothed friction) and bristle: give one of them".into());
-        }
-        (_, Some(bristle)) => Holding::Bristle { stiffness: bristle.stiffness, damping: bristle.damping },
-        (speed, None) => Holding::Smoothed { slip_speed: speed.unwrap_or(1e-3) },
-    };
-    Ok(Compliance { stiffness: *stiffness, normal, tangential })
-}
-
-fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: ContactRule) -> Result<Surface, String> {
+fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: &ContactRule) -> Result<Surface, String> {
     let name = surface.name.clone().unwrap_or_else(|| format!("surface {}", k + 1));
     let placed = |centre: [f64; 3], rpy: [f64; 3]| {
         let turn = UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]);
@@ -378,9 +332,7 @@ fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: Contact
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-    let own = &surface.contact;
-    let contact = overridden(rule, own.law.as_deref(), own.restitution, own.friction, own.latch)
-        .map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
+    let contact = overridden(rule, &surface.contact).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
     contact.check(&format!("[[surface]] '{name}'")).map_err(|e| e.to_string())?;
     let motion = surface.motion.as_ref().map(|motion| Oscillation {
         amplitude: motion.amplitude.into(),
@@ -393,62 +345,6 @@ fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: Contact
         return Err(format!("[[surface]] '{name}': every number of motion must be finite"));
     }
     Ok(Surface { name, obstacle, contact, motion })
-}
-
-fn overridden(
-    rule: ContactRule,
-    named: Option<&str>,
-    restitution: Option<f64>,
-    friction: Option<f64>,
-    latch: Option<bool>,
-) -> Result<ContactRule, String> {
-    Ok(ContactRule {
-        law: named.map(law).transpose()?.unwrap_or(rule.law),
-        restitution: restitution.unwrap_or(rule.restitution),
-        friction: friction.unwrap_or(rule.friction),
-        latch: latch.unwrap_or(rule.latch),
-        compliance: rule.compliance,
-    })
-}
-
-/// Applies one `[[contact.pair]]`; returns whether it applies to any touch.
-fn apply(pair: &scene_file::Pair, chain: &Chain, surfaces: &[Surface], touches: &mut [Touch]) -> Result<bool, String> {
-    let scene_file::Pair { link, surface, joint, law, restitution, friction, latch } = pair;
-    if joint.is_some() == (link.is_some() || surface.is_some()) {
-        return Err("needs link, surface or both, or else joint (for its limits)".into());
-    }
-    if let Some(link) = link {
-        chain.frame(link).map_err(|e| e.to_string())?;
-    }
-    let partners = touches.iter().filter_map(Touch::other_link);
-    let mut known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).chain(partners).collect();
-    known.dedup();
-    if let Some(name) = surface.as_ref().filter(|name| !known.contains(&name.as_str())) {
-        return Err(format!("surface = \"{name}\": the surfaces are {}", known.join(", ")));
-    }
-    if let Some(joint) = joint {
-        chain.joint(joint).map_err(|e| e.to_string())?;
-    }
-    if joint.is_some() && (law.is_some() || friction.is_some()) {
-        return Err("has joint: joint limits have restitution and latch only, remove law and friction".into());
-    }
-    let mut met = false;
-    for touch in touches {
-        let meant = match joint {
-            Some(joint) => touch.limit_of() == Some(joint),
-            None => {
-                touch.limit_of().is_none()
-                    && link.as_deref().is_none_or(|link| touch.link() == Some(link))
-                    && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface))
-            }
-        };
-        if meant {
-            met = true;
-            touch.contact = overridden(touch.contact, law.as_deref(), *restitution, *friction, *latch)?;
-            touch.contact.check(&touch.name).map_err(|e| e.to_string())?;
-        }
-    }
-    Ok(met)
 }
 
 pub(crate) fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {

@@ -51,7 +51,7 @@ impl Drives<'_> {
                 gain: number("gain", run.gain)?,
                 press: run.press.unwrap_or(0.0),
                 compensate: run.compensate.unwrap_or(true),
-                restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.restitution),
+                restitution: self.surfaces.first().map_or(0.0, |surface| surface.contact.law.restitution()),
             }),
         })
     }

@@ -89,6 +89,7 @@ pub(crate) struct Motion {
 pub(crate) struct Contact {
     pub law: String,
     pub restitution: f64,
+    pub tangential_restitution: f64,
     pub friction: f64,
     pub limit_restitution: f64,
     pub latch: bool,
@@ -119,25 +120,34 @@ pub(crate) struct Bristle {
 
 impl Default for Contact {
     fn default() -> Self {
-        let law = "frictionless".into();
-        let (latch, compliance, several) = (false, None, SeveralLaw::default());
-        let (links, pair) = (Vec::new(), Vec::new());
-        Self { law, restitution: 0.0, friction: 0.0, limit_restitution: 0.0, latch, compliance, several, links, pair }
+        Self {
+            law: "frictionless".into(),
+            restitution: 0.0,
+            tangential_restitution: 0.0,
+            friction: 0.0,
+            limit_restitution: 0.0,
+            latch: false,
+            compliance: None,
+            several: SeveralLaw::default(),
+            links: Vec::new(),
+            pair: Vec::new(),
+        }
     }
 }
 
-/// The values of `[contact]` that one surface replaces.
+/// The values of `[contact]` that one surface or pair replaces.
 #[derive(Deserialize, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(crate) struct Override {
     pub law: Option<String>,
     pub restitution: Option<f64>,
+    pub tangential_restitution: Option<f64>,
     pub friction: Option<f64>,
     pub latch: Option<bool>,
 }
 
 /// The values that apply to contacts of one link with one surface, or to the limits of one joint.
-#[derive(Deserialize)]
+#[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Pair {
     pub link: Option<String>,
@@ -145,8 +155,16 @@ pub(crate) struct Pair {
     pub joint: Option<String>,
     pub law: Option<String>,
     pub restitution: Option<f64>,
+    pub tangential_restitution: Option<f64>,
     pub friction: Option<f64>,
     pub latch: Option<bool>,
+}
+
+impl Pair {
+    pub fn values(&self) -> Override {
+        let Self { law, restitution, tangential_restitution, friction, latch, .. } = self.clone();
+        Override { law, restitution, tangential_restitution, friction, latch }
+    }
 }
 
 #[derive(Deserialize)]

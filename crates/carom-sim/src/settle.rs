@@ -45,11 +45,11 @@ impl<A: Space> Motion<'_, A> {
     pub fn lasting_mode(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<ContactMode, SimError> {
         let (q, qd) = self.split(y);
         let (_, _, u) = self.closing(touch, q, qd, time)?;
-        let rule = self.sim.touches[touch].contact;
+        let rule = &self.sim.touches[touch].contact;
         if rule.latch {
             return Ok(ContactMode::Latched { touch });
         }
-        if rule.friction == 0.0 || self.sim.touches[touch].link().is_none() {
+        if rule.law.friction() == 0.0 || self.sim.touches[touch].link().is_none() {
             return Ok(ContactMode::Sliding { touch });
         }
         let held = self.held(time, y, Some((touch, Hold::Sticks)))?;
@@ -58,7 +58,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(ContactMode::Sliding { touch });
         }
         let tangential = held.force - held.normal * held.normal_force;
-        if tangential.norm() <= rule.friction * held.normal_force {
+        if tangential.norm() <= rule.law.friction() * held.normal_force {
             return Ok(ContactMode::Sticking { touch });
         }
         self.slide_off(&held);

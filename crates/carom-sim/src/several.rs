@@ -102,8 +102,8 @@ impl Rows {
         time: f64,
     ) -> Result<(), SimError> {
         let first = self.rows.len();
-        let rule = touch.contact;
-        let (restitution, friction) = (rule.restitution, rule.friction);
+        let rule = &touch.contact;
+        let (restitution, friction) = (rule.law.restitution(), rule.law.friction());
         let Some(place) = at.surface else {
             self.rows.push(touch.row(at, view)?);
             self.surface.push(0.0);

@@ -9,56 +9,16 @@
 //! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
-use crate::compliance::Compliance;
 use crate::error::SimError;
 use crate::motion::responses;
+use crate::rule::ContactRule;
 use crate::space::{Felt, Space, View};
 use carom_chain::{Chain, Coordinates, FrameId, Point};
 use carom_contact::{
     LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_between, gap_points, link_shapes, reachable_pairs,
 };
-use carom_impact::LAW_NAMES;
+use carom_impact::Frictionless;
 use nalgebra::{DMatrix, DVector, Vector3};
-
-/// The law and the coefficients of a contact.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactRule {
-    /// Name of the impact law, one of [`carom_impact::LAW_NAMES`].
-    pub law: &'static str,
-    /// Coefficient of restitution in the sense of the law, from 0 to 1.
-    pub restitution: f64,
-    /// Coulomb's coefficient of friction, of impacts and of lasting contacts.
-    pub friction: f64,
-    /// A latch: the first contact stops the contact point, and holds it from then on.
-    pub latch: bool,
-    /// The parameters of a compliant contact, which has a force during a finite time. `None`: a rigid contact.
-    pub compliance: Option<Compliance>,
-}
-
-impl Default for ContactRule {
-    /// A rigid frictionless contact with zero restitution.
-    fn default() -> Self {
-        Self { law: LAW_NAMES[0], restitution: 0.0, friction: 0.0, latch: false, compliance: None }
-    }
-}
-
-impl ContactRule {
-    /// # Errors
-    /// [`SimError::Contact`], [`SimError::UnknownLaw`].
-    pub(crate) fn check(&self, touch: &str) -> Result<(), SimError> {
-        let refuse = |what, value, rule| Err(SimError::Contact { touch: touch.into(), what, value, rule });
-        if !LAW_NAMES.contains(&self.law) {
-            return Err(SimError::UnknownLaw { name: self.law.into(), known: LAW_NAMES.join(", ") });
-        }
-        if !(0.0..=1.0).contains(&self.restitution) {
-            return refuse("restitution", self.restitution, "a coefficient of restitution lies between 0 and 1");
-        }
-        if !(self.friction >= 0.0 && self.friction.is_finite()) {
-            return refuse("friction", self.friction, "a coefficient of friction is finite and not negative");
-        }
-        self.compliance.map_or(Ok(()), |compliance| compliance.check(self, touch))
-    }
-}
 
 /// Harmonic motion of a surface: the displacement `amplitude · sin(ω t + phase)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -218,7 +178,7 @@ impl Touch {
     /// # Errors
     /// [`SimError::Chain`] for an unknown link; [`SimError::LinkPair`] for a link without collision shape or a link paired with
     /// itself; [`SimError::Shape`] for an invalid mesh.
-    pub fn between(chain: &Chain, link: &str, other: &str, contact: ContactRule) -> Result<Vec<Self>, SimError> {
+    pub fn between(chain: &Chain, link: &str, other: &str, contact: &ContactRule) -> Result<Vec<Self>, SimError> {
         let shapes = link_shapes(chain)?;
         let of = |name: &str| {
             chain.frame(name)?;
@@ -237,7 +197,7 @@ impl Touch {
         let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (*shape, *other)));
         let touch = |(shape, other): (&LinkShape, &LinkShape)| Self {
             name: format!("{} on {}", shape.link(), other.link()),
-            contact,
+            contact: contact.clone(),
             surface: Some(other.link().to_owned()),
             kind: TouchKind::Links { shape: Box::new(shape.clone()), other: Box::new(other.clone()) },
             motion: None,
@@ -290,7 +250,7 @@ impl Touch {
         let Surface { name, obstacle, contact, motion } = surface;
         let surface = Some(name.clone());
         let mut push = |name, kind| {
-            touches.push(Self { name, contact: *contact, kind, surface: surface.clone(), motion: *motion });
+            touches.push(Self { name, contact: contact.clone(), kind, surface: surface.clone(), motion: *motion });
         };
         let name = format!("{} on {name}", shape.link());
         let corners = shape.corners();
@@ -317,7 +277,7 @@ impl Touch {
             for (bound, upper, side) in [(joint.limits.lower, false, "lower"), (joint.limits.upper, true, "upper")] {
                 let Some(bound) = bound else { continue };
                 let kind = TouchKind::Limit { joint: joint.name.clone(), q: q.start, v: v.start, bound, upper };
-                let contact = ContactRule { restitution, ..ContactRule::default() };
+                let contact = ContactRule::new(Frictionless { restitution });
                 let name = format!("{side} limit of {}", joint.name);
                 touches.push(Self { name, contact, kind, surface: None, motion: None });
             }

@@ -39,7 +39,7 @@ impl<A: Space> Motion<'_, A> {
         let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
         match self.mode {
             ContactMode::Free | ContactMode::Several | ContactMode::Latched { .. } => {}
-            ContactMode::Sliding { touch } if sim.touches[touch].contact.friction == 0.0 => {
+            ContactMode::Sliding { touch } if sim.touches[touch].contact.law.friction() == 0.0 => {
                 watches.push(Watch::NormalForce);
             }
             ContactMode::Sliding { .. } => watches.extend([Watch::NormalForce, Watch::SlipStops]),
@@ -183,7 +183,7 @@ impl Watch {
             (Self::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
             (Self::Cone, Some(held)) => {
                 let tangential = held.force - held.normal * held.normal_force;
-                let mu = sim.touches[own].contact.friction;
+                let mu = sim.touches[own].contact.law.friction();
                 Witness { value: mu * held.normal_force - tangential.norm(), rate: None }
             }
             (Self::JointBreaksLoose(k), Some(held)) => {

@@ -4,6 +4,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Energetic;
 use carom_sim::{ContactMode, ContactRule, Moment, Sampling, Seen, Simulation, Surface, Touch};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
@@ -41,7 +42,7 @@ fn conserved(moment: &Moment, corner: &Vector3<f64>) -> [f64; 2] {
 fn a_cube_on_a_sticking_corner_conserves_energy_and_momentum_in_few_steps() {
     let chain = cube();
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-    let contact = ContactRule { law: "energetic", restitution: 0.0, friction: 5.0, ..ContactRule::default() };
+    let contact = ContactRule::new(Energetic { restitution: 0.0, friction: 5.0 });
     let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
     let tolerance = 1e-9;

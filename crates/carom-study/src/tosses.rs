@@ -111,22 +111,22 @@ impl Tosses {
 
     /// Simulates all tosses in parallel, with contact rule `contact`, relative tolerance `tolerance`, and time step `step` (s)
     /// while several contacts are closed. Results are in the order of the tosses.
-    pub fn roll_out(&self, contact: ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
+    pub fn roll_out(&self, contact: &ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
         self.tosses.par_iter().map(|toss| toss.roll_out(&self.chain, contact, tolerance, step)).collect()
     }
 
     /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
     pub(crate) fn gaps(&self, toss: &Toss) -> Result<Vec<f64>, TossError> {
         let refuse = |reason| TossError::Simulation { number: toss.number, reason };
-        let simulation = on_floor(&self.chain, ContactRule::default()).map_err(refuse)?;
+        let simulation = on_floor(&self.chain, &ContactRule::default()).map_err(refuse)?;
         toss.samples.iter().map(|sample| simulation.smallest_gap(&sample.q).map_err(refuse)).collect()
     }
 }
 
 /// Simulation of a chain above the floor z = 0.
-fn on_floor(chain: &Chain, contact: ContactRule) -> Result<Simulation, SimError> {
+fn on_floor(chain: &Chain, contact: &ContactRule) -> Result<Simulation, SimError> {
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z())?;
-    let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let surface = Surface { name: "floor".into(), obstacle: floor, contact: contact.clone(), motion: None };
     let touches = Touch::all(chain, &[surface], 0.0)?.touches;
     Ok(Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain.clone(), touches) })
 }
@@ -136,7 +136,7 @@ impl Toss {
     pub(crate) fn roll_out(
         &self,
         chain: &Chain,
-        contact: ContactRule,
+        contact: &ContactRule,
         tolerance: f64,
         step: f64,
     ) -> Result<RollOut, TossError> {

@@ -251,6 +251,18 @@ impl<T: RealField + Copy> AnyLaw<T> {
     }
 }
 
+macro_rules! any_law_from {
+    ($($law:ident),*) => {
+        $(impl<T> From<$law<T>> for AnyLaw<T> {
+            fn from(law: $law<T>) -> Self {
+                Self(Kind::$law(law))
+            }
+        })*
+    };
+}
+
+any_law_from!(Frictionless, Whittaker, Newton, Poisson, Energetic, ChatterjeeRuina, Brach, Smith);
+
 impl AnyLaw {
     /// For Brach's law, the prescribed impulse ratio and the bound that clips it.
     pub(crate) fn brach_ratios<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> Option<(f64, f64)> {

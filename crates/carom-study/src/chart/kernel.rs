@@ -25,8 +25,11 @@ impl Chart {
             self.absent.push(Absent { method: name.to_owned(), reason: reason.to_owned() });
             Ok(())
         };
-        if hit.contact.friction > 0.0 {
+        if hit.contact.law.friction() > 0.0 {
             return refuse("the kernel is frictionless, but the contact has friction");
+        }
+        if hit.contact.law.known().is_none() {
+            return refuse("the kernel has Newton's restitution, but the contact has a user's own law");
         }
         let moment = Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
         let place = sim.touching_point(touch, &moment)?;
@@ -34,7 +37,7 @@ impl Chart {
         let (Some([point, normal]), Some(frame), None) = (place, frame, hit.other_link()) else {
             return refuse("the kernel needs a contact between a link and a surface");
         };
-        let e = hit.contact.restitution;
+        let e = hit.contact.law.restitution();
         let mut results: Vec<(&str, f64, Timed)> = Vec::new();
         let (q, qd) = (&moment.q, &moment.qd);
         if let Some(flat) = sim.in_plane() {

@@ -275,10 +275,10 @@ fn law_of(sim: &Simulation) -> String {
     let contacts = sim.touches.iter().filter(|touch| touch.link().is_some());
     let mut laws: Vec<String> = Vec::new();
     for contact in contacts.map(|touch| &touch.contact) {
-        let law = match (contact.compliance.is_some(), contact.friction) {
+        let law = match (contact.compliance.is_some(), contact.law.friction()) {
             (true, _) => "compliant contact".to_owned(),
-            (false, 0.0) => format!("{}, no friction", contact.law),
-            (false, mu) => format!("{}, friction {mu}", contact.law),
+            (false, 0.0) => format!("{}, no friction", contact.law.name()),
+            (false, mu) => format!("{}, friction {mu}", contact.law.name()),
         };
         if !laws.contains(&law) {
             laws.push(law);

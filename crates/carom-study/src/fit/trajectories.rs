@@ -11,8 +11,8 @@ use super::loss::{Cost, Loss, median};
 use super::search::Region;
 use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
 use crate::tosses::{Toss, Tosses};
-use carom_impact::LAW_NAMES;
-use carom_sim::ContactRule;
+use carom_impact::Coefficients;
+use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
 use std::cell::RefCell;
 
@@ -59,8 +59,8 @@ pub fn fit_trajectories(
     positive("tolerance", roll.tolerance)?;
     positive("contact step", roll.contact_step)?;
     let train = options.split(tosses.tosses.len(), "tosses")?;
-    let law = LAW_NAMES.into_iter().find(|&name| name == options.law).unwrap_or(LAW_NAMES[0]);
-    Work { tosses, law, roll, train, inertia: options.inertia, trials: RefCell::default() }.fit(options, progress)
+    Work { tosses, law: options.law, roll, train, inertia: options.inertia, trials: RefCell::default() }
+        .fit(options, progress)
 }
 
 struct Trial {
@@ -71,7 +71,7 @@ struct Trial {
 
 struct Work<'a> {
     tosses: &'a Tosses,
-    law: &'static str,
+    law: &'a str,
     roll: &'a RollOutOptions,
     train: Vec<usize>,
     inertia: bool,
@@ -83,10 +83,12 @@ impl Work<'_> {
     fn errors(&self, x: &[f64], which: &[usize]) -> Result<Vec<f64>, FitError> {
         let scale = if self.inertia { x[2] } else { 1.0 };
         let chain = self.tosses.chain.with_inertia_scaled(scale)?;
-        let rule = ContactRule { law: self.law, restitution: x[0], friction: x[1], ..ContactRule::default() };
+        let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
+        let law = ContactLaw::named(self.law, coefficients);
+        let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the name was checked before the search")));
         let one = |&k: &usize| {
             let toss: &Toss = &self.tosses.tosses[k];
-            let rolled = toss.roll_out(&chain, rule, self.roll.tolerance, self.roll.contact_step);
+            let rolled = toss.roll_out(&chain, &rule, self.roll.tolerance, self.roll.contact_step);
             rolled.map(|rolled| rolled.pose_error(self.roll.length)).map_err(|e| FitError::Refused(e.to_string()))
         };
         which.par_iter().map(one).collect()

@@ -3,6 +3,7 @@
 use super::{Elbow, NORMAL, PaperError, TANGENT, strike};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
+use carom_impact::{Energetic, Newton};
 use carom_sim::{
     Compliance, ContactMode, ContactRule, EventKind, Holding, Moment, SimError, Simulation, Surface, Touch, Trajectory,
     free_motion,
@@ -83,7 +84,7 @@ impl Forces {
 
 /// Simulates the arm and its wall.
 fn run(arm: &Chain, elbow: Elbow, contact: ContactRule) -> Result<(Simulation, Trajectory), SimError> {
-    let hit = strike(arm, elbow, ANGLE, SPEED, contact.restitution)?;
+    let hit = strike(arm, elbow, ANGLE, SPEED, contact.law.restitution())?;
     let start = free_motion(arm, &elbow.pose(), &hit.qd_minus, Vector3::zeros(), -SPAN, 2)?.remove(1);
     let at_impact = arm.workspace().update(arm, &elbow.pose())?.pose(arm.frame("tip")?).translation;
     let obstacle = Obstacle::half_space(at_impact, NORMAL.into())?;
@@ -96,7 +97,7 @@ fn run(arm: &Chain, elbow: Elbow, contact: ContactRule) -> Result<(Simulation, T
 
 /// Figs. 4, 6 and 7: the rigid impact.
 pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError> {
-    let (sim, run) = run(arm, elbow, ContactRule { law: "newton", restitution: RESTITUTION, ..Default::default() })?;
+    let (sim, run) = run(arm, elbow, ContactRule::new(Newton { restitution: RESTITUTION, friction: 0.0 }))?;
     let missed = || PaperError::Missed { elbow: elbow.name() };
     let hit = run.events.iter().find(|event| matches!(event.kind, EventKind::Impact { .. })).ok_or_else(missed)?;
     let (n, t) = (-Vector3::from(NORMAL), Vector3::from(TANGENT));
@@ -128,7 +129,7 @@ pub(super) fn motion(arm: &Chain, elbow: Elbow) -> Result<TipMotion, PaperError>
 pub(super) fn forces(arm: &Chain, elbow: Elbow, friction: f64) -> Result<Forces, PaperError> {
     let tangential = Holding::Smoothed { slip_speed: SLIP_SPEED };
     let compliance = Some(Compliance { tangential, ..Compliance::new(STIFFNESS) });
-    let rule = ContactRule { restitution: RESTITUTION, friction, compliance, ..Default::default() };
+    let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution: RESTITUTION, friction }) };
     let (sim, run) = run(arm, elbow, rule)?;
     let missed = || PaperError::Missed { elbow: elbow.name() };
     let [first, last, ..] = run.events.as_slice() else { return Err(missed()) };

@@ -5,6 +5,7 @@ use super::{COMPLIANT, EVENTS, Found, Judged, STEPS, runge_kutta, said};
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Energetic;
 use carom_sim::{Compliance, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Trajectory};
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -66,7 +67,7 @@ fn plane(normal: Vector3<f64>) -> Result<Obstacle, String> {
 }
 
 fn rule(restitution: f64, friction: f64) -> ContactRule {
-    ContactRule { law: "energetic", restitution, friction, ..ContactRule::default() }
+    ContactRule::new(Energetic { restitution, friction })
 }
 
 /// No finite damping gives a compliant contact a restitution of 0.

@@ -176,8 +176,7 @@ fn a_fit_to_tosses_of_a_ball_recovers_the_coefficients() {
         let (mut q, mut qd) = tossed(&mut rng);
         q[2] = 0.1 + 0.2 * rng.f64();
         qd[2] *= 0.2;
-        let truth =
-            carom_sim::ContactRule { law: "energetic", restitution: 0.62, friction: 0.13, ..Default::default() };
+        let truth = carom_sim::ContactRule::new(carom_impact::Energetic { restitution: 0.62, friction: 0.13 });
         let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
         let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact: truth, motion: None };
         let touches = carom_sim::Touch::all(&ball, &[floor], 0.0).unwrap().touches;
