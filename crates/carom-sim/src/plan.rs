@@ -265,7 +265,7 @@ impl Plan {
         let why = if uniform { "the same for all contacts" } else { "set by [[contact.pair]] or a surface" };
         self.keep("law", choice, why);
         if !users.is_empty() {
-            let choice = format!("{users}: in impacts of one contact, always with its own friction");
+            let choice = format!("{users}: impacts of one contact, without any approximation");
             let why =
                 "a user's law; several, lasting and compliant contacts have the restitution and friction given with it";
             self.keep("law", choice, why);

@@ -43,8 +43,9 @@ pub struct Simulation {
     pub planar: bool,
     /// The integrator of smooth motion.
     pub integrator: Integrator,
-    /// Relative tolerance for approximations; `None`: none is made. An impact is computed without friction if the bound on
-    /// the resulting change of the contact point's velocity is below this share of that velocity. A chain is treated as
+    /// Relative tolerance for approximations; `None`: none is made. An impact under a law of `carom-impact` is
+    /// computed without friction if the bound on the resulting change of the contact point's velocity is below this share
+    /// of that velocity. A chain is treated as
     /// planar if its joint axes deviate by less than this angle, rad. A compliant contact is treated as rigid if its
     /// penetration stays below this share of the reach of the chain.
     pub neglect: Option<f64>,

@@ -277,6 +277,7 @@ fn law_of(sim: &Simulation) -> String {
     for contact in contacts.map(|touch| &touch.contact) {
         let law = match (contact.compliance.is_some(), contact.law.friction()) {
             (true, _) => "compliant contact".to_owned(),
+            _ if contact.law.known().is_none() => contact.law.name().to_owned(),
             (false, 0.0) => format!("{}, no friction", contact.law.name()),
             (false, mu) => format!("{}, friction {mu}", contact.law.name()),
         };

@@ -1,0 +1,285 @@
+//! Laws as values: a user's own law in a scene, and the tangential restitution in scene files.
+
+use carom_chain::Chain;
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use carom_impact::{
+    ChatterjeeRuina, Coefficients, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law,
+    Newton,
+};
+use carom_sim::{
+    ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, Simulation, Surface, Touch,
+};
+use nalgebra::Vector3;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+
+/// Newton's law with a restitution that decreases with the approach speed.
+struct Slowing;
+
+impl Law<f64, 3> for Slowing {
+    fn name(&self) -> &'static str {
+        "slowing"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        let restitution = 1.0 / (1.0 + 5.0 * problem.approach_speed());
+        let hit = Newton { restitution, friction: 0.2 }.resolve(problem)?;
+        Ok(ImpactOutcome { law: self.name(), ..hit })
+    }
+}
+
+/// The impacts of single contacts of a run, each beside that of the law alone at the same state.
+fn beside(sim: &Simulation, events: &[Event], law: &dyn Law<f64, 3>) -> Vec<(ChainImpact, ChainImpact)> {
+    let alone = |event: &Event| {
+        let EventKind::Impact { touch, hit } = &event.kind else { return None };
+        let moment = Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
+        let [point, normal] = sim.touching_point(*touch, &moment).unwrap().unwrap();
+        let frame = sim.chain.frame(sim.touches[*touch].link().unwrap()).unwrap();
+        let offset = sim.chain.workspace().update(&sim.chain, &event.q).unwrap().pose(frame).inverse().point(point);
+        let strike = sim.chain.impact(&event.q, &event.qd_minus).at(frame).offset(offset.into()).normal(normal.into());
+        Some(((**hit).clone(), strike.resolve(law).unwrap()))
+    };
+    events.iter().filter_map(alone).collect()
+}
+
+fn far(a: &ChainImpact, b: &ChainImpact) -> f64 {
+    let apart = a.qd_plus.iter().zip(b.qd_plus.iter()).map(|(a, b)| (a - b).abs());
+    apart.fold((a.impulse - b.impulse).norm(), f64::max)
+}
+
+fn scene(file: &str) -> Scene {
+    Scene::from_file(format!("{ROOT}/scenes/{file}")).unwrap()
+}
+
+/// The scene with one law at all contacts with surfaces.
+fn under(mut scene: Scene, law: ContactLaw) -> Scene {
+    for touch in scene.simulation.touches.iter_mut().filter(|touch| touch.link().is_some()) {
+        touch.contact = ContactRule::new(law.clone());
+    }
+    scene
+}
+
+#[test]
+fn impacts_of_a_scene_with_a_users_law_are_those_of_the_law() {
+    for (file, least) in [("planar2.toml", 1), ("planar3.toml", 3), ("strike7.toml", 1), ("ball.toml", 1)] {
+        let plan = under(scene(file), ContactLaw::new(Slowing, 0.5, 0.2)).plan().unwrap();
+        let run = plan.simulation.run(&plan.q, &plan.qd, 0.8).unwrap();
+        let pairs = beside(&plan.simulation, &run.events, &Slowing);
+        assert!(pairs.len() >= least, "{file}: {} impacts", pairs.len());
+        for (hit, alone) in &pairs {
+            assert_eq!(hit.contact.law, "slowing");
+            assert!(far(hit, alone) < 1e-9, "{file}: {:?} {:?}", hit.qd_plus, alone.qd_plus);
+            let approach = -alone.contact.u_minus[2];
+            let rebound = hit.contact.u_plus[2];
+            assert!((rebound - approach / (1.0 + 5.0 * approach)).abs() < 1e-12, "{file}: {approach} {rebound}");
+        }
+    }
+}
+
+#[test]
+fn the_plan_names_a_users_law_and_its_friction_is_not_left_out() {
+    let made = |law: ContactLaw| {
+        let mut scene = under(scene("planar2.toml"), law);
+        scene.simulation.neglect = Some(0.99);
+        let plan = scene.plan().unwrap();
+        let run = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap();
+        (plan, run)
+    };
+    let (plan, run) = made(ContactLaw::new(Slowing, 0.5, 0.02));
+    let said: Vec<&str> = plan.kept.iter().filter(|it| it.what == "law").map(|it| it.choice.as_str()).collect();
+    assert_eq!(
+        said,
+        ["slowing, restitution 0.5, friction 0.02", "slowing: impacts of one contact, without any approximation"]
+    );
+    assert!(plan.bounded.iter().all(|it| it.what != "friction"), "{:?}", plan.bounded);
+    assert_eq!(run.summary.statistics.neglected, 0);
+    let (plan, run) = made(Newton { restitution: 0.5, friction: 0.02 }.into());
+    assert_eq!(plan.kept.iter().filter(|it| it.what == "law").count(), 1);
+    assert!(plan.bounded.iter().any(|it| it.what == "friction"));
+    assert!(run.summary.statistics.neglected > 0);
+    // Without friction only laws of carom-impact are known to agree.
+    assert!(made(ContactLaw::new(Slowing, 0.5, 0.0)).0.left_out.iter().all(|it| it.what != "friction"));
+    assert!(made(Frictionless { restitution: 0.5 }.into()).0.left_out.iter().any(|it| it.what == "friction"));
+}
+
+/// A box on a vertical guide: all its corners strike the floor at the same time.
+fn guided_box(contact: ContactRule) -> Simulation {
+    let text = r#"<robot name="guide"><link name="world"/><link name="box">
+        <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+        <collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+        <joint name="slide" type="prismatic"><parent link="world"/><child link="box"/><axis xyz="0 0 1"/>
+        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+    Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain, touches) }
+}
+
+#[test]
+fn several_contacts_have_the_restitution_that_is_given_with_a_users_law() {
+    let run = |law: ContactLaw| guided_box(ContactRule::new(law)).run(&[0.5], &[0.0], 0.4).unwrap();
+    let (own, named) =
+        (run(ContactLaw::new(Slowing, 0.3, 0.2)), run(Newton { restitution: 0.3, friction: 0.2 }.into()));
+    assert_eq!(format!("{:?}", own.events), format!("{:?}", named.events));
+    let hit = &own.events[0];
+    assert!(matches!(hit.kind, EventKind::Several { .. }), "{:?}", hit.kind);
+    assert!((hit.qd_plus[0] + 0.3 * hit.qd_minus[0]).abs() < 1e-10, "{hit:?}");
+}
+
+#[test]
+fn rules_are_compared_shown_and_checked_by_value() {
+    let law = |e| ContactLaw::from(Newton { restitution: e, friction: 0.2 });
+    let coefficients = Coefficients { restitution: 0.5, friction: 0.2, ..Coefficients::default() };
+    assert_eq!(law(0.5), law(0.5));
+    assert_eq!(law(0.5), ContactLaw::named("newton", coefficients).unwrap());
+    assert_ne!(law(0.5), law(0.6));
+    assert_ne!(law(0.5), ContactLaw::named("energetic", coefficients).unwrap());
+    let frictionless = ContactLaw::named("frictionless", coefficients).unwrap();
+    assert_ne!(frictionless, Frictionless { restitution: 0.5 }.into(), "the friction of lasting contacts differs");
+    let own = ContactLaw::new(Slowing, 0.5, 0.2);
+    assert_eq!(own, own.clone());
+    assert_ne!(own, ContactLaw::new(Slowing, 0.5, 0.2));
+    assert_ne!(own, law(0.5));
+    let rule = ContactRule::new(own);
+    assert_eq!(rule, rule.clone());
+    assert_eq!(
+        format!("{rule:?}"),
+        r#"ContactRule { law: ContactLaw { law: "slowing", restitution: 0.5, friction: 0.2 }, latch: false, compliance: None }"#
+    );
+    assert!(format!("{:?}", law(0.5)).contains("Newton"), "{:?}", law(0.5));
+    for (name, law) in LAW_NAMES.into_iter().map(|name| (name, ContactLaw::named(name, coefficients).unwrap())) {
+        assert_eq!((law.name(), law.restitution(), law.friction()), (name, 0.5, 0.2));
+    }
+
+    let refused = |law: ContactLaw| {
+        let sim = guided_box(ContactRule::new(law));
+        sim.run(&[0.5], &[0.0], 0.4).unwrap_err().to_string()
+    };
+    let lies = "box on floor, corner 1: restitution is 1.5: a coefficient of restitution lies between 0 and 1";
+    assert_eq!(refused(ContactLaw::new(Slowing, 1.5, 0.2)), lies);
+    assert_eq!(refused(law(1.5)), lies);
+    let negative = "box on floor, corner 1: friction is -0.1: a coefficient of friction is finite and not negative";
+    assert_eq!(refused(ContactLaw::new(Slowing, 0.5, -0.1)), negative);
+    let tangential = ChatterjeeRuina { restitution: 0.5, tangential_restitution: -1.5, friction: 0.2 };
+    assert_eq!(
+        refused(tangential.into()),
+        "box on floor, corner 1: tangential_restitution is -1.5: a coefficient of tangential restitution lies between -1 and 1"
+    );
+    // Two values of one coefficient.
+    let another = "the impact law has another one: give both the same value";
+    let stronge = Energetic { restitution: 0.5, friction: 0.2 };
+    assert_eq!(
+        refused(ContactLaw::new(stronge, 0.6, 0.2)),
+        format!("box on floor, corner 1: restitution is 0.6: {another}")
+    );
+    assert_eq!(
+        refused(ContactLaw::new(stronge, 0.5, 0.3)),
+        format!("box on floor, corner 1: friction is 0.3: {another}")
+    );
+}
+
+/// The scene of a two-link arm that strikes a wall obliquely, with other text in `[[surface]]` and after it.
+fn written(name: &str, surface: &str, rest: &str) -> Result<Scene, String> {
+    let file = std::env::temp_dir().join(format!("carom-laws-{name}-{}.toml", std::process::id()));
+    let text = format!(
+        "[robot]\nurdf = \"{ROOT}/robots/planar2.urdf\"\nq = [0.7854, -1.5708]\n\
+         tip_velocity = {{ speed = 0.2, angle_deg = 45, along = [0, -1, 0] }}\n\
+         [[surface]]\nname = \"wall\"\nshape = {{ halfspace = {{ point = [0.6364, 0, 0], normal = [-1, 0, 0] }} }}\n\
+         {surface}\n{rest}\n[run]\nduration = 0.1\n"
+    );
+    std::fs::write(&file, text).unwrap();
+    let read = Scene::from_file(&file).map_err(|e| e.to_string().replace(&file.display().to_string(), "FILE"));
+    std::fs::remove_file(file).unwrap();
+    read
+}
+
+#[test]
+fn the_tangential_restitution_of_a_scene_is_that_of_the_law_alone() {
+    let law = |tangential_restitution| ChatterjeeRuina { restitution: 0.4, tangential_restitution, friction: 5.0 };
+    let all = "law = \"chatterjee-ruina\"\nrestitution = 0.4\nfriction = 5\n";
+    let keyed = |value: f64| format!("tangential_restitution = {value}\n");
+    let [base, own, pair] = [format!("[contact]\n{all}"), "contact = ".to_owned(), "[[contact.pair]]\n".to_owned()];
+    let cases = [
+        ("contact", String::new(), format!("{base}{}", keyed(0.6)), 0.6),
+        ("default", String::new(), base.clone(), 0.0),
+        ("surface", format!("{own}{{ tangential_restitution = 0.3 }}"), format!("{base}{}", keyed(0.6)), 0.3),
+        (
+            "pair",
+            format!("{own}{{ tangential_restitution = 0.3 }}"),
+            format!("{base}{pair}link = \"tip\"\n{}", keyed(-0.5)),
+            -0.5,
+        ),
+        // The value is kept for a surface whose law uses it.
+        (
+            "kept",
+            format!("{own}{{ law = \"chatterjee-ruina\" }}"),
+            format!("[contact]\nlaw = \"energetic\"\nrestitution = 0.4\nfriction = 5\n{}", keyed(0.6)),
+            0.6,
+        ),
+    ];
+    let mut impulses = Vec::new();
+    for (name, surface, rest, expected) in cases {
+        let scene = written(name, &surface, &rest).unwrap();
+        assert!(scene.warnings.is_empty(), "{name}: {:?}", scene.warnings);
+        let plan = scene.plan().unwrap();
+        if name == "contact" {
+            let said = plan.kept.iter().find(|it| it.what == "law").unwrap();
+            assert_eq!(said.choice, "chatterjee-ruina, restitution 0.4, tangential restitution 0.6, friction 5");
+        }
+        let run = plan.simulation.run(&plan.q, &plan.qd, 0.1).unwrap();
+        let pairs = beside(&plan.simulation, &run.events, &law(expected));
+        assert!(!pairs.is_empty(), "{name}");
+        for (hit, alone) in &pairs {
+            assert!(far(hit, alone) < 1e-10, "{name}: {:?} {:?}", hit.qd_plus, alone.qd_plus);
+        }
+        impulses.push(pairs[0].0.impulse);
+    }
+    for (k, other) in [(0, 1), (0, 2), (1, 3), (1, 4)] {
+        let apart = (impulses[k] - impulses[other]).norm();
+        assert!(apart > 1e-3, "the cone must not limit the impulses: {impulses:?}");
+    }
+}
+
+#[test]
+fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_rule() {
+    let said = |name: &str, surface: &str, rest: &str| written(name, surface, rest).unwrap_err();
+    let rule = "a coefficient of tangential restitution lies between -1 and 1";
+    assert_eq!(
+        said("a", "", "[contact]\ntangential_restitution = 1.5"),
+        format!("FILE: [contact]: tangential_restitution is 1.5: {rule}")
+    );
+    assert_eq!(
+        said("b", "contact = { tangential_restitution = -2 }", ""),
+        format!("FILE: [[surface]] 'wall': tangential_restitution is -2: {rule}")
+    );
+    assert_eq!(
+        said("c", "", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = nan"),
+        format!("FILE: [[contact.pair]] tip on wall: tangential_restitution is NaN: {rule}")
+    );
+    assert_eq!(
+        said("d", "", "[[contact.pair]]\njoint = \"elbow\"\ntangential_restitution = 0.1"),
+        "FILE: [[contact.pair]] has joint: joint limits have restitution and latch only, remove the other values"
+    );
+    let misspelt = said("e", "", "[contact]\ntangental_restitution = 0.1");
+    assert!(misspelt.ends_with("did you mean `tangential_restitution`?"), "{misspelt}");
+    let laws = LAW_NAMES.join(", ");
+    for (name, surface, rest, place) in [
+        ("f", "", "[contact]\nlaw = \"hertz\"", "[contact]"),
+        ("g", "contact = { law = \"hertz\" }", "", "[[surface]] 'wall': contact"),
+        ("h", "", "[[contact.pair]]\nlink = \"tip\"\nlaw = \"hertz\"", "[[contact.pair]]"),
+    ] {
+        assert_eq!(said(name, surface, rest), format!("FILE: {place} law = \"hertz\": the laws are {laws}"));
+    }
+}
+
+#[test]
+fn a_tangential_restitution_that_no_law_uses_is_a_warning() {
+    let warns = |name: &str, surface: &str, rest: &str| written(name, surface, rest).unwrap().warnings;
+    let text = "tangential_restitution: only the law \"chatterjee-ruina\" uses it, and no contact of this scene has it";
+    assert_eq!(warns("w1", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0.1"), [text]);
+    assert_eq!(warns("w2", "contact = { tangential_restitution = 0.1 }", ""), [text]);
+    assert_eq!(warns("w3", "", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = 0.1"), [text]);
+    assert!(warns("w4", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0").is_empty());
+}
