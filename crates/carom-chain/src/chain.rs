@@ -220,6 +220,19 @@ impl<A: Algebra> Chain<A> {
         })
     }
 
+    /// The joint of a velocity coordinate (index into qd); `None` for an index of [`Chain::nv`] or more.
+    ///
+    /// ```
+    /// let chain = carom_chain::uniform_chain(2, 1.0, 1.0)?;
+    /// assert_eq!(chain.joint_of_velocity(1).map(|joint| &joint.name), chain.joints().last().map(|joint| &joint.name));
+    /// assert!(chain.joint_of_velocity(2).is_none());
+    /// # Ok::<(), carom_chain::ChainError>(())
+    /// ```
+    pub fn joint_of_velocity(&self, index: usize) -> Option<&JointInfo> {
+        let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&index));
+        self.about.joints.iter().find(owns)
+    }
+
     /// The point at `offset` (frame axes, m) from a frame's origin.
     ///
     /// # Panics
@@ -305,8 +318,7 @@ impl<A: Algebra> Chain<A> {
     /// The error for a coordinate whose joint moves no inertia.
     #[cold]
     pub(crate) fn no_inertia(&self, v_index: usize) -> ChainError {
-        let owns = |j: &&JointInfo| matches!(&j.coordinates, Coordinates::Own { v, .. } if v.contains(&v_index));
-        let joint = self.about.joints.iter().find(owns).map_or("?".into(), |j| j.name.clone());
+        let joint = self.joint_of_velocity(v_index).map_or("?".into(), |j| j.name.clone());
         ChainError::NoInertia { joint }
     }
 

@@ -17,7 +17,7 @@ use crate::shape::LinkShape;
 use crate::solid::Solid;
 use crate::{gap::solid_gap, shape::pose_of};
 use carom_chain::algebra::{Pose, SpatialJoint};
-use carom_chain::{Chain, Coordinates, Spatial};
+use carom_chain::{Chain, Spatial};
 use nalgebra::Vector3;
 use std::fmt;
 
@@ -184,9 +184,8 @@ fn stroke(chain: &Chain, index: usize) -> f64 {
     if !matches!(body.joint, SpatialJoint::Prismatic) {
         return f64::INFINITY;
     }
-    let own = |v: &std::ops::Range<usize>| v.start == body.v_index && v.len() == 1;
-    let joint = chain.joints().iter().find(|j| matches!(&j.coordinates, Coordinates::Own { v, .. } if own(v)));
-    match joint.map(|j| (j.limits.lower, j.limits.upper)) {
+    // Joints of several coordinates have no limits.
+    match chain.joint_of_velocity(body.v_index).map(|j| (j.limits.lower, j.limits.upper)) {
         Some((Some(lower), Some(upper))) => {
             let at = |q: f64| (body.ratio * q + body.shift).abs();
             at(lower).max(at(upper))

@@ -244,7 +244,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     self.motion.settle_joints(time, &mut self.y)?;
                 }
                 let holds = self.motion.dry[k].state == Dry::Holds;
-                let joint = self.motion.sim.joint_of(v);
+                let joint =
+                    self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
                 self.note(EventKind::Joint { joint, holds }, &before, Vec::new());
                 Ok(())
             }

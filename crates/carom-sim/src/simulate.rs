@@ -206,10 +206,4 @@ impl Simulation {
         self.drive.check(&self.chain)?;
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
     }
-
-    /// Name of the joint of a velocity coordinate.
-    pub(crate) fn joint_of(&self, index: usize) -> String {
-        let own = |joint: &&carom_chain::JointInfo| matches!(&joint.coordinates, carom_chain::Coordinates::Own { v, .. } if v.contains(&index));
-        self.chain.joints().iter().find(own).map_or_else(String::new, |joint| joint.name.clone())
-    }
 }

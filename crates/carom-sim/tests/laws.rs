@@ -281,5 +281,7 @@ fn a_tangential_restitution_that_no_law_uses_is_a_warning() {
     assert_eq!(warns("w1", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0.1"), [text]);
     assert_eq!(warns("w2", "contact = { tangential_restitution = 0.1 }", ""), [text]);
     assert_eq!(warns("w3", "", "[[contact.pair]]\nlink = \"tip\"\ntangential_restitution = 0.1"), [text]);
+    let zero = "contact = { law = \"chatterjee-ruina\", tangential_restitution = 0 }";
+    assert!(warns("w5", zero, "[contact]\ntangential_restitution = 0.1").is_empty());
     assert!(warns("w4", "", "[contact]\nlaw = \"newton\"\ntangential_restitution = 0").is_empty());
 }
