@@ -28,8 +28,9 @@ use std::sync::Arc;
 ///         "slowing"
 ///     }
 ///     fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
-///         let restitution = 1.0 / (1.0 + problem.u_minus()[2].abs());
-///         Newton { restitution, friction: 0.2 }.resolve(problem)
+///         let restitution = 1.0 / (1.0 + problem.approach_speed()); // speed in m/s
+///         let hit = Newton { restitution, friction: 0.2 }.resolve(problem)?;
+///         Ok(ImpactOutcome { law: self.name(), ..hit })
 ///     }
 /// }
 ///

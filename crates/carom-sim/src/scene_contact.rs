@@ -100,7 +100,9 @@ pub(crate) fn apply(
     }
     let beside = own.law.is_some() || own.tangential_restitution.is_some() || own.friction.is_some();
     if joint.is_some() && beside {
-        return Err("has joint: joint limits have restitution and latch only, remove the other values".into());
+        let rule =
+            "has joint: joint limits have restitution and latch only, remove law, tangential_restitution and friction";
+        return Err(rule.into());
     }
     let mut met = false;
     for touch in touches {

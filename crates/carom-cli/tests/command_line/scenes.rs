@@ -163,8 +163,8 @@ fn invalid_contact_rules_are_refused() {
         &[
             (
                 "contact = { restituton = 0.9 }",
-                "line 7: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, `latch`; did you \
-                 mean `restitution`?",
+                "line 7: unknown field `restituton`, expected one of `law`, `restitution`, \
+                 `tangential_restitution`, `friction`, `latch`; did you mean `restitution`?",
             ),
             ("contact = { law = \"newtn\" }", &format!("[[surface]] 'surface 1': contact law = \"newtn\": {LAWS}")),
             (
@@ -230,7 +230,8 @@ fn invalid_contact_rules_are_refused() {
             (&pair("joint = \"elbw\""), "[[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?"),
             (
                 &pair("joint = \"elbow\"\nfriction = 0.3"),
-                "[[contact.pair]] has joint: joint limits have restitution and latch only, remove law and friction",
+                "[[contact.pair]] has joint: joint limits have restitution and latch only, remove law, \
+                 tangential_restitution and friction",
             ),
             (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
             (
@@ -240,7 +241,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 &pair("link = \"tip\"\nlach = true"),
                 "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `law`, `restitution`, \
-                 `friction`, `latch`; did you mean `latch`?",
+                 `tangential_restitution`, `friction`, `latch`; did you mean `latch`?",
             ),
         ],
     );

@@ -45,7 +45,7 @@ fn invalid_scenes_are_refused_with_the_reason() {
     let desk = Desk::new("simulate-bad");
     desk.refuses_scene(
         |text| text.replace("restitution =", "restituton ="),
-        "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `friction`, \
+        "s.toml: line 12: unknown field `restituton`, expected one of `law`, `restitution`, `tangential_restitution`, `friction`, \
          `limit_restitution`, `latch`, `compliance`, `several`, `links`, `pair`; did you mean `restitution`?",
     );
     desk.refuses_scene(
