@@ -172,7 +172,7 @@ fn every_normal_force_rebounds_with_the_given_restitution() {
             let sim = block_on_slope(0.0, Compliance { normal, ..Compliance::new(stiffness) });
             let mut sim = Simulation { gravity: Vector3::zeros(), max_events: 2, ..sim };
             for touch in &mut sim.touches {
-                touch.contact.restitution = e;
+                touch.contact.law = Energetic { restitution: e, friction: touch.contact.law.friction() }.into();
             }
             let run = sim.run(&[0.0, 0.1 + 0.01 * speed], &[0.0, -speed], 1.0).unwrap();
             let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();

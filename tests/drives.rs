@@ -125,7 +125,7 @@ fn a_ball_on_a_vibrating_table_doubles_its_period_at_the_closed_form_amplitude()
             let chain = slider("");
             let motion = Oscillation { amplitude: Vector3::z() * amplitude, frequency: omega, phase: 0.0 };
             let rule = ContactRule::new(Newton { restitution: e, friction: 0.0 });
-            let touches = touching(&chain, level(), rule, Some(motion));
+            let touches = touching(&chain, level(), rule.clone(), Some(motion));
             let mut sim = Simulation { tolerance: 1e-11, zeno_time: 1e-7, ..Simulation::new(chain, touches) };
             sim.gravity = Vector3::new(0.0, 0.0, -G);
             // The orbit of period one: relative velocity U after the bounce, flight of one period, v⁺ = g T/2, and

@@ -152,7 +152,7 @@ fn energy(state: &[f64]) -> f64 {
 fn energy_changes_at_impacts_only() {
     let mut sim = scene().simulation;
     sim.gravity = Vector3::new(0.0, -G, 0.0);
-    sim.touches.iter_mut().for_each(|touch| touch.contact.restitution = 0.99);
+    sim.touches.iter_mut().for_each(|touch| touch.contact.law = Frictionless { restitution: 0.99 }.into());
     for tolerance in [1e-9, 1e-12] {
         sim.tolerance = tolerance;
         let start = [-1.0, 0.3, 1.5, 0.0];
