@@ -29,11 +29,37 @@ fn options_of_tosses_are_checked_before_the_folder_is_read() {
     for (options, message) in [
         ("--restitution 2", "--restitution 2: a coefficient of restitution lies between 0 and 1"),
         ("--friction -1", "--friction -1: a coefficient of friction is finite and not negative"),
+        (
+            "--tangential-restitution 2",
+            "--tangential-restitution 2: a coefficient of tangential restitution lies between -1 and 1",
+        ),
         ("--tolerance 0", "--tolerance 0: it must be positive and finite"),
         ("--contact-step -0.001", "--contact-step -0.001: it must be positive and finite"),
     ] {
         refused(desk.run(&format!("tosses nowhere {options}")), message);
     }
+}
+
+/// A ball without spin that strikes a rough floor obliquely: its tangential velocity after the impact depends on the
+/// coefficient alone, and with it the position at the last sample.
+#[test]
+fn tosses_have_the_tangential_restitution_of_the_option() {
+    let desk = Desk::new("tosses-tangential");
+    let urdf = r#"<robot name="ball"><link name="ball"><inertial><mass value="1"/>
+        <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision></link></robot>"#;
+    let head = "toss,k,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz";
+    let row = |k: u32, t: f64| format!("0,{k},{t},0,0,0.2,1,0,0,0,1,0,-1,0,0,0");
+    desk.write("ball.urdf", urdf);
+    desk.write("tosses.csv", format!("{head}\n{}\n{}\n", row(0, 0.0), row(1, 0.2)));
+    let position = |options: &str| {
+        let args = "tosses . --robot ball.urdf --law chatterjee-ruina --restitution 0.5 --friction 9 --json";
+        number(&desk.answers(&format!("{args} {options}"), "")[0]["each"][0]["position"])
+    };
+    // Without the option it is 0, and −1 gives no friction.
+    assert_eq!(position(""), position("--tangential-restitution 0"));
+    let without = position("--tangential-restitution -1");
+    assert!(without > position("") + 0.01 && position("") > position("--tangential-restitution 0.9") + 0.01);
 }
 
 #[test]
