@@ -3,6 +3,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Newton;
 use carom_sim::{ContactRule, Integrator, Simulation, Surface, Touch};
 use nalgebra::Vector3;
 
@@ -20,7 +21,7 @@ fn ball(integrator: Integrator) -> Simulation {
           <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint></robot>"#
     );
     let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-    let contact = ContactRule { law: "newton", restitution: 0.5, ..ContactRule::default() };
+    let contact = ContactRule::new(Newton { restitution: 0.5, friction: 0.0 });
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
     let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;

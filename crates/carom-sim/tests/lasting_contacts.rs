@@ -3,13 +3,14 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
+use carom_impact::Newton;
 use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Surface, Touch};
 use nalgebra::{Isometry3, Vector3};
 
 const G: f64 = 9.81;
 
 fn over(chain: Chain, obstacle: Obstacle, restitution: f64) -> Simulation {
-    let contact = ContactRule { law: "newton", restitution, ..ContactRule::default() };
+    let contact = ContactRule::new(Newton { restitution, friction: 0.0 });
     let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
     Simulation::new(chain, touches)
