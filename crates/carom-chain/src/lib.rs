@@ -21,6 +21,7 @@ mod base_parameters;
 mod chain;
 mod contact_inertia;
 mod delassus;
+mod derivative;
 mod dynamics;
 mod error;
 mod generate;

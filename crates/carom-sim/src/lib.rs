@@ -44,8 +44,8 @@ pub use error::SimError;
 pub use free_motion::{free_motion, free_motion_at};
 pub use impact::{
     ChainImpact, Contact, ContactRows, FrictionlessJump, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
-    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, Saltation, States, Strike, frictionless_jump_into,
-    saltation,
+    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
+    frictionless_jump_into, saltation,
 };
 pub use plan::{Bounded, Decision, Plan};
 pub use rule::{ContactLaw, ContactRule};

@@ -1,19 +1,20 @@
-//! Derivatives of an impact of a chain by dual numbers (forward automatic differentiation) through the kinematics, the
-//! recursions and the law.
+//! Derivatives of an impact of a chain, in closed form for M and for a point or a ball on a plane; the rows of other contacts
+//! and the laws are differentiated by dual numbers.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | J | 3×nv | contact velocity for unit joint rates, contact axes (tangents first, normal last) | `rows` |
 //! | X | nv×3 | M⁻¹Jᵀ | `response` |
-//! | s | 3 | velocity of the surface, contact axes | `surface_velocity` |
+//! | s | 3 | velocity of the surface, contact axes | `surface` |
 //! | H, u | 3×3, 3 | J X, J qd − s | – |
 //! | P | 3 | impulse, contact axes: a function of H, u, e and μ by the law | – |
 //!
-//! `qd⁺ = qd⁻ + X P(H, u, e, μ)`. The law is differentiated once with respect to H, u, e and μ (11 directions), the chain with
-//! respect to q in chunks of up to eight directions:
+//! With δ the change along a direction of q or of time, and ∂(Mx) from [`Kinematics::mass_matrix_derivatives`]:
 //!
 //! ```text
-//! δqd⁺ = δqd⁻ + δX P + X δP,   δP = ∂P/∂H:δH + ∂P/∂u (δJ qd + J δqd − δs) + ∂P/∂e δe + ∂P/∂μ δμ
+//! qd⁺ = qd⁻ + X P(H, u, e, μ)
+//! δqd⁺ = δqd⁻ + M⁻¹(δJᵀ P − δM X P) + X δP,   δP = ∂P/∂H:δH + ∂P/∂u (δJ qd + J δqd − δs) + ∂P/∂e δe + ∂P/∂μ δμ
+//! δH = δJ X + (δJ X)ᵀ − Xᵀ δM X
 //! ```
 //!
 //! **Tangent space.** Derivatives with respect to q have nv columns: column k is the derivative along the motion with unit
@@ -26,7 +27,7 @@ use crate::touch::Oscillation;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Spatial};
 use carom_impact::{Direction, LawDerivative};
-use nalgebra::{Const, DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, RealField, U1, Vector3};
+use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, MatrixXx3, RealField, U1, Vector3};
 use num_dual::DualSVec64;
 
 /// An impact of a chain with the derivatives of its joint velocities `hit.qd_plus`.
@@ -65,6 +66,37 @@ pub trait ContactRows {
     /// of the gap with respect to time.
     fn surface_velocity<T: RealField + Copy>(&self, _kin: &Kinematics<Spatial<T>>, _time: T) -> Vector3<T> {
         Vector3::zeros()
+    }
+
+    /// The derivatives of J and of the surface's velocity: by dual numbers, unless the contact has a closed form.
+    ///
+    /// # Errors
+    /// Errors of the kinematics.
+    #[doc(hidden)]
+    fn rates(&self, kin: &Kinematics<Spatial<f64>>, q: &[f64], time: f64) -> Result<RowRates, ChainError> {
+        let nv = kin.chain().nv();
+        let mut rates = RowRates::zeros(nv);
+        if nv < 4 {
+            by_duals::<4, Self>(self, kin.chain(), q, time, &mut rates)
+        } else {
+            by_duals::<8, Self>(self, kin.chain(), q, time, &mut rates)
+        }?;
+        Ok(rates)
+    }
+}
+
+/// Derivatives of the rows of a contact along the nv tangent directions of q and, last, with respect to time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RowRates {
+    /// 3×nv(nv+1): the derivatives of J side by side.
+    rows: Matrix3xX<f64>,
+    /// 3×(nv+1): the derivatives of the surface's velocity.
+    surface: Matrix3xX<f64>,
+}
+
+impl RowRates {
+    fn zeros(nv: usize) -> Self {
+        Self { rows: Matrix3xX::zeros(nv * (nv + 1)), surface: Matrix3xX::zeros(nv + 1) }
     }
 }
 
@@ -135,6 +167,21 @@ impl ContactRows for PlaneContact {
         let rate = frequency * (frequency * time + nalgebra::convert(phase)).cos();
         (self.axes.transpose() * amplitude).map(|x| nalgebra::convert::<f64, T>(x) * rate)
     }
+
+    fn rates(&self, kin: &Kinematics<Spatial<f64>>, _q: &[f64], time: f64) -> Result<RowRates, ChainError> {
+        let (chain, nv) = (kin.chain(), kin.chain().nv());
+        let mut rates = RowRates::zeros(nv);
+        let lever = self.axes.column(2) * -self.radius;
+        kin.for_each_jacobian_derivative(chain.point(self.frame, self.offset), lever, |i, k, rate| {
+            let mut column = rates.rows.column_mut(k * nv + i);
+            column += self.axes.tr_mul(&rate);
+        });
+        if let Some(motion) = self.motion {
+            let [_, _, acceleration] = motion.at(time);
+            rates.surface.set_column(nv, &self.axes.tr_mul(&acceleration));
+        }
+        Ok(rates)
+    }
 }
 
 /// A frictionless gap whose row ∂g/∂q does not depend on q, for instance between prismatic joints or at a joint limit.
@@ -149,6 +196,10 @@ impl ContactRows for RowContact {
             rows[(2, k)] = nalgebra::convert(*x);
         }
         Ok(rows)
+    }
+
+    fn rates(&self, kin: &Kinematics<Spatial<f64>>, _q: &[f64], _time: f64) -> Result<RowRates, ChainError> {
+        Ok(RowRates::zeros(kin.chain().nv()))
     }
 }
 
@@ -170,7 +221,7 @@ pub(crate) struct Derivatives {
     pub friction: DVector<f64>,
 }
 
-/// The derivatives of qd⁺ from rows and response of the contact as `f64`, and the derivative of the law.
+/// The derivatives of qd⁺ from rows and response of the contact, and the derivative of the law.
 pub(crate) fn differentiate<C: ContactRows>(
     at: At,
     contact: &C,
@@ -179,13 +230,37 @@ pub(crate) fn differentiate<C: ContactRows>(
     law: &LawDerivative<3>,
 ) -> Result<Derivatives, SimError> {
     let nv = at.chain.nv();
-    // The last column is that of time.
+    let mut workspace = at.chain.workspace();
+    let mut kin = workspace.update(at.chain, at.q)?;
+    let rates = contact.rates(&kin, at.q, at.time)?;
+    let [x0, x1, x2] = [0, 1, 2].map(|b| &response.as_slice()[b * nv..][..nv]);
+    let turned = kin.mass_matrix_derivatives([x0, x1, x2]);
+    let velocity = DVector::from_column_slice(at.qd);
+    let impulse = law.outcome.impulse;
+    // The last column is that of time, on which M does not depend.
     let mut moved = DMatrix::zeros(nv, nv + 1);
-    if nv < 4 {
-        chunks::<4, C>(at, contact, response, law, &mut moved)
-    } else {
-        chunks::<8, C>(at, contact, response, law, &mut moved)
-    }?;
+    for (k, mut column) in moved.column_iter_mut().enumerate() {
+        let rate = rates.rows.columns(k * nv, nv);
+        column.gemv_tr(1.0, &rate, &impulse, 0.0);
+        if k < nv {
+            turned.iter().zip(&impulse).for_each(|(by, p)| column.axpy(-p, &by.column(k), 1.0));
+        }
+    }
+    solve_columns(&mut kin, &mut moved)?;
+    for (k, mut column) in moved.column_iter_mut().enumerate() {
+        let rate = rates.rows.columns(k * nv, nv);
+        let one = rate * response;
+        let mut delassus = one + one.transpose();
+        if k < nv {
+            turned.iter().enumerate().for_each(|(b, by)| {
+                let mut entry = delassus.column_mut(b);
+                entry.gemv_tr(-1.0, response, &by.column(k), 1.0);
+            });
+        }
+        let u_minus = rate * &velocity - rates.surface.column(k);
+        let along = Direction { delassus: (delassus + delassus.transpose()) * 0.5, u_minus, ..Direction::default() };
+        column.gemv(1.0, response, &law.impulse(&along), 1.0);
+    }
     let mut qd = response * (law.velocity * rows);
     for k in 0..nv {
         qd[(k, k)] += 1.0;
@@ -199,20 +274,17 @@ pub(crate) fn differentiate<C: ContactRows>(
     })
 }
 
-/// The derivatives of qd⁺ along each tangent direction of q and with respect to time, N directions at once.
-fn chunks<const N: usize, C: ContactRows>(
-    at: At,
+/// The derivatives of the rows of a contact, N directions at once.
+fn by_duals<const N: usize, C: ContactRows + ?Sized>(
     contact: &C,
-    response: &MatrixXx3<f64>,
-    law: &LawDerivative<3>,
-    moved: &mut DMatrix<f64>,
-) -> Result<(), SimError> {
-    let (nq, nv) = (at.chain.nq(), at.chain.nv());
-    let chain = at.chain.cast::<DualSVec64<N>>();
-    let mut workspace = chain.workspace();
-    let plain = |x: &f64| DualSVec64::<N>::from_re(*x);
-    let qd: Vec<_> = at.qd.iter().map(plain).collect();
-    let impulse = law.outcome.impulse.map(|x| plain(&x));
+    chain: &Chain,
+    q: &[f64],
+    time: f64,
+    rates: &mut RowRates,
+) -> Result<(), ChainError> {
+    let (nq, nv) = (chain.nq(), chain.nv());
+    let moving = chain.cast::<DualSVec64<N>>();
+    let mut workspace = moving.workspace();
     let (mut unit, mut rate) = (vec![0.0; nv], vec![0.0; nq]);
     for first in (0..=nv).step_by(N) {
         let lanes = N.min(nv + 1 - first);
@@ -223,7 +295,7 @@ fn chunks<const N: usize, C: ContactRows>(
                 continue;
             }
             unit[first + lane] = 1.0;
-            at.chain.q_rate_into(at.q, &unit, &mut rate);
+            chain.q_rate_into(q, &unit, &mut rate);
             unit[first + lane] = 0.0;
             for (seed, x) in seeds.iter_mut().zip(&rate) {
                 seed[lane] = *x;
@@ -231,42 +303,50 @@ fn chunks<const N: usize, C: ContactRows>(
         }
         let dual =
             |(x, seed): (&f64, &nalgebra::SVector<f64, N>)| DualSVec64::<N>::new(*x, num_dual::Derivative::some(*seed));
-        let q: Vec<_> = at.q.iter().zip(&seeds).map(dual).collect();
-        let time = dual((&at.time, &seeds[nq]));
-        let mut kin = workspace.update(&chain, &q)?;
-        let rows = contact.rows(&kin, time)?;
-        let u = &rows * DVector::from_column_slice(&qd) - contact.surface_velocity(&kin, time);
-        let x = responses(&mut kin, &rows)?;
-        let delassus = &rows * &x;
-        let jump = x * impulse;
+        let q: Vec<_> = q.iter().zip(&seeds).map(dual).collect();
+        let time = dual((&time, &seeds[nq]));
+        let kin = workspace.update(&moving, &q)?;
         let eps = |x: DualSVec64<N>| x.eps.unwrap_generic(Const::<N>, U1);
-        let (delassus, u, jump) = (delassus.map(eps), u.map(eps), jump.map(eps));
+        let rows = contact.rows(&kin, time)?.map(eps);
+        let surface = contact.surface_velocity(&kin, time).map(eps);
         for lane in 0..lanes {
-            let h = Matrix3::from_fn(|i, j| (delassus[(i, j)][lane] + delassus[(j, i)][lane]) * 0.5);
-            let along = Direction { delassus: h, u_minus: u.map(|x| x[lane]), ..Direction::default() };
-            let column = jump.map(|x| x[lane]) + response * law.impulse(&along);
-            moved.set_column(first + lane, &column);
+            let k = first + lane;
+            rates.rows.columns_mut(k * nv, nv).copy_from(&rows.map(|x| x[lane]));
+            rates.surface.set_column(k, &surface.map(|x| x[lane]));
         }
     }
     Ok(())
 }
 
 /// M⁻¹Jᵀ, nv×3.
-pub(crate) fn responses<T: RealField + Copy>(
-    kin: &mut Kinematics<Spatial<T>>,
-    rows: &Matrix3xX<T>,
-) -> Result<MatrixXx3<T>, ChainError> {
-    let forces = rows.transpose();
-    let mut out = MatrixXx3::zeros(forces.nrows());
+pub(crate) fn responses(
+    kin: &mut Kinematics<Spatial<f64>>,
+    rows: &Matrix3xX<f64>,
+) -> Result<MatrixXx3<f64>, ChainError> {
+    let mut columns = rows.transpose();
+    solve_columns(kin, &mut columns)?;
+    Ok(columns)
+}
+
+/// Replaces each column by M⁻¹ times it.
+fn solve_columns<C: nalgebra::Dim, S: nalgebra::RawStorageMut<f64, Dyn, C, RStride = U1>>(
+    kin: &mut Kinematics<Spatial<f64>>,
+    columns: &mut nalgebra::Matrix<f64, Dyn, C, S>,
+) -> Result<(), ChainError> {
+    let mut force = DVector::zeros(columns.nrows());
     if kin.chain().is_coupled() {
-        for k in 0..3 {
-            out.set_column(k, &kin.solve(forces.column(k).as_slice())?);
+        for mut column in columns.column_iter_mut() {
+            force.copy_from(&column);
+            column.copy_from(&kin.solve(force.as_slice())?);
         }
-        return Ok(out);
+        return Ok(());
     }
     let mut articulation = kin.articulate()?;
-    for (force, mut moved) in forces.column_iter().zip(out.column_iter_mut()) {
-        articulation.solve_into(force.as_slice(), moved.as_mut_slice())?;
+    let mut out = DVector::zeros(columns.nrows());
+    for mut column in columns.column_iter_mut() {
+        force.copy_from(&column);
+        articulation.solve_into(force.as_slice(), out.as_mut_slice())?;
+        column.copy_from(&out);
     }
-    Ok(out)
+    Ok(())
 }

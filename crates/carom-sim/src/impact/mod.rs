@@ -14,7 +14,7 @@ mod strike;
 pub use band::ImpactBand;
 pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
 pub use contact::Contact;
-pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact};
+pub use derivative::{ContactRows, ImpactDerivative, PlaneContact, RowContact, RowRates};
 pub use frictionless::frictionless_jump_into;
 pub use hit::ChainImpact;
 pub use joints::JointModel;

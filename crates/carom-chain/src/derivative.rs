@@ -1,0 +1,121 @@
+//! Derivatives of M and of the Jacobian of a point with respect to q, in closed form.
+//!
+//! A unit motion of joint k moves its subtree as one rigid body. In axes that move with the subtree, M x changes there only
+//! because the acceleration a_λ of the parent body (at joint accelerations x) turns backwards; on the joints between k and the
+//! world it changes by the force F of the subtree, which turns with it:
+//!
+//! ```text
+//! ∂(Mx)ⱼ/∂q_k = −(Iᶜⱼ sⱼ) · (s_k × a_λ)                j in the subtree of k
+//! ∂(Mx)ⱼ/∂q_k = sⱼ · (s_k ×* F_k − Iᶜ_k (s_k × a_λ))     j between k and the world
+//! ```
+//!
+//! A Jacobian column Jᵢ turns with joint k if it lies on the outer side of k, otherwise only the point moves:
+//!
+//! ```text
+//! ∂Jᵢ/∂q_k = z_k × Jᵢ − zᵢ × (z_k × d),   zᵢ × (J_k − z_k × d)
+//! ```
+//!
+//! **Tangent space.** Column k is the derivative along the motion with unit `qd[k]`. The axes of a floating joint are fixed in
+//! its child body: each of its motions moves all six.
+//!
+//! | symbol | meaning | our name |
+//! | --- | --- | --- |
+//! | s, z | axis of a joint; its direction if it turns, else zero | `axis`, `turning` |
+//! | Iᶜ | composite inertia | `composite` |
+//! | Iᶜ s | momentum of the subtree at unit joint rate | `momentum` |
+//! | a, F | accelerations at joint accelerations x; force of the subtree | `velocity`, `force` |
+//! | d | from the material point, which moves with its body, to the contact point: a vector that is constant in the world | `lever` |
+//!
+//! Source: Carpentier & Mansard, *Analytical derivatives of rigid body dynamics algorithms* (2018), for zero velocity.
+
+use crate::algebra::{Algebra, Axis, Force, Motion};
+use crate::chain::Point;
+use crate::workspace::Kinematics;
+use nalgebra::DMatrix;
+
+/// The first axis of the joint that body k belongs to: its own, or the first of a floating joint.
+fn first_axis<A: Algebra>(steps: &[crate::steps::Step<A>], k: usize) -> usize {
+    (0..=k).rev().find(|&i| !A::rides_along(steps[i].joint)).unwrap_or(k)
+}
+
+fn turning<A: Algebra>(axis: Axis<A>) -> A::Angular {
+    axis.at_rate(nalgebra::convert(1.0)).angular
+}
+
+impl<A: Algebra> Kinematics<'_, A> {
+    /// ∂(M x)/∂q, nv×nv, for each of the vectors x (length nv each), in the tangent space of q.
+    ///
+    /// # Panics
+    /// If an x is shorter than nv.
+    pub fn mass_matrix_derivatives<const K: usize>(&mut self, x: [&[A::Scalar]; K]) -> [DMatrix<A::Scalar>; K] {
+        let (chain, n) = (self.chain, self.chain.bodies.len());
+        let steps = &chain.steps;
+        self.composites();
+        let links = &self.ws.links;
+        let momentum: Vec<Force<A>> = (0..n).map(|j| self.ws.inertia[j].along(links[j].axis)).collect();
+        let own: Vec<_> = (0..n).map(|j| chain.bodies[j].inertia.rotated(links[j].rotation)).collect();
+        let composite = self.ws.inertia.clone();
+        x.map(|x| {
+            let mut out = DMatrix::zeros(chain.nv, chain.nv);
+            self.spread_velocity(x);
+            let ws = &mut *self.ws;
+            for ((force, own), velocity) in ws.force.iter_mut().zip(&own).zip(&ws.velocity) {
+                *force = own.apply(*velocity);
+            }
+            for (j, step) in steps.iter().enumerate().rev() {
+                if let Some(p) = step.parent {
+                    let carried = ws.force[j].shifted(ws.links[j].offset);
+                    ws.force[p] += carried;
+                }
+            }
+            for k in 0..n {
+                let (first, v, link) = (first_axis(steps, k), steps[k].v_index, &ws.links[k]);
+                let unit = link.axis.at_rate(nalgebra::convert(1.0));
+                let below = steps[first]
+                    .parent
+                    .map_or(Motion::zero(), |p| ws.velocity[p].shifted(link.position - ws.links[p].position));
+                let turned = unit.carry(below);
+                for j in first..steps[k].end {
+                    let there = turned.shifted(ws.links[j].position - link.position);
+                    out[(steps[j].v_index, v)] -= momentum[j].power(there);
+                }
+                let mut force = unit.carry_force(ws.force[k]) - composite[k].apply(turned);
+                let (mut at, mut next) = (link.position, steps[first].parent);
+                while let Some(j) = next {
+                    force = force.shifted(at - ws.links[j].position);
+                    at = ws.links[j].position;
+                    out[(steps[j].v_index, v)] += ws.links[j].axis.dot(force);
+                    next = steps[j].parent;
+                }
+            }
+            out
+        })
+    }
+
+    /// Visits the derivatives ∂Jᵢ/∂q_k that are not zero: i, k, and the derivative of column i of the Jacobian of a point at
+    /// the constant `lever` (world axes, m) from the material `point`, in the tangent space of q. Bodies that share a
+    /// coordinate are visited one by one: add them.
+    pub fn for_each_jacobian_derivative(
+        &self,
+        point: Point<A>,
+        lever: A::Vector,
+        mut visit: impl FnMut(usize, usize, A::Vector),
+    ) {
+        let (steps, links) = (&self.chain.steps, &self.ws.links);
+        let mut movers = Vec::new();
+        self.for_each_mover(point, |i, r| movers.push((i, links[i].axis.point_velocity(r + lever))));
+        for &(k, column_k) in &movers {
+            let (first, z_k) = (first_axis(steps, k), turning(links[k].axis));
+            let swept = A::swing(z_k, lever);
+            for &(i, column_i) in &movers {
+                let z_i = turning(links[i].axis);
+                let rate = if i >= first {
+                    A::swing(z_k, column_i) - A::swing(z_i, swept)
+                } else {
+                    A::swing(z_i, column_k - swept)
+                };
+                visit(steps[i].v_index, steps[k].v_index, rate);
+            }
+        }
+    }
+}

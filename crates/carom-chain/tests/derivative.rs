@@ -1,0 +1,67 @@
+//! Derivatives of M and J compared with dual numbers through the same recursions.
+
+mod common;
+
+use carom_chain::{Chain, Spatial};
+use common::{Sample, Zoo, close, sample};
+use nalgebra::{DMatrix, Vector3};
+use num_dual::Dual64;
+
+/// The chain of a sample over dual numbers at q, moved along the unit velocity k.
+fn dual_q(chain: &Chain, q: &[f64], k: usize) -> Vec<Dual64> {
+    let (mut unit, mut rate) = (vec![0.0; chain.nv()], vec![0.0; chain.nq()]);
+    unit[k] = 1.0;
+    chain.q_rate_into(q, &unit, &mut rate);
+    q.iter().zip(&rate).map(|(x, dx)| Dual64::new(*x, *dx)).collect()
+}
+
+fn agrees(s: &mut Sample) {
+    let (q, nv) = (s.q(), s.chain.nv());
+    let name = s.chain.frames().last().unwrap().name.clone();
+    let frame = s.chain.frame(&name).unwrap();
+    let (offset, lever) = (s.vector(), s.vector());
+    let x = [s.v(), s.v()];
+    let mut ws = s.chain.workspace();
+    let mut kin = ws.update(&s.chain, &q).unwrap();
+    let scale = kin.mass_matrix().amax() * x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs())) + 1e-300;
+    let found = kin.mass_matrix_derivatives([&x[0], &x[1]]);
+    let mut rates = vec![DMatrix::<f64>::zeros(3, nv); nv];
+    let point = s.chain.point(frame, offset);
+    kin.for_each_jacobian_derivative(point, lever, |i, k, rate| {
+        (0..3).for_each(|row| rates[k][(row, i)] += rate[row]);
+    });
+
+    let chain: Chain<Spatial<Dual64>> = s.chain.cast();
+    let mut ws = chain.workspace();
+    for (k, rates) in rates.iter().enumerate() {
+        let mut kin = ws.update(&chain, &dual_q(&s.chain, &q, k)).unwrap();
+        let m = kin.mass_matrix().map(|entry| entry.eps);
+        for (x, found) in x.iter().zip(&found) {
+            let wanted = m.clone() * nalgebra::DVector::from_column_slice(x);
+            close("∂(Mx)", found.column(k).iter(), wanted.iter(), 1e-13, scale);
+        }
+        // The material point of the link that is at the constant lever from the point.
+        let pose = kin.pose(frame);
+        let dual = |v: Vector3<f64>| v.map(Dual64::from_re);
+        let place = pose.inverse().point(pose.point(dual(offset)) + dual(lever));
+        let wanted = kin.point_jacobian(chain.point(frame, place)).map(|entry| entry.eps);
+        close("∂J", rates.iter(), wanted.iter(), 1e-13, 1.0);
+    }
+}
+
+#[test]
+fn derivatives_of_m_and_j_equal_those_by_dual_numbers() {
+    for seed in 0..200 {
+        agrees(&mut sample(1 + seed as usize % 9, Zoo::All, seed));
+    }
+}
+
+#[test]
+fn derivatives_of_floating_robots_equal_those_by_dual_numbers() {
+    let floating = carom_chain::urdf::LoadOptions { floating_base: true, ..Default::default() };
+    for seed in 0..60 {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let robot = common::robot(seed as usize % 6, Zoo::All, &mut rng);
+        agrees(&mut Sample { chain: Chain::from_robot(robot, &floating), rng });
+    }
+}
