@@ -92,6 +92,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     }
 
     /// Completes the result of a law with the energies and the flags that follow from them.
+    #[inline(always)]
     pub(crate) fn of(
         law: &'static str,
         problem: &ImpactProblem<T, D>,
@@ -101,7 +102,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     ) -> Self {
         let u_minus = *problem.u_minus();
         let half: T = convert(0.5);
-        let energy_before = problem.kinetic_energy(&u_minus);
+        let [energy_before, energy_after] = problem.kinetic_energies([u_minus, u_plus]);
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
         // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
         let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
@@ -115,7 +116,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
             u_plus,
             mode: account.mode,
             energy_before,
-            energy_after: problem.kinetic_energy(&u_plus),
+            energy_after,
             energy_change,
             normal_work: account.normal_work,
             friction_work: account.friction_work,

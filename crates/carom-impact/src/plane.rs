@@ -51,22 +51,37 @@ pub(crate) struct Routh<T> {
 }
 
 impl<T: RealField + Copy> Routh<T> {
+    #[inline]
+    pub fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        if problem.approach_speed() > T::zero() {
+            check_restitution(self.restitution)?;
+            check_friction(self.friction)?;
+            problem.check_normal()?;
+            return self.strike(problem);
+        }
+        Ok(self.answers(problem)?.first)
+    }
+
     pub fn answers<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Answers<T, D>, ImpactError> {
-        let Self { law, restitution: e, friction: mu, ending } = *self;
-        check_restitution(e)?;
-        check_friction(mu)?;
-        let strike = || {
-            let in_plane = |contact: &_| walk(contact, e, mu, ending);
-            resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
-        };
+        check_restitution(self.restitution)?;
+        check_friction(self.friction)?;
         // At v_n = 0 there is a path only where friction jams.
-        let from_rest = || if Contact::of(problem).jams(mu) { Ok(vec![strike()?]) } else { Ok(Vec::new()) };
-        Answers::of(law, mu, problem, strike, from_rest)
+        let jams = || Contact::of(problem).jams(self.friction);
+        let from_rest = || if jams() { Ok(vec![self.strike(problem)?]) } else { Ok(Vec::new()) };
+        Answers::of(self.law, self.friction, problem, || self.strike(problem), from_rest)
+    }
+
+    #[inline(never)] // one place of use, so that its parts are inlined
+    fn strike<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let Self { law, restitution: e, friction: mu, ending } = *self;
+        let in_plane = |contact: &_| walk(contact, e, mu, ending);
+        resolve_with_friction(law, e, mu, problem, in_plane, || follow(problem, e, mu, ending))
     }
 }
 
 /// Resolves `problem` with a law that works in the plane of slip if there is one, otherwise in space. Requires an
 /// approach along a regular normal direction and coefficients in their ranges.
+#[inline(always)]
 pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     law: &'static str,
     restitution: T,
@@ -85,7 +100,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     };
     let contact = plane.contact(problem);
     let answer = in_plane(&contact)?;
-    Ok(plane.lift(law, problem, mu, answer))
+    Ok(plane.lift(law, problem, &contact, mu, answer))
 }
 
 /// The further solutions of a law that has several.
@@ -97,8 +112,8 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space: impl FnOnce() -> Vec<Found<T, D>>,
 ) -> Vec<ImpactOutcome<T, D>> {
     if let Some(plane) = SlipPlane::of(problem) {
-        let answer = in_plane(&plane.contact(problem));
-        return answer.into_iter().map(|answer| plane.lift(law, problem, mu, answer)).collect();
+        let contact = plane.contact(problem);
+        return in_plane(&contact).into_iter().map(|answer| plane.lift(law, problem, &contact, mu, answer)).collect();
     }
     let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
     in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
@@ -168,14 +183,15 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     }
 
     /// The outcome in contact axes. Across the plane all values are zero, but derivatives need not be.
+    #[inline(always)]
     fn lift(
         &self,
         law: &'static str,
         problem: &ImpactProblem<T, D>,
+        contact: &ImpactProblem<T, 2>,
         mu: T,
         mut answer: Answer<T>,
     ) -> ImpactOutcome<T, D> {
-        let contact = self.contact(problem);
         let (_, b, c) = contact.abc();
         let (v_t, _) = contact.velocity();
         // dv_n/dp = C - μ s B <= 0 in the first slip.

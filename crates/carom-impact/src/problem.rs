@@ -106,23 +106,32 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// # Ok::<(), carom_impact::ImpactError>(())
     /// ```
     pub fn kinetic_energy(&self, u: &SVector<T, D>) -> T {
+        let [energy] = self.kinetic_energies([*u]);
+        energy
+    }
+
+    /// [`Self::kinetic_energy`] of several velocities, for which H is eliminated once.
+    #[inline(always)]
+    pub(crate) fn kinetic_energies<const N: usize>(&self, mut w: [SVector<T, D>; N]) -> [T; N] {
         let nothing = self.trace_rounding();
-        let (mut h, mut w) = (self.delassus, *u);
-        let mut twice = T::zero();
+        let mut h = self.delassus;
+        let mut twice = [T::zero(); N];
         for k in (0..D).rev() {
             let pivot = h[(k, k)];
             if pivot <= nothing || pivot <= self.delassus[(k, k)] * rounding(NULL_PIVOT) {
                 continue;
             }
             // w := L⁻¹ u, so that uᵀ (L D Lᵀ)⁻¹ u = Σ w_k²/d_k.
-            let by_pivot = w[k] / pivot;
-            twice += w[k] * by_pivot;
-            for i in 0..k {
-                w[i] -= h[(i, k)] * by_pivot;
+            for (w, twice) in w.iter_mut().zip(&mut twice) {
+                let share = w[k] / pivot;
+                *twice += w[k] * share;
+                for i in 0..k {
+                    w[i] -= h[(i, k)] * share;
+                }
             }
             eliminate(&mut h, k);
         }
-        twice * convert(0.5)
+        twice.map(|twice| twice * convert(0.5))
     }
 
     /// `(64 ε)² tr H`: a diagonal entry `j M⁻¹ jᵀ` below it is the square of a row j of rounding errors. The trace is
@@ -160,8 +169,7 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
     /// # Ok::<(), carom_impact::ImpactError>(())
     /// ```
     pub fn mu_stick(&self) -> T {
-        let (a, b, _) = self.abc();
-        if self.tangent_is_frozen() { T::zero() } else { b.abs() / a }
+        self.hold().abs()
     }
 
     /// `C/|B|`, Painlevé's threshold: with at least this friction, slip towards `sign B` lowers v_n (jam). `None` where
@@ -186,19 +194,37 @@ impl<T: RealField + Copy> ImpactProblem<T, 2> {
         self.delassus[(0, 0)] <= self.trace_rounding()
     }
 
-    /// `det H = A C - B²` with one rounding of the products (Kahan): a fused multiply-add recovers the rounding error
-    /// of `B²`.
+    /// `det H = A C - B²`. Where the terms cancel, a fused multiply-add recovers the rounding error of `B²` (Kahan).
     pub(crate) fn determinant(&self) -> T {
         let (a, b, c) = self.abc();
-        let square = b * b;
+        let (product, square) = (a * c, b * b);
+        let difference = product - square;
+        if difference * convert(16.0) > product {
+            return difference;
+        }
         let lost = (-b).mul_add(b, square);
         a.mul_add(c, -square) + lost
+    }
+
+    /// `B/A`: the friction per unit of normal impulse that keeps a contact sticking, opposed to the tangent; 0 where the
+    /// tangent is singular.
+    pub(crate) fn hold(&self) -> T {
+        let (a, b, _) = self.abc();
+        if self.tangent_is_frozen() { T::zero() } else { b / a }
     }
 
     /// `det H/A`: inverse mass along the normal while the contact sticks (1/kg).
     pub(crate) fn held_inverse_mass(&self) -> T {
         let (a, _, c) = self.abc();
         if self.tangent_is_frozen() { c } else { self.determinant() / a }
+    }
+
+    /// Whether `det H/A` is zero within rounding, relative to `H_nn`.
+    pub(crate) fn is_singular(&self) -> bool {
+        let (a, b, c) = self.abc();
+        // Well above the threshold the determinant need not be exact.
+        let regular = a * c - b * b > a * c * rounding(2.0 * NULL_PIVOT);
+        !regular && self.is_locked(self.held_inverse_mass())
     }
 
     /// Whether an inverse mass along the normal is zero within rounding, relative to `H_nn`.
@@ -294,6 +320,7 @@ where
 }
 
 /// Schur complement of pivot k in the rows above it; column k keeps its entries.
+#[inline(always)]
 fn eliminate<T, D, S>(h: &mut Matrix<T, D, D, S>, k: usize)
 where
     T: RealField + Copy,

@@ -66,16 +66,10 @@ impl<T: RealField + Copy> Segment<T> {
         Self { mode, tangent_rate: b - mu * s * a, normal_rate: c - mu * s * b, friction_rate: -mu * s }
     }
 
-    /// The tangential impulse that keeps `v_t = 0`: `A dp_t + B dp = 0`. `held` is `det H/A`.
-    fn stick(contact: &ImpactProblem<T, 2>, held: T) -> Self {
-        let (a, b, _) = contact.abc();
-        let frozen = contact.tangent_is_frozen();
-        Self {
-            mode: Mode::Stick,
-            tangent_rate: T::zero(),
-            normal_rate: held,
-            friction_rate: if frozen { T::zero() } else { -b / a },
-        }
+    /// The tangential impulse that keeps `v_t = 0`: `A dp_t + B dp = 0`.
+    fn stick(contact: &ImpactProblem<T, 2>) -> Self {
+        let (tangent_rate, normal_rate) = (T::zero(), contact.held_inverse_mass());
+        Self { mode: Mode::Stick, tangent_rate, normal_rate, friction_rate: -contact.hold() }
     }
 }
 
@@ -128,6 +122,7 @@ impl<T: RealField + Copy> Walk<T> {
 /// If `det H = 0`, a sticking contact has no inverse mass along its normal. If it begins to stick exactly when
 /// compression ends, as a single-joint arm does, it stays at `v_n = 0`, without further impulse unless the law
 /// prescribes the impulse itself; if it sticks before, it wedges.
+#[inline(always)]
 pub(crate) fn walk<T: RealField + Copy>(
     contact: &ImpactProblem<T, 2>,
     e: T,
@@ -136,17 +131,16 @@ pub(crate) fn walk<T: RealField + Copy>(
 ) -> Result<Answer<T>, ImpactError> {
     let zero = T::zero();
     let (v_t, v_n) = contact.velocity();
-    let held = contact.held_inverse_mass();
-    let then = after_slip(contact, mu, sign(v_t), held);
+    let slips = v_t != zero;
     // Without slip there is only the second segment. If that is stick, a slip of value 0 with a derivative stops at
     // once, in any direction; if not, it has the direction of that segment.
+    let rests = !slips && mu >= contact.mu_stick();
     let s = match sign(v_t) {
         s if s != zero => s,
-        _ if then.mode == Mode::Stick => T::one(),
+        _ if rests => T::one(),
         _ => sign(contact.abc().1),
     };
     let first = Segment::slip(contact, mu, s, Mode::Slip);
-    let locked = contact.is_locked(then.normal_rate);
     let wedged = |held: T, inverse_mass: T| ImpactError::Wedged {
         friction: plain(mu),
         normal_velocity: plain(held),
@@ -155,12 +149,10 @@ pub(crate) fn walk<T: RealField + Copy>(
     };
 
     // p1: slip stops; at once if there is none.
-    let slip_stops = if v_t == zero && then.mode == Mode::Stick {
-        Some(if first.tangent_rate == zero { zero } else { -v_t / first.tangent_rate })
-    } else if s * first.tangent_rate < zero {
-        Some(-v_t / first.tangent_rate)
+    let slip_stops = if rests && first.tangent_rate == zero {
+        Some(zero)
     } else {
-        None
+        (rests || s * first.tangent_rate < zero).then(|| -v_t / first.tangent_rate)
     };
     // pc: compression ends, if slip lasts until then.
     let slip_peaks = (first.normal_rate > zero).then(|| -v_n / first.normal_rate);
@@ -169,26 +161,26 @@ pub(crate) fn walk<T: RealField + Copy>(
     }
 
     let mut down = Walk::start(v_t, v_n);
-    let up;
-    let slip_end = match (slip_peaks, slip_stops) {
+    let mut up;
+    let mut slip_end = None;
+    let (mut mode, mut realised) = (first.mode, [e; 3]);
+    if let Some(pc) = slip_peaks.filter(|&pc| slip_stops.is_none_or(|p1| p1 >= pc + e * pc)) {
         // A: with one rate throughout, all three laws end at p = (1 + e) pc.
-        (Some(pc), p1) if p1.is_none_or(|p1| p1 >= pc + e * pc) => {
+        down.advance(&first, pc);
+        up = down.turn().advanced(&first, e * pc);
+    } else {
+        // Slip neither stops nor raises v_n: refused above, and impossible for det H > 0.
+        let Some(p1) = slip_stops else { return Err(wedged(v_n, first.normal_rate)) };
+        let then = after_slip(contact, mu, sign(v_t));
+        let locked = contact.is_locked(then.normal_rate);
+        if let Some(pc) = slip_peaks.filter(|&pc| p1 >= pc) {
+            // C: compression ends, slip stops, restitution goes on.
             down.advance(&first, pc);
-            up = down.turn().advanced(&first, e * pc);
-            None
-        }
-        // C: compression ends, slip stops, restitution goes on.
-        (Some(pc), Some(p1)) if p1 >= pc => {
-            down.advance(&first, pc);
-            let mut back = down.turn().advanced(&first, p1 - pc);
-            back.v_t = zero;
-            let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
-            let rest = end.left(back.p, back.v_n, back.normal_work, then.normal_rate, locked);
-            up = back.advanced(&then, rest);
-            Some(Phase::Restitution)
-        }
-        // B: slip stops, compression goes on.
-        (_, Some(p1)) => {
+            up = down.turn().advanced(&first, p1 - pc);
+            up.v_t = zero;
+            slip_end = Some(Phase::Restitution);
+        } else {
+            // B: slip stops, compression goes on.
             down.advance(&first, p1);
             down.v_t = zero;
             if !locked {
@@ -196,16 +188,16 @@ pub(crate) fn walk<T: RealField + Copy>(
             } else if down.v_n < (v_n - first.normal_rate.abs() * p1) * rounding(1024.0) {
                 return Err(wedged(down.v_n, then.normal_rate));
             }
-            let back = down.turn();
-            let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
-            let rest = end.left(back.p, back.v_n, back.normal_work, then.normal_rate, locked);
-            up = back.advanced(&then, rest);
-            Some(Phase::Compression)
+            up = down.turn();
+            slip_end = Some(Phase::Compression);
         }
-        // Slip neither stops nor raises v_n: refused above, and impossible for det H > 0.
-        (_, None) => return Err(wedged(v_n, first.normal_rate)),
-    };
+        let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
+        up.advance(&then, end.left(up.p, up.v_n, up.normal_work, then.normal_rate, locked));
+        (mode, realised) =
+            (then.mode, [-up.v_n / v_n, up.p / down.p, coefficient_of_work(up.normal_work, down.normal_work)]);
+    }
 
+    let [newton, poisson, energetic] = realised;
     Ok(Answer {
         p_t: down.p_t + up.p_t,
         p_n: down.p + up.p,
@@ -214,13 +206,13 @@ pub(crate) fn walk<T: RealField + Copy>(
         account: Account {
             normal_work: down.normal_work + up.normal_work,
             friction_work: down.friction_work + up.friction_work,
-            newton: (v_n != zero).then(|| -up.v_n / v_n),
-            poisson: Some(up.p / down.p),
-            energetic: Some(coefficient_of_work(up.normal_work, down.normal_work)),
-            mode: if slip_end.is_some() { then.mode } else { first.mode },
-            slip_end: if v_t == zero { None } else { slip_end },
-            slip_stop: slip_stops.filter(|_| slip_end.is_some() && v_t != zero),
-            flags: Flags::SINGULAR.when(mu > zero && contact.is_locked(held)),
+            newton: (v_n != zero).then_some(newton),
+            poisson: Some(poisson),
+            energetic: Some(energetic),
+            mode,
+            slip_end: slip_end.filter(|_| slips),
+            slip_stop: slip_stops.filter(|_| slip_end.is_some() && slips),
+            flags: Flags::SINGULAR.when(mu > zero && contact.is_singular()),
         },
         turns: Turns::InTime,
     })
@@ -233,9 +225,9 @@ pub(crate) fn coefficient_of_work<T: RealField + Copy>(returned: T, taken: T) ->
 
 /// The segment after slip s has stopped: stick if friction is large enough, otherwise slip towards `sign B`. This is
 /// slip back: slip s stops only if `s B < μ A`, and with `μ A < |B|` it follows that `s B < 0`.
-fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T, held: T) -> Segment<T> {
+fn after_slip<T: RealField + Copy>(contact: &ImpactProblem<T, 2>, mu: T, s: T) -> Segment<T> {
     if mu >= contact.mu_stick() {
-        return Segment::stick(contact, held);
+        return Segment::stick(contact);
     }
     let (_, b, _) = contact.abc();
     let mode = if s == T::zero() { Mode::Slip } else { Mode::ReverseSlip };

@@ -56,7 +56,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
     }
 
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        Ok(self.path().answers(problem)?.first)
+        self.path().resolve(problem)
     }
 
     fn branches(&self, problem: &ImpactProblem<T, D>) -> Result<Vec<ImpactOutcome<T, D>>, ImpactError> {
