@@ -12,102 +12,105 @@
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::series::{ORDER, Series, root};
+use super::series::{ORDER, Series, inverse, root, with_slope};
 use super::{Rates, Return, State, Step};
 use crate::contact::{Contact, length};
 use crate::problem::plain;
 use crate::routh::{End, Ending};
 
-/// Truncation allowed in a step, as a multiple of ε.
-const FINE: f64 = 1.0 / 16.0;
+/// Truncation allowed in a step. In single precision too: r falls within a step, which may not be much longer.
+const FINE: f64 = f64::EPSILON;
 
 /// One step of Taylor's method.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Curve<T> {
+pub(super) struct Curve<'a, T> {
+    contact: &'a Contact<T>,
+    mu: T,
+    /// `1/κ`.
+    by_scale: T,
     /// v_t.
-    x: Series<T>,
-    y: Series<T>,
-    r: Series<T>,
-    v_n: Series<T>,
-    p: Series<T>,
-    p_x: Series<T>,
-    p_y: Series<T>,
-    normal_work: Series<T>,
-    friction_work: Series<T>,
+    slip: Series<Vector2<T>>,
+    /// r and v_n.
+    speeds: Series<Vector2<T>>,
+    /// `r²` and `r v_n`.
+    squares: Series<Vector2<T>>,
     /// Ends of the intervals on which v_n is monotone; the last is the end of the step.
     cuts: [T; 4],
     intervals: usize,
 }
 
-impl<T: RealField + Copy> Curve<T> {
-    pub fn new(contact: &Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>) -> Self {
-        let (zero, h, kappa) = (T::zero(), &contact.coupling, rates.scale);
-        let start = state.heading * state.r;
-        let empty = Series::starting(zero);
-        let mut curve = Self {
-            x: Series::starting(start.x),
-            y: Series::starting(start.y),
-            r: Series::starting(length(&start)),
-            v_n: Series::starting(state.v_n),
-            p: empty,
-            p_x: empty,
-            p_y: empty,
-            normal_work: empty,
-            friction_work: empty,
-            cuts: [zero; 4],
-            intervals: 1,
-        };
-        let (m, drive) = (contact.tangents * (mu / kappa), h / kappa);
-        let mut square = start.norm_squared(); // coefficient k of r²
-        for k in 0..ORDER {
-            let Self { x, y, r, v_n, p, p_x, p_y, normal_work, friction_work, .. } = &mut curve;
-            let by: T = T::one() / convert::<f64, T>((k + 1) as f64);
-            let by_scale = by / kappa;
-            p.0[k + 1] = r.0[k] * by_scale;
-            p_x.0[k + 1] = -mu * x.0[k] * by_scale;
-            p_y.0[k + 1] = -mu * y.0[k] * by_scale;
-            v_n.0[k + 1] = contact.normal * p.0[k + 1] + h.x * p_x.0[k + 1] + h.y * p_y.0[k + 1];
-            normal_work.0[k + 1] = r.product(v_n, k) * by_scale;
-            friction_work.0[k + 1] = -mu * square * by_scale;
-            x.0[k + 1] = (drive.x * r.0[k] - m[(0, 0)] * x.0[k] - m[(0, 1)] * y.0[k]) * by;
-            y.0[k + 1] = (drive.y * r.0[k] - m[(1, 0)] * x.0[k] - m[(1, 1)] * y.0[k]) * by;
-            square = x.product(x, k + 1) + y.product(y, k + 1);
-            // With the coefficient sought still zero, the product holds the other terms of r².
-            r.0[k + 1] = (square - r.product(r, k + 1)) / (r.0[0] + r.0[0]);
+impl<'a, T: RealField + Copy> Curve<'a, T> {
+    #[inline]
+    pub fn new(contact: &'a Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>) -> Self {
+        let (zero, none, by_scale) = (T::zero(), Vector2::zeros(), T::one() / rates.scale);
+        let Contact { tangents, coupling, normal, .. } = contact;
+        let (drive, hold, rise) = (coupling * by_scale, tangents * (mu * by_scale), *normal * by_scale);
+        let State { r: r_0, v_n: v_0, .. } = *state;
+        let mut slip = [none; ORDER + 1];
+        let mut speeds = [none; ORDER + 1];
+        let mut squares = [none; ORDER + 1];
+        slip[0] = state.heading * r_0;
+        speeds[0] = Vector2::new(r_0, v_0);
+        squares[0] = speeds[0] * r_0;
+        let by_twice = T::one() / (r_0 + r_0);
+        for k in 1..=ORDER {
+            let (v, r, by) = (slip[k - 1], speeds[k - 1].x, inverse::<T>(k));
+            let v_t = (drive * r - hold.column(0) * v.x - hold.column(1) * v.y) * by;
+            let v_n = (rise * r - mu * drive.dot(&v)) * by;
+            // Coefficient k of the products (Cauchy), from the middle outwards: the newest coefficients enter last.
+            // `half` contains half the terms of v_t·v_t, `ours` and `theirs` those of (r², r v_n) without r₀ r_k.
+            let (mut half, mut ours, mut theirs) = (none, none, none);
+            for i in (1..k.div_ceil(2)).rev() {
+                let j = k - i;
+                half += slip[i].component_mul(&slip[j]);
+                ours += speeds[i] * speeds[j].x;
+                theirs += speeds[j] * speeds[i].x;
+            }
+            half += slip[0].component_mul(&v_t);
+            let (mut whole, mut rest) = (half + half, ours + theirs);
+            if k % 2 == 0 {
+                let i = k / 2;
+                whole += slip[i].component_mul(&slip[i]);
+                rest += speeds[i] * speeds[i].x;
+            }
+            let square = whole.x + whole.y;
+            let r = (square - rest.x) * by_twice;
+            slip[k] = v_t;
+            speeds[k] = Vector2::new(r, v_n);
+            squares[k] = Vector2::new(square, rest.y + r_0 * v_n + r * v_0);
         }
+        let mut curve = Self { contact, mu, by_scale, slip, speeds, squares, cuts: [zero; 4], intervals: 1 };
         curve.cuts[0] = curve.length();
-        if mu * h.norm() > contact.normal {
-            curve.cut(contact, mu);
+        if mu * length(coupling) > *normal {
+            curve.cut();
         }
         curve
     }
 
     /// The τ at which the last two terms of v_t, r and r² (in the works) are at rounding.
     fn length(&self) -> T {
-        let allowed = FINE * plain(T::default_epsilon());
-        let first = plain(self.r.0[0]);
+        let first = plain(self.speeds[0].x);
+        // A smaller coefficient may have underflowed, which single precision does.
+        let least = T::max_value().map_or(0.0, |largest| 8.0 / plain(largest));
         let reach = |k: usize| {
-            let turn = plain(self.x.0[k]).hypot(plain(self.y.0[k]));
-            let work = plain(self.friction_work.0[k]) / plain(self.friction_work.0[1]);
-            let size = (turn / first).max((plain(self.r.0[k]) / first).abs()).max(work.abs());
-            (allowed / size).powf(1.0 / k as f64)
+            let turn = plain(self.slip[k].amax());
+            let work = plain(self.squares[k].x) / (first * k as f64);
+            let size = turn.max(plain(self.speeds[k].x).abs()).max(work.abs()).max(least) / first;
+            (FINE / size).powf(1.0 / k as f64)
         };
         // The length needs no derivative: the flow does not depend on it.
         convert(reach(ORDER).min(reach(ORDER - 1)).min(1e3))
     }
 
+    fn v_n(&self, t: T) -> (T, T) {
+        with_slope(|k| self.speeds[k].y, t)
+    }
+
     /// `κ dv_n/dτ = C r - μ h·v_t` changes sign at most once on either side of the direction of h, where it is least.
-    fn cut(&mut self, contact: &Contact<T>, mu: T) {
+    fn cut(&mut self) {
         let (zero, end) = (T::zero(), self.cuts[0]);
-        let h = contact.coupling;
-        let across = |t: T| {
-            let ((x, dx), (y, dy)) = (self.x.with_slope(t), self.y.with_slope(t));
-            (x * h.y - y * h.x, dx * h.y - dy * h.x)
-        };
-        let rate = |t: T| {
-            let ((x, dx), (y, dy), (r, dr)) = (self.x.with_slope(t), self.y.with_slope(t), self.r.with_slope(t));
-            (contact.normal * r - mu * (h.x * x + h.y * y), contact.normal * dr - mu * (h.x * dx + h.y * dy))
-        };
+        let (h, c) = (self.contact.coupling, self.contact.normal);
+        let across = |t: T| with_slope(|k| self.slip[k].perp(&h), t);
+        let rate = |t: T| with_slope(|k| c * self.speeds[k].x - self.mu * self.slip[k].dot(&h), t);
         // A zero between the ends, of either sign change.
         let crossing = |f: &dyn Fn(T) -> (T, T), from: T, to: T| {
             let (first, last) = (f(from).0, f(to).0);
@@ -148,28 +151,28 @@ impl<T: RealField + Copy> Curve<T> {
 
     /// The τ at which `v_n = 0` is reached from below, if it lies within the step.
     pub fn rises(&self) -> Option<T> {
-        let (from, to) = self.intervals().find(|&(_, to)| self.v_n.at(to) >= T::zero())?;
-        Some(root(from, to, |t| self.v_n.with_slope(t)))
+        let (from, to) = self.intervals().find(|&(_, to)| self.v_n(to).0 >= T::zero())?;
+        Some(root(from, to, |t| self.v_n(t)))
     }
 
     /// The τ at which the normal impulse has grown by `dp`, if it lies within the step.
     pub fn reaches(&self, dp: T) -> Option<T> {
         let end = self.end();
-        (self.p.at(end) >= dp).then(|| root(T::zero(), end, |t| shifted(self.p.with_slope(t), -dp)))
+        (self.p(end).0 >= dp).then(|| root(T::zero(), end, |t| shifted(self.p(t), -dp)))
     }
 
     pub fn returns(&self, state: &State<T>, end: &End<T>) -> Return<T> {
         let zero = T::zero();
         let over = |t: T| match end.ending {
-            Ending::Impulse => shifted(self.p.with_slope(t), state.p - end.e * end.pc),
-            Ending::Velocity => shifted(self.v_n.with_slope(t), end.e * end.v_n_minus),
-            Ending::Work => shifted(self.normal_work.with_slope(t), state.normal_work + end.e * end.e * end.work),
+            Ending::Impulse => shifted(self.p(t), state.p - end.e * end.pc),
+            Ending::Velocity => shifted(self.v_n(t), end.e * end.v_n_minus),
+            Ending::Work => shifted(self.normal_work(t), state.normal_work + end.e * end.e * end.work),
         };
         for (from, to) in self.intervals() {
-            let falls = self.v_n.at(to) < zero;
+            let falls = self.v_n(to).0 < zero;
             let last = if falls {
                 root(from, to, |t| {
-                    let (v_n, slope) = self.v_n.with_slope(t);
+                    let (v_n, slope) = self.v_n(t);
                     (-v_n, -slope)
                 })
             } else {
@@ -178,8 +181,9 @@ impl<T: RealField + Copy> Curve<T> {
             if over(last).0 >= zero {
                 // W_n is quadratic at v_n = 0; this is its root to first order in e, at e = 0.
                 let flat = end.ending == Ending::Work && end.e == zero;
-                return Return::Ends(if flat && self.normal_work.0[2] > zero {
-                    end.e * (-end.work / self.normal_work.0[2]).sqrt()
+                let bend = self.squares[1].y * self.by_scale * convert(0.5);
+                return Return::Ends(if flat && bend > zero {
+                    end.e * (-end.work / bend).sqrt()
                 } else if flat {
                     zero
                 } else {
@@ -194,22 +198,40 @@ impl<T: RealField + Copy> Curve<T> {
     }
 
     pub fn at(&self, t: T) -> Step<T> {
-        let slip = Vector2::new(self.x.at(t), self.y.at(t));
-        let r = length(&slip);
-        Step {
-            p: self.p.at(t),
-            p_t: Vector2::new(self.p_x.at(t), self.p_y.at(t)),
-            heading: slip / r,
-            r,
-            v_n: self.v_n.at(t),
-            normal_work: self.normal_work.at(t),
-            friction_work: self.friction_work.at(t),
+        let none = Vector2::zeros();
+        // The slip, and the integrals of slip, r and works divided by t.
+        let (mut slip, mut path, mut impulse, mut works) = (none, none, T::zero(), none);
+        for k in (0..=ORDER).rev() {
+            let by = inverse::<T>(k + 1);
+            slip = slip * t + self.slip[k];
+            path = path * t + self.slip[k] * by;
+            impulse = impulse * t + self.speeds[k].x * by;
+            works = works * t + self.squares[k] * by;
         }
+        let (r, by) = (length(&slip), t * self.by_scale);
+        let (p, p_t) = (impulse * by, path * (-self.mu * by));
+        let v_n = self.speeds[0].y + self.contact.normal * p + self.contact.coupling.dot(&p_t);
+        let (normal_work, friction_work) = (works.y * by, -self.mu * works.x * by);
+        Step { p, p_t, heading: slip / r, r, v_n, normal_work, friction_work }
     }
 
-    /// Whether v_n decreases anywhere in the step.
-    pub fn jams(&self) -> bool {
-        self.intervals > 1 || self.v_n.0[1] <= T::zero()
+    /// The integral over `dτ/κ` of a series, with its slope.
+    fn sum(&self, of: impl Fn(usize) -> T, t: T) -> (T, T) {
+        with_slope(|k| if k == 0 { T::zero() } else { of(k - 1) * (self.by_scale * inverse(k)) }, t)
+    }
+
+    fn p(&self, t: T) -> (T, T) {
+        self.sum(|k| self.speeds[k].x, t)
+    }
+
+    fn normal_work(&self, t: T) -> (T, T) {
+        self.sum(|k| self.squares[k].y, t)
+    }
+
+    /// Whether v_n decreases anywhere up to t.
+    pub fn jams(&self, t: T) -> bool {
+        let passed = self.cuts[..self.intervals - 1].iter().filter(|&&cut| cut < t);
+        self.speeds[1].y <= T::zero() || self.intervals > 1 && passed.chain([&t]).any(|&t| self.v_n(t).1 < T::zero())
     }
 }
 

@@ -137,10 +137,11 @@ struct Rates<T> {
     scale: T,
 }
 
-/// A piece of the flow. The series are boxed because of their size.
-enum Piece<T> {
+/// A piece of the flow.
+#[allow(clippy::large_enum_variant)] // used at once, not stored
+enum Piece<'a, T> {
     Line(Line<T>),
-    Curve(Box<Curve<T>>),
+    Curve(Curve<'a, T>),
 }
 
 /// The result of the flow, in contact axes.
@@ -164,7 +165,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let mut flow = Flow::new(&contact, mu);
     let mut state = State::start(&contact);
     // Without slip: a slip of value 0 with a derivative stops at once if the contact sticks.
-    if state.r == zero && flow.departure.heading.amax() == zero {
+    if state.r == zero && flow.departure().heading.amax() == zero {
         state.p_t = -contact.mobility().least_solution(&contact.slip);
         state.v_n = contact.v_n + contact.coupling.dot(&state.p_t);
     }
@@ -208,8 +209,8 @@ struct Flow<'a, T> {
     mu: T,
     /// r below which slip counts as straight until it stops.
     slow: T,
-    /// The piece that follows when slip has stopped.
-    departure: Line<T>,
+    /// The piece that follows when slip has stopped, once it is needed.
+    departure: Option<Line<T>>,
     jams: bool,
     pieces: usize,
 }
@@ -217,8 +218,11 @@ struct Flow<'a, T> {
 impl<'a, T: RealField + Copy> Flow<'a, T> {
     fn new(contact: &'a Contact<T>, mu: T) -> Self {
         let speed = contact.slip.amax().max(contact.v_n.abs());
-        let departure = departure(contact, mu);
-        Self { contact, mu, slow: speed * rounding(SLOW), departure, jams: false, pieces: 0 }
+        Self { contact, mu, slow: speed * rounding(SLOW), departure: None, jams: false, pieces: 0 }
+    }
+
+    fn departure(&mut self) -> Line<T> {
+        *self.departure.get_or_insert_with(|| departure(self.contact, self.mu))
     }
 
     fn rates(&self, u: &Vector2<T>) -> Rates<T> {
@@ -228,24 +232,24 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
     }
 
     /// The piece that follows this state.
-    fn piece(&mut self, state: &mut State<T>) -> Piece<T> {
+    #[inline]
+    fn piece(&mut self, state: &mut State<T>) -> Piece<'a, T> {
         self.pieces += 1;
         let rates = self.rates(&state.heading);
         if state.r == T::zero() || (state.r <= self.slow && rates.radial >= T::zero()) {
             state.r = T::zero();
-            return Piece::Line(self.departure);
+            return Piece::Line(self.departure());
         }
         let straight = rates.turning.abs() <= rates.scale * rounding(STRAIGHT);
         let piece = if straight || state.r <= self.slow || self.pieces > PIECES {
             let doubt = rates.scale * rounding(1024.0);
             Piece::Line(Line::slip(self.contact, self.mu, state.heading, rates.radial, doubt))
         } else {
-            Piece::Curve(Box::new(Curve::new(self.contact, self.mu, &rates, state)))
+            Piece::Curve(Curve::new(self.contact, self.mu, &rates, state))
         };
-        self.jams |= match &piece {
-            Piece::Line(line) => line.normal_rate <= T::zero(),
-            Piece::Curve(curve) => curve.jams(),
-        };
+        if let Piece::Line(line) = &piece {
+            self.jams |= line.normal_rate <= T::zero();
+        }
         piece
     }
 
@@ -268,11 +272,13 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                     stopped = stopped.or(Some(state.p));
                 }
                 Piece::Curve(curve) => {
-                    if let Some(t) = curve.rises() {
-                        state.advance(curve.at(t));
+                    let rises = curve.rises();
+                    let t = rises.unwrap_or_else(|| curve.end());
+                    self.jams |= curve.jams(t);
+                    state.advance(curve.at(t));
+                    if rises.is_some() {
                         break;
                     }
-                    state.advance(curve.at(curve.end()));
                 }
             }
         }
@@ -318,7 +324,10 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                         stopped = stopped.or(Some(state.p));
                     }
                 }
-                Piece::Curve(curve) => state.advance(curve.at(x)),
+                Piece::Curve(curve) => {
+                    self.jams |= curve.jams(x);
+                    state.advance(curve.at(x));
+                }
             }
             state.v_n = state.v_n.max(T::zero());
             if let Some(over) = over {

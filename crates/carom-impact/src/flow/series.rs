@@ -2,57 +2,49 @@
 
 use nalgebra::{RealField, convert};
 
-use crate::problem::rounding;
+/// Highest power, an even number. The cost of a step grows with its square; the length of a step hardly grows any more.
+pub(super) const ORDER: usize = 28;
 
-/// Highest power. The cost of a step grows with its square; the length of a step hardly grows any more.
-pub(super) const ORDER: usize = 24;
+/// A step below this share of the root is small: the next one is its square.
+const SMALL: f64 = 1e-8;
+
+/// `1/k`; the first entry is unused.
+const INVERSE: [f64; ORDER + 2] = {
+    let mut inverse = [0.0; ORDER + 2];
+    let mut k = 1;
+    while k < inverse.len() {
+        inverse[k] = 1.0 / k as f64;
+        k += 1;
+    }
+    inverse
+};
+
+/// `1/k`, which the integral of power `k - 1` contains; k is at most `ORDER + 1`.
+pub(super) fn inverse<T: RealField + Copy>(k: usize) -> T {
+    convert(INVERSE[k])
+}
 
 /// `Σ c_k x^k` up to [`ORDER`].
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Series<T>(pub [T; ORDER + 1]);
+pub(super) type Series<T> = [T; ORDER + 1];
 
-impl<T: RealField + Copy> Series<T> {
-    pub fn starting(first: T) -> Self {
-        let mut c = [T::zero(); ORDER + 1];
-        c[0] = first;
-        Self(c)
+/// The value of a series and its derivative at x. Even and odd powers are summed apart, so that the sums do not wait for
+/// each other.
+pub(super) fn with_slope<T: RealField + Copy>(series: impl Fn(usize) -> T, x: T) -> (T, T) {
+    let (zero, square) = (T::zero(), x * x);
+    let (mut even, mut odd, mut even_slope, mut odd_slope) = (series(ORDER), zero, zero, zero);
+    for k in (0..ORDER / 2).rev() {
+        odd_slope = odd_slope * square + odd;
+        odd = odd * square + series(2 * k + 1);
+        even_slope = even_slope * square + even;
+        even = even * square + series(2 * k);
     }
-
-    pub fn at(&self, x: T) -> T {
-        self.0.iter().rev().fold(T::zero(), |sum, &c| sum * x + c)
-    }
-
-    /// Value and derivative.
-    pub fn with_slope(&self, x: T) -> (T, T) {
-        let mut slope = T::zero();
-        let mut value = T::zero();
-        for &c in self.0.iter().rev() {
-            slope = slope * x + value;
-            value = value * x + c;
-        }
-        (value, slope)
-    }
-
-    /// Coefficient k of the product with `other` (Cauchy).
-    pub fn product(&self, other: &Self, k: usize) -> T {
-        // Two sums, so that additions do not wait for each other.
-        let (ours, theirs) = (&self.0, &other.0);
-        let (mut even, mut odd) = (T::zero(), T::zero());
-        let mut i = 0;
-        while i < k {
-            even += ours[i] * theirs[k - i];
-            odd += ours[i + 1] * theirs[k - i - 1];
-            i += 2;
-        }
-        if i == k {
-            even += ours[k] * theirs[0];
-        }
-        even + odd
-    }
+    let twice = x + x;
+    (even + x * odd, twice * (even_slope + x * odd_slope) + odd)
 }
 
 /// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's method
-/// within the bracket. One step more than the value needs gives the root its derivative if T is a dual number.
+/// within the bracket. The convergence is quadratic, so that one step after a small one is at rounding; it also gives
+/// the root its derivative if T is a dual number.
 pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)) -> T {
     let half: T = convert(0.5);
     let (mut left, mut right, mut x) = (low, high, high);
@@ -67,7 +59,7 @@ pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)
         let next = if newton >= left && newton <= right { newton } else { left + (right - left) * half };
         let moved = (next - x).abs();
         x = next;
-        if moved <= right * rounding(2.0) {
+        if moved <= right * convert(SMALL) {
             break;
         }
     }
