@@ -85,6 +85,12 @@ fn rows(robot: &str) -> Vec<(&'static str, f64)> {
         }),
     ));
     rows.push((
+        "derivatives of Energetic alone",
+        each(&problems, |problem| {
+            black_box(black_box(problem).differentiate(&ENERGETIC).expect("derivatives"));
+        }),
+    ));
+    rows.push((
         "derivatives, Energetic",
         each(&states, |(q, qd)| {
             black_box(chain.impact(q, qd).at(tip).normal(NORMAL).derivative(&ENERGETIC).expect("derivatives"));
