@@ -4,7 +4,7 @@
 //! the items per second are impacts per second.
 
 use carom_impact::{
-    Accuracy, Coefficients, Constraint, ImpactOutcome, ImpactProblem, LAW_NAMES, SeveralProblem, law_by_name,
+    Accuracy, AnyLaw, Coefficients, Constraint, ImpactOutcome, ImpactProblem, LAW_NAMES, SeveralProblem, law_by_name,
 };
 use divan::{Bencher, black_box, counter::ItemsCount};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector3, matrix, vector};
@@ -97,6 +97,28 @@ fn in_space_slip_keeps_to_a_plane(bencher: Bencher, name: &str) {
 #[divan::bench(args = LAW_NAMES)]
 fn in_space_slip_turns(bencher: Bencher, name: &str) {
     measure(bencher, turning(), law(name));
+}
+
+/// Outcomes with their derivatives with respect to H, u⁻, e and μ.
+fn differentiate<const D: usize>(bencher: Bencher, drawn: Vec<(SMatrix<f64, D, D>, SVector<f64, D>)>, name: &str) {
+    let coefficients = Coefficients { restitution: RESTITUTION, friction: FRICTION, ..Coefficients::default() };
+    let law = AnyLaw::named(name, coefficients).unwrap();
+    measure(bencher, drawn, |problem| problem.differentiate(&law).unwrap().outcome);
+}
+
+#[divan::bench(args = LAW_NAMES)]
+fn derivatives_in_the_plane(bencher: Bencher, name: &str) {
+    differentiate(bencher, planar(), name);
+}
+
+#[divan::bench(args = LAW_NAMES)]
+fn derivatives_in_space_slip_keeps_to_a_plane(bencher: Bencher, name: &str) {
+    differentiate(bencher, spatial(), name);
+}
+
+#[divan::bench(args = LAW_NAMES, sample_count = 5)]
+fn derivatives_in_space_slip_turns(bencher: Bencher, name: &str) {
+    differentiate(bencher, turning(), name);
 }
 
 /// A body with six degrees of freedom and this number of contacts with friction strikes the floor at an angle.

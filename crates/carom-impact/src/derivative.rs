@@ -15,13 +15,8 @@
 use nalgebra::{Const, SMatrix, SVector, U1};
 use num_dual::DualSVec64;
 
-use crate::laws::{AnyLaw, Frictionless};
+use crate::laws::AnyLaw;
 use crate::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
-
-/// Six entries of H, three of u, e and μ make eleven.
-const LANES: usize = 12;
-
-type Dual = DualSVec64<LANES>;
 
 /// The value that represents a friction of zero from the right; smaller than any rounding error.
 const HARDLY_ANY: f64 = 1e-30;
@@ -136,21 +131,35 @@ impl<const D: usize> ImpactProblem<f64, D> {
     pub fn differentiate(&self, law: &dyn Law<f64, D>) -> Result<LawDerivative<D>, ImpactError> {
         let outcome = law.resolve(self)?;
         let law = known(law)?;
+        // Entries of H and u, e and μ: one lane each.
+        match D {
+            1 => self.derive::<4>(outcome, &law),
+            2 => self.derive::<7>(outcome, &law),
+            _ => self.derive::<11>(outcome, &law),
+        }
+    }
+
+    /// [`Self::differentiate`] with the number of inputs.
+    fn derive<const LANES: usize>(
+        &self,
+        outcome: ImpactOutcome<f64, D>,
+        law: &AnyLaw,
+    ) -> Result<LawDerivative<D>, ImpactError> {
         let Coefficients { restitution, friction, tangential_restitution } = law.coefficients();
-        let plain = |x: f64| Dual::from_re(x);
+        let plain = |x: f64| DualSVec64::<LANES>::from_re(x);
         let mut lane = 0;
         let mut seeded = |x: f64| {
             lane += 1;
             plain(x).derivative(lane - 1)
         };
-        let mut delassus = SMatrix::<Dual, D, D>::from_element(plain(0.0));
+        let mut delassus = SMatrix::<DualSVec64<LANES>, D, D>::from_element(plain(0.0));
         for i in 0..D {
             for j in i..D {
                 let entry = seeded(self.delassus()[(i, j)]);
                 (delassus[(i, j)], delassus[(j, i)]) = (entry, entry);
             }
         }
-        let mut u = SVector::<Dual, D>::from_element(plain(0.0));
+        let mut u = SVector::<DualSVec64<LANES>, D>::from_element(plain(0.0));
         for i in 0..D {
             u[i] = seeded(self.u_minus()[i]);
         }
@@ -160,8 +169,8 @@ impl<const D: usize> ImpactProblem<f64, D> {
             friction: seeded(friction),
         };
         let problem = ImpactProblem::trusted(delassus, u);
-        let lanes = |law: &dyn Law<Dual, D>| -> Result<SMatrix<f64, D, LANES>, ImpactError> {
-            let impulse = law.resolve(&problem)?.impulse;
+        let lanes = |law: &AnyLaw<DualSVec64<LANES>>| -> Result<SMatrix<f64, D, LANES>, ImpactError> {
+            let impulse = law.impulse(&problem)?;
             let mut rows = SMatrix::<f64, D, LANES>::zeros();
             for i in 0..D {
                 rows.set_row(i, &impulse[i].eps.unwrap_generic(Const::<LANES>, U1).transpose());
@@ -170,7 +179,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         };
         let mut by = if friction == 0.0 {
             // Without friction all laws are this one, but not their derivative with respect to μ.
-            lanes(&Frictionless { restitution: coefficients.restitution })?
+            lanes(&AnyLaw::frictionless(coefficients.restitution))?
         } else {
             lanes(&law.with(coefficients))?
         };

@@ -79,6 +79,20 @@ impl<T: RealField + Copy> Routh<T> {
     }
 }
 
+impl<T: RealField + Copy> Routh<T> {
+    /// The impulse alone. The coefficients are in their ranges.
+    pub fn impulse<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<SVector<T, D>, ImpactError> {
+        let Self { restitution: e, friction: mu, ending, .. } = *self;
+        if problem.approach_speed() <= T::zero() {
+            return Ok(SVector::zeros());
+        }
+        match SlipPlane::of(problem) {
+            Some(plane) => Ok(plane.ends(problem, mu, &walk(&plane.contact(problem), e, mu, ending)?).0),
+            None => Ok(follow(problem, e, mu, ending)?.impulse),
+        }
+    }
+}
+
 /// Resolves `problem` with a law that works in the plane of slip if there is one, otherwise in space. Requires an
 /// approach along a regular normal direction and coefficients in their ranges.
 #[inline(always)]
@@ -148,13 +162,15 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
             let v_t = t.dot(u);
             let plane = Self { t, v_t }.check(problem);
             // The direction of a slip that may be rounding of the approach is undefined.
-            if plane.is_some() || v_t > u.norm() * tolerance {
+            if plane.is_some() || v_t > u.map(value).norm() * tolerance {
                 return plane;
             }
         }
         let drive = h.column(D - 1).into_owned();
         match along(&drive) {
-            Some(t) if drive.dot(&t) > h.amax() * tolerance => Self { t, v_t: rest(t.dot(u)) }.check(problem),
+            Some(t) if drive.dot(&t) > h.map(value).amax() * tolerance => {
+                Self { t, v_t: rest(t.dot(u)) }.check(problem)
+            }
             _ => Some(Self { t: SVector::zeros(), v_t: T::zero() }),
         }
     }
@@ -162,13 +178,13 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// Whether `H_bt = H_bn = 0` for the tangent b perpendicular to t.
     fn check(self, problem: &ImpactProblem<T, D>) -> Option<Self> {
         let n = D - 1;
-        let h = problem.delassus();
+        let (h, t) = (problem.delassus().map(value), self.t.map(value));
         let allowed = h.amax() * rounding(PLANE);
         let across = |mut x: SVector<T, D>| {
             x[n] = T::zero();
-            (x - self.t * self.t.dot(&x)).norm()
+            (x - t * t.dot(&x)).norm()
         };
-        let tangent = across(h * self.t);
+        let tangent = across(h * t);
         let normal = across(h.column(n).into_owned());
         (tangent <= allowed && normal <= allowed).then_some(self)
     }
@@ -197,22 +213,34 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         // dv_n/dp = C - μ s B <= 0 in the first slip.
         let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
         answer.account.flags |= Flags::JAM.when(jams);
+        let (impulse, u_plus) = self.ends(problem, mu, &answer);
+        ImpactOutcome::of(law, problem, impulse, u_plus, &answer.account)
+    }
+
+    /// Impulse and velocity after the impact in contact axes.
+    #[inline(always)]
+    fn ends(&self, problem: &ImpactProblem<T, D>, mu: T, answer: &Answer<T>) -> (SVector<T, D>, SVector<T, D>) {
         let mut impulse = self.t * answer.p_t;
         impulse[D - 1] = answer.p_n;
         let mut u_plus = self.t * answer.v_t;
         u_plus[D - 1] = answer.v_n;
         if D == 3 && mu > T::zero() && has_derivatives::<T>() {
-            let (across, velocity) = self.across(problem, &answer, mu);
+            let (across, velocity) = self.across(problem, answer, mu);
             impulse += across;
             u_plus += velocity;
         }
-        ImpactOutcome::of(law, problem, impulse, u_plus, &answer.account)
+        (impulse, u_plus)
     }
+}
+
+/// x without its derivative.
+fn value<T: RealField + Copy>(x: T) -> T {
+    convert(plain(x))
 }
 
 /// Zero, with the derivative of x.
 fn rest<T: RealField + Copy>(x: T) -> T {
-    x - convert(plain(x))
+    x - value(x)
 }
 
 /// Whether `T` carries derivatives (is not `f64` or `f32`). For plain numbers all components across the plane are zero.

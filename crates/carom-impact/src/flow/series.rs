@@ -2,6 +2,8 @@
 
 use nalgebra::{RealField, convert};
 
+use crate::problem::plain;
+
 /// Highest power, an even number. The cost of a step grows with its square; the length of a step hardly grows any more.
 pub(super) const ORDER: usize = 28;
 
@@ -65,5 +67,10 @@ pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)
     }
     let (value, slope) = f(x);
     let polished = x - value / slope;
-    if polished >= low && polished <= high { polished } else { x }
+    if !polished.is_finite() {
+        return x;
+    }
+    // Rounding may move a root at an end of the bracket out of it: its value is that end, with the derivative found.
+    let inside = plain(polished).max(plain(low)).min(plain(high));
+    polished - convert(plain(polished)) + convert(inside)
 }

@@ -69,7 +69,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Energetic<T> {
 }
 
 impl<T: RealField + Copy> Energetic<T> {
-    fn path(&self) -> Routh<T> {
+    pub(super) fn path(&self) -> Routh<T> {
         let Self { restitution, friction } = *self;
         Routh { law: "energetic", restitution, friction, ending: Ending::Work }
     }

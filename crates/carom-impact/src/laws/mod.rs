@@ -9,7 +9,7 @@ mod poisson;
 mod smith;
 mod whittaker;
 
-use nalgebra::RealField;
+use nalgebra::{RealField, SVector};
 
 pub use brach::Brach;
 use brach::{BrachTowardsRest, asked_and_bound};
@@ -166,6 +166,10 @@ impl<T: RealField + Copy> AnyLaw<T> {
         }))
     }
 
+    pub(crate) fn frictionless(restitution: T) -> Self {
+        Self(Kind::Frictionless(Frictionless { restitution }))
+    }
+
     /// The coefficients of the law; zero for those that it does not have. For [`Brach`] `friction` is the absolute
     /// value of the impulse ratio.
     pub fn coefficients(&self) -> Coefficients<T> {
@@ -233,6 +237,16 @@ impl<T: RealField + Copy> AnyLaw<T> {
             Kind::Whittaker(_) => Some(None),
             Kind::ChatterjeeRuina(law) => Some(Some(law.tangential_restitution)),
             _ => None,
+        }
+    }
+
+    /// The impulse alone, without the energies, works and flags of an outcome.
+    pub(crate) fn impulse<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<SVector<T, D>, ImpactError> {
+        match &self.0 {
+            Kind::Newton(law) => law.path().impulse(problem),
+            Kind::Poisson(law) => law.path().impulse(problem),
+            Kind::Energetic(law) => law.path().impulse(problem),
+            _ => Ok(self.resolve(problem)?.impulse),
         }
     }
 

@@ -69,7 +69,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Newton<T> {
 }
 
 impl<T: RealField + Copy> Newton<T> {
-    fn path(&self) -> Routh<T> {
+    pub(super) fn path(&self) -> Routh<T> {
         let Self { restitution, friction } = *self;
         Routh { law: "newton", restitution, friction, ending: Ending::Velocity }
     }

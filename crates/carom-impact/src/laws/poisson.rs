@@ -68,7 +68,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Poisson<T> {
 }
 
 impl<T: RealField + Copy> Poisson<T> {
-    fn path(&self) -> Routh<T> {
+    pub(super) fn path(&self) -> Routh<T> {
         let Self { restitution, friction } = *self;
         Routh { law: "poisson", restitution, friction, ending: Ending::Impulse }
     }
