@@ -7,13 +7,15 @@
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
 use carom_impact::{Energetic, Frictionless, ImpactProblem, Law};
-use carom_sim::{FrictionlessJump, Impacts};
+use carom_sim::{FrictionlessJump, Impacts, Outcomes, States};
 use nalgebra::{Vector2, Vector3};
 use std::hint::black_box;
 use std::time::Instant;
 
 const STATES: usize = 64;
 const BATCHES: usize = 60;
+/// Configurations of a batch in columns.
+const MANY: usize = 1024;
 /// Least duration of a batch, s.
 const LONG_ENOUGH: f64 = 2e-4;
 const FRICTIONLESS: Frictionless = Frictionless { restitution: 0.5 };
@@ -30,10 +32,15 @@ fn main() {
         print!("{name:<44}");
         for column in &columns {
             let (kernel, time) = (column[0].1, column[row].1);
-            print!("{:>18}", format!("{time:.0} ({:.1})", time / kernel));
+            print!("{:>18}", format!("{} ({:.1})", short(time), time / kernel));
         }
         println!();
     }
+}
+
+/// Three digits.
+fn short(time: f64) -> String {
+    if time < 99.5 { format!("{time:.1}") } else { format!("{time:.0}") }
 }
 
 /// All rows of one robot.
@@ -59,11 +66,10 @@ fn rows(robot: &str) -> Vec<(&'static str, f64)> {
     let strike = |(q, qd): &(Vec<f64>, Vec<f64>), law: &dyn Law<f64, 3>| {
         black_box(chain.impact(q, qd).at(tip).normal(NORMAL).resolve(law).expect("an impact"));
     };
-    let kernel = match chain.to_planar() {
-        Ok(flat) => kernel(&flat.chain, flat.point(tip, Vector3::zeros()), Vector2::new(-1.0, 0.0), &states),
-        Err(_) => kernel(&chain, chain.point(tip, Vector3::zeros()), NORMAL.into(), &states),
+    let mut rows = match chain.to_planar() {
+        Ok(flat) => kernels(&flat.chain, flat.point(tip, Vector3::zeros()), Vector2::new(-1.0, 0.0), &states),
+        Err(_) => kernels(&chain, chain.point(tip, Vector3::zeros()), NORMAL.into(), &states),
     };
-    let mut rows = vec![("fused kernel", kernel)];
     rows.push(("chain.impact(…).resolve(&Frictionless)", each(&states, |state| strike(state, &FRICTIONLESS))));
     rows.push(("chain.impact(…).resolve(&Energetic)", each(&states, |state| strike(state, &ENERGETIC))));
     let laws: [(&str, &dyn Law<f64, 3>); 2] =
@@ -99,15 +105,41 @@ fn rows(robot: &str) -> Vec<(&'static str, f64)> {
     rows
 }
 
-fn kernel<A: Algebra<Scalar = f64>>(
+/// The fused kernel one at a time, and in batch: the jump alone, and with M, J and H written out.
+fn kernels<A: Algebra<Scalar = f64>>(
     chain: &Chain<A>,
     point: Point<A>,
     normal: A::Vector,
     states: &[(Vec<f64>, Vec<f64>)],
-) -> f64 {
+) -> Vec<(&'static str, f64)> {
     let kernel = FrictionlessJump::new(chain, point).expect("a kernel");
     let mut jump = kernel.jump();
-    each(states, |(q, qd)| kernel.jump_into(q, qd, normal, 0.5, black_box(&mut jump)).expect("a jump"))
+    let one = each(states, |(q, qd)| kernel.jump_into(q, qd, normal, 0.5, black_box(&mut jump)).expect("a jump"));
+    let mut rows = vec![("fused kernel", one)];
+    let n = chain.nv();
+    let columns = |of: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<Vec<f64>> {
+        (0..n).map(|i| (0..MANY).map(|k| of(&states[k % STATES])[i] + 1e-3 * (k / STATES) as f64).collect()).collect()
+    };
+    let (q, qd) = (columns(|state| &state.0), columns(|state| &state.1));
+    let (q, qd): (Vec<&[f64]>, Vec<&[f64]>) =
+        (q.iter().map(Vec::as_slice).collect(), qd.iter().map(Vec::as_slice).collect());
+    for (name, all) in [("kernel in batch, jump only", false), ("kernel in batch, M, J, H written out", true)] {
+        let rows_of = [n, 1, A::LINEAR * A::LINEAR, A::LINEAR * n, n * n];
+        let mut out: Vec<Vec<Vec<f64>>> = rows_of
+            .iter()
+            .enumerate()
+            .map(|(i, &count)| vec![vec![0.0; MANY]; if i < 2 || all { count } else { 0 }])
+            .collect();
+        let mut out: Vec<Vec<&mut [f64]>> =
+            out.iter_mut().map(|part| part.iter_mut().map(Vec::as_mut_slice).collect()).collect();
+        let time = each(&[()], |()| {
+            let [qd_plus, impulse, delassus, jacobian, mass_matrix] = &mut out[..] else { return };
+            let mut outcomes = Outcomes { qd_plus, impulse, delassus, jacobian, mass_matrix };
+            kernel.many(black_box(States { q: &q, qd: &qd }), normal, 0.5, &mut outcomes).expect("a batch");
+        });
+        rows.push((name, time / MANY as f64));
+    }
+    rows
 }
 
 /// The least time of one call, ns.
