@@ -19,7 +19,7 @@ use crate::problem::plain;
 use crate::routh::{End, Ending};
 
 /// Truncation allowed in a step. In single precision too: r falls within a step, which may not be much longer.
-const FINE: f64 = f64::EPSILON;
+const FINE: f64 = f64::EPSILON / 16.0;
 
 /// One step of Taylor's method.
 pub(super) struct Curve<'a, T> {
