@@ -54,7 +54,7 @@
 //! | [`Smith`] | a ratio of velocities | against a mean of the slips before and after | never gains | exists for regular H; unique in the plane |
 //!
 //! Start with [`Energetic`]. In space [`ChatterjeeRuina`] is the cheapest law with friction: a closed formula.
-//! [`Newton`], [`Poisson`] and [`Energetic`] integrate the turning of the slip to rounding, which takes about a hundred
+//! [`Newton`], [`Poisson`] and [`Energetic`] integrate the turning of the slip to rounding, which takes some fifty to a hundred
 //! times as long.
 //!
 //! # Compliant contacts
