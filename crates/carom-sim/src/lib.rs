@@ -14,48 +14,34 @@
 //! normal velocity is negative while the bodies approach. Impulses and forces are those on the robot. A gap is positive
 //! while a contact is open.
 
-mod compliance;
-mod drive;
+mod contact;
 mod error;
-mod free_motion;
-mod held;
 mod impact;
-mod leg;
+mod model;
 mod motion;
 mod plan;
-mod root;
-mod rule;
 mod run;
 mod scene;
-mod scene_contact;
-mod scene_drive;
-mod scene_file;
-mod settle;
-mod several;
-mod simulate;
-mod space;
-mod touch;
-mod trajectory;
-mod watch;
+mod state;
 
-pub use compliance::{Compliance, Holding, Yielding};
-pub use drive::{Drive, ImpactInvariant, Transition};
+pub use contact::compliance::{Compliance, Holding, Yielding};
+pub use contact::rule::{ContactLaw, ContactRule};
+pub use contact::touch::{Oscillation, Surface, Touch, Touches};
 pub use error::SimError;
-pub use free_motion::{free_motion, free_motion_at};
 pub use impact::{
     ChainImpact, Contact, ContactRows, FrictionlessJump, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
     Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
     frictionless_jump_into, saltation,
 };
+pub use model::drive::{Drive, ImpactInvariant, Transition};
+pub use model::simulation::{Integrator, Simulation};
+pub use motion::free_motion::{free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
-pub use rule::{ContactLaw, ContactRule};
-pub use scene::Scene;
-#[doc(hidden)]
-pub use scene::from_toml;
-pub use several::SeveralLaw;
-pub use simulate::{Integrator, Simulation};
-pub use touch::{Oscillation, Surface, Touch, Touches};
-pub use trajectory::{
+pub use run::several::SeveralLaw;
+pub use run::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
     Trajectory,
 };
+pub use scene::Scene;
+#[doc(hidden)]
+pub use scene::from_toml;

@@ -22,8 +22,8 @@
 //! the axes of the body.
 
 use super::hit::ChainImpact;
+use crate::contact::touch::Oscillation;
 use crate::error::SimError;
-use crate::touch::Oscillation;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Spatial};
 use carom_impact::{Direction, LawDerivative};

@@ -11,10 +11,10 @@
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 
+use super::root::descent;
+use super::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
 use crate::error::SimError;
-use crate::root::descent;
-use crate::simulate::Integrator;
-use crate::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
+use crate::model::simulation::Integrator;
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::MatrixStorage;

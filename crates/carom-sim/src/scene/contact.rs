@@ -1,9 +1,9 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
-use crate::compliance::{Compliance, Holding, Yielding};
-use crate::rule::{ContactLaw, ContactRule};
-use crate::scene_file::{self, Contact, Override};
-use crate::touch::{Surface, Touch};
+use super::file::{self, Contact, Override};
+use crate::contact::compliance::{Compliance, Holding, Yielding};
+use crate::contact::rule::{ContactLaw, ContactRule};
+use crate::contact::touch::{Surface, Touch};
 use carom_chain::Chain;
 use carom_impact::{Coefficients, Damping, LAW_NAMES, NormalForce};
 
@@ -33,7 +33,7 @@ pub(crate) fn overridden(rule: &ContactRule, own: &Override) -> Result<ContactRu
 }
 
 /// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
-pub(crate) fn unused(contact: &Contact, surfaces: &[scene_file::Surface], touches: &[Touch]) -> Option<String> {
+pub(crate) fn unused(contact: &Contact, surfaces: &[file::Surface], touches: &[Touch]) -> Option<String> {
     let own = surfaces.iter().map(|surface| surface.contact.tangential_restitution);
     let given = own.chain(contact.pair.iter().map(|pair| pair.tangential_restitution)).flatten();
     let given = given.chain([contact.tangential_restitution]).any(|value| value != 0.0);
@@ -43,8 +43,8 @@ pub(crate) fn unused(contact: &Contact, surfaces: &[scene_file::Surface], touche
     })
 }
 
-fn compliance(given: &scene_file::Compliance) -> Result<Compliance, String> {
-    let scene_file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle } = given;
+fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
+    let file::Compliance { stiffness, force, exponent, damping, pulls, slip_speed, bristle } = given;
     let names = NormalForce::NAMES;
     let force = force.as_deref().unwrap_or(names[0]);
     let normal = match names.iter().position(|&name| name == force) {
@@ -76,12 +76,12 @@ fn compliance(given: &scene_file::Compliance) -> Result<Compliance, String> {
 
 /// Applies one `[[contact.pair]]`; returns whether it applies to any touch.
 pub(crate) fn apply(
-    pair: &scene_file::Pair,
+    pair: &file::Pair,
     chain: &Chain,
     surfaces: &[Surface],
     touches: &mut [Touch],
 ) -> Result<bool, String> {
-    let scene_file::Pair { link, surface, joint, .. } = pair;
+    let file::Pair { link, surface, joint, .. } = pair;
     let own = pair.values();
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());

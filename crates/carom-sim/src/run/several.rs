@@ -15,12 +15,12 @@
 //!
 //! The law of several contacts is applied in [`Run::solve`] only.
 
+use super::events::{Run, Stays, TOUCHING};
+use super::trajectory::{Blow, ContactMode, EventKind};
+use crate::contact::touch::{At, Touch};
 use crate::error::SimError;
-use crate::motion::Dry;
-use crate::run::{Run, Stays, TOUCHING};
-use crate::space::{Space, View};
-use crate::touch::{At, Touch};
-use crate::trajectory::{Blow, ContactMode, EventKind};
+use crate::motion::smooth::Dry;
+use crate::state::space::{Space, View};
 use carom_chain::ChainError;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};

@@ -9,10 +9,10 @@
 //! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
+use super::rule::ContactRule;
 use crate::error::SimError;
-use crate::motion::responses;
-use crate::rule::ContactRule;
-use crate::space::{Felt, Space, View};
+use crate::motion::smooth::responses;
+use crate::state::space::{Felt, Space, View};
 use carom_chain::{Chain, Coordinates, FrameId, Point};
 use carom_contact::{
     LeftOut, LinkShape, Obstacle, Solid, Surface as Form, gap, gap_between, gap_points, link_shapes, reachable_pairs,

@@ -1,9 +1,9 @@
 //! The controllers of `[run]` in a scene file, and the keys that each of them reads.
 
-use crate::drive::{Drive, ImpactInvariant, Transition};
+use super::file::{Controller, File, Run};
+use crate::contact::touch::Surface;
+use crate::model::drive::{Drive, ImpactInvariant, Transition};
 use crate::scene::half_space;
-use crate::scene_file::{Controller, File, Run};
-use crate::touch::Surface;
 use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;

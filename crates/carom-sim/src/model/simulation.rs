@@ -1,13 +1,13 @@
 //! The simulation of a chain with its contacts, and its settings; the event loop is in `run.rs`.
 
-use crate::compliance::Memory;
-use crate::drive::Drive;
+use super::drive::Drive;
+use crate::contact::compliance::Memory;
+use crate::contact::touch::Touch;
 use crate::error::SimError;
-use crate::run::Run;
-use crate::several::SeveralLaw;
-use crate::space::View;
-use crate::touch::Touch;
-use crate::trajectory::{Moment, Sampling, Seen, Summary, Trajectory};
+use crate::run::events::Run;
+use crate::run::several::SeveralLaw;
+use crate::run::trajectory::{Moment, Sampling, Seen, Summary, Trajectory};
+use crate::state::space::View;
 use carom_chain::{Chain, Planar, PlanarChain, Spatial};
 use nalgebra::Vector3;
 

@@ -6,8 +6,8 @@ use carom_impact::{
 };
 use nalgebra::Vector3;
 
+use super::rule::ContactRule;
 use crate::error::SimError;
-use crate::rule::ContactRule;
 
 /// The parameters of a compliant contact. Restitution and friction are those of its
 /// [`ContactLaw`](crate::ContactLaw).

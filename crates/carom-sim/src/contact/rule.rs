@@ -1,6 +1,6 @@
 //! The rule of a contact: its impact law as a value, and what holds while the contact lasts.
 
-use crate::compliance::Compliance;
+use super::compliance::Compliance;
 use crate::error::SimError;
 use carom_impact::{AnyLaw, Coefficients, Frictionless, Law};
 use std::fmt;

@@ -1,13 +1,13 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
+use super::leg::{Flow, Witness};
+use super::trajectory::ContactMode;
+use crate::contact::touch::BallOnPlane;
 use crate::error::SimError;
-use crate::held::Held;
-use crate::leg::{Flow, Witness};
-use crate::motion::{Dry, DryJoint, Motion};
-use crate::simulate::Simulation;
-use crate::space::{Space, View};
-use crate::touch::BallOnPlane;
-use crate::trajectory::ContactMode;
+use crate::model::simulation::Simulation;
+use crate::motion::held::Held;
+use crate::motion::smooth::{Dry, DryJoint, Motion};
+use crate::state::space::{Space, View};
 use nalgebra::Vector3;
 
 /// The kinds of witness functions.

@@ -3,13 +3,13 @@
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. If a compliant contact has a bristle, its deflection (world, m) is appended.
 
-use crate::drive::{Asked, Drive};
+use crate::contact::touch::BallOnPlane;
 use crate::error::SimError;
-use crate::simulate::Simulation;
-use crate::space::{Space, View};
-use crate::touch::BallOnPlane;
-use crate::trajectory::ContactMode;
-use crate::watch::Watch;
+use crate::model::drive::{Asked, Drive};
+use crate::model::simulation::Simulation;
+use crate::run::trajectory::ContactMode;
+use crate::run::watch::Watch;
+use crate::state::space::{Space, View};
 use carom_chain::{Chain, Coordinates, PlanarRow, Workspace};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 

@@ -1,16 +1,20 @@
 //! Scenes: reads a robot, the surfaces around it, contact laws and run settings from a TOML file. The keys are documented at
 //! [`Scene`].
 
+mod contact;
+mod drive;
+pub(crate) mod file;
+
+use crate::contact::rule::ContactRule;
+use crate::contact::touch::{Oscillation, Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::rule::ContactRule;
-use crate::scene_contact::{apply, overridden, rule, unused};
-use crate::scene_drive::Drives;
-use crate::scene_file::{self, File, Method, Model, Robot, Shape, TipVelocity};
-use crate::simulate::Simulation;
-use crate::touch::{Oscillation, Surface, Touch, Touches};
+use crate::model::simulation::Simulation;
 use carom_chain::urdf::{LoadOptions, Meshes};
 use carom_chain::{Chain, ChainError};
 use carom_contact::{LeftOut, Obstacle};
+use contact::{apply, overridden, rule, unused};
+use drive::Drives;
+use file::{File, Method, Model, Robot, Shape, TipVelocity};
 use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::{Path, PathBuf};
 
@@ -252,7 +256,7 @@ impl Scene {
         }
         let tip = match chain.frame(&file.robot.tip) {
             Ok(_) => Some(file.robot.tip.clone()),
-            Err(_) if file.robot.tip == scene_file::tip() => None,
+            Err(_) if file.robot.tip == file::tip() => None,
             Err(unknown) => return Err(refuse(format!("[robot] tip = \"{}\": {unknown}", file.robot.tip))),
         };
         if let Some(sample) = file.run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {
@@ -317,7 +321,7 @@ fn suggest(message: &str) -> String {
     }
 }
 
-fn surface(folder: &Path, k: usize, surface: &scene_file::Surface, rule: &ContactRule) -> Result<Surface, String> {
+fn surface(folder: &Path, k: usize, surface: &file::Surface, rule: &ContactRule) -> Result<Surface, String> {
     let name = surface.name.clone().unwrap_or_else(|| format!("surface {}", k + 1));
     let placed = |centre: [f64; 3], rpy: [f64; 3]| {
         let turn = UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]);

@@ -13,16 +13,16 @@
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
 
-use crate::compliance::Compliance;
-use crate::drive::Drive;
+use crate::contact::compliance::Compliance;
+use crate::contact::rule::ContactRule;
+use crate::contact::touch::{Touch, TouchKind};
 use crate::error::SimError;
-use crate::motion::{Motion, beyond, responses};
-use crate::rule::ContactRule;
-use crate::run::friction_bound;
+use crate::model::drive::Drive;
+use crate::model::simulation::{Integrator, Simulation};
+use crate::motion::smooth::{Motion, beyond, responses};
+use crate::run::events::friction_bound;
 use crate::scene::Scene;
-use crate::simulate::{Integrator, Simulation};
-use crate::space::View;
-use crate::touch::{Touch, TouchKind};
+use crate::state::space::View;
 use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};

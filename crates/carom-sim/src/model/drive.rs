@@ -8,8 +8,8 @@
 //! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
 use crate::error::SimError;
-use crate::motion::{pseudo_inverse, responses};
-use crate::space::{Space, View};
+use crate::motion::smooth::{pseudo_inverse, responses};
+use crate::state::space::{Space, View};
 use carom_chain::{Chain, ChainError, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 

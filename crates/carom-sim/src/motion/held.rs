@@ -13,11 +13,11 @@
 //! has three rows (R = F = J). A sliding contact has the normal row, and its force acts along n − μ d. A joint held by its
 //! dry friction has the row of its coordinate.
 
-use crate::compliance::Memory;
+use super::smooth::{Dry, Motion};
+use crate::contact::compliance::Memory;
 use crate::error::SimError;
-use crate::motion::{Dry, Motion};
-use crate::space::Space;
-use crate::trajectory::ContactMode;
+use crate::run::trajectory::ContactMode;
+use crate::state::space::Space;
 use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector3};
 

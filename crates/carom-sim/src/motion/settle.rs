@@ -1,10 +1,10 @@
 //! Projection of a state onto the constraints of its contact mode, and the choice of this mode.
 
+use super::held::{Held, Hold, STILL, direction_of_slip};
+use super::smooth::{Dry, Motion, pseudo_inverse, responses};
 use crate::error::SimError;
-use crate::held::{Held, Hold, STILL, direction_of_slip};
-use crate::motion::{Dry, Motion, pseudo_inverse, responses};
-use crate::space::Space;
-use crate::trajectory::ContactMode;
+use crate::run::trajectory::ContactMode;
+use crate::state::space::Space;
 use nalgebra::{Matrix3, Vector3};
 
 /// Gaps and gap rates up to this size are not corrected, m and m/s: a correction would only disturb the integrator.

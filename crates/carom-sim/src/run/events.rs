@@ -18,17 +18,17 @@
 //! **Several contacts** at the same time are computed in `several.rs`: their impact is one problem for all of them. If at
 //! most one contact lasts after it, the run continues event-driven; otherwise by time steps until all contacts are open.
 
-use crate::compliance::Compliance;
-use crate::error::SimError;
-use crate::impact::ChainImpact;
-use crate::leg::{Accuracy, LegEnd, Sampler, leg};
-use crate::motion::{Dry, Motion};
-use crate::simulate::{Integrator, Simulation};
-use crate::space::Space;
-use crate::trajectory::{
+use super::leg::{Accuracy, LegEnd, Sampler, leg};
+use super::trajectory::{
     Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
 };
-use crate::watch::Watch;
+use super::watch::Watch;
+use crate::contact::compliance::Compliance;
+use crate::error::SimError;
+use crate::impact::ChainImpact;
+use crate::model::simulation::{Integrator, Simulation};
+use crate::motion::smooth::{Dry, Motion};
+use crate::state::space::Space;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Frictionless, ImpactProblem, Law};
 use nalgebra::{Matrix3, Vector3};

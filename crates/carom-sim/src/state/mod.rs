@@ -1,0 +1,3 @@
+//! A chain at one state.
+
+pub(crate) mod space;
