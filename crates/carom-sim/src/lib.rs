@@ -24,24 +24,22 @@ mod run;
 mod scene;
 mod state;
 
-pub use contact::compliance::{Compliance, Holding, Yielding};
-pub use contact::rule::{ContactLaw, ContactRule};
-pub use contact::touch::{Oscillation, Surface, Touch, Touches};
+pub use contact::{
+    Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, Surface, Touch, Touches, Yielding,
+};
 pub use error::SimError;
 pub use impact::{
     ChainImpact, Contact, ContactRows, FrictionlessJump, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
     Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
     frictionless_jump_into, saltation,
 };
-pub use model::drive::{Drive, ImpactInvariant, Transition};
-pub use model::simulation::{Integrator, Simulation};
-pub use motion::free_motion::{free_motion, free_motion_at};
+pub use model::{Drive, ImpactInvariant, Integrator, SeveralLaw, Simulation, Transition};
+pub use motion::{free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
-pub use run::several::SeveralLaw;
-pub use run::trajectory::{
-    Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Segment, Statistics, StopReason, Summary,
-    Trajectory,
+pub use run::{
+    Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
 };
 pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;
+pub use state::Moment;

@@ -1,13 +1,12 @@
 //! Compliant contacts of a simulation: their force laws, and the state that some of these need beside q and qd.
 
+use super::law::ContactLaw;
+use crate::error::SimError;
 use carom_impact::{
     Bristle, Damping, HuntCrossley, ImpactError, KelvinVoigt, NormalForce, SmoothedCoulomb, TangentialForce,
     WaltonBraun,
 };
 use nalgebra::Vector3;
-
-use super::rule::ContactRule;
-use crate::error::SimError;
 
 /// The parameters of a compliant contact. Restitution and friction are those of its
 /// [`ContactLaw`](crate::ContactLaw).
@@ -128,29 +127,29 @@ impl Compliance {
 
     /// # Errors
     /// [`SimError::Contact`] with the touch's name.
-    pub(crate) fn check(&self, rule: &ContactRule, touch: &str) -> Result<(), SimError> {
+    pub(crate) fn check(&self, law: &ContactLaw, touch: &str) -> Result<(), SimError> {
         let named = |error| match error {
             ImpactError::Compliance { what, value, rule } => {
                 SimError::Contact { touch: touch.into(), what, value, rule }
             }
             other => other.into(),
         };
-        self.normal(rule.law.restitution()).map_err(named)?;
-        self.tangential(rule.law.friction()).map(drop).map_err(named)
+        self.normal(law.restitution()).map_err(named)?;
+        self.tangential(law.friction()).map(drop).map_err(named)
     }
 
     /// The force on the robot for a gap, its rate, and the velocity `u` relative to the surface.
     pub(crate) fn press(
         &self,
-        rule: &ContactRule,
+        law: &ContactLaw,
         memory: &Memory,
         (gap, rate): (f64, f64),
         normal: &Vector3<f64>,
         u: &Vector3<f64>,
     ) -> Result<Pressed, SimError> {
         let along = |v: &Vector3<f64>| v - normal * normal.dot(v);
-        let size = self.normal(rule.law.restitution())?.force(-gap, -rate, memory.damping, memory.deepest);
-        let (law, slip, deflection) = (self.tangential(rule.law.friction())?, along(u), along(&memory.deflection));
+        let size = self.normal(law.restitution())?.force(-gap, -rate, memory.damping, memory.deepest);
+        let (law, slip, deflection) = (self.tangential(law.friction())?, along(u), along(&memory.deflection));
         let force = normal * size + law.force(&deflection, &slip, size);
         Ok(Pressed { force, bends: law.rate(&deflection, &slip, size) })
     }

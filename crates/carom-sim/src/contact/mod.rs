@@ -1,5 +1,21 @@
-//! The possible contacts of a chain and what happens at them.
+//! The possible contacts of a chain, their gaps, and the rules by which they act.
 
-pub(crate) mod compliance;
-pub(crate) mod rule;
-pub(crate) mod touch;
+mod compliance;
+mod friction;
+mod gap;
+mod law;
+mod mode;
+mod rule;
+mod surface;
+mod touch;
+
+pub(crate) use compliance::Memory;
+pub use compliance::{Compliance, Holding, Yielding};
+pub(crate) use friction::friction_bound;
+pub(crate) use gap::{At, BallOnPlane};
+pub use law::ContactLaw;
+pub use mode::ContactMode;
+pub use rule::ContactRule;
+pub use surface::{Oscillation, Surface};
+pub(crate) use touch::TouchKind;
+pub use touch::{Touch, Touches};

@@ -22,7 +22,7 @@
 //! the axes of the body.
 
 use super::hit::ChainImpact;
-use crate::contact::touch::Oscillation;
+use crate::contact::Oscillation;
 use crate::error::SimError;
 use carom_chain::algebra::z_onto;
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Spatial};

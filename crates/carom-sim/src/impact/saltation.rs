@@ -22,7 +22,7 @@
 
 use super::derivative::{At, ContactRows, differentiate, responses};
 use crate::error::SimError;
-use crate::run::trajectory::Moment;
+use crate::state::Moment;
 use carom_chain::Chain;
 use carom_impact::{ImpactProblem, Law};
 use nalgebra::{DMatrix, DVector, Matrix3};

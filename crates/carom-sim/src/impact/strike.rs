@@ -23,7 +23,7 @@ use super::joints::JointModel;
 use super::prepared::PreparedStrike;
 use super::saltation::{Saltation, saltation};
 use crate::error::SimError;
-use crate::run::trajectory::Moment;
+use crate::state::Moment;
 use carom_chain::{Chain, ChainError, FrameId, Point, Spatial};
 use carom_impact::{CoefficientRanges, Law};
 use nalgebra::Vector3;

@@ -8,8 +8,7 @@
 //! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
 use crate::error::SimError;
-use crate::motion::smooth::{pseudo_inverse, responses};
-use crate::state::space::{Space, View};
+use crate::state::{Space, View, pseudo_inverse};
 use carom_chain::{Chain, ChainError, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 
@@ -251,7 +250,7 @@ impl Transition {
         let point = view.point(frame, view.pose(frame).translation);
         let (u, drift) = (view.velocity(point, qd)?, view.drift(point, qd)?);
         let jacobian = view.jacobian(point);
-        let response = responses(view, &jacobian)?;
+        let response = view.responses(&jacobian)?;
         let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
 
         let along = |v: Vector3<f64>| v - n * n.dot(&v);

@@ -1,14 +1,11 @@
-//! The simulation of a chain with its contacts, and its settings; the event loop is in `run.rs`.
+//! The description of a simulation: a chain with its contacts, and the settings. It runs in `run/stream.rs`.
 
 use super::drive::Drive;
-use crate::contact::compliance::Memory;
-use crate::contact::touch::Touch;
+use super::several_law::SeveralLaw;
+use crate::contact::{Memory, Touch};
 use crate::error::SimError;
-use crate::run::events::Run;
-use crate::run::several::SeveralLaw;
-use crate::run::trajectory::{Moment, Sampling, Seen, Summary, Trajectory};
-use crate::state::space::View;
-use carom_chain::{Chain, Planar, PlanarChain, Spatial};
+use crate::state::{Moment, View};
+use carom_chain::{Chain, Coordinates, PlanarChain, Spatial};
 use nalgebra::Vector3;
 
 /// A chain with its possible contacts and the settings of its simulation.
@@ -83,40 +80,6 @@ impl Simulation {
         }
     }
 
-    /// Runs from `(q, qd)` for `duration` seconds and returns all events and the whole motion.
-    ///
-    /// # Errors
-    /// [`SimError`]: an invalid state or setting, an overlap at the start, errors of the impact laws and of the integrator.
-    pub fn run(&self, q: &[f64], qd: &[f64], duration: f64) -> Result<Trajectory, SimError> {
-        let (mut events, mut segments) = (Vec::new(), Vec::new());
-        let summary = self.stream(q, qd, duration, Sampling { every: None, dense: true }, &mut |seen| match seen {
-            Seen::Event(event) => events.push(event.clone()),
-            Seen::Segment(segment) => segments.push(segment.clone()),
-            Seen::Moment(_) => {}
-        })?;
-        Ok(Trajectory { events, segments, summary })
-    }
-
-    /// Runs from `(q, qd)` for `duration` seconds and calls `watch` with every event, sample and segment. Memory does not
-    /// grow with the simulated time.
-    ///
-    /// # Errors
-    /// As [`Simulation::run`].
-    pub fn stream(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        duration: f64,
-        sampling: Sampling,
-        watch: &mut dyn FnMut(Seen),
-    ) -> Result<Summary, SimError> {
-        self.check(q, qd, duration, sampling)?;
-        match self.in_plane() {
-            Some(model) => Run::<Planar<f64>>::go(self, &model, (q, qd), duration, sampling, watch),
-            None => Run::<Spatial<f64>>::go(self, &self.chain, (q, qd), duration, sampling, watch),
-        }
-    }
-
     /// The smallest gap of all touches at a configuration, m (rad for limits of revolute joints), with moving surfaces at
     /// their place at time 0; infinite without touches.
     ///
@@ -160,7 +123,7 @@ impl Simulation {
         }
         let u = touch.u(&place, &view, &moment.qd, moment.time)?;
         let memory = Memory { damping, ..Memory::default() };
-        Ok(compliance.press(&touch.contact, &memory, (at.gap, place.normal.dot(&u)), &place.normal, &u)?.force)
+        Ok(compliance.press(&touch.contact.law, &memory, (at.gap, place.normal.dot(&u)), &place.normal, &u)?.force)
     }
 
     /// The planar chain, if the simulation runs in the plane.
@@ -168,7 +131,9 @@ impl Simulation {
         self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
     }
 
-    fn check(&self, q: &[f64], qd: &[f64], duration: f64, sampling: Sampling) -> Result<(), SimError> {
+    /// # Errors
+    /// [`SimError`]: an invalid state or setting.
+    pub(crate) fn check(&self, q: &[f64], qd: &[f64], duration: f64, every: Option<f64>) -> Result<(), SimError> {
         self.chain.check_state(q, qd)?;
         let positive = |what, value: f64| {
             let fine = value > 0.0 && value.is_finite();
@@ -187,7 +152,7 @@ impl Simulation {
             let rule = "the duration is more than 1e10 times as long: make it longer";
             if duration / value <= 1e10 { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
         };
-        if let Some(every) = sampling.every {
+        if let Some(every) = every {
             positive("sampling interval", every)?;
             countable("sampling interval", every)?;
         }
@@ -205,5 +170,67 @@ impl Simulation {
         }
         self.drive.check(&self.chain)?;
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
+    }
+
+    /// Viscous damping of every velocity coordinate, from the URDF.
+    pub(crate) fn damping(&self) -> Vec<f64> {
+        let mut damping = vec![0.0; self.chain.nv()];
+        for joint in self.chain.joints() {
+            if let Coordinates::Own { v, .. } = &joint.coordinates {
+                damping[v.clone()].fill(joint.damping);
+            }
+        }
+        damping
+    }
+
+    /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.
+    pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
+        if self.chain.nq() == self.chain.nv() {
+            return false; // no quaternions
+        }
+        let mut changed = false;
+        for joint in self.chain.joints() {
+            if let Coordinates::Own { q: own, v } = &joint.coordinates
+                && own.len() != v.len()
+            {
+                let quaternion = &mut q[own.start + 3..own.end];
+                let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+                changed |= (norm - 1.0).abs() > f64::EPSILON;
+                quaternion.iter_mut().for_each(|x| *x /= norm);
+            }
+        }
+        changed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carom_chain::urdf::LoadOptions;
+
+    /// Two free bodies: the change of one quaternion is reported, whichever it is, and none if both have unit length.
+    #[test]
+    fn normalise_reports_whether_any_quaternion_changed() {
+        let body = |name: &str| {
+            format!(
+                r#"<link name="{name}"><inertial><mass value="1"/>
+                  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+                <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>"#
+            )
+        };
+        let text = format!(r#"<robot name="pair"><link name="world"/>{}{}</robot>"#, body("a"), body("b"));
+        let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+        let simulation = Simulation::new(chain, Vec::new());
+        let unit = [0.0, 0.0, 0.0, 0.48, 0.6, 0.0, 0.64];
+        for lengths in [[1.0, 1.0], [1.0, 1.25], [1.25, 1.0], [1.25, 1.25]] {
+            let mut q = [unit, unit].concat();
+            for (q, length) in q.chunks_mut(7).zip(lengths) {
+                q[3..].iter_mut().for_each(|x| *x *= length);
+            }
+            assert_eq!(simulation.normalise(&mut q), lengths != [1.0, 1.0], "{lengths:?}");
+            for (found, exact) in q.iter().zip([unit, unit].concat()) {
+                assert!((found - exact).abs() <= f64::EPSILON, "{lengths:?}: {q:?}");
+            }
+        }
     }
 }

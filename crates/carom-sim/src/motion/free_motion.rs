@@ -1,7 +1,7 @@
 //! Free motion of a chain: motors off, no contacts.
 
 use crate::error::SimError;
-use crate::run::trajectory::Moment;
+use crate::state::Moment;
 use carom_chain::{Chain, ChainError};
 use ivp::prelude::{FirstOrderSystem, Ivp, Method};
 use nalgebra::Vector3;

@@ -13,11 +13,11 @@
 //! has three rows (R = F = J). A sliding contact has the normal row, and its force acts along n − μ d. A joint held by its
 //! dry friction has the row of its coordinate.
 
-use super::smooth::{Dry, Motion};
-use crate::contact::compliance::Memory;
+use super::dry::Dry;
+use super::smooth::Motion;
+use crate::contact::{ContactMode, Memory};
 use crate::error::SimError;
-use crate::run::trajectory::ContactMode;
-use crate::state::space::Space;
+use crate::state::Space;
 use carom_impact::least_norm;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -120,7 +120,7 @@ impl<A: Space> Motion<'_, A> {
                 let u = touch.u(&place, &view, qd, time)?;
                 let rate = place.normal.dot(&u);
                 let memory = Memory { damping, deepest, deflection };
-                let found = compliance.press(&touch.contact, &memory, (at.gap, rate), &place.normal, &u)?;
+                let found = compliance.press(&touch.contact.law, &memory, (at.gap, rate), &place.normal, &u)?;
                 let force = found.force;
                 bends = found.bends;
                 let joints = place.row(&view, force)?;

@@ -1,6 +1,12 @@
 //! Smooth motion: the equations of one contact mode.
 
-pub(crate) mod free_motion;
-pub(crate) mod held;
-pub(crate) mod settle;
-pub(crate) mod smooth;
+mod dry;
+mod free_motion;
+mod held;
+mod settle;
+mod smooth;
+
+pub(crate) use dry::{Dry, DryJoint};
+pub use free_motion::{free_motion, free_motion_at};
+pub(crate) use held::Held;
+pub(crate) use smooth::Motion;

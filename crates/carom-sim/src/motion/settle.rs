@@ -1,10 +1,11 @@
 //! Projection of a state onto the constraints of its contact mode, and the choice of this mode.
 
+use super::dry::Dry;
 use super::held::{Held, Hold, STILL, direction_of_slip};
-use super::smooth::{Dry, Motion, pseudo_inverse, responses};
+use super::smooth::Motion;
+use crate::contact::ContactMode;
 use crate::error::SimError;
-use crate::run::trajectory::ContactMode;
-use crate::state::space::Space;
+use crate::state::{Space, pseudo_inverse};
 use nalgebra::{Matrix3, Vector3};
 
 /// Gaps and gap rates up to this size are not corrected, m and m/s: a correction would only disturb the integrator.
@@ -132,7 +133,7 @@ impl<A: Space> Motion<'_, A> {
         let Some(place) = at.surface else { return Ok(()) };
         let u = sim.touches[touch].u(&place, &view, &qd, time)?;
         let jacobian = place.jacobian(&view);
-        let response = responses(&mut view, &jacobian)?;
+        let response = view.responses(&jacobian)?;
         let h: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
         let jump = &response * (pseudo_inverse(h) * u);
         for (v, x) in y[sim.chain.nq()..].iter_mut().zip(jump.iter()) {

@@ -1,17 +1,16 @@
-//! The smooth motion of a chain in one contact mode. Its witness functions are in `watch.rs`, its constraints in `held.rs`.
+//! The smooth motion of a chain in one contact mode. Its constraints are in `held.rs`, its witness functions in
+//! `run/watch.rs`.
 //!
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. If a compliant contact has a bristle, its deflection (world, m) is appended.
 
-use crate::contact::touch::BallOnPlane;
+use super::dry::{Dry, DryJoint};
+use crate::contact::{BallOnPlane, ContactMode};
 use crate::error::SimError;
-use crate::model::drive::{Asked, Drive};
-use crate::model::simulation::Simulation;
-use crate::run::trajectory::ContactMode;
-use crate::run::watch::Watch;
-use crate::state::space::{Space, View};
-use carom_chain::{Chain, Coordinates, PlanarRow, Workspace};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use crate::model::{Asked, Drive, Simulation};
+use crate::state::{Space, View, reach};
+use carom_chain::{Coordinates, PlanarRow, Workspace};
+use nalgebra::Vector3;
 
 /// A chain in motion.
 pub(crate) struct Motion<'a, A: Space> {
@@ -27,8 +26,6 @@ pub(crate) struct Motion<'a, A: Space> {
     impacts: Vec<usize>,
     /// Whether an impact has happened.
     was_hit: bool,
-    /// The witness functions of the present leg.
-    pub watched: Vec<Watch>,
     /// Precomputed constants of each touch.
     pub balls: Vec<Option<BallOnPlane<A>>>,
     /// The closed form of q̈, if the chain has one.
@@ -41,56 +38,6 @@ pub(crate) struct Motion<'a, A: Space> {
     pub deepest: f64,
     /// Reach of the chain, m.
     pub reach: f64,
-}
-
-/// A joint with dry friction.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct DryJoint {
-    pub v: usize,
-    /// N m or N.
-    pub friction: f64,
-    pub state: Dry,
-}
-
-/// The state of the dry friction of a joint.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Dry {
-    /// The joint sticks.
-    Holds,
-    /// The joint slips in this direction (1 or −1), with the friction against it.
-    Brakes(f64),
-}
-
-impl Simulation {
-    /// Viscous damping of every velocity coordinate, from the URDF.
-    pub(crate) fn damping(&self) -> Vec<f64> {
-        let mut damping = vec![0.0; self.chain.nv()];
-        for joint in self.chain.joints() {
-            if let Coordinates::Own { v, .. } = &joint.coordinates {
-                damping[v.clone()].fill(joint.damping);
-            }
-        }
-        damping
-    }
-
-    /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.
-    pub(crate) fn normalise(&self, q: &mut [f64]) -> bool {
-        if self.chain.nq() == self.chain.nv() {
-            return false; // no quaternions
-        }
-        let mut changed = false;
-        for joint in self.chain.joints() {
-            if let Coordinates::Own { q: own, v } = &joint.coordinates
-                && own.len() != v.len()
-            {
-                let quaternion = &mut q[own.start + 3..own.end];
-                let norm = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-                changed |= (norm - 1.0).abs() > f64::EPSILON;
-                quaternion.iter_mut().for_each(|x| *x /= norm);
-            }
-        }
-        changed
-    }
 }
 
 impl<'a, A: Space> Motion<'a, A> {
@@ -113,7 +60,6 @@ impl<'a, A: Space> Motion<'a, A> {
             dry,
             impacts: vec![0; sim.touches.len()],
             was_hit: false,
-            watched: Vec::new(),
             balls: sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect(),
             row: A::row(model),
             damping: sim.damping(),
@@ -255,77 +201,5 @@ impl<'a, A: Space> Motion<'a, A> {
         let at = touch.at(&view, q, time);
         let u = at.surface.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
         Ok((at.gap, touch.rate(&at, &view, qd, time)?, u))
-    }
-}
-
-/// Reach of a chain: the longest path along its links, m.
-fn reach(chain: &Chain) -> f64 {
-    beyond(chain).into_iter().fold(0.0, f64::max)
-}
-
-/// For every body the greatest distance of a link's frame beyond its joint, m.
-pub(crate) fn beyond(chain: &Chain) -> Vec<f64> {
-    let bodies = chain.bodies();
-    let mut beyond = vec![0.0_f64; bodies.len()];
-    for frame in chain.frames() {
-        if let Some(body) = frame.body {
-            beyond[body] = beyond[body].max(frame.pose.translation.norm());
-        }
-    }
-    for i in (0..bodies.len()).rev() {
-        if let Some(parent) = bodies[i].parent {
-            beyond[parent] = beyond[parent].max(bodies[i].placement.translation.norm() + beyond[i]);
-        }
-    }
-    beyond
-}
-
-/// M⁻¹Jᵀ.
-pub(crate) fn responses<A: Space>(view: &mut View<A>, j: &DMatrix<f64>) -> Result<DMatrix<f64>, SimError> {
-    let mut response = DMatrix::zeros(j.ncols(), j.nrows());
-    for k in 0..j.nrows() {
-        let row: Vec<f64> = j.row(k).iter().copied().collect();
-        response.set_column(k, &view.kin.solve(&row)?);
-    }
-    Ok(response)
-}
-
-/// H⁺: H is singular for planar arms, whose tip moves in two directions only.
-pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
-    let eigen = h.symmetric_eigen();
-    let least = eigen.eigenvalues.max() * 1e-12;
-    let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
-    eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use carom_chain::urdf::LoadOptions;
-
-    /// Two free bodies: the change of one quaternion is reported, whichever it is, and none if both have unit length.
-    #[test]
-    fn normalise_reports_whether_any_quaternion_changed() {
-        let body = |name: &str| {
-            format!(
-                r#"<link name="{name}"><inertial><mass value="1"/>
-                  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-                <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>"#
-            )
-        };
-        let text = format!(r#"<robot name="pair"><link name="world"/>{}{}</robot>"#, body("a"), body("b"));
-        let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
-        let simulation = Simulation::new(chain, Vec::new());
-        let unit = [0.0, 0.0, 0.0, 0.48, 0.6, 0.0, 0.64];
-        for lengths in [[1.0, 1.0], [1.0, 1.25], [1.25, 1.0], [1.25, 1.25]] {
-            let mut q = [unit, unit].concat();
-            for (q, length) in q.chunks_mut(7).zip(lengths) {
-                q[3..].iter_mut().for_each(|x| *x *= length);
-            }
-            assert_eq!(simulation.normalise(&mut q), lengths != [1.0, 1.0], "{lengths:?}");
-            for (found, exact) in q.iter().zip([unit, unit].concat()) {
-                assert!((found - exact).abs() <= f64::EPSILON, "{lengths:?}: {q:?}");
-            }
-        }
     }
 }

@@ -13,16 +13,12 @@
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
 
-use crate::contact::compliance::Compliance;
-use crate::contact::rule::ContactRule;
-use crate::contact::touch::{Touch, TouchKind};
+use crate::contact::{Compliance, ContactRule, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
-use crate::model::drive::Drive;
-use crate::model::simulation::{Integrator, Simulation};
-use crate::motion::smooth::{Motion, beyond, responses};
-use crate::run::events::friction_bound;
+use crate::model::{Drive, Integrator, Simulation};
+use crate::motion::Motion;
 use crate::scene::Scene;
-use crate::state::space::View;
+use crate::state::{View, beyond};
 use carom_chain::urdf::JointType;
 use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
@@ -319,7 +315,7 @@ impl Plan {
             return Ok(None);
         };
         let jacobian = place.jacobian(&view);
-        let response = responses(&mut view, &jacobian)?;
+        let response = view.responses(&jacobian)?;
         let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
         let u = place.velocity(&view, &self.qd)?;
         let approach = (-place.normal.dot(&u)).max(0.0);

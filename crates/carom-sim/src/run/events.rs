@@ -19,19 +19,16 @@
 //! most one contact lasts after it, the run continues event-driven; otherwise by time steps until all contacts are open.
 
 use super::leg::{Accuracy, LegEnd, Sampler, leg};
-use super::trajectory::{
-    Blow, ContactMode, EnergyBooks, Event, EventKind, Moment, Sampling, Seen, Statistics, StopReason, Summary,
-};
-use super::watch::Watch;
-use crate::contact::compliance::Compliance;
+use super::trajectory::{Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StopReason, Summary};
+use super::watch::{Watch, Watched};
+use crate::contact::{Compliance, ContactMode, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::model::simulation::{Integrator, Simulation};
-use crate::motion::smooth::{Dry, Motion};
-use crate::state::space::Space;
+use crate::model::{Integrator, Simulation};
+use crate::motion::{Dry, Motion};
+use crate::state::{Moment, Space};
 use carom_chain::algebra::z_onto;
 use carom_impact::{Frictionless, ImpactProblem, Law};
-use nalgebra::{Matrix3, Vector3};
 
 /// The state of a run.
 pub(crate) struct Run<'a, 'w, A: Space> {
@@ -105,6 +102,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
         let gives_up = self.motion.mode.touch().is_some();
+        let presses = matches!(self.motion.mode, ContactMode::Pressing { .. });
         let accuracy = Accuracy { tolerance, max_step, integrator, gives_up };
         let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
@@ -113,18 +111,19 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             self.time = until; // shorter than any integration step
             return Ok(());
         }
-        let mut ended =
-            leg(&mut self.motion, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler);
-        let presses = matches!(self.motion.mode, ContactMode::Pressing { .. });
+        let mut flow = Watched::new(&mut self.motion);
+        let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
+        let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         if presses && matches!(ended, Err(SimError::Integration { .. })) {
             // A stiff compliant contact: repeat with the implicit integrator.
             let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: false, ..accuracy };
-            ended = leg(&mut self.motion, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler);
+            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
+        let watches = flow.watches;
         match ended {
             Ok(LegEnd { time, y, fired }) => {
                 (self.time, self.y) = (time, y);
-                fired.map_or(Ok(()), |witness| self.event(witness))
+                fired.map_or(Ok(()), |witness| self.event(watches[witness]))
             }
             // Rigid sliding has no consistent acceleration, or the direction of slip turns ever faster as the slip goes to
             // zero. Time steps have a solution in both cases.
@@ -202,9 +201,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    fn event(&mut self, witness: usize) -> Result<(), SimError> {
+    fn event(&mut self, watch: Watch) -> Result<(), SimError> {
         let time = self.time;
-        match (self.motion.watched[witness], self.motion.mode.touch()) {
+        match (watch, self.motion.mode.touch()) {
             (Watch::Gap(touch), _) => self.touch(touch),
             (Watch::NormalForce | Watch::Depth, Some(touch)) => {
                 self.motion.mode = ContactMode::Free;
@@ -433,23 +432,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.note(EventKind::Mode { mode }, before, Vec::new());
         if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
     }
-}
-
-/// A bound on the change of the velocity after an impact by friction, m/s.
-///
-/// With C = nᵀHn and b = |H_tn|, dvₙ/dpₙ is between C − μb and C + μb (also for a sticking contact, which needs μ ≥ b/H_tt). So
-/// pₙ is between (1+e)|uₙ|/(C + μb) and (1+e)|uₙ|/(C − μb) for every law; without friction it is (1+e)|uₙ|/C. Hence
-/// `|Δu| ≤ |Hn| Δpₙ + max‖Ht‖ μ pₙ` with the largest such pₙ. Infinite for μb ≥ C.
-pub(crate) fn friction_bound(delassus: &Matrix3<f64>, n: &Vector3<f64>, approach: f64, e: f64, mu: f64) -> f64 {
-    let column = delassus * n;
-    let c = n.dot(&column);
-    let across = Matrix3::identity() - n * n.transpose();
-    let b = (across * column).norm();
-    if mu * b >= c {
-        return f64::INFINITY;
-    }
-    let (plain, most) = ((1.0 + e) * approach / c, (1.0 + e) * approach / (c - mu * b));
-    column.norm() * (most - plain) + (delassus * across).norm() * mu * most
 }
 
 /// The next state of a contact after an impact.

@@ -12,9 +12,10 @@
 //! error of an event is that of the integration, not that of its interpolation.
 
 use super::root::descent;
-use super::trajectory::{Moment, Sampling, Seen, Segment, Statistics};
+use super::trajectory::{Sampling, Seen, Segment, Statistics};
 use crate::error::SimError;
-use crate::model::simulation::Integrator;
+use crate::model::Integrator;
+use crate::state::Moment;
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::MatrixStorage;
@@ -33,8 +34,6 @@ const PATIENCE: usize = 500;
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
-    /// Called at the start of a leg; fixes the set of witness functions of the leg.
-    fn begin(&mut self);
     /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
     /// Witness `k` at (t, y).
@@ -114,7 +113,6 @@ pub(crate) fn leg(
     statistics: &mut Statistics,
     sampler: &mut Sampler,
 ) -> Result<LegEnd, SimError> {
-    flow.begin();
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
     // Witnesses without a rate are not gaps: they are armed when they become positive.
@@ -387,7 +385,6 @@ mod tests {
             out.fill(1.0);
             Ok(())
         }
-        fn begin(&mut self) {}
         fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
             *out = vec![self.witness(0, t, y)?];
             Ok(())

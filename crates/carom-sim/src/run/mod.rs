@@ -1,8 +1,13 @@
-//! The run of a simulation from event to event.
+//! The run of a simulation from event to event, and its results.
 
-pub(crate) mod events;
-pub(crate) mod leg;
-pub(crate) mod root;
-pub(crate) mod several;
-pub(crate) mod trajectory;
-pub(crate) mod watch;
+mod events;
+mod leg;
+mod root;
+mod several;
+mod stream;
+mod trajectory;
+mod watch;
+
+pub use trajectory::{
+    Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
+};

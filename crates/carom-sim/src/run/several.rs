@@ -16,11 +16,12 @@
 //! The law of several contacts is applied in [`Run::solve`] only.
 
 use super::events::{Run, Stays, TOUCHING};
-use super::trajectory::{Blow, ContactMode, EventKind};
-use crate::contact::touch::{At, Touch};
+use super::trajectory::{Blow, EventKind};
+use crate::contact::{At, ContactMode, Touch};
 use crate::error::SimError;
-use crate::motion::smooth::Dry;
-use crate::state::space::{Space, View};
+use crate::model::SeveralLaw;
+use crate::motion::Dry;
+use crate::state::{Space, View};
 use carom_chain::ChainError;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
@@ -34,35 +35,6 @@ const OPEN_STEPS: usize = 10;
 const STILL_STEPS: usize = 20;
 /// Joint velocities below this count as zero, rad/s or m/s.
 const STILL: f64 = 1e-10;
-
-/// The law of several contacts at the same time, in impacts and in time steps. Each contact keeps its own coefficients; its
-/// own law applies to impacts of this contact alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SeveralLaw {
-    /// Newton's restitution at all contacts simultaneously ([`SeveralProblem::simultaneous`]).
-    #[default]
-    Moreau,
-    /// Compression of all contacts, then restitution of all ([`SeveralProblem::poisson`]).
-    Poisson,
-    /// One impact after another, always at the contact with the highest approach velocity
-    /// ([`SeveralProblem::sequential`]).
-    Sequential,
-}
-
-impl SeveralLaw {
-    /// All laws.
-    pub const ALL: [Self; 3] = [Self::Moreau, Self::Poisson, Self::Sequential];
-
-    /// Name in scene files: `moreau`, `poisson` or `sequential`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Moreau => "moreau",
-            Self::Poisson => "poisson",
-            Self::Sequential => "sequential",
-        }
-    }
-}
 
 /// Impulses of all constraints, and the residual of the law.
 struct Solved {

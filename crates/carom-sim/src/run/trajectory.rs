@@ -1,78 +1,12 @@
 //! The results of a simulation: events with the states before and after, the motion between them, the reason for the end,
 //! solver statistics and the energy balance.
 
+use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
+use crate::state::Moment;
 use carom_chain::Chain;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
-
-/// The state of the chain at one time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Moment {
-    /// Time, s.
-    pub time: f64,
-    /// Configuration, length nq; rad, m, quaternion (x, y, z, w).
-    pub q: Vec<f64>,
-    /// Joint velocities, length nv; rad/s, m/s.
-    pub qd: Vec<f64>,
-}
-
-/// The contact mode of the chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ContactMode {
-    /// No lasting contact.
-    Free,
-    /// A lasting contact that slides.
-    Sliding {
-        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
-        touch: usize,
-    },
-    /// A lasting contact that sticks.
-    Sticking {
-        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
-        touch: usize,
-    },
-    /// A contact held by a latch.
-    Latched {
-        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
-        touch: usize,
-    },
-    /// A compliant contact with a positive penetration.
-    Pressing {
-        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
-        touch: usize,
-        /// Damping of its normal force, from the approach velocity: a in s/m for Hunt & Crossley, c in N s/m for Kelvin &
-        /// Voigt, 0 for Walton & Braun.
-        damping: f64,
-    },
-    /// Several contacts at the same time, computed by time stepping.
-    Several,
-}
-
-impl ContactMode {
-    /// Name of the mode: `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Free => "free",
-            Self::Sliding { .. } => "sliding",
-            Self::Sticking { .. } => "sticking",
-            Self::Latched { .. } => "latched",
-            Self::Pressing { .. } => "pressing",
-            Self::Several => "several",
-        }
-    }
-
-    /// Index of the active contact, if exactly one.
-    pub fn touch(self) -> Option<usize> {
-        match self {
-            Self::Free | Self::Several => None,
-            Self::Sliding { touch }
-            | Self::Sticking { touch }
-            | Self::Latched { touch }
-            | Self::Pressing { touch, .. } => Some(touch),
-        }
-    }
-}
 
 /// The kind of an event.
 #[derive(Debug, Clone)]

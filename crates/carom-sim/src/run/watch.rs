@@ -1,13 +1,11 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leg::{Flow, Witness};
-use super::trajectory::ContactMode;
-use crate::contact::touch::BallOnPlane;
+use crate::contact::{BallOnPlane, ContactMode};
 use crate::error::SimError;
-use crate::model::simulation::Simulation;
-use crate::motion::held::Held;
-use crate::motion::smooth::{Dry, DryJoint, Motion};
-use crate::state::space::{Space, View};
+use crate::model::Simulation;
+use crate::motion::{Dry, DryJoint, Held, Motion};
+use crate::state::{Space, View};
 use nalgebra::Vector3;
 
 /// The kinds of witness functions.
@@ -31,13 +29,18 @@ pub(crate) enum Watch {
     JointBreaksLoose(usize),
 }
 
-impl<A: Space> Motion<'_, A> {
-    /// The witness functions of the present mode.
-    fn watches(&self) -> Vec<Watch> {
-        let sim = self.sim;
-        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != self.mode.touch());
+/// A motion with the witness functions of its present contact mode.
+pub(crate) struct Watched<'m, 'a, A: Space> {
+    motion: &'m mut Motion<'a, A>,
+    pub watches: Vec<Watch>,
+}
+
+impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
+    pub fn new(motion: &'m mut Motion<'a, A>) -> Self {
+        let sim = motion.sim;
+        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != motion.mode.touch());
         let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
-        match self.mode {
+        match motion.mode {
             ContactMode::Free | ContactMode::Several | ContactMode::Latched { .. } => {}
             ContactMode::Sliding { touch } if sim.touches[touch].contact.law.friction() == 0.0 => {
                 watches.push(Watch::NormalForce);
@@ -51,11 +54,11 @@ impl<A: Space> Motion<'_, A> {
                 }
             }
         }
-        watches.extend(self.dry.iter().enumerate().map(|(k, joint)| match joint.state {
+        watches.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Watch::JointBreaksLoose(k),
             Dry::Brakes(_) => Watch::JointStops(k),
         }));
-        watches
+        Self { motion, watches }
     }
 }
 
@@ -66,26 +69,23 @@ impl Watch {
     }
 }
 
-impl<A: Space> Flow for Motion<'_, A> {
-    fn begin(&mut self) {
-        self.watched = self.watches();
-    }
-
+impl<A: Space> Flow for Watched<'_, '_, A> {
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        let (q, qd) = self.split(y);
+        let motion = &mut *self.motion;
+        let (q, qd) = motion.split(y);
         let (nq, nv) = (q.len(), qd.len());
         if nq == nv {
             out[..nq].copy_from_slice(qd); // no floating joint
         } else {
-            self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
+            motion.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
         }
         let (qdd, rest) = out[nq..].split_at_mut(nv);
         let (power, bends) = rest.split_at_mut(2);
-        if self.moves_freely() {
-            power.copy_from_slice(&self.accelerate(time, y, qdd)?);
+        if motion.moves_freely() {
+            power.copy_from_slice(&motion.accelerate(time, y, qdd)?);
             bends.fill(0.0);
         } else {
-            let held = self.in_mode(time, y)?;
+            let held = motion.in_mode(time, y)?;
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
             bends.copy_from_slice(&held.bends.as_slice()[..bends.len()]);
@@ -95,41 +95,51 @@ impl<A: Space> Flow for Motion<'_, A> {
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
         out.clear();
-        let held = if self.watched.iter().any(|w| w.needs_forces()) { Some(self.in_mode(time, y)?) } else { None };
-        let (q, qd) = self.split(y);
-        let now = Now { mode: self.mode, slip: self.slip, dry: &self.dry, deepest: self.deepest, held: held.as_ref() };
-        let view = View::new(self.model, &mut self.workspace, q)?;
-        for watch in &self.watched {
-            out.push(watch.at((self.sim, &self.balls), &now, &view, (q, qd), time)?);
-        }
-        Ok(())
+        look(self.motion, &self.watches, time, y, |witness| out.push(witness))
     }
 
     fn witness(&mut self, k: usize, time: f64, y: &[f64]) -> Result<Witness, SimError> {
-        let watch = self.watched[k];
-        let held = if watch.needs_forces() { Some(self.in_mode(time, y)?) } else { None };
-        let (q, qd) = self.split(y);
-        let now = Now { mode: self.mode, slip: self.slip, dry: &self.dry, deepest: self.deepest, held: held.as_ref() };
-        let view = View::new(self.model, &mut self.workspace, q)?;
-        watch.at((self.sim, &self.balls), &now, &view, (q, qd), time)
+        let mut found = Witness::default();
+        look(self.motion, &self.watches[k..=k], time, y, |witness| found = witness)?;
+        Ok(found)
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let changed = self.sim.normalise(y);
-        match self.mode {
+        let motion = &mut *self.motion;
+        let changed = motion.sim.normalise(y);
+        match motion.mode {
             ContactMode::Free | ContactMode::Several | ContactMode::Pressing { .. } => Ok(changed),
             ContactMode::Sliding { touch } => {
-                let moved = self.stop_normal(touch, time, y)?;
-                self.follow_slip(touch, time, y)?;
+                let moved = motion.stop_normal(touch, time, y)?;
+                motion.follow_slip(touch, time, y)?;
                 Ok(moved || changed)
             }
             ContactMode::Sticking { touch } | ContactMode::Latched { touch } => {
-                let moved = self.stop_normal(touch, time, y)?;
-                self.stop_slip(touch, time, y)?;
+                let moved = motion.stop_normal(touch, time, y)?;
+                motion.stop_slip(touch, time, y)?;
                 Ok(moved || changed)
             }
         }
     }
+}
+
+/// Passes the values of witness functions at a state to `see`.
+fn look<A: Space>(
+    motion: &mut Motion<A>,
+    watches: &[Watch],
+    time: f64,
+    y: &[f64],
+    mut see: impl FnMut(Witness),
+) -> Result<(), SimError> {
+    let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
+    let (q, qd) = motion.split(y);
+    let (mode, slip, dry, deepest) = (motion.mode, motion.slip, &motion.dry, motion.deepest);
+    let now = Now { mode, slip, dry, deepest, held: held.as_ref() };
+    let view = View::new(motion.model, &mut motion.workspace, q)?;
+    for watch in watches {
+        see(watch.at((motion.sim, &motion.balls), &now, &view, (q, qd), time)?);
+    }
+    Ok(())
 }
 
 /// The inputs of the witness functions beside the state: see [`Motion`].

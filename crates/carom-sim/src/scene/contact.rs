@@ -1,9 +1,7 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
 use super::file::{self, Contact, Override};
-use crate::contact::compliance::{Compliance, Holding, Yielding};
-use crate::contact::rule::{ContactLaw, ContactRule};
-use crate::contact::touch::{Surface, Touch};
+use crate::contact::{Compliance, ContactLaw, ContactRule, Holding, Surface, Touch, Yielding};
 use carom_chain::Chain;
 use carom_impact::{Coefficients, Damping, LAW_NAMES, NormalForce};
 

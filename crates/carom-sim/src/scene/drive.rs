@@ -1,9 +1,9 @@
 //! The controllers of `[run]` in a scene file, and the keys that each of them reads.
 
 use super::file::{Controller, File, Run};
-use crate::contact::touch::Surface;
-use crate::model::drive::{Drive, ImpactInvariant, Transition};
-use crate::scene::half_space;
+use super::surface::half_space;
+use crate::contact::Surface;
+use crate::model::{Drive, ImpactInvariant, Transition};
 use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;

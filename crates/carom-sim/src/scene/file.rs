@@ -1,6 +1,6 @@
 //! The keys of a scene file for serde; they are documented in `mod.rs`.
 
-use crate::run::several::SeveralLaw;
+use crate::model::SeveralLaw;
 use serde::Deserialize;
 use std::path::PathBuf;
 

@@ -3,20 +3,26 @@
 
 mod contact;
 mod drive;
-pub(crate) mod file;
+mod file;
+mod surface;
+mod tip_velocity;
+mod toml;
 
-use crate::contact::rule::ContactRule;
-use crate::contact::touch::{Oscillation, Surface, Touch, Touches};
+#[doc(hidden)]
+pub use toml::from_toml;
+
+use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::model::simulation::Simulation;
+use crate::model::Simulation;
+use carom_chain::Chain;
 use carom_chain::urdf::{LoadOptions, Meshes};
-use carom_chain::{Chain, ChainError};
-use carom_contact::{LeftOut, Obstacle};
-use contact::{apply, overridden, rule, unused};
+use carom_contact::LeftOut;
+use contact::{apply, rule, unused};
 use drive::Drives;
-use file::{File, Method, Model, Robot, Shape, TipVelocity};
-use nalgebra::{DVector, Isometry3, Translation3, UnitQuaternion, Vector3};
+use file::{File, Method, Model, Shape};
 use std::path::{Path, PathBuf};
+use surface::surface;
+use tip_velocity::tip_velocity;
 
 /// A scene: a robot, the surfaces around it, contact laws and run settings, read from a TOML file ([`Scene::from_file`]).
 ///
@@ -292,121 +298,4 @@ impl Scene {
         let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
         Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, files, warnings })
     }
-}
-
-/// Parses TOML.
-///
-/// # Errors
-/// A message with the line, its text if the message names no key, and the most similar key if a key is unknown.
-#[doc(hidden)] // shared with the other files of this workspace that are written in TOML
-pub fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
-    toml::from_str(text).map_err(|e: toml::de::Error| {
-        let line = e.span().map_or(1, |span| 1 + text[..span.start.min(text.len())].matches('\n').count());
-        let message = suggest(e.message());
-        // Only messages about fields name a key.
-        let quoted = text.lines().nth(line - 1).filter(|_| !message.contains(" field `")).map(str::trim);
-        quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}"))
-    })
-}
-
-/// Adds the most similar known key to serde's message about an unknown key.
-fn suggest(message: &str) -> String {
-    let message = message.trim_end().replace('\n', "; ");
-    let mut quoted = message.split('`').skip(1).step_by(2);
-    let Some(unknown) = quoted.next().filter(|_| message.contains("unknown")) else { return message.clone() };
-    let near = quoted.map(|name| (strsim::jaro_winkler(unknown, name), name)).max_by(|a, b| a.0.total_cmp(&b.0));
-    match near {
-        Some((likeness, name)) if likeness > 0.7 => format!("{message}; did you mean `{name}`?"),
-        _ => message.clone(),
-    }
-}
-
-fn surface(folder: &Path, k: usize, surface: &file::Surface, rule: &ContactRule) -> Result<Surface, String> {
-    let name = surface.name.clone().unwrap_or_else(|| format!("surface {}", k + 1));
-    let placed = |centre: [f64; 3], rpy: [f64; 3]| {
-        let turn = UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]);
-        Isometry3::from_parts(Translation3::from(Vector3::from(centre)), turn)
-    };
-    let obstacle = match &surface.shape {
-        Shape::Halfspace { point, normal } => Obstacle::half_space((*point).into(), (*normal).into()),
-        Shape::Box { centre, size, rpy } => Obstacle::cuboid(placed(*centre, *rpy), (*size).into()),
-        Shape::Sphere { centre, radius } => Obstacle::sphere((*centre).into(), *radius),
-        Shape::Mesh { file, scale, position, rpy } => {
-            Obstacle::mesh_file(&folder.join(file), (*scale).into(), placed(*position, *rpy))
-        }
-    };
-    let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;
-    let contact = overridden(rule, &surface.contact).map_err(|why| format!("[[surface]] '{name}': contact {why}"))?;
-    contact.check(&format!("[[surface]] '{name}'")).map_err(|e| e.to_string())?;
-    let motion = surface.motion.as_ref().map(|motion| Oscillation {
-        amplitude: motion.amplitude.into(),
-        frequency: motion.frequency * std::f64::consts::TAU,
-        phase: motion.phase,
-    });
-    if let Some(Oscillation { amplitude, frequency, phase }) = &motion
-        && !(amplitude.iter().all(|x| x.is_finite()) && frequency.is_finite() && phase.is_finite())
-    {
-        return Err(format!("[[surface]] '{name}': every number of motion must be finite"));
-    }
-    Ok(Surface { name, obstacle, contact, motion })
-}
-
-pub(crate) fn half_space(surface: Option<&Surface>) -> Option<Vector3<f64>> {
-    match surface.map(|surface| surface.obstacle.surface()) {
-        Some(carom_contact::Surface::HalfSpace { normal, .. }) => Some(*normal),
-        _ => None,
-    }
-}
-
-/// The joint velocities with the least kinetic energy that give the tip the velocity u: qd = M⁻¹Jᵀ H⁺ u.
-fn tip_velocity(
-    chain: &Chain,
-    robot: &Robot,
-    tip: &TipVelocity,
-    surface: Option<&Surface>,
-) -> Result<Vec<f64>, String> {
-    let say = |e: ChainError| e.to_string();
-    let Some(normal) = half_space(surface) else {
-        return Err(
-            "[robot] tip_velocity is relative to the first surface, which must be a halfspace: give qd instead".into(),
-        );
-    };
-    let along = Vector3::from(tip.along);
-    if !(tip.speed.is_finite() && tip.angle_deg.is_finite()) {
-        let (speed, angle) = (tip.speed, tip.angle_deg);
-        return Err(format!("[robot] tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
-    }
-    let alpha = tip.angle_deg.to_radians();
-    let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12);
-    if shadow.is_none() && alpha.cos().abs() > 1e-12 {
-        let [x, y, z] = tip.along;
-        return Err(format!(
-            "[robot] tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
-        ));
-    }
-    let shadow = shadow.unwrap_or_else(Vector3::zeros);
-    let u = (shadow * alpha.cos() - normal * alpha.sin()) * tip.speed;
-    let point = chain.point(chain.frame(&robot.tip).map_err(say)?, Vector3::zeros());
-    let mut workspace = chain.workspace();
-    let mut kin = workspace.update(chain, &robot.q).map_err(say)?;
-    let inertia = kin.contact_inertia(point).map_err(say)?;
-    let force: DVector<f64> = inertia.principal[..inertia.rank]
-        .iter()
-        .map(|(direction, sigma)| {
-            direction * (direction.dot(&DVector::from_column_slice(u.as_slice())) / (sigma * sigma))
-        })
-        .fold(DVector::zeros(3), |sum, part| sum + part);
-    let mut impulse = vec![0.0; chain.nv()];
-    kin.add_point_force(point, Vector3::new(force[0], force[1], force[2]), &mut impulse).map_err(say)?;
-    let qd = kin.solve(&impulse).map_err(say)?;
-    let reached = kin.point_velocity(point, qd.as_slice()).map_err(say)?;
-    if (reached - u).norm() > 1e-9 * tip.speed.abs() {
-        let [x, y, z] = u.into();
-        return Err(format!(
-            "[robot] tip_velocity: at this pose no joint velocities give the link '{}' the velocity ({x}, {y}, {z}) m/s: \
-             change q or tip_velocity",
-            robot.tip
-        ));
-    }
-    Ok(qd.as_slice().to_vec())
 }

@@ -1,3 +1,9 @@
-//! A chain at one state.
+//! A chain at one state, in the plane or in space.
 
-pub(crate) mod space;
+mod moment;
+mod reach;
+mod space;
+
+pub use moment::Moment;
+pub(crate) use reach::{beyond, reach};
+pub(crate) use space::{Felt, Space, View, pseudo_inverse};

@@ -196,4 +196,22 @@ impl<'a, A: Space> View<'a, A> {
     pub fn energy(&mut self, qd: &[f64], gravity: Vector3<f64>) -> Result<f64, SimError> {
         Ok(self.kin.kinetic_energy(qd)? + self.kin.potential_energy(A::project(self.model, gravity)))
     }
+
+    /// M⁻¹Jᵀ.
+    pub fn responses(&mut self, j: &DMatrix<f64>) -> Result<DMatrix<f64>, SimError> {
+        let mut response = DMatrix::zeros(j.ncols(), j.nrows());
+        for k in 0..j.nrows() {
+            let row: Vec<f64> = j.row(k).iter().copied().collect();
+            response.set_column(k, &self.kin.solve(&row)?);
+        }
+        Ok(response)
+    }
+}
+
+/// H⁺: H is singular for planar arms, whose tip moves in two directions only.
+pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
+    let eigen = h.symmetric_eigen();
+    let least = eigen.eigenvalues.max() * 1e-12;
+    let inverse = eigen.eigenvalues.map(|x| if x > least { 1.0 / x } else { 0.0 });
+    eigen.eigenvectors * Matrix3::from_diagonal(&inverse) * eigen.eigenvectors.transpose()
 }

@@ -1,0 +1,258 @@
+//! Gaps of touches, their rates and rows, at one state.
+
+use super::touch::{Touch, TouchKind};
+use crate::error::SimError;
+use crate::state::{Felt, Space, View};
+use carom_chain::{FrameId, Point};
+use carom_contact::{gap, gap_between, gap_points};
+use nalgebra::{DMatrix, DVector, Vector3};
+/// A touch at one state.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct At<A: Space> {
+    pub gap: f64,
+    /// Contact point on the robot, and unit normal from the environment to the robot, world; `None` for joint limits.
+    pub surface: Option<Place<A>>,
+}
+
+/// Contact point and normal of a touch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place<A: Space> {
+    pub point: Point<A>,
+    /// The contact point of the second link of a pair.
+    pub against: Option<Point<A>>,
+    pub position: Vector3<f64>,
+    pub normal: Vector3<f64>,
+}
+
+impl<A: Space> Place<A> {
+    /// nᵀJ.
+    pub fn row(&self, view: &View<A>, n: Vector3<f64>) -> Result<DVector<f64>, SimError> {
+        let own = view.row(self.point, n)?;
+        Ok(match self.against {
+            Some(other) => own - view.row(other, n)?,
+            None => own,
+        })
+    }
+
+    /// J: 3×nv, world axes.
+    pub fn jacobian(&self, view: &View<A>) -> DMatrix<f64> {
+        let own = view.jacobian(self.point);
+        match self.against {
+            Some(other) => own - view.jacobian(other),
+            None => own,
+        }
+    }
+
+    /// J qd, m/s.
+    pub fn velocity(&self, view: &View<A>, qd: &[f64]) -> Result<Vector3<f64>, SimError> {
+        let own = view.velocity(self.point, qd)?;
+        Ok(match self.against {
+            Some(other) => own - view.velocity(other, qd)?,
+            None => own,
+        })
+    }
+
+    /// Delassus matrix and response; `None` if no joint moves the contact point along the normal.
+    pub fn inertia(&self, view: &mut View<A>) -> Result<Option<Felt>, SimError> {
+        if self.against.is_none() {
+            return view.inertia(self.point, self.normal);
+        }
+        let jacobian = self.jacobian(view);
+        let response = view.responses(&jacobian)?;
+        let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+        let response = response.fixed_columns::<3>(0).into_owned();
+        // Each row of J is a difference, in which common parts cancel up to rounding.
+        let apart = view.jacobian(self.point);
+        let most = (&apart * view.responses(&apart)?).trace();
+        let along = self.normal.dot(&(delassus * self.normal));
+        Ok((along > STUCK * most.max(delassus.trace())).then_some((delassus, response)))
+    }
+}
+
+/// A ball and a half-space with precomputed constants: g = n·x + h − r − n·s for the centre x. The contact point is the one
+/// below the centre; ω × its arm has no component along n, so ġ = n·(ẋ − ṡ).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BallOnPlane<A: Space> {
+    /// The centre.
+    centre: Point<A>,
+    /// n in the algebra of the chain.
+    normal: A::Vector,
+    /// h: the constant part of the height of the centre over the plane.
+    height: f64,
+    /// r: stored apart from h, so that it is not rounded with h.
+    radius: f64,
+}
+
+/// An inverse mass below this share of the largest is rounding.
+const STUCK: f64 = 1e-13;
+
+impl Touch {
+    /// Displacement, velocity and acceleration of the surface.
+    pub(crate) fn shift(&self, time: f64) -> [Vector3<f64>; 3] {
+        self.motion.map_or([Vector3::zeros(); 3], |motion| motion.at(time))
+    }
+
+    /// The pose of a link frame relative to the displaced surface.
+    fn seen<A: Space>(
+        &self,
+        view: &View<A>,
+        frame: FrameId,
+        shift: Vector3<f64>,
+    ) -> carom_chain::algebra::Pose<carom_chain::Spatial<f64>> {
+        let mut pose = view.pose(frame);
+        pose.translation -= shift;
+        pose
+    }
+
+    /// Gap, contact point and normal at a state.
+    pub(crate) fn at<A: Space>(&self, view: &View<A>, q: &[f64], time: f64) -> At<A> {
+        let [shift, ..] = self.shift(time);
+        match &self.kind {
+            TouchKind::Ball { shape, centre, radius, point, normal } => {
+                let centre = self.seen(view, shape.frame(), shift).point(*centre);
+                let height = normal.dot(&(centre - point));
+                let position = centre - normal * *radius + shift;
+                let place =
+                    Place { point: view.point(shape.frame(), position), against: None, position, normal: *normal };
+                At { gap: height - radius, surface: Some(place) }
+            }
+            TouchKind::Pair { shape, obstacle } => {
+                let found = gap(shape, &self.seen(view, shape.frame(), shift), obstacle);
+                let position = found.on_robot + shift;
+                let place =
+                    Place { point: view.point(shape.frame(), position), against: None, position, normal: found.normal };
+                At { gap: found.distance, surface: Some(place) }
+            }
+            TouchKind::Links { shape, other } => {
+                let [a, b] = [shape, other].map(|shape| view.pose(shape.frame()));
+                let found = gap_between((shape, &a), (other, &b));
+                let place = Place {
+                    point: view.point(shape.frame(), found.on_robot),
+                    against: Some(view.point(other.frame(), found.on_environment)),
+                    position: found.on_robot,
+                    normal: found.normal,
+                };
+                At { gap: found.distance, surface: Some(place) }
+            }
+            TouchKind::Limit { q: at, bound, upper, .. } => {
+                At { gap: if *upper { bound - q[*at] } else { q[*at] - bound }, surface: None }
+            }
+        }
+    }
+
+    /// The precomputed constants for [`Touch::look`]; `None` for other pairs than a ball and a half-space.
+    pub(crate) fn ball_on_plane<A: Space>(&self, model: &A::Model) -> Option<BallOnPlane<A>> {
+        let TouchKind::Ball { shape, centre, radius, point, normal } = &self.kind else { return None };
+        let (centre, beside) = A::material_point(model, shape.frame(), *centre);
+        let height = normal.dot(&(beside - point));
+        Some(BallOnPlane { centre, normal: A::project(model, *normal), height, radius: *radius })
+    }
+
+    /// g and ġ.
+    pub(crate) fn look<A: Space>(
+        &self,
+        ball: Option<&BallOnPlane<A>>,
+        view: &View<A>,
+        (q, qd): (&[f64], &[f64]),
+        time: f64,
+    ) -> Result<(f64, f64), SimError> {
+        match (ball, &self.kind) {
+            (Some(ball), TouchKind::Ball { normal, .. }) => {
+                let [shift, velocity, _] = self.shift(time);
+                let height = A::dot(ball.normal, view.kin.position(ball.centre)) + ball.height;
+                let gap = height - ball.radius - normal.dot(&shift);
+                let rate = A::dot(ball.normal, view.kin.point_velocity(ball.centre, qd)?) - normal.dot(&velocity);
+                Ok((gap, rate))
+            }
+            _ => {
+                let at = self.at(view, q, time);
+                Ok((at.gap, self.rate(&at, view, qd, time)?))
+            }
+        }
+    }
+
+    /// All points of the pair with gaps of at most `within`.
+    pub(crate) fn points<A: Space>(&self, view: &View<A>, q: &[f64], time: f64, within: f64) -> Vec<At<A>> {
+        let mut points = match &self.kind {
+            TouchKind::Pair { shape, obstacle } if !self.is_point() => {
+                let [shift, ..] = self.shift(time);
+                let corners = gap_points(shape, &self.seen(view, shape.frame(), shift), obstacle, f64::INFINITY);
+                let place = |found: carom_contact::Gap| {
+                    let position = found.on_robot + shift;
+                    let place = Place {
+                        point: view.point(shape.frame(), position),
+                        against: None,
+                        position,
+                        normal: found.normal,
+                    };
+                    At { gap: found.distance, surface: Some(place) }
+                };
+                let mut points: Vec<At<A>> = corners.into_iter().map(place).collect();
+                points.push(self.at(view, q, time));
+                points
+            }
+            _ => vec![self.at(view, q, time)],
+        };
+        points.retain(|at| at.gap <= within);
+        points
+    }
+
+    /// ġ.
+    pub(crate) fn rate<A: Space>(&self, at: &At<A>, view: &View<A>, qd: &[f64], time: f64) -> Result<f64, SimError> {
+        match (&self.kind, at.surface) {
+            (TouchKind::Limit { v, upper, .. }, _) => Ok(if *upper { -qd[*v] } else { qd[*v] }),
+            (_, Some(place)) => Ok(place.normal.dot(&self.u(&place, view, qd, time)?)),
+            (_, None) => Ok(0.0),
+        }
+    }
+
+    /// u.
+    pub(crate) fn u<A: Space>(
+        &self,
+        place: &Place<A>,
+        view: &View<A>,
+        qd: &[f64],
+        time: f64,
+    ) -> Result<Vector3<f64>, SimError> {
+        Ok(place.velocity(view, qd)? - self.shift(time)[1])
+    }
+
+    /// The row j.
+    pub(crate) fn row<A: Space>(&self, at: &At<A>, view: &View<A>) -> Result<DVector<f64>, SimError> {
+        match (&self.kind, at.surface) {
+            (TouchKind::Limit { v, upper, .. }, _) => {
+                let mut row = DVector::zeros(view.kin.chain().nv());
+                row[*v] = if *upper { -1.0 } else { 1.0 };
+                Ok(row)
+            }
+            (_, Some(place)) => place.row(view, place.normal),
+            (_, None) => Ok(DVector::zeros(view.kin.chain().nv())),
+        }
+    }
+
+    /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences.
+    ///
+    /// For a ball on a plane with centre c, g̈ = n·(c̈ − s̈). The contact point stays below the centre, so u̇ is without the
+    /// term ω × (ω × r) of the material point, r = −n radius.
+    pub(crate) fn drift<A: Space>(
+        &self,
+        at: &At<A>,
+        view: &mut View<A>,
+        qd: &[f64],
+        time: f64,
+    ) -> Option<Result<(f64, Vector3<f64>), SimError>> {
+        match (&self.kind, at.surface) {
+            (TouchKind::Limit { .. }, _) => Some(Ok((0.0, Vector3::zeros()))),
+            (TouchKind::Ball { shape, radius, normal, .. }, Some(place)) => {
+                let mut closed = || {
+                    let turning = view.angular_velocity(shape.frame(), qd)?;
+                    let arm = -normal * *radius;
+                    let u = view.drift(place.point, qd)? - turning.cross(&turning.cross(&arm)) - self.shift(time)[2];
+                    Ok((normal.dot(&u), u))
+                };
+                Some(closed())
+            }
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! The contact modes of a chain, in each of which its motion is smooth.
+
+/// The contact mode of the chain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ContactMode {
+    /// No lasting contact.
+    Free,
+    /// A lasting contact that slides.
+    Sliding {
+        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+        touch: usize,
+    },
+    /// A lasting contact that sticks.
+    Sticking {
+        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+        touch: usize,
+    },
+    /// A contact held by a latch.
+    Latched {
+        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+        touch: usize,
+    },
+    /// A compliant contact with a positive penetration.
+    Pressing {
+        /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+        touch: usize,
+        /// Damping of its normal force, from the approach velocity: a in s/m for Hunt & Crossley, c in N s/m for Kelvin &
+        /// Voigt, 0 for Walton & Braun.
+        damping: f64,
+    },
+    /// Several contacts at the same time, computed by time stepping.
+    Several,
+}
+
+impl ContactMode {
+    /// Name of the mode: `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free",
+            Self::Sliding { .. } => "sliding",
+            Self::Sticking { .. } => "sticking",
+            Self::Latched { .. } => "latched",
+            Self::Pressing { .. } => "pressing",
+            Self::Several => "several",
+        }
+    }
+
+    /// Index of the active contact, if exactly one.
+    pub fn touch(self) -> Option<usize> {
+        match self {
+            Self::Free | Self::Several => None,
+            Self::Sliding { touch }
+            | Self::Sticking { touch }
+            | Self::Latched { touch }
+            | Self::Pressing { touch, .. } => Some(touch),
+        }
+    }
+}

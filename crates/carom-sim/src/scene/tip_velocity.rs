@@ -1,0 +1,59 @@
+//! The start of a scene that gives the velocity of the tip.
+
+use super::file::{Robot, TipVelocity};
+use super::surface::half_space;
+use crate::contact::Surface;
+use carom_chain::{Chain, ChainError};
+use nalgebra::{DVector, Vector3};
+/// The joint velocities with the least kinetic energy that give the tip the velocity u: qd = M⁻¹Jᵀ H⁺ u.
+pub(crate) fn tip_velocity(
+    chain: &Chain,
+    robot: &Robot,
+    tip: &TipVelocity,
+    surface: Option<&Surface>,
+) -> Result<Vec<f64>, String> {
+    let say = |e: ChainError| e.to_string();
+    let Some(normal) = half_space(surface) else {
+        return Err(
+            "[robot] tip_velocity is relative to the first surface, which must be a halfspace: give qd instead".into(),
+        );
+    };
+    let along = Vector3::from(tip.along);
+    if !(tip.speed.is_finite() && tip.angle_deg.is_finite()) {
+        let (speed, angle) = (tip.speed, tip.angle_deg);
+        return Err(format!("[robot] tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
+    }
+    let alpha = tip.angle_deg.to_radians();
+    let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12);
+    if shadow.is_none() && alpha.cos().abs() > 1e-12 {
+        let [x, y, z] = tip.along;
+        return Err(format!(
+            "[robot] tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
+        ));
+    }
+    let shadow = shadow.unwrap_or_else(Vector3::zeros);
+    let u = (shadow * alpha.cos() - normal * alpha.sin()) * tip.speed;
+    let point = chain.point(chain.frame(&robot.tip).map_err(say)?, Vector3::zeros());
+    let mut workspace = chain.workspace();
+    let mut kin = workspace.update(chain, &robot.q).map_err(say)?;
+    let inertia = kin.contact_inertia(point).map_err(say)?;
+    let force: DVector<f64> = inertia.principal[..inertia.rank]
+        .iter()
+        .map(|(direction, sigma)| {
+            direction * (direction.dot(&DVector::from_column_slice(u.as_slice())) / (sigma * sigma))
+        })
+        .fold(DVector::zeros(3), |sum, part| sum + part);
+    let mut impulse = vec![0.0; chain.nv()];
+    kin.add_point_force(point, Vector3::new(force[0], force[1], force[2]), &mut impulse).map_err(say)?;
+    let qd = kin.solve(&impulse).map_err(say)?;
+    let reached = kin.point_velocity(point, qd.as_slice()).map_err(say)?;
+    if (reached - u).norm() > 1e-9 * tip.speed.abs() {
+        let [x, y, z] = u.into();
+        return Err(format!(
+            "[robot] tip_velocity: at this pose no joint velocities give the link '{}' the velocity ({x}, {y}, {z}) m/s: \
+             change q or tip_velocity",
+            robot.tip
+        ));
+    }
+    Ok(qd.as_slice().to_vec())
+}

@@ -1,0 +1,25 @@
+//! Distances along a chain.
+
+use carom_chain::Chain;
+
+/// Reach of a chain: the longest path along its links, m.
+pub(crate) fn reach(chain: &Chain) -> f64 {
+    beyond(chain).into_iter().fold(0.0, f64::max)
+}
+
+/// For every body the greatest distance of a link's frame beyond its joint, m.
+pub(crate) fn beyond(chain: &Chain) -> Vec<f64> {
+    let bodies = chain.bodies();
+    let mut beyond = vec![0.0_f64; bodies.len()];
+    for frame in chain.frames() {
+        if let Some(body) = frame.body {
+            beyond[body] = beyond[body].max(frame.pose.translation.norm());
+        }
+    }
+    for i in (0..bodies.len()).rev() {
+        if let Some(parent) = bodies[i].parent {
+            beyond[parent] = beyond[parent].max(bodies[i].placement.translation.norm() + beyond[i]);
+        }
+    }
+    beyond
+}
