@@ -149,7 +149,7 @@ impl Simulate {
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
-        let run = sim.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| {
+        let run = plan.stream(scene.duration, sampling, &mut |seen| {
             match &seen {
                 Seen::Moment(moment) => tables.row(moment),
                 Seen::Event(event) => events.push((*event).clone()),

@@ -84,7 +84,7 @@ impl SceneRecorder {
         let sim = &plan.simulation;
         let chain = sim.chain.clone();
         let shapes = link_shapes(&chain)?;
-        let plane = chain.to_planar().ok().map(|planar| planar.plane);
+        let plane = plan.flat.as_ref().map(|flat| flat.plane);
         let sink = Sink::open(target, chain.name())?;
 
         let (mut bounds, outline) = (Bounds::empty(), Outline::of(&chain, &shapes));

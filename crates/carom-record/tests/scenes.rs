@@ -38,7 +38,7 @@ fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
     let plan = scene.plan().unwrap();
     let mut recorder = SceneRecorder::begin(&Target::File(path.into()), scene, &plan)?;
     let sampling = Sampling { every: Some(every), dense: false };
-    let run = plan.simulation.stream(&plan.q, &plan.qd, scene.duration, sampling, &mut |seen| recorder.see(seen));
+    let run = plan.stream(scene.duration, sampling, &mut |seen| recorder.see(seen));
     recorder.finish(&run.unwrap())
 }
 
@@ -75,7 +75,7 @@ fn an_older_recording_stays_until_the_new_one_is_complete() {
     let mut recorder = SceneRecorder::begin(&Target::File(path.clone()), &scene, &plan).unwrap();
     let mut moments = 0;
     let sampling = Sampling { every: Some(0.01), dense: false };
-    let run = plan.simulation.stream(&plan.q, &plan.qd, 0.1, sampling, &mut |seen| {
+    let run = plan.stream(0.1, sampling, &mut |seen| {
         moments += usize::from(matches!(seen, Seen::Moment(_)));
         recorder.see(seen);
     });

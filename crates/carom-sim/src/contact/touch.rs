@@ -12,7 +12,7 @@
 use super::rule::ContactRule;
 use super::surface::{Oscillation, Surface};
 use crate::error::SimError;
-use carom_chain::{Chain, Coordinates};
+use carom_chain::{Chain, Coordinates, Reduced, Spatial};
 use carom_contact::{LeftOut, LinkShape, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs};
 use carom_impact::Frictionless;
 use nalgebra::Vector3;
@@ -167,6 +167,25 @@ impl Touch {
             }
         }
         touches
+    }
+
+    /// The touch on a reduced chain; `None` if this chain does not have its link or joint.
+    pub(crate) fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Option<Self> {
+        let mut touch = self.clone();
+        let carry = |shape: &mut Box<LinkShape>| {
+            let frame = less.chain.frame(shape.link()).ok()?;
+            **shape = shape.as_ref().clone().with_frame(frame);
+            Some(())
+        };
+        match &mut touch.kind {
+            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } => carry(shape)?,
+            TouchKind::Links { shape, other } => carry(shape).and(carry(other))?,
+            TouchKind::Limit { q, v, .. } => {
+                *q = less.q.iter().position(|old| old == q)?;
+                *v = less.v.iter().position(|old| old == v)?;
+            }
+        }
+        Some(touch)
     }
 
     /// Name of the link; `None` for a limit.

@@ -20,7 +20,7 @@ pub struct ChainImpact {
     pub energy_before: f64,
     /// Kinetic energy of the whole chain after, J, from `qd_plus`: `energy_before + ½ p·(u⁻ + u⁺) + drive_work`.
     pub energy_after: f64,
-    /// Impulse of the drives on each joint, length nv, N m s or N s; zeros with [`JointModel::Free`].
+    /// Impulse of the drives on each joint, length nv, N m s or N s; zeros with [`JointModel::Free`](crate::JointModel::Free).
     pub drive_impulse: Vec<f64>,
     /// Work of that impulse, J.
     pub drive_work: f64,

@@ -9,7 +9,7 @@
 
 use crate::error::SimError;
 use crate::state::{Space, View, pseudo_inverse};
-use carom_chain::{Chain, ChainError, Workspace};
+use carom_chain::{Chain, ChainError, Reduced, Spatial, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 
 /// The joint forces of the motors. The damping and the dry friction of the joints act in addition.
@@ -167,6 +167,23 @@ impl Drive {
                 unit(&invariant.normal)
             }
         }
+    }
+
+    /// The drive of a reduced chain.
+    pub(crate) fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Self {
+        let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
+        let mut drive = self.clone();
+        match &mut drive {
+            Self::Constant(forces) => *forces = pick(forces, &less.v),
+            Self::Table { forces, .. } => forces.iter_mut().for_each(|row| *row = pick(row, &less.v)),
+            Self::Pd { target, .. } => *target = pick(target, &less.q),
+            Self::ImpactInvariant(invariant) => {
+                invariant.target = pick(&invariant.target, &less.q);
+                invariant.velocity = pick(&invariant.velocity, &less.v);
+            }
+            Self::Off | Self::GravityCompensation | Self::Transition(_) => {}
+        }
+        drive
     }
 
     /// Whether the joint forces do not depend on time explicitly.

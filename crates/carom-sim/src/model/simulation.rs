@@ -128,7 +128,12 @@ impl Simulation {
 
     /// The planar chain, if the simulation runs in the plane.
     pub fn in_plane(&self) -> Option<PlanarChain> {
-        self.planar.then(|| self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()).flatten()
+        self.planar.then(|| self.flat()).flatten()
+    }
+
+    /// The chain in the plane, if it moves parallel to one within the tolerance `neglect`.
+    pub(crate) fn flat(&self) -> Option<PlanarChain> {
+        self.chain.to_planar_within(self.neglect.unwrap_or(0.0)).ok()
     }
 
     /// # Errors

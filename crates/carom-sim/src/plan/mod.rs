@@ -13,14 +13,14 @@
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
 
-use crate::contact::{Compliance, ContactRule, Touch, TouchKind, friction_bound};
+use crate::contact::{Compliance, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
 use crate::model::{Drive, Integrator, Simulation};
 use crate::motion::Motion;
 use crate::scene::Scene;
 use crate::state::{View, beyond};
 use carom_chain::urdf::JointType;
-use carom_chain::{Coordinates, PlanarChain, Reduced, Spatial};
+use carom_chain::{Coordinates, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// The reduced simulation of a scene, and the list of its reductions.
@@ -32,6 +32,9 @@ pub struct Plan {
     pub q: Vec<f64>,
     /// Joint velocities at the start, of the reduced chain.
     pub qd: Vec<f64>,
+    /// The chain of the simulation in the plane, if it moves parallel to one. The run is in it unless
+    /// [`Simulation::planar`] is `false`.
+    pub flat: Option<PlanarChain>,
     /// What is modelled, and how.
     pub kept: Vec<Decision>,
     /// What is left out exactly.
@@ -79,6 +82,7 @@ impl Scene {
             simulation: self.simulation.clone(),
             q: self.q.clone(),
             qd: self.qd.clone(),
+            flat: None,
             kept: Vec::new(),
             left_out: Vec::new(),
             bounded: Vec::new(),
@@ -86,8 +90,9 @@ impl Scene {
         if self.full {
             plan.keep("model", "everything, in space", "model = \"full\"");
         } else {
-            plan.prune(self)?;
+            plan.prune(self);
         }
+        plan.flat = plan.simulation.flat();
         plan.space(self.full);
         plan.contacts(self);
         plan.friction()?;
@@ -106,8 +111,13 @@ impl Plan {
         self.left_out.push(Decision { what, choice: choice.into(), why: why.into() });
     }
 
+    /// The planar chain, if the simulation runs in the plane.
+    pub(crate) fn in_plane(&self) -> Option<&PlanarChain> {
+        self.flat.as_ref().filter(|_| self.simulation.planar)
+    }
+
     /// Removes branches without contacts.
-    fn prune(&mut self, scene: &Scene) -> Result<(), SimError> {
+    fn prune(&mut self, scene: &Scene) {
         let whole = &scene.simulation;
         let both = |touch: &'_ Touch| [touch.link().map(str::to_owned), touch.other_link().map(str::to_owned)];
         let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone());
@@ -116,7 +126,7 @@ impl Plan {
         let touched = whole.touches.iter().any(|touch| touch.link().is_some());
         let less = whole.chain.prune(&points);
         if !touched || less.v.is_empty() || less.v.len() == whole.chain.nv() {
-            return Ok(());
+            return;
         }
         let moves = |joint: &&carom_chain::JointInfo| !matches!(joint.coordinates, Coordinates::None);
         let kept: Vec<&str> = less.chain.joints().iter().filter(moves).map(|joint| joint.name.as_str()).collect();
@@ -127,28 +137,15 @@ impl Plan {
             gone.join(", "),
             "their branches on the fixed base have no contacts: they neither affect the others nor are affected by them",
         );
-        let mut touches = Touch::all(&less.chain, &scene.surfaces, 0.0)?.touches;
-        let mut pairs: Vec<_> = whole.touches.iter().filter_map(|touch| touch.link().zip(touch.other_link())).collect();
-        pairs.dedup();
-        for (link, other) in pairs {
-            touches.extend(Touch::between(&less.chain, link, other, &ContactRule::default())?);
-        }
-        for touch in &mut touches {
-            if let Some(same) = whole.touches.iter().find(|same| same.name == touch.name) {
-                touch.contact = same.contact.clone();
-            }
-        }
         let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
         (self.q, self.qd) = (pick(&self.q, &less.q), pick(&self.qd, &less.v));
-        let reduced = |drive: &Drive| drive.reduced(&less);
         self.simulation = Simulation {
-            drive: reduced(&whole.drive),
-            after_impact: whole.after_impact.as_ref().map(reduced),
+            drive: whole.drive.reduced(&less),
+            after_impact: whole.after_impact.as_ref().map(|drive| drive.reduced(&less)),
             chain: less.chain.clone(),
-            touches,
+            touches: whole.touches.iter().filter_map(|touch| touch.reduced(&less)).collect(),
             ..whole.clone()
         };
-        Ok(())
     }
 
     /// Plane or space.
@@ -156,13 +153,14 @@ impl Plan {
         let chain = &self.simulation.chain;
         let joints = chain.nv();
         let welded = chain.joints().iter().filter(|joint| joint.kind == JointType::Fixed).count();
-        match self.simulation.in_plane() {
+        match self.in_plane() {
             Some(flat) => {
                 let [x, y, z] = flat.plane.normal.into();
                 let choice = format!("the plane with the normal ({}, {}, {})", tidy(x), tidy(y), tidy(z));
                 let before = self.simulation.touches.len();
-                merge(&mut self.simulation.touches, &flat);
-                let merged = before - self.simulation.touches.len();
+                let (tilt, touches) = (flat.tilt, merged(&self.simulation.touches, flat));
+                let merged = before - touches.len();
+                self.simulation.touches = touches;
                 let reach: f64 = beyond(&self.simulation.chain).iter().sum();
                 self.keep("space", choice, format!("all {joints} moving joints move parallel to it"));
                 self.leave_out(
@@ -174,9 +172,9 @@ impl Plan {
                     let choice = format!("{merged} corners with the same projection as another");
                     self.leave_out("corners", choice, "they differ from it only perpendicular to the plane");
                 }
-                if flat.tilt > 1e-9 {
-                    let bound = 2.0 * flat.tilt * reach;
-                    let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(flat.tilt));
+                if tilt > 1e-9 {
+                    let bound = 2.0 * tilt * reach;
+                    let choice = format!("joint axes turned by up to {} rad to be parallel", tidy(tilt));
                     let of = "displacement of any point, m: 2 × tilt × sum of the reaches of the joints".to_owned();
                     self.bounded.push(Bounded { what: "tilt", choice, bound, of });
                 }
@@ -329,7 +327,7 @@ impl Plan {
             self.keep("gravity", "none", "the scene sets none");
             return;
         }
-        let square = self.simulation.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
+        let square = self.in_plane().is_some_and(|flat| flat.plane.project(gravity).norm() == 0.0);
         let [x, y, z] = gravity.into();
         if square {
             self.leave_out(
@@ -372,18 +370,18 @@ fn tidy(x: f64) -> String {
     format!("{shown}")
 }
 
-/// Removes corners that differ from another one only perpendicular to the plane.
-fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
+/// The touches without the corners that differ from another one only perpendicular to the plane.
+fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
     let normal = flat.plane.normal;
     let mut kept: Vec<Touch> = Vec::new();
-    for touch in touches.drain(..) {
+    for touch in touches {
         let shadow = |touch: &Touch| match &touch.kind {
             TouchKind::Ball { shape, centre, radius, normal: n, .. } if n.dot(&normal).abs() < 1e-12 => {
                 Some((shape.frame(), flat.point(shape.frame(), *centre).position, *radius))
             }
             _ => None,
         };
-        let own = shadow(&touch);
+        let own = shadow(touch);
         let twin = |other: &Touch| {
             let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
             a.0 == b.0
@@ -393,10 +391,10 @@ fn merge(touches: &mut Vec<Touch>, flat: &PlanarChain) {
                 && other.contact == touch.contact
         };
         if !kept.iter().any(twin) {
-            kept.push(touch);
+            kept.push(touch.clone());
         }
     }
-    *touches = kept;
+    kept
 }
 
 /// An estimate of the fastest rate of drive and damping, 1/s: for M ẍ + D ẋ + K x = 0 the larger of the largest eigenvalue
@@ -427,23 +425,4 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
         (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
     };
     Ok(largest(&damping).max(largest(&vec![stiffness; chain.nv()]).sqrt()).max(tracked))
-}
-
-impl Drive {
-    /// The drive of a reduced chain.
-    fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Self {
-        let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
-        let mut drive = self.clone();
-        match &mut drive {
-            Self::Constant(forces) => *forces = pick(forces, &less.v),
-            Self::Table { forces, .. } => forces.iter_mut().for_each(|row| *row = pick(row, &less.v)),
-            Self::Pd { target, .. } => *target = pick(target, &less.q),
-            Self::ImpactInvariant(invariant) => {
-                invariant.target = pick(&invariant.target, &less.q);
-                invariant.velocity = pick(&invariant.velocity, &less.v);
-            }
-            Self::Off | Self::GravityCompensation | Self::Transition(_) => {}
-        }
-        drive
-    }
 }

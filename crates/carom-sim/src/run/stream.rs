@@ -4,7 +4,8 @@ use super::events::Run;
 use super::trajectory::{Sampling, Seen, Summary, Trajectory};
 use crate::error::SimError;
 use crate::model::Simulation;
-use carom_chain::{Planar, Spatial};
+use crate::plan::Plan;
+use carom_chain::{Planar, PlanarChain, Spatial};
 
 impl Simulation {
     /// Runs from `(q, qd)` for `duration` seconds and returns all events and the whole motion.
@@ -12,13 +13,7 @@ impl Simulation {
     /// # Errors
     /// [`SimError`]: an invalid state or setting, an overlap at the start, errors of the impact laws and of the integrator.
     pub fn run(&self, q: &[f64], qd: &[f64], duration: f64) -> Result<Trajectory, SimError> {
-        let (mut events, mut segments) = (Vec::new(), Vec::new());
-        let summary = self.stream(q, qd, duration, Sampling { every: None, dense: true }, &mut |seen| match seen {
-            Seen::Event(event) => events.push(event.clone()),
-            Seen::Segment(segment) => segments.push(segment.clone()),
-            Seen::Moment(_) => {}
-        })?;
-        Ok(Trajectory { events, segments, summary })
+        store(|sampling, watch| self.stream(q, qd, duration, sampling, watch))
     }
 
     /// Runs from `(q, qd)` for `duration` seconds and calls `watch` with every event, sample and segment. Memory does not
@@ -34,10 +29,53 @@ impl Simulation {
         sampling: Sampling,
         watch: &mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
-        self.check(q, qd, duration, sampling.every)?;
-        match self.in_plane() {
-            Some(model) => Run::<Planar<f64>>::go(self, &model, (q, qd), duration, sampling, watch),
-            None => Run::<Spatial<f64>>::go(self, &self.chain, (q, qd), duration, sampling, watch),
-        }
+        go(self, self.in_plane().as_ref(), (q, qd), duration, sampling, watch)
     }
+}
+
+impl Plan {
+    /// Runs the plan from its start: as [`Simulation::run`], in the plane that the plan has decided on.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`].
+    pub fn run(&self, duration: f64) -> Result<Trajectory, SimError> {
+        store(|sampling, watch| self.stream(duration, sampling, watch))
+    }
+
+    /// Runs the plan from its start: as [`Simulation::stream`], in the plane that the plan has decided on.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`].
+    pub fn stream(&self, duration: f64, sampling: Sampling, watch: &mut dyn FnMut(Seen)) -> Result<Summary, SimError> {
+        go(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, sampling, watch)
+    }
+}
+
+/// Runs in the plane, if one is given, or in space.
+fn go(
+    simulation: &Simulation,
+    flat: Option<&PlanarChain>,
+    start: (&[f64], &[f64]),
+    duration: f64,
+    sampling: Sampling,
+    watch: &mut dyn FnMut(Seen),
+) -> Result<Summary, SimError> {
+    simulation.check(start.0, start.1, duration, sampling.every)?;
+    match flat {
+        Some(model) => Run::<Planar<f64>>::go(simulation, model, start, duration, sampling, watch),
+        None => Run::<Spatial<f64>>::go(simulation, &simulation.chain, start, duration, sampling, watch),
+    }
+}
+
+/// Stores all events and the whole motion of a run.
+fn store(
+    run: impl FnOnce(Sampling, &mut dyn FnMut(Seen)) -> Result<Summary, SimError>,
+) -> Result<Trajectory, SimError> {
+    let (mut events, mut segments) = (Vec::new(), Vec::new());
+    let summary = run(Sampling { every: None, dense: true }, &mut |seen| match seen {
+        Seen::Event(event) => events.push(event.clone()),
+        Seen::Segment(segment) => segments.push(segment.clone()),
+        Seen::Moment(_) => {}
+    })?;
+    Ok(Trajectory { events, segments, summary })
 }
