@@ -10,6 +10,19 @@
 //! - [`free_motion`] is motion without motors and contacts, forward or back in time.
 //! - [`saltation()`] and [`Strike::derivative`] are first derivatives of impacts.
 //!
+//! **Order.** Each module uses only those above it, and `error`:
+//!
+//! | module | what |
+//! | --- | --- |
+//! | `state` | a chain at one moment, in the plane or in space |
+//! | `contact` | possible contacts: surfaces, touches, gaps, rules, modes |
+//! | `impact` | one impact of a chain at one point |
+//! | `model` | the description of a simulation: chain, touches, motors, settings |
+//! | `scene` | a scene file as data |
+//! | `motion` | the equations of one contact mode |
+//! | `plan` | what is modelled, decided once: chain, plane, touches, choices |
+//! | `run` | a simulation from event to event, and its results |
+//!
 //! **Conventions.** SI units and radians. The contact normal is a unit vector from the environment to the robot. The
 //! normal velocity is negative while the bodies approach. Impulses and forces are those on the robot. A gap is positive
 //! while a contact is open.
