@@ -10,21 +10,21 @@ pub use carom_study as study;
 /// The crate of the vectors and matrices in the public interface.
 pub use nalgebra;
 
-pub use carom_chain::{
-    Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
-};
-pub use carom_impact::{
-    Brach, ChatterjeeRuina, Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode,
-    Newton, Poisson, Smith, Whittaker,
-};
-pub use carom_sim::{ChainImpact, Impacts, JointModel, SimError};
+pub use prelude::*;
 
 /// The names that most programs need: `use carom::prelude::*;`
 pub mod prelude {
-    pub use crate::{
-        Brach, Chain, ChainError, ChainImpact, ChatterjeeRuina, Energetic, FrameId, Frictionless, ImpactError,
-        ImpactProblem, Impacts, JointModel, Kinematics, Law, Mode, Newton, Poisson, SimError, Smith, Whittaker,
-        uniform_chain,
+    pub use carom_chain::{
+        Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
+    };
+    pub use carom_contact::Obstacle;
+    pub use carom_impact::{
+        Brach, ChatterjeeRuina, Energetic, Flags, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode,
+        Newton, Poisson, Smith, Whittaker,
+    };
+    pub use carom_sim::{
+        ChainImpact, ContactLaw, ContactRule, Drive, EventKind, Impacts, JointModel, Plan, Scene, SimError, Simulation,
+        Surface, Touch, Trajectory,
     };
 }
 
