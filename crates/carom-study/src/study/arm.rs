@@ -4,26 +4,23 @@
 //! | --- | --- | --- | --- |
 //! | D | 1 | 2 in the plane, 3 in space | – |
 //! | R | D×D | contact axes as columns: tangent of the approach, (second tangent,) normal | `axes` |
-//! | J | D×nv | Jacobian of the contact point, axes of the chain | `jacobian` |
-//! | H | D×D | Delassus matrix J M⁻¹ Jᵀ | `delassus` |
-//! | M⁻¹Jᵀ | nv×D | change of the joint velocities per unit impulse | `response` |
+//! | J | D×nv | Jacobian of the contact point, axes of the chain | `response.jacobian` |
+//! | H | D×D | Delassus matrix J M⁻¹ Jᵀ, axes of the chain; in contact axes RᵀHR | `response.delassus`, `h` |
+//! | X = M⁻¹Jᵀ | nv×D | change of the joint velocities per unit impulse | `response.response` |
 //! | u⁻ | D | contact velocity before the impact, contact axes: speed · (cos α, (0,) −sin α) | `u` |
-//! | qd⁻ | nv | M⁻¹Jᵀ H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻ | `qd_minus` |
+//! | qd⁻ | nv | X H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻ | `qd_minus` |
 //!
-//! A row at a regular pose allocates no memory except for its law. Where H is nearly singular,
-//! [`carom_chain::ContactInertia`] is used instead, which is slower and works on a factor of H.
+//! J, H and X are those of [`carom_chain::PointResponse`]. A row allocates no memory. Where H is nearly singular, its
+//! eigenvectors are computed from its factor (`principal.rs`).
 
 use super::axis::{Axis, advance, places};
-use super::quantity::{Class, Quantity};
+use super::quantity::{Class, Quantity, Wants};
 use super::reach::Reach;
 use super::strike::Condition;
 use carom_chain::algebra::Algebra;
-use carom_chain::{Chain, ChainError, ContactInertia, Point, Workspace};
+use carom_chain::{Chain, ChainError, Keep, Point, PointResponse, ResponseMemory, Workspace};
 use carom_impact::AnyLaw;
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
-
-/// A pivot of H below this fraction of the largest is treated as nearly singular.
-pub(super) const DOUBTFUL: f64 = 1e-9;
 
 /// A joint with a velocity limit.
 #[derive(Debug, Clone)]
@@ -62,6 +59,7 @@ pub(super) struct Arm<A: Algebra, const D: usize> {
     /// The laws of the last axis; a row sets their coefficients.
     pub laws: Vec<AnyLaw>,
     pub quantities: Vec<Quantity>,
+    pub wants: Wants,
 }
 
 /// Number of axes after those of the pose.
@@ -105,17 +103,9 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
             values: self.axes.iter().map(|axis| axis.value(0)).collect(),
             condition: None,
             approach: (f64::NAN, (0.0, 0.0)),
-            pose: Pose {
-                class: None,
-                q: vec![0.0; self.chain.nq()],
-                tip: SVector::zeros(),
-                jacobian: DMatrix::zeros(D, nv),
-                delassus: SMatrix::zeros(),
-                response: DMatrix::zeros(nv, D),
-                careful: None,
-            },
-            row: vec![0.0; nv],
-            column: vec![0.0; nv],
+            pose: Pose { class: None, q: vec![0.0; self.chain.nq()], principal: None },
+            memory: ResponseMemory::default(),
+            factor: vec![SVector::zeros(); nv],
             qd_minus: vec![0.0; nv],
             jump: vec![0.0; nv],
         })
@@ -139,13 +129,8 @@ pub(super) struct Pose<const D: usize> {
     /// Why the row has no numbers; `None` if the pose is valid.
     class: Option<Class>,
     pub q: Vec<f64>,
-    /// The contact point, coordinates of the chain.
-    pub tip: SVector<f64, D>,
-    pub jacobian: DMatrix<f64>,
-    pub delassus: SMatrix<f64, D, D>,
-    pub response: DMatrix<f64>,
-    /// The factorised contact inertia, computed on demand.
-    careful: Option<ContactInertia>,
+    /// Eigenvectors of H as columns, and its eigenvalues, computed on demand.
+    pub principal: Option<(SMatrix<f64, D, D>, SVector<f64, D>)>,
 }
 
 /// Computes rows: poses in this file, impacts in `strike.rs`.
@@ -164,8 +149,10 @@ pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     /// The last approach angle, with its sine and cosine.
     pub approach: (f64, (f64, f64)),
     pub pose: Pose<D>,
-    row: Vec<f64>,
-    column: Vec<f64>,
+    /// The response at the pose, for chains with a fused pass; of others it is in the workspace.
+    memory: ResponseMemory<A>,
+    /// Memory for the factor of H, one column for each joint.
+    pub factor: Vec<SVector<f64, D>>,
     pub qd_minus: Vec<f64>,
     pub jump: Vec<f64>,
 }
@@ -291,9 +278,9 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
         self.weigh_pose();
     }
 
-    /// Checks the limits and computes J, H and M⁻¹Jᵀ at the pose's q.
+    /// Checks the limits and computes the response at the pose's q.
     fn weigh_pose(&mut self) {
-        self.pose.careful = None;
+        self.pose.principal = None;
         self.pose.class = if self.arm.in_range(&self.pose.q) { None } else { Some(Class::OutsideLimits) };
         if self.pose.class.is_none() && self.weigh().is_err() {
             self.pose.class = Some(Class::Refused);
@@ -301,37 +288,21 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
     }
 
     fn weigh(&mut self) -> Result<(), ChainError> {
-        let arm = self.arm;
-        let pose = &mut self.pose;
-        let mut kin = self.workspace.update(&arm.chain, &pose.q)?;
-        pose.tip = kin.position(arm.point);
-        kin.point_jacobian_into(arm.point, &mut pose.jacobian);
-        if arm.chain.is_coupled() {
-            let inertia = kin.contact_inertia(arm.point)?;
-            pose.delassus = SMatrix::from_fn(|i, j| inertia.delassus[(i, j)]);
-            pose.response.copy_from(&inertia.response);
-            pose.careful = Some(inertia);
-            return Ok(());
+        let Arm { chain, point, .. } = self.arm;
+        let (q, normal) = (&self.pose.q, SVector::zeros());
+        if !chain.has_fused_pass() {
+            return self.workspace.update(chain, q)?.contact(*point, normal, &[]).map(|_| ());
         }
-        let mut articulation = kin.articulate()?;
-        articulation.delassus_into(arm.point, &mut pose.delassus);
-        for k in 0..D {
-            for (v, x) in self.row.iter_mut().enumerate() {
-                *x = pose.jacobian[(k, v)];
-            }
-            articulation.solve_into(&self.row, &mut self.column)?;
-            pose.response.column_mut(k).copy_from_slice(&self.column);
+        chain.contact_point(*point)?.visit(q, normal, &[], &mut self.memory, Keep)?;
+        if self.memory.response().is_doubtful() {
+            self.workspace.update(chain, q)?.check_inertia(&[])?;
         }
         Ok(())
     }
 
-    /// The factorised contact inertia at this pose.
-    pub(super) fn careful(&mut self) -> Result<&ContactInertia, ChainError> {
-        if self.pose.careful.is_none() {
-            let mut kin = self.workspace.update(&self.arm.chain, &self.pose.q)?;
-            self.pose.careful = Some(kin.contact_inertia(self.arm.point)?);
-        }
-        self.pose.careful.as_ref().ok_or(ChainError::NoLockedInertia)
+    /// The response at the pose. Its normal is zero, as several normals may share it.
+    pub(super) fn response(&self) -> PointResponse<'_, A> {
+        if self.arm.chain.has_fused_pass() { self.memory.response() } else { self.workspace.contact() }
     }
 
     /// Computes the row of the present places and pose into `out`.

@@ -136,6 +136,7 @@ mod axis;
 mod boundary;
 mod file;
 mod picture;
+mod principal;
 mod quantity;
 mod reach;
 mod read;

@@ -73,6 +73,28 @@ pub(super) enum Quantity {
     QdPlus,
 }
 
+/// The parts of a row that only some quantities need.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Wants {
+    /// q̇⁻.
+    pub qd_minus: bool,
+    /// q̇⁺ − q̇⁻.
+    pub jump: bool,
+    /// The joint with the greatest jump relative to its limit.
+    pub worst: bool,
+}
+
+impl Wants {
+    pub(super) fn of(quantities: &[Quantity]) -> Self {
+        let any = |some: &[Quantity]| quantities.iter().any(|quantity| some.contains(quantity));
+        Self {
+            qd_minus: any(&[Q::QdMinus, Q::QdPlus]),
+            jump: any(&[Q::JointJump, Q::LimitShare, Q::LimitJoint, Q::QdPlus]),
+            worst: any(&[Q::LimitShare, Q::LimitJoint]),
+        }
+    }
+}
+
 use Quantity as Q;
 
 /// Name of each quantity in a study file, and its unit.

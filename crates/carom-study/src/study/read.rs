@@ -4,7 +4,7 @@ use super::advise::Wish;
 use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
 use super::axis::{Axis, total};
 use super::file::{Advise, Elbow, File, Tip, Values, Words};
-use super::quantity::{self, CLASSES, Quantity};
+use super::quantity::{self, CLASSES, Quantity, Wants};
 use super::reach::{About, Reach};
 use super::surface::{Normal, normals, surface_in_plane, surface_in_space};
 use super::{Study, StudyError};
@@ -84,7 +84,7 @@ impl Reading<'_> {
         let mut workspace = chain.workspace();
         let at_zero = {
             let mut kin = workspace.update(chain, &zero).map_err(|e| e.to_string())?;
-            kin.contact_inertia(point).map_err(|e| format!("[robot] {e}"))?;
+            kin.contact(point, Vector3::zeros(), &[]).map_err(|e| format!("[robot] {e}"))?;
             kin.position(point)
         };
         // planar only if all normals lie in the plane
@@ -193,6 +193,7 @@ impl Reading<'_> {
             tangential_restitution,
             axes,
             laws: impact.law.0.iter().filter_map(|law| AnyLaw::named(law, Coefficients::default())).collect(),
+            wants: Wants::of(&quantities),
             quantities,
         });
         Ok((engine, columns, warnings))

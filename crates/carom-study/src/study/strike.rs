@@ -1,13 +1,18 @@
 //! Computes the impact of a row and its quantities from a pose and the impact conditions. Symbols as in `arm.rs`.
 
-use super::arm::{DOUBTFUL, Hand, Limit};
+use super::arm::{Hand, Limit};
 use super::boundary::{Along, edge_code, nearest_change};
+use super::principal::{eigenvectors, singular};
 use super::quantity::{Class, Quantity as Q, flag_code};
-use carom_chain::ChainError;
 use carom_chain::algebra::Algebra;
+use carom_chain::{ChainError, PointResponse};
 use carom_impact::{AnyLaw, Boundary, Coefficients, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
+/// A pivot of H below this fraction of the largest diagonal entry is treated as nearly singular.
+const DOUBTFUL: f64 = 1e-9;
+/// Where all pivots are above this fraction, H⁻¹u⁻ is accurate to much less than [`ATTAINED`].
+const REGULAR: f64 = 1e-4;
 /// Relative tolerance of the contact velocity that qd⁻ attains.
 const ATTAINED: f64 = 1e-9;
 /// Relative tolerance of equal tangential velocities: a jump that is zero by symmetry has rounding errors.
@@ -52,29 +57,33 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
     /// Computes the impact at the present pose, and its quantities into `out`. Returns the class of the row.
     pub(super) fn strike(&mut self, out: &mut [f64]) -> Result<Class, ChainError> {
         let condition = self.condition();
-        let mut h = in_contact_axes(&self.pose.delassus, condition.axes);
+        let response = self.response();
+        let mut h = in_contact_axes(&delassus(&response), condition.axes);
         if h[(D - 1, D - 1)] <= h.trace() * DOUBTFUL || !h.trace().is_finite() {
-            let inertia = self.careful()?;
-            let normal = condition.axes.column(D - 1).into_owned();
-            if inertia.effective_mass(normal.as_slice()).is_none() {
+            // nᵀHn as a sum of squares, without cancellation
+            let normal = condition.axes.column(D - 1);
+            let felt = response.felt.iter().zip(response.inverse_d);
+            let mobility = felt.map(|(y, inverse)| y.dot(&normal).powi(2) * inverse).sum();
+            if !(PointResponse { mobility, ..response }).moves() {
                 return Ok(Class::Singular);
             }
-            h = in_contact_axes(&SMatrix::from_fn(|i, j| inertia.delassus[(i, j)]), condition.axes);
+            h[(D - 1, D - 1)] = mobility;
         }
-        if !self.attain(&h, &condition)? {
+        if !self.attain(&h, &condition) {
             return Ok(Class::Singular);
         }
-        let Ok(problem) = ImpactProblem::new(h, condition.u) else { return Ok(Class::Refused) };
+        let Ok(problem) = ImpactProblem::from_gram(h, condition.u) else { return Ok(Class::Refused) };
         let Ok(hit) = condition.law.resolve(&problem) else { return Ok(Class::Refused) };
         if hit.flags.contains(Flags::NO_APPROACH) {
             return Ok(Class::NoImpact);
         }
-        let impulse = condition.axes * hit.impulse;
-        for (v, jump) in self.jump.iter_mut().enumerate() {
-            *jump = (0..D).map(|k| self.pose.response[(v, k)] * impulse[k]).sum();
-        }
-        if self.jump.iter().any(|x| !x.is_finite()) {
+        if !hit.impulse.sum().is_finite() {
             return Ok(Class::Refused);
+        }
+        if self.arm.wants.jump {
+            let mut jump = std::mem::take(&mut self.jump);
+            respond(&self.response(), &(condition.axes * hit.impulse), &mut jump);
+            self.jump = jump;
         }
         let told = Told { condition: &condition, problem, hit };
         self.fill(&told, out)?;
@@ -108,40 +117,48 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         self.approach.1
     }
 
-    /// Computes the joint velocities of least kinetic energy with contact velocity u⁻ into `qd_minus`. Returns whether such
-    /// velocities exist.
-    fn attain(&mut self, h: &SMatrix<f64, D, D>, condition: &Condition<D>) -> Result<bool, ChainError> {
+    /// Whether joint velocities with contact velocity u⁻ exist; computes those of least kinetic energy into `qd_minus` if they
+    /// are needed.
+    fn attain(&mut self, h: &SMatrix<f64, D, D>, condition: &Condition<D>) -> bool {
+        let (least, solution) = solve(h, &condition.u);
+        let regular = least > REGULAR;
+        if regular && !self.arm.wants.qd_minus {
+            return true;
+        }
         let u = condition.axes * condition.u;
-        let regular = h.cholesky().filter(|factor| {
-            let pivots = factor.l_dirty().diagonal().map(|x| x * x);
-            pivots.min() > DOUBTFUL * h.diagonal().max()
-        });
-        let force = match regular {
-            Some(factor) => condition.axes * factor.solve(&condition.u),
+        let force = if least > DOUBTFUL { condition.axes * solution } else { self.least_force(&u) };
+        let mut qd_minus = std::mem::take(&mut self.qd_minus);
+        respond(&self.response(), &force, &mut qd_minus);
+        self.qd_minus = qd_minus;
+        // also false for non-finite values
+        regular || (self.response().velocity(&self.qd_minus) - u).norm() <= ATTAINED * u.norm()
+    }
+
+    /// H⁺u: the shortest impulse that changes the contact velocity by `u`, as far as impulses can. Axes of the chain.
+    fn least_force(&mut self, u: &SVector<f64, D>) -> SVector<f64, D> {
+        let (vectors, values) = match self.pose.principal {
+            Some(found) => found,
             None => {
-                let inertia = self.careful()?;
-                let mut force = SVector::zeros();
-                for (direction, sigma) in &inertia.principal[..inertia.rank] {
-                    let direction = SVector::<f64, D>::from_fn(|i, _| direction[i]);
-                    force += direction * (direction.dot(&u) / (sigma * sigma));
+                let mut factor = std::mem::take(&mut self.factor);
+                let PointResponse { felt, inverse_d, .. } = self.response();
+                for ((column, y), inverse) in factor.iter_mut().zip(felt).zip(inverse_d) {
+                    *column = y * inverse.max(0.0).sqrt();
                 }
-                force
+                let found = eigenvectors(&mut factor);
+                self.factor = factor;
+                *self.pose.principal.insert(found)
             }
         };
-        for (v, qd) in self.qd_minus.iter_mut().enumerate() {
-            *qd = (0..D).map(|k| self.pose.response[(v, k)] * force[k]).sum();
-        }
-        let reached = SVector::<f64, D>::from_fn(|k, _| {
-            self.qd_minus.iter().enumerate().map(|(v, qd)| self.pose.jacobian[(k, v)] * qd).sum()
-        });
-        // also false for non-finite values
-        Ok((reached - u).norm() <= ATTAINED * condition.u.norm())
+        let none = values.sum() * singular().powi(2);
+        let share = |k: usize| if values[k] > none { vectors.column(k).dot(u) / values[k] } else { 0.0 };
+        vectors * SVector::from_fn(|k, _| share(k))
     }
 
     fn fill(&mut self, told: &Told<D>, out: &mut [f64]) -> Result<(), ChainError> {
         let Told { condition, problem, hit } = told;
         let n = D - 1;
         let (normal, coupling) = (problem.delassus()[(n, n)], problem.delassus()[(0, n)]);
+        let worst = if self.arm.wants.worst { self.worst() } else { (0, f64::NAN) };
         let mut nearest = None;
         let mut at = 0;
         for quantity in &self.arm.quantities {
@@ -162,14 +179,14 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
                 // exact, as T⁻ = ½ u⁻ᵀH⁻¹u⁻ for the velocities of least kinetic energy
                 Q::EnergyRatio => (1.0 + hit.energy_change / hit.energy_before, 1),
                 Q::JointJump => (self.jump.iter().fold(0.0, |worst, x| x.abs().max(worst)), 1),
-                Q::LimitShare => (self.worst().1, 1),
-                Q::LimitJoint => (self.worst().0 as f64, 1),
+                Q::LimitShare => (worst.1, 1),
+                Q::LimitJoint => (worst.0 as f64, 1),
                 Q::ImpactEllipse => {
                     out[at..at + 3].copy_from_slice(&self.ellipse());
                     (out[at], 3)
                 }
                 Q::Position => {
-                    let tip = self.arm.origin + self.arm.basis * self.pose.tip;
+                    let tip = self.arm.origin + self.arm.basis * self.response().position;
                     out[at..at + 3].copy_from_slice(tip.as_slice());
                     (out[at], 3)
                 }
@@ -220,7 +237,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
     /// Semi-axes of the ellipsoid of impulses with |Δqd| = 1: pᵀ(J M⁻² Jᵀ)p = 1. In the plane two semi-axes and the direction
     /// of the longer one (degrees from the plane's first axis, −90 to 90); in space three semi-axes.
     fn ellipse(&self) -> [f64; 3] {
-        let g = |i: usize, j: usize| self.pose.response.column(i).dot(&self.pose.response.column(j));
+        let rows = self.response().response;
+        let g = |i: usize, j: usize| rows.iter().map(|x| x[i] * x[j]).sum::<f64>();
         let axis = |eigenvalue: f64| 1.0 / eigenvalue.max(0.0).sqrt();
         if D == 2 {
             let (a, b, c) = (g(0, 0), g(0, 1), g(1, 1));
@@ -268,6 +286,48 @@ impl<const D: usize> Told<'_, D> {
         };
         nearest_change(along, at, self.hit.mode, mode)
     }
+}
+
+/// H, axes of the chain.
+fn delassus<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+) -> SMatrix<f64, D, D> {
+    SMatrix::from_fn(|i, j| response.delassus[j][i])
+}
+
+/// Writes X · impulse, the change of the joint velocities.
+fn respond<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+    impulse: &SVector<f64, D>,
+    into: &mut [f64],
+) {
+    for (x, row) in into.iter_mut().zip(response.response) {
+        *x = row.dot(impulse);
+    }
+}
+
+/// The smallest pivot of H = L D Lᵀ relative to its largest diagonal entry, and H⁻¹u.
+fn solve<const D: usize>(h: &SMatrix<f64, D, D>, u: &SVector<f64, D>) -> (f64, SVector<f64, D>) {
+    let (mut rest, mut x) = (*h, *u);
+    let mut least = h[(0, 0)];
+    for k in 0..D {
+        let inverse = 1.0 / rest[(k, k)];
+        for i in k + 1..D {
+            let share = rest[(i, k)] * inverse;
+            for j in k + 1..=i {
+                rest[(i, j)] -= share * rest[(j, k)];
+            }
+            x[i] -= share * x[k];
+        }
+        least = least.min(rest[(k, k)]);
+    }
+    for k in (0..D).rev() {
+        for i in k + 1..D {
+            x[k] -= rest[(i, k)] * x[i];
+        }
+        x[k] /= rest[(k, k)];
+    }
+    (least / h.diagonal().max(), x)
 }
 
 /// RᵀHR.
