@@ -5,7 +5,7 @@ use crate::files;
 use crate::output::{answer, say, short, write_whole};
 use crate::record::check_map;
 use carom_study::Study;
-use carom_study::study::{Advice, MapFile, Written};
+use carom_study::map_study::{Advice, MapFile, Written};
 use clap::{ArgGroup, Args};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;

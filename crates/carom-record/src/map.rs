@@ -7,7 +7,7 @@
 use crate::RecordError;
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
-use carom_study::study::{Evaluator, Values};
+use carom_study::map_study::{Evaluator, Values};
 use carom_study::{Study, StudyError};
 use rerun::blueprint as view;
 use rerun::blueprint::components::PanelState;

@@ -3,8 +3,8 @@
 use crate::paper::{Elbow, regular};
 use crate::self_motion::{check_lengths, two_link_pose};
 use carom_chain::{FrameId, PlanarChain};
-use carom_sim::{SimError, frictionless_jump_into};
-use nalgebra::{Vector2, Vector3};
+use carom_sim::SimError;
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 /// One pose of a map.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,8 +33,8 @@ pub struct Approach {
 /// links have the lengths `lengths`, m, begin at the world's origin and are along x at q = 0. Targets out of reach and singular
 /// poses are left out.
 ///
-/// At 45° v_t⁺/v_t⁻ = 1 + (1+e) H_tn/H_nn, eq. (15) of Pagilla and Yu. It is computed by the impact kernel from the joint
-/// velocities that belong to the velocity of the tip.
+/// At 45° v_t⁺/v_t⁻ = 1 + (1+e) H_tn/H_nn, eq. (15) of Pagilla and Yu. At a regular pose each velocity
+/// of the tip belongs to joint velocities, and u⁺ = u⁻ + (1+e) H n/(nᵀHn).
 ///
 /// # Errors
 /// [`SimError`]: the chain does not have two joints, or the lengths are not those of the chain.
@@ -54,18 +54,20 @@ pub fn tangential_map(
     let Approach { normal, tangent, restitution } = approach;
     let point = flat.point(tip, Vector3::zeros());
     let mut workspace = chain.workspace();
-    let (mut scratch, mut qd_plus) = ([0.0; 2], [0.0; 2]);
     let mut map = Vec::new();
     for target in targets {
         let Some(q) = two_link_pose(lengths, target, elbow.side()) else { continue };
         let mut kin = workspace.update(chain, &q)?;
-        let mut jacobian = nalgebra::Matrix2::zeros();
-        kin.point_jacobian_into(point, &mut jacobian);
-        check_lengths(chain.name(), &lengths, target, kin.position(point).into())?;
-        let Some(qd) = regular(jacobian).and_then(|j| j.lu().solve(&(tangent - normal))) else { continue };
-        frictionless_jump_into(&mut kin, point, normal, restitution, qd.as_slice(), &mut scratch, &mut qd_plus)?;
-        let after = kin.point_velocity(point, &qd_plus)?;
-        map.push(MapPoint { q, tip: kin.position(point), tangential_ratio: tangent.dot(&after) });
+        let response = kin.contact(point, normal, &[])?;
+        let tip = response.position;
+        check_lengths(chain.name(), &lengths, target, tip.into())?;
+        if regular(Matrix2::from_columns(response.jacobian)).is_none() {
+            continue;
+        }
+        let impulse = (1.0 + restitution) / response.mobility;
+        let [x, y, _] = response.delassus;
+        let after = tangent - normal + (x * normal.x + y * normal.y) * impulse;
+        map.push(MapPoint { q, tip, tangential_ratio: tangent.dot(&after) });
     }
     Ok(map)
 }

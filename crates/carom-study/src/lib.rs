@@ -1,6 +1,6 @@
 //! Studies of impacts with robots:
 //!
-//! - [`study`]: impact maps from study files, with pictures and local optima;
+//! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
 //! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements;
 //! - [`chart`]: work–precision diagrams; [`stress`]: the stress table of impact laws and methods;
@@ -16,16 +16,16 @@ mod diagram;
 pub mod fit;
 mod impact_map;
 mod line_chart;
+pub mod map_study;
 pub mod paper;
 mod self_motion;
 pub mod stress;
-pub mod study;
 mod table;
 mod tosses;
 
 pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
 pub use impact_map::{Approach, MapPoint, tangential_map};
+pub use map_study::{Study, StudyError};
 pub use self_motion::{SelfMotionPoint, self_motion};
-pub use study::{Study, StudyError};
 pub use table::{Column, Table, TableError};
 pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};

@@ -2,7 +2,7 @@
 
 use carom_chain::{Chain, FrameId};
 use carom_sim::SimError;
-use nalgebra::{DVector, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 /// One pose of a self-motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,10 +42,10 @@ pub fn self_motion(
             let Some(q) = three_link_pose(lengths, target, direction, elbow) else { continue };
             let mut kin = workspace.update(chain, &q)?;
             check_lengths(chain.name(), &lengths, target, kin.position(point).xy().into())?;
-            let inertia = kin.contact_inertia(point)?;
-            let effective_mass = inertia.effective_mass(normal.as_slice());
-            let hn = &inertia.delassus * DVector::from_column_slice((-normal).as_slice());
-            let coupling = effective_mass.map(|m| m * hn.dot(&DVector::from_column_slice(tangent.as_slice())));
+            let response = kin.contact(point, normal, &[])?;
+            let effective_mass = response.moves().then(|| 1.0 / response.mobility);
+            let into = Matrix3::from_columns(&response.delassus) * -normal;
+            let coupling = effective_mass.map(|m| m * tangent.dot(&into));
             poses.push(SelfMotionPoint { q: q.to_vec(), effective_mass, coupling });
         }
     }
@@ -69,22 +69,25 @@ fn three_link_pose(lengths: [f64; 3], target: [f64; 2], direction: f64, elbow: f
     Some([first, bend, wrap(direction - first - bend)])
 }
 
-/// Joint angles of two links from the origin with the tip at `target`, by the law of cosines; `None` out of reach.
-/// `elbow` is +1 for an elbow to the left of (above) the line from base to tip, −1 for the other side.
+/// Joint angles of two links from the origin with the tip at `target`; `None` out of reach. `elbow` is +1 for an elbow to the
+/// left of (above) the line from base to tip, −1 for the other side.
 pub(crate) fn two_link_pose(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
-    two_link_turns(lengths, target, elbow).map(|[first, bend]| [wrap(first), bend])
+    let [direction, base, bend] = triangle(lengths, target)?;
+    Some([wrap(direction + elbow * base), -elbow * bend])
 }
 
-/// As [`two_link_pose`], with the first angle in (−2π, 2π), not wrapped.
-pub(crate) fn two_link_turns(lengths: [f64; 2], target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
+/// By the law of cosines: the direction of the tip from the origin, the angle there from it to the first of two links, and the
+/// bend between the links, the last two from 0 to π; rad. `None` out of reach.
+pub(crate) fn triangle(lengths: [f64; 2], target: [f64; 2]) -> Option<[f64; 3]> {
     let ([a, b], [x, y]) = (lengths, target);
     let cos_bend = (x * x + y * y - a * a - b * b) / (2.0 * a * b);
     if cos_bend.abs() > 1.0 {
         return None;
     }
-    let bend = -elbow * cos_bend.acos();
-    let first = y.atan2(x) - (b * bend.sin()).atan2(a + b * bend.cos());
-    Some([first, bend])
+    // sin and cos of the acos, not of the cosine, which has lost the digits of a small bend
+    let bend = cos_bend.acos();
+    let (sin, cos) = bend.sin_cos();
+    Some([y.atan2(x), (b * sin).atan2(a + b * cos), bend])
 }
 
 fn wrap(angle: f64) -> f64 {

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use carom_chain::Chain;
-use carom_study::study::CLASSES;
+use carom_study::map_study::CLASSES;
 use carom_study::{Study, StudyError, self_motion};
 use nalgebra::Vector3;
 

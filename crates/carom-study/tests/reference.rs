@@ -2,7 +2,7 @@
 #![cfg(unix)]
 
 use carom_study::Study;
-use carom_study::study::CLASSES;
+use carom_study::map_study::CLASSES;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 

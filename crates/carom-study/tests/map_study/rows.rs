@@ -5,7 +5,7 @@ use carom_chain::Chain;
 use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};
 use carom_study::Study;
-use carom_study::study::{CLASSES, Evaluator};
+use carom_study::map_study::{CLASSES, Evaluator};
 use std::collections::BTreeMap;
 
 const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",

@@ -20,7 +20,7 @@ pub(super) enum Class {
     Reverses,
 }
 
-/// The words of the column `class`, the result of a row. [`crate::study`] defines them.
+/// The words of the column `class`, the result of a row. [`crate::map_study`] defines them.
 pub const CLASSES: [&str; 11] = [
     "unreachable",
     "outside-limits",

@@ -54,6 +54,15 @@ struct TwoLinks {
     sense: [f64; 2],
 }
 
+/// A triangle of base, elbow and tip: the direction of the tip from the base, the angle at the base from it to the first link,
+/// and the bend at the elbow; rad.
+#[derive(Clone, Copy)]
+pub(super) struct Triangle {
+    direction: f64,
+    base: f64,
+    bend: f64,
+}
+
 /// Placement and limits of an arm.
 pub(super) struct About<'a, const D: usize> {
     /// Axes of the chain in the world frame, as columns.
@@ -125,9 +134,22 @@ impl<const D: usize> Reach<D> {
         self.seeds.len()
     }
 
-    /// Computes `q` with the point at `target` (the prescribed world coordinates, m). `branch` is 0 for elbow up and 1 for
-    /// elbow down, or the number of a seed. Returns whether a solution was found.
-    pub fn solve<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+    /// The triangle of both solutions in closed form for the point at `target`; `None` out of reach.
+    pub fn triangle(&self, target: &[f64]) -> Option<Triangle> {
+        let (links, own) = (self.closed.as_ref()?, self.own(target)?);
+        links.triangle([own[0], own[1]])
+    }
+
+    /// Computes `q` from a triangle; `branch` is 0 for elbow up and 1 for elbow down.
+    pub fn bend(&self, triangle: &Triangle, branch: usize, q: &mut [f64]) {
+        let Some(links) = &self.closed else { return };
+        q.copy_from_slice(&links.pose(triangle, if branch == 0 { 1.0 } else { -1.0 }));
+        self.unwind(q);
+    }
+
+    /// Computes `q` with the point at `target` (the prescribed world coordinates, m) from seed number `branch`. Returns whether a
+    /// solution was found.
+    pub fn seek<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
         &self,
         chain: &Chain<A>,
         point: Point<A>,
@@ -136,21 +158,11 @@ impl<const D: usize> Reach<D> {
         branch: usize,
         q: &mut [f64],
     ) -> Result<bool, ChainError> {
-        let own = self.own(target);
         if let Some((base, length)) = self.within
-            && let Some(own) = own
+            && let Some(own) = self.own(target)
             && (own - base).norm() > length * (1.0 + 1e-12)
         {
             return Ok(false);
-        }
-        if let Some(links) = &self.closed {
-            let Some(own) = own else { return Ok(false) };
-            let Some(pose) = links.pose([own[0], own[1]], if branch == 0 { 1.0 } else { -1.0 }) else {
-                return Ok(false);
-            };
-            q.copy_from_slice(&pose);
-            self.unwind(q);
-            return Ok(true);
         }
         let mut beyond: Option<Vec<f64>> = None;
         for from in self.seeds.get(branch).into_iter().chain(&self.more) {
@@ -237,8 +249,10 @@ impl<const D: usize> Reach<D> {
     fn unwind(&self, q: &mut [f64]) {
         for ((x, &(lower, upper)), hinge) in q.iter_mut().zip(&self.limits).zip(&self.hinges) {
             if *hinge {
-                let centre = middle(lower, upper);
-                *x -= std::f64::consts::TAU * ((*x - centre) / std::f64::consts::TAU).round();
+                let off = *x - middle(lower, upper);
+                if off.abs() >= std::f64::consts::PI {
+                    *x -= std::f64::consts::TAU * (off / std::f64::consts::TAU).round();
+                }
             }
         }
     }
@@ -298,10 +312,16 @@ impl TwoLinks {
         Ok(Some(Self { base, lengths, zero, sense: senses }))
     }
 
-    /// The solution by the law of cosines, up to whole turns; `elbow` = +1: left of the line from base to tip.
-    fn pose(&self, target: [f64; 2], elbow: f64) -> Option<[f64; 2]> {
+    /// The triangle by the law of cosines.
+    fn triangle(&self, target: [f64; 2]) -> Option<Triangle> {
         let from_base = [target[0] - self.base[0], target[1] - self.base[1]];
-        let [first, bend] = crate::self_motion::two_link_turns(self.lengths, from_base, elbow)?;
-        Some([self.sense[0] * (first - self.zero[0]), self.sense[1] * (bend - self.zero[1])])
+        let [direction, base, bend] = crate::self_motion::triangle(self.lengths, from_base)?;
+        Some(Triangle { direction, base, bend })
+    }
+
+    /// A solution, up to whole turns; `elbow` = +1: left of the line from base to tip.
+    fn pose(&self, &Triangle { direction, base, bend }: &Triangle, elbow: f64) -> [f64; 2] {
+        let turns = [direction + elbow * base, -elbow * bend];
+        std::array::from_fn(|k| self.sense[k] * (turns[k] - self.zero[k]))
     }
 }

@@ -17,7 +17,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
 
 impl Study {
-    /// Reads a study file and the robot that it names. [`crate::study`] documents the keys.
+    /// Reads a study file and the robot that it names. [`crate::map_study`] documents the keys.
     ///
     /// # Errors
     /// [`StudyError::File`] with key, value and rule; [`StudyError::Robot`] for an invalid URDF.

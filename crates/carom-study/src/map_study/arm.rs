@@ -15,7 +15,7 @@
 
 use super::axis::{Axis, advance, places};
 use super::quantity::{Class, Quantity, Wants};
-use super::reach::Reach;
+use super::reach::{Reach, Triangle};
 use super::strike::Condition;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, Keep, Point, PointResponse, ResponseMemory, Workspace};
@@ -104,6 +104,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
             condition: None,
             approach: (f64::NAN, (0.0, 0.0)),
             pose: Pose { class: None, q: vec![0.0; self.chain.nq()], principal: None },
+            triangle: None,
             memory: ResponseMemory::default(),
             factor: vec![SVector::zeros(); nv],
             qd_minus: vec![0.0; nv],
@@ -149,6 +150,8 @@ pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     /// The last approach angle, with its sine and cosine.
     pub approach: (f64, (f64, f64)),
     pub pose: Pose<D>,
+    /// The solutions for the tip's position, if they have a closed form.
+    triangle: Option<Triangle>,
     /// The response at the pose, for chains with a fused pass; of others it is in the workspace.
     memory: ResponseMemory<A>,
     /// Memory for the factor of H, one column for each joint.
@@ -252,7 +255,8 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
     /// Computes the pose of a row unless it is the present one.
     fn take_pose(&mut self, index: u64) {
         let arm = self.arm;
-        if self.take_places(index) >= arm.pose_axes() {
+        let moved = self.take_places(index);
+        if moved >= arm.pose_axes() {
             return;
         }
         let own = &self.values[..arm.pose_axes()];
@@ -262,16 +266,21 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_
                 let coordinates = own.len() - 1;
                 let branch = branches[self.places[coordinates] as usize];
                 let (target, q) = (&own[..coordinates], &mut self.pose.q);
-                match reach.solve(&arm.chain, arm.point, &mut self.workspace, target, branch, q) {
-                    Ok(true) => {}
-                    Ok(false) => {
-                        self.pose.class = Some(Class::Unreachable);
-                        return;
+                let found = if reach.is_closed() {
+                    // both elbows have the same triangle
+                    if moved < coordinates {
+                        self.triangle = reach.triangle(target);
                     }
-                    Err(_) => {
-                        self.pose.class = Some(Class::Refused);
-                        return;
+                    if let Some(triangle) = &self.triangle {
+                        reach.bend(triangle, branch, q);
                     }
+                    Ok(self.triangle.is_some())
+                } else {
+                    reach.seek(&arm.chain, arm.point, &mut self.workspace, target, branch, q)
+                };
+                if !matches!(found, Ok(true)) {
+                    self.pose.class = Some(if found.is_ok() { Class::Unreachable } else { Class::Refused });
+                    return;
                 }
             }
         }
