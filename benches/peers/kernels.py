@@ -24,6 +24,7 @@ COLUMNS = {
     "generated": "CasADi's C",
     "pinocchio": "Pinocchio",
     "mujoco": "MuJoCo",
+    "dynibo": "dynibo",
     "featherstone": "featherstone (f32)",
     "rapier": "rapier",
 }
@@ -265,6 +266,8 @@ def foot(rounds, seconds, load, core, samples, worst, missing, versions):
     yield f"- C and C++: {first_line('gcc', '--version')}, `-O3`. " + ", ".join(f"{COLUMNS[peer]} {what}" for peer, what in versions.items()) + "."
     answers = ", ".join(f"{COLUMNS[it]} {off:.0e}" for it, off in worst.items() if it != "carom")
     yield f"- Largest differences from carom, relative to the largest number of a state: {answers}."
+    if "dynibo" in worst:
+        yield "- dynibo has gravity of 9.80665 m/s² along −z only: its fixed base is rotated, and time is scaled to 9.81 m/s², outside the measured time."
     yield from (f"- Left out: {it}." for it in missing)
 
 
@@ -277,9 +280,9 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
     programs += c_programs
     for build, path in (("plain", crates), ("native", crates_native)):
         if os.path.exists(path):
-            programs.append(Program(build, lambda robot, s, p=path: [p, f"{folder}/hinges.txt", robot, s]))
+            programs.append(Program(build, lambda robot, s, p=path: [p, f"{folder}/hinges.txt", f"{folder}/cases.txt", robot, s]))
         else:
-            missing.append(f"featherstone and rapier ({build}): could not be built")
+            missing.append(f"dynibo, featherstone and rapier ({build}): could not be built")
     with open(f"{folder}/cases.txt") as file:
         robots = [line.split()[0] for line in list(file)[::2]]
     worst, wrong = agree(programs, robots)
@@ -305,7 +308,7 @@ def time(folder, rounds, seconds, carom, carom_native, crates, crates_native):
         alone = min(core[after - 1], core[after]) >= ALONE * full
         samples.setdefault(key, Samples()).add(nanoseconds, alone)
     versions = {"mujoco": f"{version('mujoco')} (the wheel's library)", "pinocchio": f"{version('pin')} (headers)",
-                "generated": f"{version('casadi')} (by gcc)", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
+                "generated": f"{version('casadi')} (by gcc)", "dynibo": "0.5.2", "featherstone": "0.1.0", "rapier": "0.36.1, f64"}
     with open(f"{folder}/../kernels.jsonl", "w") as file:
         for (build, kernel, robot, peer), them in samples.items():
             file.write(json.dumps({"kernel": kernel, "robot": robot, "peer": peer, "version": versions.get(peer, "this commit"), "build": build,

@@ -1,6 +1,7 @@
-//! The crates featherstone and rapier in `kernels`: `carom-peers-crates HINGES ROBOT SECONDS`. Prints lines in the format of
-//! `crates/carom-sim/benches/peers`, labelled `featherstone` and `rapier`.
+//! The crates dynibo, featherstone and rapier in `kernels`: `carom-peers-crates HINGES CASES ROBOT SECONDS`. Prints lines in the
+//! format of `crates/carom-sim/benches/peers`, labelled `dynibo`, `featherstone` and `rapier`.
 
+mod dynibo_side;
 mod featherstone_side;
 mod rapier_side;
 
@@ -14,12 +15,15 @@ const FEWEST: usize = 15;
 
 /// A robot and its states, as in `c/common.h`, which reads the same file.
 pub struct Case {
+    /// File of the robot, from CASES.
+    pub urdf: String,
     pub hinges: Vec<Hinge>,
     pub tip: (usize, [f64; 3]),
     pub states: Vec<State>,
 }
 
 pub struct Hinge {
+    pub name: String,
     pub parent: Option<usize>,
     /// Rotation, by rows.
     pub turn: [[f64; 3]; 3],
@@ -39,16 +43,23 @@ pub struct State {
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let [hinges, robot, seconds] = &args[..] else { panic!("usage: carom-peers-crates HINGES ROBOT SECONDS") };
+    let [hinges, cases, robot, seconds] = &args[..] else {
+        panic!("usage: carom-peers-crates HINGES CASES ROBOT SECONDS")
+    };
     let text = std::fs::read_to_string(hinges).expect("HINGES is a file");
-    let case = Case::read(&text, robot);
+    let cases = std::fs::read_to_string(cases).expect("CASES is a file");
+    let case = Case::read(&text, &cases, robot);
     let seconds: f64 = seconds.parse().expect("SECONDS is a number");
+    dynibo_side::run(&case, seconds);
     featherstone_side::run(&case, seconds);
     rapier_side::run(&case, seconds);
 }
 
 impl Case {
-    fn read(text: &str, robot: &str) -> Self {
+    fn read(text: &str, cases: &str, robot: &str) -> Self {
+        let mut words = cases.lines().map(str::split_whitespace);
+        let urdf = words.find_map(|mut it| if it.next() == Some(robot) { it.next() } else { None });
+        let urdf = urdf.expect("no such robot in CASES").to_owned();
         let mut lines = text.lines().skip_while(|line| line.split_whitespace().next() != Some(robot));
         let numbers = |line: &str, skip: usize| -> Vec<f64> {
             line.split_whitespace().skip(skip).map(|it| it.parse().expect("a number")).collect()
@@ -58,7 +69,8 @@ impl Case {
         let three = |x: &[f64]| [x[0], x[1], x[2]];
         let nine = |x: &[f64]| [three(x), three(&x[3..]), three(&x[6..])];
         let mut next = || lines.next().expect("a line");
-        let hinge = |x: Vec<f64>| Hinge {
+        let hinge = |name: &str, x: Vec<f64>| Hinge {
+            name: name.to_owned(),
             parent: (x[0] >= 0.0).then_some(x[0] as usize),
             turn: nine(&x[1..]),
             shift: three(&x[10..]),
@@ -67,9 +79,14 @@ impl Case {
             centre: three(&x[17..]),
             inertia: nine(&x[20..]),
         };
-        let hinges = (0..n).map(|_| hinge(numbers(next(), 1))).collect();
+        let hinges = (0..n)
+            .map(|_| {
+                let line = next();
+                hinge(line.split_whitespace().next().expect("a name"), numbers(line, 1))
+            })
+            .collect();
         let mut state = || State { q: numbers(next(), 0), qd: numbers(next(), 0), input: numbers(next(), 0) };
-        Self { hinges, tip: (link, three(&head[3..])), states: (0..states).map(|_| state()).collect() }
+        Self { urdf, hinges, tip: (link, three(&head[3..])), states: (0..states).map(|_| state()).collect() }
     }
 }
 
