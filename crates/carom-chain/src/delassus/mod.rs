@@ -129,17 +129,28 @@ pub struct PointResponse<'a, A: Algebra> {
 /// A function of the results, called while they are in registers. It is a trait because inlining of a closure cannot be
 /// forced.
 pub trait Visit<A: Algebra> {
-    /// Whether the results are also stored in the [`ResponseMemory`]. If `false`, its contents are unspecified.
-    const KEEPS: bool;
+    /// Which results are also stored in the [`ResponseMemory`].
+    const KEEPS: Kept;
     /// Called once with the results.
     fn visit(&mut self, response: PointResponse<A>);
+}
+
+/// Which results a [`Visit`] stores. The others are unspecified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kept {
+    /// None.
+    Nothing,
+    /// Position, J, M, H and nᵀHn.
+    Matrices,
+    /// All.
+    All,
 }
 
 /// Stores the results in the memory and does nothing else.
 pub struct Keep;
 
 impl<A: Algebra> Visit<A> for Keep {
-    const KEEPS: bool = true;
+    const KEEPS: Kept = Kept::All;
     #[inline(always)]
     fn visit(&mut self, _: PointResponse<A>) {}
 }
@@ -415,19 +426,21 @@ impl<A: Algebra> ResponseMemory<A> {
         }
     }
 
-    /// Calls `visit` with the results, and stores them if `V::KEEPS`.
+    /// Calls `visit` with the results, and stores those of `V::KEEPS`.
     #[inline(always)]
     fn keep<V: Visit<A>>(&mut self, found: PointResponse<A>, mut visit: V) {
-        if V::KEEPS {
+        if V::KEEPS != Kept::Nothing {
             let n = found.jacobian.len();
             self.grow(n, row_length::<A::Scalar>(n));
             self.zeros_of = None;
             let (_, _, memory) = self.parts(n);
             memory.jacobian.copy_from_slice(found.jacobian);
             memory.mass_matrix.copy_from_slice(found.mass_matrix);
-            memory.felt.copy_from_slice(found.felt);
-            memory.inverse_d.copy_from_slice(found.inverse_d);
-            memory.response.copy_from_slice(found.response);
+            if V::KEEPS == Kept::All {
+                memory.felt.copy_from_slice(found.felt);
+                memory.inverse_d.copy_from_slice(found.inverse_d);
+                memory.response.copy_from_slice(found.response);
+            }
             (self.position, self.delassus, self.mobility) = (found.position, found.delassus, found.mobility);
         }
         visit.visit(found);

@@ -16,7 +16,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
-use carom_chain::{Angle, Chain, ChainError, ContactPoint, Point, PointResponse, ResponseMemory, Turned, Visit};
+use carom_chain::{Angle, Chain, ChainError, ContactPoint, Kept, Point, PointResponse, ResponseMemory, Turned, Visit};
 use nalgebra::SimdRealField;
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
@@ -41,7 +41,7 @@ pub struct Jumped<A: Algebra> {
     pub qd_plus: Vec<A::Scalar>,
     /// Normal impulse, N s.
     pub impulse: A::Scalar,
-    /// Position, J, M, H and M⁻¹Jᵀ at the contact point.
+    /// Position, J, M and H at the contact point.
     pub memory: ResponseMemory<A>,
 }
 
@@ -188,7 +188,7 @@ struct Single<'a, A: Algebra> {
 }
 
 impl<A: Algebra<Scalar = f64>> Visit<A> for Single<'_, A> {
-    const KEEPS: bool = true;
+    const KEEPS: Kept = Kept::Matrices;
     // Loops over a known number of entries, as in [`Several`]: values then stay in registers.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]
@@ -285,7 +285,7 @@ impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Visit<A> for Several<'_, '_,
 where
     Lanes<L>: SimdRealField + Copy,
 {
-    const KEEPS: bool = false;
+    const KEEPS: Kept = Kept::Nothing;
     // The compiler unrolls these loops where it knows the number of joints; it did not with iterators.
     #[allow(clippy::needless_range_loop)]
     #[inline(always)]

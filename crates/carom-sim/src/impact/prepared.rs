@@ -7,7 +7,7 @@ use super::derivative::PlaneContact;
 use super::hit::ChainImpact;
 use crate::error::SimError;
 use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, FrameId, Keep, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace};
+use carom_chain::{Chain, FrameId, Keep, Kept, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace};
 use carom_impact::{ImpactProblem, Law};
 use nalgebra::{Matrix3, Vector3};
 
@@ -66,7 +66,8 @@ impl<'a> PreparedStrike<'a> {
     }
 
     /// Computes the impact of the chain at `q` (length nq; rad, m, unit quaternion) and `qd` (length nv; rad/s, m/s) with a law,
-    /// and writes it to `hit`. Allocates only at the first call. That the numbers are finite is checked by their effect at the
+    /// and writes it to `hit`. Allocates only at the first
+    /// call, and for chains with mimic joints or more than 48 bodies. That the numbers are finite is checked by their effect at the
     /// contact; [`Chain::check_state`] checks each of them.
     ///
     /// # Errors
@@ -154,7 +155,7 @@ impl<'a> PreparedStrike<'a> {
             let jump: Vec<f64> = hit.qd_plus.iter().zip(qd).map(|(after, before)| after - before).collect();
             // M Δq̇: inverse dynamics at rest without gravity.
             let momentum = kin.inverse_dynamics(&vec![0.0; nv], &jump, Vector3::zeros())?;
-            drive(hit, added, qd, &jacobian, |k| momentum[k]);
+            drive(hit, added, qd, &jacobian, |k, _| momentum[k]);
         }
         Ok(())
     }
@@ -202,18 +203,27 @@ fn account(response: &PointResponse<Spatial<f64>>, added: &[f64], qd: &[f64], hi
     hit.energy_after = response.kinetic_energy(&hit.qd_plus);
     if !added.is_empty() {
         let nv = qd.len();
-        let jump: Vec<f64> = hit.qd_plus.iter().zip(qd).map(|(after, before)| after - before).collect();
-        let row = |k: usize| response.mass_matrix[k * nv..][..nv].iter().zip(&jump).map(|(m, x)| m * x).sum();
+        let row = |k: usize, after: &[f64]| {
+            let column = &response.mass_matrix[k * nv..][..nv];
+            column.iter().zip(after.iter().zip(qd)).map(|(m, (after, before))| m * (after - before)).sum()
+        };
         drive(hit, added, qd, response.jacobian, row);
     }
 }
 
-/// Impulse and work of the drives; `momentum` is M Δq̇. The impulse of a locked joint follows from M Δq̇ = Jᵀp + j.
-fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], jacobian: &[Vector3<f64>], momentum: impl Fn(usize) -> f64) {
+/// Impulse and work of the drives; `momentum` is M Δq̇ by coordinate and q̇⁺. The impulse of a locked joint follows from M Δq̇ = Jᵀp + j.
+fn drive(
+    hit: &mut ChainImpact,
+    added: &[f64],
+    qd: &[f64],
+    jacobian: &[Vector3<f64>],
+    momentum: impl Fn(usize, &[f64]) -> f64,
+) {
     hit.drive_work = 0.0;
     for (k, w) in added.iter().enumerate() {
         let jump = hit.qd_plus[k] - qd[k];
-        hit.drive_impulse[k] = if w.is_finite() { -w * jump } else { momentum(k) - jacobian[k].dot(&hit.impulse) };
+        hit.drive_impulse[k] =
+            if w.is_finite() { -w * jump } else { momentum(k, &hit.qd_plus) - jacobian[k].dot(&hit.impulse) };
         hit.drive_work += 0.5 * hit.drive_impulse[k] * (qd[k] + hit.qd_plus[k]);
     }
 }
@@ -231,7 +241,7 @@ struct Blow<'s> {
 }
 
 impl Visit<Spatial<f64>> for &mut Blow<'_> {
-    const KEEPS: bool = false;
+    const KEEPS: Kept = Kept::Nothing;
     #[inline(always)]
     fn visit(&mut self, response: PointResponse<Spatial<f64>>) {
         self.done = self.resolve(&response);
