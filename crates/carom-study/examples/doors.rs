@@ -22,6 +22,9 @@ const FRICTIONLESS: Frictionless = Frictionless { restitution: 0.5 };
 const ENERGETIC: Energetic = Energetic { restitution: 0.5, friction: 0.3 };
 const NORMAL: [f64; 3] = [-1.0, 0.0, 0.0];
 
+/// q and q̇.
+type State = (Vec<f64>, Vec<f64>);
+
 fn main() {
     let robots = ["planar2", "planar3", "arm7", "humanoid29", "chain100"];
     let columns: Vec<Vec<(&str, f64)>> = robots.iter().map(|robot| rows(robot)).collect();
@@ -63,7 +66,7 @@ fn rows(robot: &str) -> Vec<(&'static str, f64)> {
         }
         states.push((q, qd));
     }
-    let strike = |(q, qd): &(Vec<f64>, Vec<f64>), law: &dyn Law<f64, 3>| {
+    let strike = |(q, qd): &State, law: &dyn Law<f64, 3>| {
         black_box(chain.impact(q, qd).at(tip).normal(NORMAL).resolve(law).expect("an impact"));
     };
     let mut rows = match chain.to_planar() {
@@ -110,14 +113,14 @@ fn kernels<A: Algebra<Scalar = f64>>(
     chain: &Chain<A>,
     point: Point<A>,
     normal: A::Vector,
-    states: &[(Vec<f64>, Vec<f64>)],
+    states: &[State],
 ) -> Vec<(&'static str, f64)> {
     let kernel = FrictionlessJump::new(chain, point).expect("a kernel");
     let mut jump = kernel.jump();
     let one = each(states, |(q, qd)| kernel.jump_into(q, qd, normal, 0.5, black_box(&mut jump)).expect("a jump"));
     let mut rows = vec![("fused kernel", one)];
     let n = chain.nv();
-    let columns = |of: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| -> Vec<Vec<f64>> {
+    let columns = |of: fn(&State) -> &Vec<f64>| -> Vec<Vec<f64>> {
         (0..n).map(|i| (0..MANY).map(|k| of(&states[k % STATES])[i] + 1e-3 * (k / STATES) as f64).collect()).collect()
     };
     let (q, qd) = (columns(|state| &state.0), columns(|state| &state.1));

@@ -10,15 +10,15 @@
 //! | u⁻ | D | contact velocity before the impact, contact axes: speed · (cos α, (0,) −sin α) | `u` |
 //! | qd⁻ | nv | X H⁻¹ u⁻: the joint velocities of least kinetic energy with contact velocity u⁻ | `qd_minus` |
 //!
-//! J, H and X are those of [`carom_chain::PointResponse`]. A row allocates no memory. Where H is nearly singular, its
-//! eigenvectors are computed from its factor (`principal.rs`).
+//! J, H and X are those of [`carom_chain::PointResponse`]. A row allocates no memory, except where H is nearly
+//! singular: its principal directions are then computed from its factor ([`ContactInertia`]).
 
 use super::axis::{Axis, advance, places};
 use super::quantity::{Class, Quantity, Wants};
 use super::reach::{Reach, Triangle};
 use super::strike::Condition;
 use carom_chain::algebra::Algebra;
-use carom_chain::{Chain, ChainError, Keep, Point, PointResponse, ResponseMemory, Workspace};
+use carom_chain::{Chain, ChainError, ContactInertia, Keep, Point, PointResponse, ResponseMemory, Workspace};
 use carom_impact::AnyLaw;
 use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
@@ -106,7 +106,6 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
             pose: Pose { class: None, q: vec![0.0; self.chain.nq()], principal: None },
             triangle: None,
             memory: ResponseMemory::default(),
-            factor: vec![SVector::zeros(); nv],
             qd_minus: vec![0.0; nv],
             jump: vec![0.0; nv],
         })
@@ -126,12 +125,12 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
 }
 
 /// Configuration, kinematics and inertia, which do not depend on the impact conditions. Kept for the following rows.
-pub(super) struct Pose<const D: usize> {
+pub(super) struct Pose {
     /// Why the row has no numbers; `None` if the pose is valid.
     class: Option<Class>,
     pub q: Vec<f64>,
-    /// Eigenvectors of H as columns, and its eigenvalues, computed on demand.
-    pub principal: Option<(SMatrix<f64, D, D>, SVector<f64, D>)>,
+    /// Principal directions of H, computed on demand.
+    pub principal: Option<ContactInertia>,
 }
 
 /// Computes rows: poses in this file, impacts in `strike.rs`.
@@ -149,13 +148,11 @@ pub(super) struct Hand<'a, A: Algebra, const D: usize> {
     pub condition: Option<Condition<'a, D>>,
     /// The last approach angle, with its sine and cosine.
     pub approach: (f64, (f64, f64)),
-    pub pose: Pose<D>,
+    pub pose: Pose,
     /// The solutions for the tip's position, if they have a closed form.
     triangle: Option<Triangle>,
     /// The response at the pose, for chains with a fused pass; of others it is in the workspace.
     memory: ResponseMemory<A>,
-    /// Memory for the factor of H, one column for each joint.
-    pub factor: Vec<SVector<f64, D>>,
     pub qd_minus: Vec<f64>,
     pub jump: Vec<f64>,
 }

@@ -136,7 +136,6 @@ mod axis;
 mod boundary;
 mod file;
 mod picture;
-mod principal;
 mod quantity;
 mod reach;
 mod read;

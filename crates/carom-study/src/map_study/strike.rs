@@ -2,10 +2,9 @@
 
 use super::arm::{Hand, Limit};
 use super::boundary::{Along, edge_code, nearest_change};
-use super::principal::{eigenvectors, singular};
 use super::quantity::{Class, Quantity as Q, flag_code};
 use carom_chain::algebra::Algebra;
-use carom_chain::{ChainError, PointResponse};
+use carom_chain::{ChainError, ContactInertia, PointResponse};
 use carom_impact::{AnyLaw, Boundary, Coefficients, Flags, ImpactOutcome, ImpactProblem, Law, Mode};
 use nalgebra::{Matrix3, SMatrix, SVector};
 
@@ -136,22 +135,14 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
 
     /// H⁺u: the shortest impulse that changes the contact velocity by `u`, as far as impulses can. Axes of the chain.
     fn least_force(&mut self, u: &SVector<f64, D>) -> SVector<f64, D> {
-        let (vectors, values) = match self.pose.principal {
-            Some(found) => found,
-            None => {
-                let mut factor = std::mem::take(&mut self.factor);
-                let PointResponse { felt, inverse_d, .. } = self.response();
-                for ((column, y), inverse) in factor.iter_mut().zip(felt).zip(inverse_d) {
-                    *column = y * inverse.max(0.0).sqrt();
-                }
-                let found = eigenvectors(&mut factor);
-                self.factor = factor;
-                *self.pose.principal.insert(found)
-            }
-        };
-        let none = values.sum() * singular().powi(2);
-        let share = |k: usize| if values[k] > none { vectors.column(k).dot(u) / values[k] } else { 0.0 };
-        vectors * SVector::from_fn(|k, _| share(k))
+        let found = self.pose.principal.take().unwrap_or_else(|| ContactInertia::of(self.response()));
+        let mut force = SVector::zeros();
+        for (direction, sigma) in &found.principal[..found.rank] {
+            let direction = SVector::<f64, D>::from_column_slice(direction.as_slice());
+            force += direction * (direction.dot(u) / (sigma * sigma));
+        }
+        self.pose.principal = Some(found);
+        force
     }
 
     fn fill(&mut self, told: &Told<D>, out: &mut [f64]) -> Result<(), ChainError> {
