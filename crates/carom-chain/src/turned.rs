@@ -21,7 +21,7 @@ impl<T: Real> Angle<T> {
     }
 }
 
-/// Source of the sines and cosines of joint angles. It is a trait because, as for [`crate::Finish`], inlining of a closure
+/// Source of the sines and cosines of joint angles. It is a trait because, as for [`crate::Visit`], inlining of a closure
 /// cannot be forced: in SIMD lanes the call of a closure cost more than the sines.
 pub trait Turned<A: Algebra> {
     /// (sin, cos) of the angle of body `i`, whose joint is a hinge.
