@@ -219,7 +219,6 @@ fn response_equals_its_definition_in_the_plane() {
     }
 }
 
-/// The smallest share of the largest entry that the two routes of a chain with mimic joints agree to.
 #[test]
 fn response_of_mimic_joints_equals_its_definition() {
     let mut coupled = 0;
