@@ -79,6 +79,7 @@ fn equals_its_definition<A: Algebra<Scalar = f64>>(
         sum += &y * y.transpose() * *inverse_d;
     }
     close("Σ y yᵀ / D", sum.iter(), h.iter(), solved, 1e-3);
+    assert_eq!(found.moves_along(normal), found.moves());
 }
 
 fn direction(s: &mut Sample) -> Vector3<f64> {

@@ -66,3 +66,30 @@ fn in_place_calls_do_not_allocate() {
     assert!(out.iter().all(|x| x.is_finite()) && h.determinant().is_finite() && flat_h.determinant() > 0.0);
     assert!(memory.response().mobility > 0.0 && flat_memory.response().mobility > 0.0);
 }
+
+#[test]
+fn contacts_of_coupled_and_of_long_chains_allocate_once() {
+    let text = |mimic: &str| {
+        format!(
+            r#"<robot name="pair"><link name="base"/>{}
+            <joint name="a" type="continuous"><parent link="base"/><child link="l1"/><axis xyz="0 0 1"/></joint>
+            <joint name="b" type="continuous"><parent link="l1"/><child link="l2"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>
+            <joint name="c" type="continuous"><parent link="l2"/><child link="l3"/><origin xyz="1 0 0"/><axis xyz="0 0 1"/>{mimic}</joint></robot>"#,
+            ["l1", "l2", "l3"].map(|name| format!(
+                r#"<link name="{name}"><inertial><origin xyz="0.5 0 0"/><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#
+            )).concat()
+        )
+    };
+    let coupled: Chain =
+        Chain::from_urdf_str(&text(r#"<mimic joint="b" multiplier="0.5"/>"#), &Default::default()).unwrap();
+    assert!(coupled.is_coupled());
+    for (chain, link) in [(coupled, "l3"), (uniform_chain(60, 1.0, 1.0).unwrap(), "tip")] {
+        let point = chain.point(chain.frame(link).unwrap(), Vector3::x());
+        let q = vec![0.3; chain.nq()];
+        let mut ws = chain.workspace();
+        let mut kin = ws.update(&chain, &q).unwrap();
+        kin.contact(point, Vector3::y(), &[]).unwrap();
+        let again = allocations(|| assert!(kin.contact(point, Vector3::y(), &[]).unwrap().moves()));
+        assert_eq!(again, 0, "{}", chain.name());
+    }
+}

@@ -146,6 +146,54 @@ fn derivative_by_friction_at_zero_is_that_from_the_right() {
 }
 
 /// Kane & Levinson's pendulum: dv⁺/de at e = μ = 0.5, from 30-digit arithmetic.
+/// The one-sided difference of second order at e = 0, where slip turns during the whole impact.
+#[test]
+fn derivative_by_restitution_at_zero_is_that_from_the_right() {
+    let mut rng = fastrand::Rng::with_seed(11);
+    let (mut turned, step) = (0, 1e-5);
+    for _ in 0..400 {
+        let factor = Matrix3::from_fn(|_, _| rng.f64() * 2.0 - 1.0);
+        let h = factor * factor.transpose() + Matrix3::identity() * 0.3;
+        let u = vector![rng.f64() * 2.0 - 1.0, rng.f64() * 2.0 - 1.0, -0.2 - rng.f64()];
+        let problem = ImpactProblem::new(h, u).unwrap();
+        let friction = 0.1 + 0.5 * rng.f64();
+        let impulse = |law: &str, restitution: f64| {
+            let law = carom_impact::law_by_name::<3>(law, Coefficients { restitution, friction, ..Default::default() });
+            law.unwrap().resolve(&problem).unwrap().impulse
+        };
+        for name in ["newton", "poisson"] {
+            let coefficients = Coefficients { restitution: 0.0, friction, ..Default::default() };
+            let law = carom_impact::law_by_name::<3>(name, coefficients).unwrap();
+            let outcome = law.resolve(&problem).unwrap();
+            if outcome.mode == Mode::Stick || outcome.slip_end.is_some() {
+                continue;
+            }
+            let found = problem.differentiate(law.as_ref()).unwrap().restitution;
+            let [p0, p1, p2] = [0.0, 1.0, 2.0].map(|k| impulse(name, k * step));
+            let difference = (p1 * 4.0 - p0 * 3.0 - p2) / (2.0 * step);
+            // Truncation of the order step², rounding ε/step.
+            assert!((found - difference).amax() < 1e-7 * (1.0 + difference.amax()), "{name} {found} {difference}");
+            turned += 1;
+        }
+    }
+    assert!(turned > 300, "{turned}");
+}
+
+#[test]
+fn problem_of_a_gram_matrix_is_that_of_the_checked_one() {
+    let factor = matrix![1.0, 0.3, -0.2; 0.1, 0.8, 0.4; -0.5, 0.2, 1.1];
+    let (h, u) = (factor * factor.transpose(), vector![0.2, -0.4, -1.0]);
+    assert_eq!(ImpactProblem::from_gram(h, u), ImpactProblem::new(h, u));
+    for (row, column) in [(0, 0), (1, 2), (2, 1)] {
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut broken = h;
+            broken[(row, column)] = bad;
+            assert!(matches!(ImpactProblem::from_gram(broken, u), Err(ImpactError::NotFinite { .. })));
+        }
+    }
+    assert!(matches!(ImpactProblem::from_gram(h, vector![0.0, f64::NAN, -1.0]), Err(ImpactError::NotFinite { .. })));
+}
+
 #[test]
 fn sensitivities_of_the_double_pendulum_have_their_reference_values() {
     let h = matrix![2.440338045696, 1.521308658011; 1.521308658011, 1.009560290504];

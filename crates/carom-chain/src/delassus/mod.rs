@@ -378,9 +378,11 @@ impl<A: Algebra> ResponseMemory<A> {
         }
     }
 
-    /// Zeros for n coordinates, without M and its factor.
-    fn clear(&mut self, n: usize) {
-        self.grow_to(n, n);
+    /// Zeros for n coordinates, with a factor as for [`Self::grow`].
+    fn clear(&mut self, n: usize, row: usize) {
+        self.grow(n, row);
+        self.fill();
+        self.zeros_of = None;
         (self.position, self.delassus, self.mobility) = (A::zero(), [A::zero(); 3], A::Scalar::zero());
     }
 
@@ -389,18 +391,16 @@ impl<A: Algebra> ResponseMemory<A> {
     fn grow(&mut self, n: usize, row: usize) {
         let numbers = if row == 0 { n } else { n * (1 + n + row) };
         if self.size != n || self.numbers.len() != numbers {
-            self.grow_to(n, numbers);
+            self.size = n;
+            self.zeros_of = None;
+            self.vectors.resize(4 * n, A::zero());
+            self.numbers.resize(numbers, A::Scalar::zero());
         }
     }
 
-    #[inline(never)]
-    fn grow_to(&mut self, n: usize, numbers: usize) {
-        self.size = n;
-        self.zeros_of = None;
-        self.vectors.clear();
-        self.vectors.resize(4 * n, A::zero());
-        self.numbers.clear();
-        self.numbers.resize(numbers, A::Scalar::zero());
+    fn fill(&mut self) {
+        self.vectors.fill(A::zero());
+        self.numbers.fill(A::Scalar::zero());
     }
 
     /// The parts of the memory.
@@ -420,8 +420,10 @@ impl<A: Algebra> ResponseMemory<A> {
     #[inline(always)]
     fn put_zeros(&mut self, structure: &Arc<Structure<A>>, body: usize) {
         if !self.zeros_of.as_ref().is_some_and(|(other, there)| *there == body && Arc::ptr_eq(other, structure)) {
+            // J, X, Y, 1/D and M; every entry of the factor that is read is written first.
             self.vectors.fill(A::zero());
-            self.numbers.fill(A::Scalar::zero());
+            let results = self.size * (1 + self.size);
+            self.numbers[..results].fill(A::Scalar::zero());
             self.zeros_of = Some((structure.clone(), body));
         }
     }

@@ -53,6 +53,16 @@ where
         self.mobility > trace * singular::<A::Scalar>() * singular()
     }
 
+    /// Whether an impulse along a unit direction moves the point along it: the rule of [`Self::moves`] for any direction.
+    pub fn moves_along(&self, direction: A::Vector) -> bool {
+        let mut mobility = A::Scalar::zero();
+        for (y, inverse_d) in self.felt.iter().zip(self.inverse_d) {
+            let along = A::dot(*y, direction);
+            mobility += along * along * *inverse_d;
+        }
+        PointResponse { mobility, ..*self }.moves()
+    }
+
     /// Whether some joint may move no inertia: its D is below 1e-6 of its diagonal entry of M, or not a number.
     /// [`Kinematics::check_inertia`] decides.
     #[inline(always)]
@@ -90,7 +100,7 @@ where
         let mut memory = std::mem::take(&mut self.ws.response);
         let done = match point.body {
             None => {
-                memory.clear(nv);
+                memory.clear(nv, 0);
                 Ok(())
             }
             Some(body) if chain.bodies.len() > LONG && !chain.is_coupled() => {
@@ -122,7 +132,10 @@ where
         if !self.chain.is_coupled() {
             return self.articulate_checked(added).map(|_| ());
         }
-        let contact = self.ws.contact();
+        // The pivots do not depend on the point.
+        let mut memory = ResponseMemory::default();
+        self.full(Point { body: None, position: A::zero() }, A::zero(), added, &mut memory);
+        let contact = memory.response();
         for (v, own) in contact.mass_matrix.iter().step_by(self.chain.nv + 1).enumerate() {
             let moves_inertia = *own * contact.inverse_d[v] * singular() < A::Scalar::one(); // false for NaN too
             if !moves_inertia {
@@ -163,11 +176,8 @@ where
     fn full(&mut self, point: Point<A>, normal: A::Vector, added: &[A::Scalar], memory: &mut ResponseMemory<A>) {
         let n = self.chain.nv;
         let length = row_length::<A::Scalar>(n);
-        memory.clear(n);
-        memory.grow(n, length);
+        memory.clear(n, length);
         let (_, _, parts) = memory.parts(n);
-        let Memory { factor, jacobian, mass_matrix, felt, .. } = &parts;
-        debug_assert!(factor.len() == n * length && felt.len() == jacobian.len() && mass_matrix.len() == n * n);
         self.mass_matrix_into(&mut DMatrixViewMut::from_slice(parts.mass_matrix, n, n));
         for (i, column) in parts.mass_matrix.chunks_exact(n).enumerate() {
             let row = &mut parts.factor[i * length..][..=i];
@@ -194,7 +204,7 @@ where
         added: &[A::Scalar],
         memory: &mut ResponseMemory<A>,
     ) -> Result<(), ChainError> {
-        memory.clear(self.chain.nv);
+        memory.clear(self.chain.nv, 0);
         self.articulate_checked(added)?;
         let position = self.position(point);
         let bodies = &self.chain.bodies;

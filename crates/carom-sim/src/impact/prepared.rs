@@ -179,10 +179,10 @@ fn problem(
     }
     let delassus = Matrix3::from_columns(&response.delassus);
     let (mut delassus, mut u) = (axes.transpose() * delassus * axes, axes.transpose() * response.velocity(qd));
-    // Along a singular tangent J, and with it u, is rounding. The factor 4 covers that of the products with the axes.
-    let rounding = delassus.trace() * (4.0 * 64.0 * f64::EPSILON).powi(2);
+    // Along a singular tangent J, and with it u, is rounding. An entry that is not small needs no second look.
+    let small = delassus.trace() * f64::EPSILON;
     for k in 0..2 {
-        if delassus[(k, k)] <= rounding {
+        if delassus[(k, k)] <= small && !response.moves_along(axes.column(k).into_owned()) {
             delassus.row_mut(k).fill(0.0);
             delassus.column_mut(k).fill(0.0);
             u[k] = 0.0;
