@@ -170,19 +170,29 @@ impl SeveralProblem {
         u_minus: DVector<f64>,
         constraints: Vec<Constraint>,
     ) -> Result<Self, ImpactError> {
-        let (rows, columns) = delassus.shape();
-        if rows != columns {
-            return Err(ImpactError::NotSquare { rows, columns });
-        }
-        let expected = constraints.iter().map(Constraint::rows).sum();
-        check_size("delassus", expected, rows)?;
-        check_size("u_minus", expected, u_minus.len())?;
-        for (index, constraint) in constraints.iter().enumerate() {
-            constraint.check().map_err(|reason| ImpactError::Constraint { index, reason: Box::new(reason) })?;
-        }
+        check_rows(&delassus, &u_minus, &constraints)?;
         check_delassus(&mut delassus)?;
         check_velocity("u_minus", u_minus.as_slice())?;
         Ok(Self { delassus, u_free: u_minus.clone(), u_minus, constraints })
+    }
+
+    /// The problem of accelerations of lasting contacts: `delassus` = R M⁻¹ Fᵀ, with the rows R of the accelerations and the
+    /// rows F along which the forces act; they differ for a contact that slides, which is a [`Constraint::Stop`] whose
+    /// force acts along n − μ d. The matrix then is not symmetric. `free` are the accelerations without forces (m/s²). In
+    /// the outcome of [`simultaneous`](Self::simultaneous) impulses are forces (N) and velocities are accelerations.
+    ///
+    /// # Errors
+    ///
+    /// As [`SeveralProblem::new`], except that the matrix may be any square one with finite entries.
+    pub fn of_accelerations(
+        delassus: DMatrix<f64>,
+        free: DVector<f64>,
+        constraints: Vec<Constraint>,
+    ) -> Result<Self, ImpactError> {
+        check_rows(&delassus, &free, &constraints)?;
+        check_velocity("delassus", delassus.as_slice())?;
+        check_velocity("free", free.as_slice())?;
+        Ok(Self { delassus, u_minus: DVector::zeros(free.len()), u_free: free, constraints })
     }
 
     /// The same problem with the velocities after without any impulse (m/s): in a time step, forces have changed them.
@@ -325,6 +335,20 @@ pub struct SeveralOutcome {
     pub energy_change: f64,
     /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero.
     pub flags: Flags,
+}
+
+fn check_rows(delassus: &DMatrix<f64>, u: &DVector<f64>, constraints: &[Constraint]) -> Result<(), ImpactError> {
+    let (rows, columns) = delassus.shape();
+    if rows != columns {
+        return Err(ImpactError::NotSquare { rows, columns });
+    }
+    let expected = constraints.iter().map(Constraint::rows).sum();
+    check_size("delassus", expected, rows)?;
+    check_size("u_minus", expected, u.len())?;
+    for (index, constraint) in constraints.iter().enumerate() {
+        constraint.check().map_err(|reason| ImpactError::Constraint { index, reason: Box::new(reason) })?;
+    }
+    Ok(())
 }
 
 fn check_size(what: &'static str, expected: usize, found: usize) -> Result<(), ImpactError> {

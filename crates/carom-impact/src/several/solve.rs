@@ -119,10 +119,9 @@ impl Search<'_> {
 
 /// Solves every constraint once, with the current impulses of the others.
 fn sweep(map: &NaturalMap, p: &mut DVector<f64>) {
-    // H is symmetric, and its columns are contiguous in memory.
-    let without = |p: &DVector<f64>, row: usize| map.offset[row] + map.delassus.column(row).dot(p);
+    let without = |p: &DVector<f64>, row: usize| map.offset[row] + map.delassus.row(row).tr_dot(p);
     let size = |p: &DVector<f64>, row: usize| {
-        map.delassus.column(row).iter().zip(p.iter()).fold(map.offset[row].abs(), |sum, (h, p)| sum + (h * p).abs())
+        map.delassus.row(row).iter().zip(p.iter()).fold(map.offset[row].abs(), |sum, (h, p)| sum + (h * p).abs())
     };
     for block in &map.blocks {
         let i = block.row;
