@@ -207,7 +207,7 @@ where
     }
 
     /// M = L Lᵀ, with an error if a pivot is no larger than the rounding error of its diagonal entry.
-    fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
+    pub(crate) fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
         let m = self.mass_matrix();
         let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
             let root = c.l_dirty()[(k, k)];

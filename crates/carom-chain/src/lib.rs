@@ -40,7 +40,7 @@ pub use algebra::{Planar, Spatial};
 pub use articulated::Articulation;
 pub use chain::{Body, Chain, Coordinates, Frame, FrameId, JointInfo, LinkInfo, Point};
 pub use contact_inertia::ContactInertia;
-pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Visit};
+pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows, Visit};
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use planar_row::PlanarRow;

@@ -50,9 +50,9 @@ pub use model::{Drive, ImpactInvariant, Integrator, SeveralLaw, Simulation, Tran
 pub use motion::{free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
+    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
 };
 pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;
-pub use state::Moment;
+pub use state::{Blow, Moment};

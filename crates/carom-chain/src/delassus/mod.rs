@@ -38,6 +38,7 @@
 
 mod fused;
 mod row;
+mod rows;
 mod tree;
 mod view;
 
@@ -51,6 +52,7 @@ use crate::turned::{Angle, ByBody, Turned};
 use fused::{BodyAt, Memory, read, read_three, read_two, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
+pub use rows::Rows;
 use row::HingeRow;
 use std::sync::Arc;
 use tree::{Tree, Way};

@@ -5,7 +5,7 @@ use crate::error::SimError;
 use crate::state::{Felt, Space, View};
 use carom_chain::{FrameId, Point};
 use carom_contact::{gap, gap_between, gap_points};
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DMatrix, Vector3};
 /// A touch at one state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct At<A: Space> {
@@ -25,13 +25,10 @@ pub(crate) struct Place<A: Space> {
 }
 
 impl<A: Space> Place<A> {
-    /// nᵀJ.
-    pub fn row(&self, view: &View<A>, n: Vector3<f64>) -> Result<DVector<f64>, SimError> {
-        let own = view.row(self.point, n)?;
-        Ok(match self.against {
-            Some(other) => own - view.row(other, n)?,
-            None => own,
-        })
+    /// Adds nᵀJ to `row`.
+    pub fn row_into(&self, view: &View<A>, n: Vector3<f64>, row: &mut [f64]) -> Result<(), SimError> {
+        view.add_row(self.point, n, row)?;
+        self.against.map_or(Ok(()), |other| view.add_row(other, -n, row))
     }
 
     /// J: 3×nv, world axes.
@@ -217,17 +214,19 @@ impl Touch {
         Ok(place.velocity(view, qd)? - self.shift(time)[1])
     }
 
-    /// The row j.
-    pub(crate) fn row<A: Space>(&self, at: &At<A>, view: &View<A>) -> Result<DVector<f64>, SimError> {
+    /// Adds the row j to `row`.
+    pub(crate) fn row_into<A: Space>(&self, at: &At<A>, view: &View<A>, row: &mut [f64]) -> Result<(), SimError> {
         match (&self.kind, at.surface) {
-            (TouchKind::Limit { v, upper, .. }, _) => {
-                let mut row = DVector::zeros(view.kin.chain().nv());
-                row[*v] = if *upper { -1.0 } else { 1.0 };
-                Ok(row)
-            }
-            (_, Some(place)) => place.row(view, place.normal),
-            (_, None) => Ok(DVector::zeros(view.kin.chain().nv())),
+            (TouchKind::Limit { v, upper, .. }, _) => row[*v] += if *upper { -1.0 } else { 1.0 },
+            (_, Some(place)) => place.row_into(view, place.normal, row)?,
+            (_, None) => {}
         }
+        Ok(())
+    }
+
+    /// Whether [`Touch::drift`] has a closed form.
+    pub(crate) fn has_closed_drift(&self) -> bool {
+        matches!(self.kind, TouchKind::Limit { .. } | TouchKind::Ball { .. })
     }
 
     /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences.

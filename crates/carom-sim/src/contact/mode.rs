@@ -1,6 +1,6 @@
 //! The contact modes of a chain, in each of which its motion is smooth.
 
-/// The contact mode of the chain.
+/// The mode of one lasting contact, or of the whole chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ContactMode {
     /// No lasting contact.
@@ -28,12 +28,14 @@ pub enum ContactMode {
         /// Voigt, 0 for Walton & Braun.
         damping: f64,
     },
-    /// Several contacts at the same time, computed by time stepping.
+    /// Several lasting contacts.
     Several,
+    /// Time steps: no consistent mode was found, or the scene asks for them.
+    Stepping,
 }
 
 impl ContactMode {
-    /// Name of the mode: `free`, `sliding`, `sticking`, `latched`, `pressing` or `several`.
+    /// Name of the mode: `free`, `sliding`, `sticking`, `latched`, `pressing`, `several` or `stepping`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Free => "free",
@@ -42,13 +44,14 @@ impl ContactMode {
             Self::Latched { .. } => "latched",
             Self::Pressing { .. } => "pressing",
             Self::Several => "several",
+            Self::Stepping => "stepping",
         }
     }
 
     /// Index of the active contact, if exactly one.
     pub fn touch(self) -> Option<usize> {
         match self {
-            Self::Free | Self::Several => None,
+            Self::Free | Self::Several | Self::Stepping => None,
             Self::Sliding { touch }
             | Self::Sticking { touch }
             | Self::Latched { touch }

@@ -9,7 +9,7 @@
 
 use crate::error::SimError;
 use crate::state::{Space, View, pseudo_inverse};
-use carom_chain::{Chain, ChainError, Reduced, Spatial, Workspace};
+use carom_chain::{Chain, ChainError, Reduced, Rows, Spatial, Workspace};
 use nalgebra::{DVector, Matrix3, Vector3};
 
 /// The joint forces of the motors. The damping and the dry friction of the joints act in addition.
@@ -289,8 +289,10 @@ impl Transition {
 impl ImpactInvariant {
     fn forces<A: Space>(&self, asked: Asked, view: &mut View<A>, q: &[f64], qd: &[f64]) -> Result<Vec<f64>, SimError> {
         let frame = asked.chain.frame(&self.tip)?;
-        let row = view.row(view.point(frame, view.pose(frame).translation), self.normal)?;
-        let response = view.kin.solve(row.as_slice())?;
+        let (mut rows, mut responses) = (Rows::new(qd.len()), Rows::default());
+        view.add_row(view.point(frame, view.pose(frame).translation), self.normal, rows.add())?;
+        view.kin.respond(&rows, &mut responses)?;
+        let [row, response] = [&rows, &responses].map(|rows| DVector::from_column_slice(rows.row(0)));
         let error = DVector::from_fn(qd.len(), |i, _| self.velocity[i] - qd[i]);
         let seen = &error - &response * (row.dot(&error) / row.dot(&response));
         let hold = view.gravity_force(asked.gravity);

@@ -1,5 +1,5 @@
-//! The equations of motion of a chain with constraints or a compliant contact: a lasting contact, a joint limit, joints held
-//! by their dry friction.
+//! The equations of motion of a chain with constraints and compliant contacts: closed contacts, joint limits, joints held by
+//! their dry friction.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -7,61 +7,76 @@
 //! | R, F | m×nv | rows of the constraints; generalised directions of their forces | `rows`, `forces` |
 //! | K | m×m | R M⁻¹ Fᵀ | `delassus` |
 //! | λ | m | constraint forces | `lambda` |
-//! | d | 3 | unit direction of slip | `slip` |
+//! | B | r | independent rows of R | `basis` |
+//! | X | m×r | R = X R_B | `spread` |
 //!
 //! All constraints are solved together: R q̈ + drift = 0 with q̈ = q̈₀ + M⁻¹Fᵀλ gives K λ = −(R q̈₀ + drift). A sticking contact
 //! has three rows (R = F = J). A sliding contact has the normal row, and its force acts along n − μ d. A joint held by its
 //! dry friction has the row of its coordinate.
+//!
+//! **Redundant constraints.** A box on four corners has more rows than it can move against, and K is singular. The rows B,
+//! found by a pivoted Cholesky factorisation of R M⁻¹ Rᵀ, then determine the motion, and the forces follow from a convention:
+//! λ = X η, the forces of equal springs under all rows that a rigid displacement compresses. For F = R these are the
+//! forces of least norm; for normal forces under a face they are affine in the position of the contact point. The motion does
+//! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
+//! different directions: a spinning box. The state is then flagged non-unique.
 
-use super::dry::Dry;
+use super::lasting::{Hold, Lasting};
+use super::rows::Constraints;
 use super::smooth::Motion;
-use crate::contact::{ContactMode, Memory};
+use crate::contact::Memory;
 use crate::error::SimError;
 use crate::state::Space;
-use carom_impact::least_norm;
+use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Accelerations and constraint forces at one state.
+#[derive(Debug, Clone)]
 pub(crate) struct Held {
     pub qdd: DVector<f64>,
-    /// Force of the lasting contact on the robot, world, N.
-    pub force: Vector3<f64>,
-    pub normal: Vector3<f64>,
-    /// Its normal component, or the force of a joint limit; it must not be negative.
-    pub normal_force: f64,
+    /// The forces of the lasting contacts, in their order.
+    pub contacts: Vec<Force>,
     /// Constraint forces of the joints that dry friction holds, in the order of `dry`; 0 for the others.
     pub joints: Vec<f64>,
     /// Power of the drive, and of all dissipative forces.
     pub power: [f64; 2],
+    /// Whether q̈ does not depend on the distribution of redundant forces.
+    pub unique: bool,
+}
+
+/// The force of one contact.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Force {
+    /// On the robot, world, N; zero for a joint limit.
+    pub force: Vector3<f64>,
+    pub normal: Vector3<f64>,
+    /// Its normal component, or the force of a joint limit; it must not be negative.
+    pub normal_force: f64,
     /// Rate of the bristle's deflection, world, m/s.
     pub bends: Vector3<f64>,
 }
 
-/// Slip below this share of the largest joint velocity has no direction.
-pub(crate) const STILL: f64 = 1e-9;
-
-/// How a touch enters the equations of motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Hold {
-    Slides,
-    Sticks,
-    /// A compliant contact with this damping: a force without a constraint.
-    Presses(f64),
+impl Force {
+    /// μ λ_n − |λ_t|, N: positive inside the friction cone.
+    pub fn cone(&self, friction: f64) -> f64 {
+        friction * self.normal_force - (self.force - self.normal * self.normal_force).norm()
+    }
 }
 
+/// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
+/// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
+const DEPENDENT: f64 = 1e-10;
+
 impl<A: Space> Motion<'_, A> {
-    /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces. In closed form where there is one, otherwise by
-    /// central differences of fourth order along the motion, with steps of 1e-3 over the largest joint velocity: their
-    /// relative error is about 1e-12.
-    fn drift(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, Vector3<f64>), SimError> {
+    /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces, by central differences of fourth order along the
+    /// motion, with steps of 1e-3 over the largest joint velocity: their relative error is about 1e-12. For touches without a
+    /// closed form.
+    fn numerical_drift(
+        &mut self,
+        touch: usize,
+        (q, qd, time): (&[f64], &[f64], f64),
+    ) -> Result<(f64, Vector3<f64>), SimError> {
         let sim = self.sim;
-        {
-            let mut view = self.view(q)?;
-            let at = sim.touches[touch].at(&view, q, time);
-            if let Some(closed) = sim.touches[touch].drift(&at, &mut view, qd, time) {
-                return closed;
-            }
-        }
         let shake = sim.touches[touch].motion.map_or(0.0, |motion| motion.frequency);
         let speed = qd.iter().fold(shake.abs(), |m, x| m.max(x.abs()));
         if speed == 0.0 {
@@ -80,171 +95,283 @@ impl<A: Space> Motion<'_, A> {
         Ok((rate / (12.0 * h), u / (12.0 * h)))
     }
 
-    /// The acceleration of a gap in the present mode.
-    pub fn gap_acceleration(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
+    /// The constraints of these contacts and of the joints that dry friction holds, the acceleration without their forces, and
+    /// the response M⁻¹Fᵀ. Compliant contacts press: see `press`.
+    pub fn assemble(
+        &mut self,
+        (time, y): (f64, &[f64]),
+        lasting: &[Lasting],
+        found: &mut Assembled,
+    ) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
-        let (drift, _) = self.drift(touch, q, qd, time)?;
-        let qdd = self.in_mode(time, y)?.qdd;
         let sim = self.sim;
-        let view = self.view(q)?;
-        let at = sim.touches[touch].at(&view, q, time);
-        Ok(sim.touches[touch].row(&at, &view)?.dot(&qdd) + drift)
+        let mut numerical = Vec::new();
+        for own in lasting.iter().filter(|own| own.is_rigid() && !sim.touches[own.touch].has_closed_drift()) {
+            numerical.push(self.numerical_drift(own.touch, (q, qd, time))?);
+        }
+        let mut numerical = numerical.into_iter();
+        found.power = self.apply(time, q, qd, &mut found.tau)?;
+        let dry = std::mem::take(&mut self.dry);
+        let bristles = std::mem::take(&mut self.bristles);
+        let tail = &y[q.len() + qd.len() + 2..];
+        let mut view = self.view(q)?;
+        found.constraints.clear();
+        found.pressed.clear();
+        for own in lasting {
+            let touch = &sim.touches[own.touch];
+            match own.hold {
+                Hold::Presses { damping, deepest } => {
+                    let slot = bristles.iter().position(|&k| k == own.touch).map(|k| 3 * k);
+                    let deflection = slot.map_or_else(Vector3::zeros, |k| Vector3::from_column_slice(&tail[k..k + 3]));
+                    let memory = Memory { damping, deepest, deflection };
+                    let at = touch.at(&view, q, time);
+                    let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else { continue };
+                    let u = touch.u(&place, &view, qd, time)?;
+                    let rate = place.normal.dot(&u);
+                    let pressed = compliance.press(&touch.contact.law, &memory, (at.gap, rate), &place.normal, &u)?;
+                    let (force, normal) = (pressed.force, place.normal);
+                    found.scratch.fill(0.0);
+                    place.row_into(&view, force, &mut found.scratch)?;
+                    found.tau.iter_mut().zip(&found.scratch).for_each(|(tau, f)| *tau += f);
+                    found.power[1] += found.scratch.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
+                    let normal_force = normal.dot(&force);
+                    found.pressed.push(Force { force, normal, normal_force, bends: pressed.bends });
+                }
+                _ => {
+                    let at = touch.at(&view, q, time);
+                    let drift = match touch.drift(&at, &mut view, qd, time) {
+                        Some(closed) => closed?,
+                        None => numerical.next().unwrap_or_default(),
+                    };
+                    found.constraints.add((own, touch), &view, (q, qd, time), drift)?;
+                }
+            }
+        }
+        found.constraints.hold(&dry);
+        let gravity = A::project(view.model, sim.gravity);
+        let (constraints, free) = (&found.constraints, found.free.as_mut_slice());
+        let done = view.kin.accelerate_and_respond(
+            (qd, &found.tau, gravity),
+            free,
+            &constraints.forces,
+            &mut found.responses,
+        );
+        let done = match done {
+            Ok(()) if constraints.skew && constraints.rows.len() > 1 => {
+                view.kin.respond(&constraints.rows, &mut found.own_responses)
+            }
+            done => done,
+        };
+        drop(view);
+        (self.dry, self.bristles) = (dry, bristles);
+        Ok(done?)
     }
 
     /// Accelerations and forces in the present mode.
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
-        let lasting = match self.mode {
-            ContactMode::Free | ContactMode::Several => None,
-            ContactMode::Sliding { touch } => Some((touch, Hold::Slides)),
-            ContactMode::Sticking { touch } | ContactMode::Latched { touch } => Some((touch, Hold::Sticks)),
-            ContactMode::Pressing { touch, damping } => Some((touch, Hold::Presses(damping))),
-        };
-        self.held(time, y, lasting)
+        let lasting = std::mem::take(&mut self.lasting);
+        let mut found = std::mem::take(&mut self.assembled);
+        let held =
+            self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &found));
+        (self.lasting, self.assembled) = (lasting, found);
+        held
     }
 
-    /// Accelerations and forces with (or without) a lasting contact.
-    pub fn held(&mut self, time: f64, y: &[f64], lasting: Option<(usize, Hold)>) -> Result<Held, SimError> {
-        let (q, qd) = self.split(y);
-        let constrains = lasting.filter(|(_, hold)| !matches!(hold, Hold::Presses(_)));
-        let drift = constrains.map(|(touch, _)| self.drift(touch, q, qd, time)).transpose()?;
-        let (sim, slip, dry, deepest) = (self.sim, self.slip, self.dry.clone(), self.deepest);
-        let deflection = y.get(q.len() + qd.len() + 2..).filter(|tail| !tail.is_empty());
-        let deflection = deflection.map_or_else(Vector3::zeros, Vector3::from_column_slice);
-        let (mut tau, mut power) = self.applied(time, q, qd)?;
-        let mut view = self.view(q)?;
-        let (mut pressed, mut bends) = (None, Vector3::zeros());
-        if let Some((touch, Hold::Presses(damping))) = lasting {
-            let touch = &sim.touches[touch];
-            let at = touch.at(&view, q, time);
-            if let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) {
-                let u = touch.u(&place, &view, qd, time)?;
-                let rate = place.normal.dot(&u);
-                let memory = Memory { damping, deepest, deflection };
-                let found = compliance.press(&touch.contact.law, &memory, (at.gap, rate), &place.normal, &u)?;
-                let force = found.force;
-                bends = found.bends;
-                let joints = place.row(&view, force)?;
-                tau.iter_mut().zip(joints.iter()).for_each(|(tau, f)| *tau += f);
-                power[1] += joints.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
-                pressed = Some((force, place.normal));
-            }
-        }
-        let mut free = DVector::zeros(qd.len());
-        view.acceleration_into(qd, &tau, sim.gravity, free.as_mut_slice())?;
+    /// The acceleration of a gap in the present mode.
+    pub fn gap_acceleration(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        let qdd = self.in_mode(time, y)?.qdd;
+        let mut found = Assembled::new(self.sim.chain.nv());
+        let own = Lasting { touch, hold: Hold::Slides { toward: Vector3::zeros() } };
+        self.assemble((time, y), &[own], &mut found)?;
+        Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
+    }
 
-        let (mut rows, mut forces, mut drifts) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut contact, mut normal, mut along) = (0, Vector3::zeros(), Vector3::zeros());
-        let mut point_velocity = Vector3::zeros();
-        if let (Some((touch, hold)), Some((gap_drift, u_drift))) = (lasting, drift) {
-            let touch = &sim.touches[touch];
-            let at = touch.at(&view, q, time);
-            match (at.surface, hold) {
-                (Some(place), Hold::Sticks) => {
-                    let jacobian = place.jacobian(&view);
-                    rows.extend((0..3).map(|k| jacobian.row(k).transpose()));
-                    forces.extend(rows.iter().cloned());
-                    drifts.extend(u_drift.iter());
-                    normal = place.normal;
-                }
-                (Some(place), Hold::Slides) => {
-                    let mu = touch.contact.law.friction();
-                    let u = touch.u(&place, &view, qd, time)?;
-                    let d = direction_of_slip(u, place.normal, qd).unwrap_or(slip);
-                    normal = place.normal;
-                    along = if mu > 0.0 { normal - d * mu } else { normal };
-                    rows.push(touch.row(&at, &view)?);
-                    forces.push(place.row(&view, along)?);
-                    drifts.push(gap_drift);
-                }
-                (_, Hold::Presses(_)) => {}
-                (None, _) => {
-                    rows.push(touch.row(&at, &view)?);
-                    forces.push(rows[0].clone());
-                    drifts.push(gap_drift);
-                }
-            }
-            contact = rows.len();
-            if let Some(place) = at.surface {
-                point_velocity = place.velocity(&view, qd)?;
-            }
-        }
-        for joint in dry.iter().filter(|joint| joint.state == Dry::Holds) {
-            let mut row = DVector::zeros(qd.len());
-            row[joint.v] = 1.0;
-            rows.push(row.clone());
-            forces.push(row);
-            drifts.push(0.0);
-        }
-
+    fn solve(&self, time: f64, lasting: &[Lasting], found: &Assembled) -> Result<Held, SimError> {
+        let Assembled { constraints, responses, free, power, .. } = found;
         let mut held = Held {
-            qdd: free,
-            force: Vector3::zeros(),
-            normal,
-            normal_force: 0.0,
-            joints: vec![0.0; dry.len()],
-            power,
-            bends,
+            qdd: free.clone(),
+            contacts: Vec::with_capacity(lasting.len()),
+            joints: vec![0.0; self.dry.len()],
+            power: *power,
+            unique: true,
         };
-        if let Some((force, normal)) = pressed {
-            (held.force, held.normal, held.normal_force) = (force, normal, normal.dot(&force));
-        }
-        if rows.is_empty() {
-            return Ok(held);
-        }
-        let responses: Vec<DVector<f64>> =
-            forces.iter().map(|force| view.kin.solve(force.as_slice())).collect::<Result<_, _>>()?;
-        let delassus = DMatrix::from_fn(rows.len(), rows.len(), |i, j| rows[i].dot(&responses[j]));
-        let wanted = DVector::from_fn(rows.len(), |i, _| -(rows[i].dot(&held.qdd) + drifts[i]));
-        let slides = matches!(lasting, Some((_, Hold::Slides)));
-        if let (true, Some((touch, _))) = (slides, lasting) {
-            // Sliding is consistent if a unit force, with the other constraints held, opens the gap; NaN is not.
-            let mut unit = DVector::zeros(rows.len());
-            unit[0] = 1.0;
-            let opens = solve(&delassus, &unit)[0];
-            let mu = sim.touches[touch].contact.law.friction();
-            let yields = 1.0 / opens > 1e-12 * rows[0].dot(&view.kin.solve(rows[0].as_slice())?);
-            if !yields {
-                return Err(SimError::Jam { time, touch: sim.touches[touch].name.clone(), friction: mu });
-            }
-        }
-        let lambda = solve(&delassus, &wanted);
+        let m = constraints.rows.len();
+        let lambda = if m == 0 {
+            DVector::zeros(0)
+        } else {
+            let k = constraints.rows.times(responses);
+            let wanted =
+                DVector::from_fn(m, |i, _| -(constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]));
+            let (lambda, unique) = self.forces(time, lasting, found, &k, &wanted)?;
+            held.unique = unique;
+            lambda
+        };
         for (response, force) in responses.iter().zip(lambda.iter()) {
-            held.qdd.axpy(*force, response, 1.0);
+            held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
         }
-        match contact {
-            0 => {}
-            1 if slides || normal != Vector3::zeros() => {
-                held.force = along * lambda[0];
-                held.normal_force = lambda[0];
-            }
-            1 => held.normal_force = lambda[0],
-            _ => {
-                held.force = Vector3::new(lambda[0], lambda[1], lambda[2]);
-                held.normal_force = normal.dot(&held.force);
-            }
+        let (mut rigid, mut pressed) = (constraints.contacts.iter(), found.pressed.iter());
+        for own in lasting {
+            let force = if own.is_rigid() {
+                let Some(contact) = rigid.next() else { break };
+                let force = contact.force(lambda.as_slice());
+                held.power[1] += force.dot(&contact.velocity);
+                let last = contact.rows.end - 1;
+                Force { force, normal: contact.normal, normal_force: lambda[last], bends: Vector3::zeros() }
+            } else {
+                pressed.next().copied().unwrap_or_default()
+            };
+            held.contacts.push(force);
         }
-        if pressed.is_none() {
-            power[1] += held.force.dot(&point_velocity);
-            held.power = power;
-        }
-        let stuck = dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds).map(|(k, _)| k);
-        for (k, force) in stuck.zip(lambda.iter().skip(contact)) {
-            held.joints[k] = *force;
+        let first = m - constraints.joints.len();
+        for (k, force) in constraints.joints.iter().zip(lambda.iter().skip(first)) {
+            held.joints[*k] = *force;
         }
         Ok(held)
     }
-}
 
-/// The least-norm solution K⁺b: forces along directions that no joint moves are zero.
-fn solve(k: &DMatrix<f64>, b: &DVector<f64>) -> DVector<f64> {
-    if k.nrows() == 1 {
-        return b / k[(0, 0)];
+    /// λ, and whether the motion is unique.
+    fn forces(
+        &self,
+        time: f64,
+        lasting: &[Lasting],
+        found: &Assembled,
+        k: &DMatrix<f64>,
+        wanted: &DVector<f64>,
+    ) -> Result<(DVector<f64>, bool), SimError> {
+        let Assembled { constraints, responses, own_responses, .. } = found;
+        let m = wanted.len();
+        let jam = |contact: usize| {
+            let touch = &self.sim.touches[constraints.contacts[contact].touch];
+            SimError::Jam { time, touch: touch.name.clone(), friction: touch.contact.law.friction() }
+        };
+        if m == 1 {
+            // A unit force must open the gap; NaN does not.
+            let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
+            return if opens || constraints.contacts.is_empty() { Ok((wanted / k[(0, 0)], true)) } else { Err(jam(0)) };
+        }
+        let gram =
+            if constraints.skew { constraints.rows.times(own_responses) } else { constraints.rows.times(responses) };
+        let basis = Basis::of(&gram);
+        let rank = basis.rows.len();
+        if rank == m {
+            let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
+            let rigid = lasting.iter().filter(|own| own.is_rigid());
+            for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
+                let slides = matches!(own.hold, Hold::Slides { .. }) && constraints.skew;
+                // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
+                let row = contact.rows.start;
+                let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN
+                if slides && !yields {
+                    return Err(jam(c));
+                }
+            }
+            return Ok((inverse * wanted, true));
+        }
+        // λ = X η; the rows B of K X η = wanted.
+        let spread = basis.spread(&gram);
+        let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
+        let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
+        let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };
+        let unique = !constraints.skew || rank_of_rows(&constraints.forces, responses) <= rank;
+        Ok((spread * eta, unique))
     }
-    least_norm(k, b, 1e-12)
+
+    /// Whether the response of a single sliding contact is above the rounding of its terms.
+    fn yields(&self, found: &Assembled, k: f64) -> Result<bool, SimError> {
+        let along = found.constraints.rows.row(0).iter().zip(found.responses.row(0));
+        let terms: f64 = along.map(|(r, x)| (r * x).abs()).sum();
+        Ok(k > 1e-12 * terms)
+    }
 }
 
-/// Unit direction of the tangential part of u; `None` if it is zero up to rounding.
-pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
-    let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    (u - n * n.dot(&u)).try_normalize(STILL * speed)
+/// The constraints of one state with what they feel of the chain: scratch memory.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Assembled {
+    pub constraints: Constraints,
+    /// M⁻¹Fᵀ.
+    pub responses: Rows,
+    /// M⁻¹Rᵀ, where F ≠ R.
+    pub own_responses: Rows,
+    pub free: DVector<f64>,
+    /// Powers of the drive, and of damping, slipping dry friction and compliant contacts.
+    pub power: [f64; 2],
+    /// Forces of the compliant contacts.
+    pressed: Vec<Force>,
+    tau: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl Assembled {
+    pub fn new(nv: usize) -> Self {
+        Self {
+            constraints: Constraints::new(nv),
+            responses: Rows::new(nv),
+            own_responses: Rows::new(nv),
+            free: DVector::zeros(nv),
+            tau: vec![0.0; nv],
+            scratch: vec![0.0; nv],
+            ..Self::default()
+        }
+    }
+
+    /// K and R q̈₀ + drift.
+    pub fn problem(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let Self { constraints, responses, free, .. } = self;
+        let offset = DVector::from_fn(constraints.rows.len(), |i, _| {
+            constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]
+        });
+        (constraints.rows.times(responses), offset)
+    }
+}
+
+/// Independent rows of a positive semidefinite matrix, by Cholesky factorisation with diagonal pivoting (Golub & Van Loan,
+/// *Matrix Computations*, 4th ed., section 4.2.8).
+pub(crate) struct Basis {
+    pub rows: Vec<usize>,
+}
+
+impl Basis {
+    pub fn of(gram: &DMatrix<f64>) -> Self {
+        let m = gram.nrows();
+        let mut left: Vec<f64> = gram.diagonal().iter().copied().collect();
+        let mut factor: Vec<DVector<f64>> = Vec::new();
+        let mut rows = Vec::new();
+        let most = gram.diagonal().amax();
+        while rows.len() < m {
+            let share = |i: &usize| left[*i] / gram[(*i, *i)].max(most * DEPENDENT);
+            let Some(next) = (0..m).filter(|i| !rows.contains(i)).max_by(|a, b| share(a).total_cmp(&share(b))) else {
+                break;
+            };
+            let dependent = share(&next).is_nan() || share(&next) <= DEPENDENT;
+            if dependent {
+                break;
+            }
+            let pivot = left[next].sqrt();
+            let mut column = gram.column(next).into_owned();
+            for before in &factor {
+                column.axpy(-before[next], before, 1.0);
+            }
+            column /= pivot;
+            left.iter_mut().zip(column.iter()).for_each(|(left, x)| *left -= x * x);
+            factor.push(column);
+            rows.push(next);
+        }
+        Self { rows }
+    }
+
+    /// X with R = X R_B, for the matrix R M⁻¹ Rᵀ.
+    pub fn spread(&self, gram: &DMatrix<f64>) -> DMatrix<f64> {
+        let r = self.rows.len();
+        let own = DMatrix::from_fn(r, r, |i, j| gram[(self.rows[i], self.rows[j])]);
+        let across = DMatrix::from_fn(r, gram.nrows(), |i, j| gram[(self.rows[i], j)]);
+        match own.cholesky() {
+            Some(factor) => factor.solve(&across).transpose(),
+            None => DMatrix::zeros(gram.nrows(), r),
+        }
+    }
+}
+
+/// Rank of the rows F, from F M⁻¹Fᵀ.
+fn rank_of_rows(forces: &Rows, responses: &Rows) -> usize {
+    Basis::of(&forces.times(responses)).rows.len()
 }

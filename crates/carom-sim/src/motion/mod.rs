@@ -1,12 +1,17 @@
-//! Smooth motion: the equations of one contact mode.
+//! Smooth motion: the equations of one contact mode, and the choice of the mode.
 
-mod dry;
+mod beside;
 mod free_motion;
 mod held;
+mod lasting;
+mod rows;
+mod select;
 mod settle;
 mod smooth;
 
-pub(crate) use dry::{Dry, DryJoint};
 pub use free_motion::{free_motion, free_motion_at};
 pub(crate) use held::Held;
-pub(crate) use smooth::Motion;
+pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
+pub(crate) use rows::direction_of_slip;
+pub(crate) use select::Candidate;
+pub(crate) use smooth::{Motion, bristles};

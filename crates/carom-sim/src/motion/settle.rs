@@ -1,144 +1,146 @@
-//! Projection of a state onto the constraints of its contact mode, and the choice of this mode.
+//! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
+//! those that stick.
 
-use super::dry::Dry;
-use super::held::{Held, Hold, STILL, direction_of_slip};
+use super::held::Basis;
+use super::lasting::{Dry, Hold, Lasting};
+use super::rows::direction_of_slip;
 use super::smooth::Motion;
-use crate::contact::ContactMode;
 use crate::error::SimError;
-use crate::state::{Space, pseudo_inverse};
-use nalgebra::{Matrix3, Vector3};
+use crate::state::Space;
+use carom_chain::Rows;
+use nalgebra::{DMatrix, DVector};
 
-/// Gaps and gap rates up to this size are not corrected, m and m/s: a correction would only disturb the integrator.
+/// Gaps and velocities up to this size are not corrected, m and m/s: a correction would only disturb the integrator.
 const ROUNDING: f64 = 1e-15;
 
 impl<A: Space> Motion<'_, A> {
-    /// Sets the direction of beginning slip: opposite to the tangential force that sticking would need.
-    pub fn slide_off(&mut self, held: &Held) {
-        let tangential = held.force - held.normal * held.normal_force;
-        self.slip = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+    /// Projects a state onto the constraints of the present mode; returns whether it changed.
+    pub fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        let lasting = std::mem::take(&mut self.lasting);
+        let changed = self.project(&lasting, time, y);
+        self.lasting = lasting;
+        changed
     }
 
-    /// Decides which joints are held by their dry friction: those at rest whose constraint force does not exceed it.
-    pub fn settle_joints(&mut self, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let nq = self.sim.chain.nq();
-        let speed = self.split(y).1.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        for joint in &mut self.dry {
-            let rate = &mut y[nq + joint.v];
-            joint.state = if rate.abs() > STILL * speed { Dry::Brakes(rate.signum()) } else { Dry::Holds };
-            if joint.state == Dry::Holds {
-                *rate = 0.0;
-            }
-        }
-        // The joint with the largest overload begins to slip; then the forces of the others are computed again.
-        for _ in 0..self.dry.len() {
-            let held = self.in_mode(time, y)?;
-            let over = |k: &usize| held.joints[*k].abs() - self.dry[*k].friction;
-            let Some(k) = (0..self.dry.len()).filter(|k| over(k) > 0.0).max_by(|a, b| over(a).total_cmp(&over(b)))
-            else {
-                break;
-            };
-            self.dry[k].state = Dry::Brakes(-held.joints[k].signum());
-        }
-        Ok(())
-    }
-
-    /// The mode of a lasting contact: latched, sticking or sliding.
-    pub fn lasting_mode(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<ContactMode, SimError> {
-        let (q, qd) = self.split(y);
-        let (_, _, u) = self.closing(touch, q, qd, time)?;
-        let rule = &self.sim.touches[touch].contact;
-        if rule.latch {
-            return Ok(ContactMode::Latched { touch });
-        }
-        if rule.law.friction() == 0.0 || self.sim.touches[touch].link().is_none() {
-            return Ok(ContactMode::Sliding { touch });
-        }
-        let held = self.held(time, y, Some((touch, Hold::Sticks)))?;
-        if let Some(direction) = direction_of_slip(u, held.normal, qd) {
-            self.slip = direction;
-            return Ok(ContactMode::Sliding { touch });
-        }
-        let tangential = held.force - held.normal * held.normal_force;
-        if tangential.norm() <= rule.law.friction() * held.normal_force {
-            return Ok(ContactMode::Sticking { touch });
-        }
-        self.slide_off(&held);
-        Ok(ContactMode::Sliding { touch })
-    }
-
-    /// Advances a lasting contact by `span` seconds in one step of second order; the span is below the Zeno time.
-    pub fn pass(&mut self, touch: usize, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let mode = self.lasting_mode(touch, time, y)?;
-        let hold = if matches!(mode, ContactMode::Sliding { .. }) { Hold::Slides } else { Hold::Sticks };
-        let held = self.held(time, y, Some((touch, hold)))?;
-        let nq = self.sim.chain.nq();
-        let (q, qd) = self.split(y);
-        let mean: Vec<f64> = qd.iter().zip(held.qdd.iter()).map(|(v, a)| v + a * span / 2.0).collect();
-        let moved = self.sim.chain.integrate(q, &mean, span)?;
-        y[..nq].copy_from_slice(&moved);
-        for (v, a) in y[nq..].iter_mut().zip(held.qdd.iter()) {
-            *v += a * span;
-        }
-        Ok(())
-    }
-
-    /// Sets the normal velocity to zero by a normal impulse, and the gap to zero by a displacement along its response. Returns
-    /// whether it changed the state.
-    pub fn stop_normal(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
+    /// Sets the gaps and the normal velocities of these contacts to zero, the slip of those that stick, and the velocities of
+    /// joints held by dry friction. Returns whether the state changed.
+    pub fn project(&mut self, lasting: &[Lasting], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let sim = self.sim;
-        let nq = sim.chain.nq();
-        let mut view = self.view(&q)?;
-        let at = sim.touches[touch].at(&view, &q, time);
-        let row = sim.touches[touch].row(&at, &view)?;
-        let rate = sim.touches[touch].rate(&at, &view, &qd, time)?;
-        if at.gap.abs() <= ROUNDING && rate.abs() <= ROUNDING {
+        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let rigid = || lasting.iter().filter(|own| own.is_rigid());
+        if rigid().next().is_none() && !self.dry.iter().any(|joint| joint.state == Dry::Holds) {
             return Ok(false);
         }
-        let response = view.kin.solve(row.as_slice())?;
-        let inverse_mass = row.dot(&response);
-        let back: Vec<f64> = response.iter().map(|x| -x * at.gap / inverse_mass).collect();
-        let moved = sim.chain.integrate(&q, &back, 1.0)?;
-        y[..nq].copy_from_slice(&moved);
-        for (v, x) in y[nq..].iter_mut().zip(response.iter()) {
-            *v -= x * rate / inverse_mass;
-        }
-        Ok(true)
-    }
-
-    /// Updates the direction of slip, which turns in space; the witness function for its stop uses this direction. Returns the
-    /// slip velocity as a share of the largest joint velocity.
-    pub fn follow_slip(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
-        let sim = self.sim;
-        let view = self.view(&q)?;
-        let Some(place) = sim.touches[touch].at(&view, &q, time).surface else { return Ok(0.0) };
-        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
-        if let Some(direction) = direction_of_slip(u, place.normal, &qd) {
-            self.slip = direction;
-        }
-        let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        Ok((u - place.normal * place.normal.dot(&u)).norm() / speed.max(f64::MIN_POSITIVE))
-    }
-
-    /// Sets the velocity of the contact point relative to the surface to zero.
-    pub fn stop_slip(&mut self, touch: usize, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let (q, qd) = self.split(y);
-        let (q, qd) = (q.to_vec(), qd.to_vec());
-        let sim = self.sim;
+        // The gaps.
+        let mut changed = false;
+        let q = y[..nq].to_vec();
+        let mut rows = Rows::new(nv);
+        let mut errors = Vec::new();
         let mut view = self.view(&q)?;
-        let at = sim.touches[touch].at(&view, &q, time);
-        let Some(place) = at.surface else { return Ok(()) };
-        let u = sim.touches[touch].u(&place, &view, &qd, time)?;
-        let jacobian = place.jacobian(&view);
-        let response = view.responses(&jacobian)?;
-        let h: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let jump = &response * (pseudo_inverse(h) * u);
-        for (v, x) in y[sim.chain.nq()..].iter_mut().zip(jump.iter()) {
-            *v -= x;
+        for own in rigid() {
+            let touch = &sim.touches[own.touch];
+            let at = touch.at(&view, &q, time);
+            touch.row_into(&at, &view, rows.add())?;
+            errors.push(at.gap);
         }
+        let mut responses = Rows::new(nv);
+        if errors.iter().any(|gap| gap.abs() > ROUNDING) {
+            view.kin.respond(&rows, &mut responses)?;
+            let back = least(&rows, &responses, &errors);
+            let moved = sim.chain.integrate(&q, back.as_slice(), -1.0)?;
+            y[..nq].copy_from_slice(&moved);
+            changed = true;
+        }
+        // The velocities, at the new configuration.
+        let (q, qd) = (y[..nq].to_vec(), y[nq..nq + nv].to_vec());
+        let dry = std::mem::take(&mut self.dry);
+        let mut view = self.view(&q)?;
+        rows.clear();
+        errors.clear();
+        for own in rigid() {
+            let touch = &sim.touches[own.touch];
+            let at = touch.at(&view, &q, time);
+            match (at.surface, own.hold) {
+                (Some(place), Hold::Sticks | Hold::Latched) => {
+                    let u = touch.u(&place, &view, &qd, time)?;
+                    for k in 0..3 {
+                        let mut axis = nalgebra::Vector3::zeros();
+                        axis[k] = 1.0;
+                        place.row_into(&view, axis, rows.add())?;
+                        errors.push(u[k]);
+                    }
+                }
+                _ => {
+                    touch.row_into(&at, &view, rows.add())?;
+                    errors.push(touch.rate(&at, &view, &qd, time)?);
+                }
+            }
+        }
+        for joint in dry.iter().filter(|joint| joint.state == Dry::Holds) {
+            rows.add()[joint.v] = 1.0;
+            errors.push(qd[joint.v]);
+        }
+        let done = if errors.iter().any(|u| u.abs() > ROUNDING) {
+            let responded = view.kin.respond(&rows, &mut responses);
+            responded.map(|()| {
+                let jump = least(&rows, &responses, &errors);
+                y[nq..nq + nv].iter_mut().zip(jump.iter()).for_each(|(v, x)| *v -= x);
+                changed = true;
+            })
+        } else {
+            Ok(())
+        };
+        self.dry = dry;
+        done?;
+        Ok(changed)
+    }
+
+    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them.
+    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let mut lasting = std::mem::take(&mut self.lasting);
+        let (q, qd) = self.split(y);
+        let sim = self.sim;
+        let view = self.view(q)?;
+        for own in &mut lasting {
+            if let Hold::Slides { toward } = &mut own.hold
+                && let Some(place) = sim.touches[own.touch].at(&view, q, time).surface
+            {
+                let u = sim.touches[own.touch].u(&place, &view, qd, time)?;
+                *toward = direction_of_slip(u, place.normal, qd).unwrap_or(*toward);
+            }
+        }
+        self.lasting = lasting;
         Ok(())
     }
+
+    /// Advances the present mode by `span` seconds in one step of second order; the span is below the Zeno time.
+    pub fn pass(&mut self, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
+        let qdd = self.in_mode(time, y)?.qdd;
+        let (q, qd) = self.split(y);
+        let (nq, nv) = (q.len(), qd.len());
+        let mean: Vec<f64> = qd.iter().zip(qdd.iter()).map(|(v, a)| v + 0.5 * a * span).collect();
+        let moved = self.sim.chain.integrate(q, &mean, span)?;
+        y[..nq].copy_from_slice(&moved);
+        for (v, a) in y[nq..nq + nv].iter_mut().zip(qdd.iter()) {
+            *v += a * span;
+        }
+        self.settle(time + span, y).map(|_| ())
+    }
+}
+
+/// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
+fn least(rows: &Rows, responses: &Rows, errors: &[f64]) -> DVector<f64> {
+    let gram = rows.times(responses);
+    let basis = Basis::of(&gram).rows;
+    let r = basis.len();
+    let own = DMatrix::from_fn(r, r, |i, j| gram[(basis[i], basis[j])]);
+    let wanted = DVector::from_fn(r, |i, _| errors[basis[i]]);
+    let nv = responses.iter().next().map_or(0, <[f64]>::len);
+    let mut x = DVector::zeros(nv);
+    if let Some(factor) = own.cholesky() {
+        for (i, force) in basis.iter().zip(factor.solve(&wanted).iter()) {
+            x.iter_mut().zip(responses.row(*i)).for_each(|(x, response)| *x += force * response);
+        }
+    }
+    x
 }

@@ -2,14 +2,15 @@
 //! `run/watch.rs`.
 //!
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
-//! with the motion. If a compliant contact has a bristle, its deflection (world, m) is appended.
+//! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
-use super::dry::{Dry, DryJoint};
+use super::held::Assembled;
+use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{BallOnPlane, ContactMode};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Simulation};
 use crate::state::{Space, View, reach};
-use carom_chain::{Coordinates, PlanarRow, Workspace};
+use carom_chain::{Coordinates, PlanarRow, Rows, Workspace};
 use nalgebra::Vector3;
 
 /// A chain in motion.
@@ -17,11 +18,16 @@ pub(crate) struct Motion<'a, A: Space> {
     pub sim: &'a Simulation,
     pub model: &'a A::Model,
     pub workspace: Workspace<A>,
-    pub mode: ContactMode,
-    /// Direction of slip while the slip is too small to define it.
-    pub slip: Vector3<f64>,
+    /// The closed contacts.
+    pub lasting: Vec<Lasting>,
+    /// Whether the motion is computed by time steps.
+    pub stepping: bool,
     /// Joints with dry friction.
     pub dry: Vec<DryJoint>,
+    /// The touches with a bristle, in the order of their deflections in the state.
+    pub bristles: Vec<usize>,
+    /// Largest joint velocity at the start of the leg, rad/s or m/s.
+    pub speed: f64,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
     /// Whether an impact has happened.
@@ -34,8 +40,8 @@ pub(crate) struct Motion<'a, A: Space> {
     damping: Vec<f64>,
     /// Joint forces: scratch memory.
     tau: Vec<f64>,
-    /// Penetration at which the compliant contact last changed from loading to unloading, m; −∞ if it did not.
-    pub deepest: f64,
+    /// Scratch memory of the constraints.
+    pub assembled: Assembled,
     /// Reach of the chain, m.
     pub reach: f64,
 }
@@ -55,16 +61,18 @@ impl<'a, A: Space> Motion<'a, A> {
             sim,
             model,
             workspace: A::chain(model).workspace(),
-            mode: ContactMode::Free,
-            slip: Vector3::zeros(),
+            lasting: Vec::new(),
+            stepping: false,
             dry,
+            bristles: bristles(sim),
+            speed: 0.0,
             impacts: vec![0; sim.touches.len()],
             was_hit: false,
             balls: sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect(),
             row: A::row(model),
             damping: sim.damping(),
             tau: vec![0.0; sim.chain.nv()],
-            deepest: 0.0,
+            assembled: Assembled::new(sim.chain.nv()),
             reach: reach(&sim.chain),
         }
     }
@@ -89,8 +97,10 @@ impl<'a, A: Space> Motion<'a, A> {
         let sim = self.sim;
         let mut view = self.view(q)?;
         let at = sim.touches[touch].at(&view, q, time);
-        let row = sim.touches[touch].row(&at, &view)?;
-        Ok(1.0 / row.dot(&view.kin.solve(row.as_slice())?))
+        let (mut row, mut response) = (Rows::new(sim.chain.nv()), Rows::default());
+        sim.touches[touch].row_into(&at, &view, row.add())?;
+        view.kin.respond(&row, &mut response)?;
+        Ok(1.0 / row.dot(0, response.row(0)))
     }
 
     /// Joint forces of drive, damping and slipping dry friction, and the powers of the drive and of the others.
@@ -101,7 +111,7 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     /// [`Motion::applied`], into `tau`.
-    fn apply(&mut self, time: f64, q: &[f64], qd: &[f64], tau: &mut [f64]) -> Result<[f64; 2], SimError> {
+    pub fn apply(&mut self, time: f64, q: &[f64], qd: &[f64], tau: &mut [f64]) -> Result<[f64; 2], SimError> {
         let resisted = self.resist(qd, tau);
         let (drive, asked) = (self.drive(), self.asked(time));
         let driven = drive.push(asked, (self.model, &mut self.workspace), (q, qd), tau)?;
@@ -146,9 +156,24 @@ impl<'a, A: Space> Motion<'a, A> {
         after.unwrap_or(&self.sim.drive)
     }
 
+    /// The contact mode, in one word.
+    pub fn mode(&self) -> ContactMode {
+        match self.lasting.as_slice() {
+            _ if self.stepping => ContactMode::Stepping,
+            [] => ContactMode::Free,
+            [only] => only.mode(),
+            _ => ContactMode::Several,
+        }
+    }
+
+    /// Whether a touch is among the lasting contacts.
+    pub fn lasts(&self, touch: usize) -> bool {
+        self.lasting.iter().any(|own| own.touch == touch)
+    }
+
     /// Whether there are neither constraints nor contact forces.
     pub fn moves_freely(&self) -> bool {
-        self.mode == ContactMode::Free && !self.dry.iter().any(|joint| joint.state == Dry::Holds)
+        self.lasting.is_empty() && !self.dry.iter().any(|joint| joint.state == Dry::Holds)
     }
 
     /// q̈ of a [free motion](Self::moves_freely), and the powers of the drive and of the dissipative forces: the result of
@@ -201,5 +226,24 @@ impl<'a, A: Space> Motion<'a, A> {
         let at = touch.at(&view, q, time);
         let u = at.surface.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;
         Ok((at.gap, touch.rate(&at, &view, qd, time)?, u))
+    }
+}
+
+/// The touches with a bristle.
+pub(crate) fn bristles(sim: &Simulation) -> Vec<usize> {
+    let has = |k: &usize| sim.touches[*k].contact.compliance.is_some_and(|it| it.has_bristle());
+    (0..sim.touches.len()).filter(has).collect()
+}
+
+impl Lasting {
+    /// Its mode.
+    pub fn mode(&self) -> ContactMode {
+        let touch = self.touch;
+        match self.hold {
+            Hold::Slides { .. } => ContactMode::Sliding { touch },
+            Hold::Sticks => ContactMode::Sticking { touch },
+            Hold::Latched => ContactMode::Latched { touch },
+            Hold::Presses { damping, .. } => ContactMode::Pressing { touch, damping },
+        }
     }
 }

@@ -1,34 +1,26 @@
 //! The event loop: smooth legs of motion, and exact events between them.
 //!
-//! **One contact at a time.** In the mode `free` there is no contact and every closing gap is an event. The law computes
-//! the impact. The next mode follows from the state after it, with the separation velocity u⁺, r = u⁺/|u⁻| and the
-//! acceleration a towards the surface in free motion:
+//! Between events every closed contact has a mode: it slides, sticks, is held by a latch, or presses (a compliant contact).
+//! All rigid ones are constraints, solved together (`motion/held.rs`). A leg ends when a gap closes, when a normal force becomes
+//! negative, when slip stops or a sticking contact leaves its friction cone, when a joint with dry friction stops or breaks
+//! loose.
 //!
-//! - u⁺ > 0 and no accumulation: free motion.
-//! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`]: the infinitely many impacts within that
-//!   time are replaced by their limit (`zeno`), after which the contact lasts. For a pendulum that hits a wall at its lowest
-//!   point a = 0: its impacts never accumulate, and all are computed.
-//! - u⁺ = 0 (r = 0) and a > 0: the contact lasts.
+//! **A mode ends** (`resettle`): the touches that are closed and have no normal velocity are candidates; the complementarity
+//! problem of their accelerations (`motion/select.rs`) decides which of them carry load, stick or slide.
 //!
-//! A lasting contact slides or sticks under the constraint force with g̈ = 0 (and u̇ = 0 if it sticks). It opens when the
-//! normal force becomes negative, begins to slide when the force leaves the friction cone, and may stick when the slip
-//! velocity becomes zero. A latch never opens. A compliant contact has no impact but a force, from the time at which its gap
-//! closes until it opens.
+//! **A gap closes**: an impact (`impacts.rs`), then the same choice among the contacts that it leaves closed.
 //!
-//! **Several contacts** at the same time are computed in `several.rs`: their impact is one problem for all of them. If at
-//! most one contact lasts after it, the run continues event-driven; otherwise by time steps until all contacts are open.
+//! **No consistent mode**: a contact that slides has an impact without collision (Painlevé); what has no solution at all is
+//! computed by time steps (`several.rs`), until a mode is consistent again.
 
 use super::leg::{Accuracy, LegEnd, Sampler, leg};
-use super::trajectory::{Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StopReason, Summary};
+use super::trajectory::{EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StopReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::{Compliance, ContactMode, friction_bound};
+use crate::contact::{Compliance, ContactMode};
 use crate::error::SimError;
-use crate::impact::ChainImpact;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Dry, Motion};
-use crate::state::{Moment, Space};
-use carom_chain::algebra::z_onto;
-use carom_impact::{Frictionless, ImpactProblem, Law};
+use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting, Motion, bristles};
+use crate::state::{Blow, Moment, Space};
 
 /// The state of a run.
 pub(crate) struct Run<'a, 'w, A: Space> {
@@ -54,11 +46,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
         let sizes = (sim.chain.nq(), sim.chain.nv());
-        let bristles = sim.touches.iter().any(|touch| touch.contact.compliance.is_some_and(|it| it.has_bristle()));
+        let deflections = vec![0.0; 3 * bristles(sim).len()];
         let mut run = Self {
             motion: Motion::new(sim, model),
             time: 0.0,
-            y: [q, qd, &[0.0, 0.0], if bristles { &[0.0; 3] } else { &[] }].concat(),
+            y: [q, qd, &[0.0, 0.0], &deflections].concat(),
             end,
             sampler: Sampler { sampling, sizes, count: 0, until: 0.0, watch },
             events: 0,
@@ -74,7 +66,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 stop = StopReason::Events;
                 break;
             }
-            if run.motion.mode == ContactMode::Several {
+            if run.motion.stepping {
                 run.several_contacts()?;
             } else {
                 run.one_leg()?;
@@ -84,7 +76,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (nq, nv) = sizes;
         Ok(Summary {
             last: Moment { time: run.time, q: run.y[..nq].to_vec(), qd: run.y[nq..nq + nv].to_vec() },
-            mode: run.motion.mode,
+            mode: run.motion.mode(),
+            contacts: run.motion.lasting.iter().map(Lasting::mode).collect(),
             stop,
             events: run.events,
             statistics: run.statistics,
@@ -101,9 +94,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     fn one_leg(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
-        let gives_up = self.motion.mode.touch().is_some();
-        let presses = matches!(self.motion.mode, ContactMode::Pressing { .. });
-        let accuracy = Accuracy { tolerance, max_step, integrator, gives_up };
+        let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
+        let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
+        let accuracy = Accuracy { tolerance, max_step, integrator, gives_up: gives_up || presses };
         let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
         let until = kink.min(self.end);
@@ -111,7 +104,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             self.time = until; // shorter than any integration step
             return Ok(());
         }
-        let mut flow = Watched::new(&mut self.motion);
+        self.measure();
+        let mut flow = match Watched::new(&mut self.motion, self.time, &self.y) {
+            Err(SimError::Jam { .. }) => return self.no_mode(),
+            flow => flow?,
+        };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         if presses && matches!(ended, Err(SimError::Integration { .. })) {
@@ -125,12 +122,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 (self.time, self.y) = (time, y);
                 fired.map_or(Ok(()), |witness| self.event(watches[witness]))
             }
-            // Rigid sliding has no consistent acceleration, or the direction of slip turns ever faster as the slip goes to
-            // zero. Time steps have a solution in both cases.
-            Err(SimError::Jam { .. }) => self.enter(ContactMode::Several),
-            Err(SimError::Integration { .. }) if gives_up => self.enter(ContactMode::Several),
+            Err(SimError::Jam { .. }) => self.no_mode(),
+            // The direction of slip turns ever faster as the slip goes to zero. Time steps have a solution.
+            Err(SimError::Integration { .. }) if gives_up => self.step_on(),
             Err(error) => Err(error),
         }
+    }
+
+    /// The velocity scale of the next decisions.
+    pub fn measure(&mut self) {
+        self.motion.speed = self.motion.split(&self.y).1.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
     }
 
     pub fn q_qd(&self) -> (Vec<f64>, Vec<f64>) {
@@ -153,33 +154,24 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// The contacts and the mode at the start.
     fn begin(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
+        self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
             let gives_way = sim.touches[touch].contact.compliance.is_some() && sim.touches[touch].link().is_some();
-            if gap < -TOUCHING {
-                if gives_way {
-                    sunk.push((touch, -rate, -gap));
-                    continue;
-                }
+            if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
+                sunk.push((touch, -rate));
+            } else if gap < -TOUCHING {
                 return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth: -gap });
-            }
-            if gap <= TOUCHING {
-                if rate < 0.0 { hits.push(touch) } else { rests.push((touch, rate)) }
-            }
-        }
-        // Touches with zero gap and no load are open.
-        let mut pressed = Vec::new();
-        for (touch, rate) in rests {
-            if !matches!(self.stays(touch, 0.0, rate)?, Stays::No) {
-                pressed.push((touch, rate));
+            } else if gap <= TOUCHING {
+                if rate < 0.0 {
+                    hits.push(touch);
+                } else if rate <= self.motion.rest() {
+                    rests.push(touch);
+                }
             }
         }
-        let rests = pressed;
-        // A compliant contact may start with a penetration.
-        if let Some(&(touch, approach, depth)) = sunk.first() {
-            if sunk.len() + hits.len() + rests.len() > 1 {
-                return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth });
-            }
+        // Compliant contacts may start with a penetration.
+        for (touch, approach) in sunk {
             let rule = &sim.touches[touch].contact;
             let (q, _) = self.q_qd();
             let mass = self.motion.effective_mass(touch, &q, self.time)?;
@@ -187,69 +179,156 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             let damping = rule
                 .compliance
                 .map_or(Ok(0.0), |it| Ok::<_, SimError>(it.normal(rule.law.restitution())?.damping(speed, mass)))?;
-            return self.press(touch, damping);
+            self.press(touch, damping);
         }
         if sim.stepping {
-            return self.enter(ContactMode::Several);
+            return self.step_on();
         }
-        let points = |touches: &[usize]| touches.iter().all(|&k| sim.touches[k].is_point());
-        match (hits.len(), rests.len()) {
-            (0, 0) => self.motion.settle_joints(self.time, &mut self.y),
-            (1, 0) if points(&hits) => self.impact(hits[0]),
-            (0, 1) if points(&[rests[0].0]) => self.leave(rests[0].0, 0.0, rests[0].1),
-            _ => self.enter(ContactMode::Several),
-        }
+        let before = self.y.clone();
+        if hits.is_empty() { self.resettle(&rests, &before) } else { self.collide(&hits, &rests) }
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        let time = self.time;
-        match (watch, self.motion.mode.touch()) {
-            (Watch::Gap(touch), _) => self.touch(touch),
-            (Watch::NormalForce | Watch::Depth, Some(touch)) => {
-                self.motion.mode = ContactMode::Free;
-                let y = self.y.clone();
-                self.note(EventKind::LiftOff { touch }, &y, Vec::new());
-                self.motion.settle_joints(time, &mut self.y)
+        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
+        if crowd {
+            return self.step_on();
+        }
+        let before = self.y.clone();
+        match watch {
+            Watch::Gap(touch) => return self.touch(touch),
+            Watch::Depth(i) => {
+                let own = self.motion.lasting.remove(i);
+                self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
             }
-            (Watch::Turns, Some(touch)) => {
-                let (gap, _) = self.gap(touch)?;
-                self.motion.deepest = self.motion.deepest.max(-gap);
-                Ok(())
+            Watch::Turns(i) => {
+                let (gap, _) = self.gap(self.motion.lasting[i].touch)?;
+                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                    *deepest = deepest.max(-gap);
+                }
+                return Ok(());
             }
-            (Watch::SlipStops, Some(touch)) => {
-                let before = self.y.clone();
-                if self.motion.follow_slip(touch, time, &before)? > TURNED {
+            Watch::SlipStops(i) => {
+                self.motion.follow_slip(self.time, &before)?;
+                let touch = self.motion.lasting[i].touch;
+                if self.motion.candidate(touch, self.time, &before)?.slip.is_some() {
                     return Ok(()); // the direction of slip has turned by 90°
                 }
-                self.motion.stop_slip(touch, time, &mut self.y)?;
-                self.last(touch, &before)
             }
-            (Watch::Cone, Some(touch)) => {
-                let held = self.motion.in_mode(time, &self.y)?;
-                self.motion.slide_off(&held);
-                self.enter(ContactMode::Sliding { touch })
+            Watch::JointStops(k) => {
+                let nq = self.motion.sim.chain.nq();
+                self.y[nq + self.motion.dry[k].v] = 0.0;
             }
-            (Watch::JointStops(k) | Watch::JointBreaksLoose(k), _) => {
-                let (before, nq) = (self.y.clone(), self.motion.sim.chain.nq());
-                let v = self.motion.dry[k].v;
-                if self.motion.dry[k].state != Dry::Holds {
-                    self.y[nq + v] = 0.0;
-                }
-                if self.motion.dry[k].state == Dry::Holds {
-                    // It begins to slip in the direction of the load.
-                    let held = self.motion.in_mode(time, &self.y)?;
-                    self.motion.dry[k].state = Dry::Brakes(-held.joints[k].signum());
-                } else {
-                    self.motion.settle_joints(time, &mut self.y)?;
-                }
-                let holds = self.motion.dry[k].state == Dry::Holds;
-                let joint =
-                    self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
-                self.note(EventKind::Joint { joint, holds }, &before, Vec::new());
-                Ok(())
-            }
-            (_, None) => Ok(()),
+            Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_) | Watch::Admissible => {}
         }
+        let events = self.events;
+        self.resettle(&[], &before)?;
+        // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
+        if self.events == events {
+            match watch {
+                Watch::SlipStops(i) | Watch::Cone(i) => {
+                    if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
+                        self.note(EventKind::Mode { mode }, &before, Vec::new());
+                    }
+                }
+                Watch::JointStops(k) | Watch::JointBreaksLoose(k) => self.note_joint(k, &before),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn note_joint(&mut self, k: usize, before: &[f64]) {
+        let DryJoint { v, state, .. } = self.motion.dry[k];
+        let joint = self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
+        self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before, Vec::new());
+    }
+
+    /// The modes of the contacts that last and of those in `more`, and the events of their changes.
+    pub fn resettle(&mut self, more: &[usize], before: &[f64]) -> Result<(), SimError> {
+        let old = self.motion.lasting.clone();
+        let dry = self.motion.dry.clone();
+        let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
+        touches.extend(more);
+        let rest = self.motion.rest();
+        let closed = self.motion.closed();
+        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
+            if !compliant && gap.abs() <= closed && rate.abs() <= rest && !touches.contains(&touch) {
+                touches.push(touch);
+            }
+        }
+        touches.sort_unstable();
+        if !self.choose(&touches)? {
+            return self.no_mode();
+        }
+        self.note_changes(&old, before);
+        for k in 0..dry.len() {
+            let holds = |joint: &DryJoint| joint.state == Dry::Holds;
+            if holds(&dry[k]) != holds(&self.motion.dry[k]) && self.events_started() {
+                self.note_joint(k, before);
+            }
+        }
+        self.rest()
+    }
+
+    /// Whether the run is past its start.
+    fn events_started(&self) -> bool {
+        self.time > 0.0
+    }
+
+    /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them. `false`: no mode
+    /// is consistent.
+    pub fn choose(&mut self, touches: &[usize]) -> Result<bool, SimError> {
+        let kept = self.motion.lasting.iter().filter(|own| !own.is_rigid());
+        let mut candidates: Vec<Candidate> =
+            kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
+        for &touch in touches {
+            candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
+        }
+        if !self.motion.select(&candidates, self.time, &mut self.y)? {
+            return Ok(false);
+        }
+        let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
+        Ok(!faces)
+    }
+
+    /// The events of the contacts whose mode has changed.
+    pub fn note_changes(&mut self, old: &[Lasting], before: &[f64]) {
+        let new = self.motion.lasting.clone();
+        for own in old.iter().filter(|own| !new.iter().any(|now| now.touch == own.touch)) {
+            self.note(EventKind::LiftOff { touch: own.touch }, before, Vec::new());
+        }
+        for now in &new {
+            let same = |own: &Lasting| std::mem::discriminant(&own.mode()) == std::mem::discriminant(&now.mode());
+            if !old.iter().any(|own| own.touch == now.touch && same(own)) {
+                self.note(EventKind::Mode { mode: now.mode() }, before, Vec::new());
+            }
+        }
+    }
+
+    /// Ends the run if the chain is at rest and stays so.
+    pub fn rest(&mut self) -> Result<(), SimError> {
+        let rest = self.motion.rest();
+        let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
+        let held = self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
+        if !still || !held || !self.is_steady() || self.time >= self.end {
+            return Ok(());
+        }
+        let qdd = match self.motion.in_mode(self.time, &self.y) {
+            Err(SimError::Jam { .. }) => return Ok(()),
+            held => held?.qdd,
+        };
+        let gravity = self.motion.sim.gravity.norm().max(rest);
+        if qdd.amax() > 1e-9 * gravity {
+            return Ok(());
+        }
+        let before = self.y.clone();
+        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
+        self.y[nq..nq + nv].fill(0.0);
+        self.note(EventKind::Rest, &before, Vec::new());
+        let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
+        self.sampler.stretch(start, self.end, 2, |_| y.clone());
+        Ok(())
     }
 
     /// Outputs an event that led from `before` to the present state.
@@ -264,187 +343,35 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    pub fn enter(&mut self, mode: ContactMode) -> Result<(), SimError> {
-        self.motion.mode = mode;
-        let y = self.y.clone();
-        self.note(EventKind::Mode { mode }, &y, Vec::new());
-        if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
+    /// Continues by time steps.
+    pub fn step_on(&mut self) -> Result<(), SimError> {
+        self.motion.stepping = true;
+        self.motion.lasting.retain(|own| !own.is_rigid());
+        let before = self.y.clone();
+        self.note(EventKind::Mode { mode: ContactMode::Stepping }, &before, Vec::new());
+        Ok(())
     }
 
     /// A touch has closed, alone or together with others.
     fn touch(&mut self, touch: usize) -> Result<(), SimError> {
-        let mut together = vec![touch];
+        self.measure();
+        let (mut together, mut beside) = (vec![touch], Vec::new());
+        let rest = self.motion.rest();
         for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
-            let free = other != touch && Some(other) != self.motion.mode.touch();
-            if free && gap <= TOUCHING && rate <= 0.0 {
+            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
+                continue;
+            }
+            if rate < -rest {
                 together.push(other);
+            } else if rate <= rest {
+                beside.push(other);
             }
         }
-        together.extend(self.motion.mode.touch());
-        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
-        if crowd {
-            return self.enter(ContactMode::Several);
-        }
-        if together.len() > 1 { self.several_impacts(&together) } else { self.impact(touch) }
+        self.collide(&together, &beside)
     }
-
-    /// The impact of a single touch.
-    fn impact(&mut self, touch: usize) -> Result<(), SimError> {
-        let before = self.y.clone();
-        let (q, qd) = self.q_qd();
-        let (sim, time) = (self.motion.sim, self.time);
-        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
-        let energy = self.motion.energy(&before)?;
-        let nq = sim.chain.nq();
-        let one = &sim.touches[touch];
-        if let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) {
-            let speed = (-approach).max(Compliance::SLOWEST);
-            let law = compliance.normal(one.contact.law.restitution())?;
-            let mass = self.motion.effective_mass(touch, &q, time)?;
-            let depth = law.greatest_penetration(speed, mass);
-            if sim.neglect.is_none_or(|share| depth > share * self.motion.reach) {
-                self.motion.count_impact(touch);
-                return self.press(touch, law.damping(speed, mass));
-            }
-            self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
-        }
-        if one.contact.latch {
-            self.latch(touch)?;
-            self.lost += energy - self.motion.energy(&self.y)?;
-            return self.last(touch, &before);
-        }
-        let mut view = self.motion.view(&q)?;
-        let at = one.at(&view, &q, time);
-        let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
-            (Some(place), _) => {
-                let given = &one.contact.law;
-                let (restitution, friction) = (given.restitution(), given.friction());
-                let Some((delassus, response)) = place.inertia(&mut view)? else {
-                    let link = one.link().unwrap_or_default().to_owned();
-                    return Err(SimError::SingularNormal { link, normal: place.normal.into() });
-                };
-                let axes = z_onto(place.normal);
-                let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
-                let bound = friction_bound(&delassus, &place.normal, -approach, restitution, friction) / u.norm();
-                let plain = Frictionless { restitution };
-                let mut law: &dyn Law<f64, 3> = &**given;
-                // The bound holds for the laws of `carom-impact`.
-                if friction > 0.0 && !given.is_users() && sim.neglect.is_some_and(|share| bound <= share) {
-                    law = &plain;
-                    self.statistics.neglected += 1;
-                    self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
-                }
-                let mut hit = Box::new(ChainImpact::empty(qd.len()));
-                let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
-                hit.carry(law.resolve(&problem)?, &axes, rows.iter(), &qd);
-                hit.energy_before = view.kin.kinetic_energy(&qd)?;
-                hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
-                let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
-                (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
-            }
-            (None, joint) => {
-                let row = one.row(&at, &view)?;
-                let response = view.kin.solve(row.as_slice())?;
-                let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(&response);
-                let qd_plus = qd.iter().zip(response.iter()).map(|(v, x)| v + x * impulse).collect();
-                (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())
-            }
-        };
-        self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
-        self.motion.count_impact(touch);
-        self.note(kind, &before, blows);
-        self.lost += energy - self.motion.energy(&self.y)?;
-        let (_, rebound) = self.gap(touch)?;
-        self.leave(touch, approach, rebound)
-    }
-
-    /// The beginning of a compliant contact.
-    fn press(&mut self, touch: usize, damping: f64) -> Result<(), SimError> {
-        let sim = self.motion.sim;
-        self.motion.deepest = f64::NEG_INFINITY;
-        self.y[sim.chain.nq() + sim.chain.nv() + 2..].fill(0.0); // no deflection of the bristle
-        self.enter(ContactMode::Pressing { touch, damping })
-    }
-
-    /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
-    fn latch(&mut self, touch: usize) -> Result<(), SimError> {
-        let before = self.y.clone();
-        self.motion.stop_normal(touch, self.time, &mut self.y)?;
-        self.motion.stop_slip(touch, self.time, &mut self.y)?;
-        self.motion.count_impact(touch);
-        self.note(EventKind::Latch { touch }, &before, Vec::new());
-        Ok(())
-    }
-
-    /// Whether a contact with the separation velocity `rebound` lasts: at once, or after infinitely many impacts within the
-    /// returned time.
-    pub fn stays(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<Stays, SimError> {
-        let toward = -self.motion.gap_acceleration(touch, self.time, &self.y)?;
-        let share = if approach < 0.0 { rebound / -approach } else { 0.0 };
-        // Rebound velocities below the rounding of the approach velocity count as zero.
-        let rests = rebound <= 1e-14 * approach.abs();
-        let left = 2.0 * rebound / (toward * (1.0 - share));
-        if toward > 0.0 && rests {
-            return Ok(Stays::Rests);
-        }
-        if toward > 0.0 && share < 1.0 && left < self.motion.sim.zeno_time {
-            return Ok(Stays::Zeno(left));
-        }
-        Ok(Stays::No)
-    }
-
-    /// The next mode of a contact with the separation velocity `rebound`.
-    fn leave(&mut self, touch: usize, approach: f64, rebound: f64) -> Result<(), SimError> {
-        self.motion.mode = ContactMode::Free;
-        self.motion.settle_joints(self.time, &mut self.y)?;
-        match self.stays(touch, approach, rebound)? {
-            Stays::No => Ok(()),
-            Stays::Rests => {
-                let before = self.y.clone();
-                self.motion.stop_normal(touch, self.time, &mut self.y)?;
-                self.last(touch, &before)
-            }
-            Stays::Zeno(left) => {
-                let before = self.y.clone();
-                let energy = self.motion.energy(&before)?;
-                self.motion.stop_normal(touch, self.time, &mut self.y)?;
-                self.motion.pass(touch, left, self.time, &mut self.y)?;
-                self.lost += energy - self.motion.energy(&self.y)?;
-                let (start, y) = (self.time, self.y.clone());
-                self.time += left;
-                self.sampler.stretch(start, self.time, 2, |_| y.clone());
-                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &before, Vec::new());
-                self.last(touch, &before)
-            }
-        }
-    }
-
-    /// A lasting contact begins: decides whether it sticks or slides.
-    pub fn last(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
-        if !self.motion.sim.touches[touch].is_point() {
-            return self.enter(ContactMode::Several);
-        }
-        let mode = match self.motion.lasting_mode(touch, self.time, &self.y) {
-            Err(SimError::Jam { .. }) => ContactMode::Several,
-            mode => mode?,
-        };
-        self.motion.mode = mode;
-        self.note(EventKind::Mode { mode }, before, Vec::new());
-        if mode == ContactMode::Several { Ok(()) } else { self.motion.settle_joints(self.time, &mut self.y) }
-    }
-}
-
-/// The next state of a contact after an impact.
-pub(crate) enum Stays {
-    Rests,
-    /// It lasts after this time, s.
-    Zeno(f64),
-    No,
 }
 
 /// Gaps up to this size count as closed when another contact closes, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
-/// Slip above this share of the largest joint velocity has not stopped.
-const TURNED: f64 = 1e-5;
 /// With this number of events within one contact step the run continues by time stepping.
 const CROWD: usize = 100;

@@ -1,6 +1,7 @@
 //! The run of a simulation from event to event, and its results.
 
 mod events;
+mod impacts;
 mod leg;
 mod root;
 mod several;
@@ -9,5 +10,5 @@ mod trajectory;
 mod watch;
 
 pub use trajectory::{
-    Blow, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
+    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
 };

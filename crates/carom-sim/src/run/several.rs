@@ -15,14 +15,15 @@
 //!
 //! The law of several contacts is applied in [`Run::solve`] only.
 
-use super::events::{Run, Stays, TOUCHING};
-use super::trajectory::{Blow, EventKind};
+use super::events::{Run, TOUCHING};
+use super::impacts::Struck;
+use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, Touch};
 use crate::error::SimError;
 use crate::model::SeveralLaw;
-use crate::motion::Dry;
-use crate::state::{Space, View};
-use carom_chain::ChainError;
+use crate::motion::{Dry, Hold, Lasting};
+use crate::state::{Blow, Space, View};
+use carom_chain::{ChainError, Rows};
 use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
@@ -31,6 +32,8 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
 /// After this number of steps without contact the motion continues event-driven.
 const OPEN_STEPS: usize = 10;
+/// After this number of steps a consistent mode is looked for.
+const RESUME: usize = 20;
 /// After this number of steps without motion the chain is at rest.
 const STILL_STEPS: usize = 20;
 /// Joint velocities below this count as zero, rad/s or m/s.
@@ -43,8 +46,8 @@ struct Solved {
 }
 
 /// The constraints of one instant.
-struct Rows {
-    rows: Vec<DVector<f64>>,
+struct Closures {
+    rows: Rows,
     constraints: Vec<Constraint>,
     /// Velocity of the surface along each row.
     surface: Vec<f64>,
@@ -59,9 +62,9 @@ struct Closed {
     rows: std::ops::Range<usize>,
 }
 
-impl Rows {
-    fn new() -> Self {
-        Self { rows: Vec::new(), constraints: Vec::new(), surface: Vec::new(), contacts: Vec::new() }
+impl Closures {
+    fn new(nv: usize) -> Self {
+        Self { rows: Rows::new(nv), constraints: Vec::new(), surface: Vec::new(), contacts: Vec::new() }
     }
 
     /// The rows of one closed touch.
@@ -77,7 +80,7 @@ impl Rows {
         let rule = &touch.contact;
         let (restitution, friction) = (rule.law.restitution(), rule.law.friction());
         let Some(place) = at.surface else {
-            self.rows.push(touch.row(at, view)?);
+            touch.row_into(at, view, self.rows.add())?;
             self.surface.push(0.0);
             self.constraints.push(if rule.latch { Constraint::Held } else { Constraint::Stop { restitution } });
             self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1 });
@@ -88,7 +91,7 @@ impl Rows {
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
         for axis in directions {
             let direction = axes.column(axis).into_owned();
-            self.rows.push(place.row(view, direction)?);
+            place.row_into(view, direction, self.rows.add())?;
             self.surface.push(direction.dot(&velocity));
         }
         if rule.latch {
@@ -103,13 +106,9 @@ impl Rows {
         Ok(())
     }
 
-    fn responses<A: Space>(&self, view: &mut View<A>) -> Result<Vec<DVector<f64>>, SimError> {
-        self.rows.iter().map(|row| Ok(view.kin.solve(row.as_slice())?)).collect()
-    }
-
     /// R v − velocity of the surfaces.
-    fn velocities(&self, v: &DVector<f64>) -> DVector<f64> {
-        DVector::from_fn(self.rows.len(), |i, _| self.rows[i].dot(v) - self.surface[i])
+    fn velocities(&self, v: &[f64]) -> DVector<f64> {
+        DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, v) - self.surface[i])
     }
 
     /// The contact impulses in world axes.
@@ -133,8 +132,8 @@ impl<A: Space> Run<'_, '_, A> {
     /// Impulses by the law of several contacts.
     fn solve(
         &self,
-        rows: &Rows,
-        responses: &[DVector<f64>],
+        rows: &Closures,
+        responses: &Rows,
         u_minus: DVector<f64>,
         u_free: DVector<f64>,
         law: SeveralLaw,
@@ -143,7 +142,7 @@ impl<A: Space> Run<'_, '_, A> {
         let delassus = DMatrix::from_fn(m, m, |i, j| {
             // Both triangles from one product: exactly symmetric.
             let (i, j) = (i.min(j), i.max(j));
-            rows.rows[i].dot(&responses[j])
+            rows.rows.dot(i, responses.row(j))
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
         Ok(match law {
@@ -169,7 +168,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (q, qd) = self.q_qd();
         let (sim, time, nq) = (self.motion.sim, self.time, self.motion.sim.chain.nq());
         let energy = self.motion.energy(&before)?;
-        let mut rows = Rows::new();
+        let mut rows = Closures::new(sim.chain.nv());
         let mut view = self.motion.view(&q)?;
         let mut approach = Vec::new();
         for &touch in together {
@@ -178,65 +177,36 @@ impl<A: Space> Run<'_, '_, A> {
             approach.push(one.rate(&at, &view, &qd, time)?);
             rows.add(touch, one, &at, &view, time)?;
         }
-        let responses = rows.responses(&mut view)?;
-        let v = DVector::from_column_slice(&qd);
-        let u_minus = rows.velocities(&v);
+        let mut responses = Rows::default();
+        view.kin.respond(&rows.rows, &mut responses)?;
+        let u_minus = rows.velocities(&qd);
         let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
         self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
-        let qd_plus = responses.iter().zip(outcome.impulse.iter()).fold(v, |v, (response, p)| v + response * *p);
-        self.y[nq..nq + qd.len()].copy_from_slice(qd_plus.as_slice());
+        push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
         let kind = EventKind::Several { touches: together.to_vec(), residual: outcome.residual };
         self.note(kind, &before, rows.blows(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
-        self.sort_out(together, &approach)
-    }
-
-    /// After an impact of several touches: decides which contacts open and which last.
-    fn sort_out(&mut self, together: &[usize], approach: &[f64]) -> Result<(), SimError> {
-        self.motion.mode = ContactMode::Free;
-        self.motion.settle_joints(self.time, &mut self.y)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let mut still = Vec::new();
-        let mut leaving = Vec::new();
-        for (&touch, &approach) in together.iter().zip(approach) {
-            let (_, rebound) = self.gap(touch)?;
-            // Rebound velocities of the size of the solver's error count as zero.
-            if rebound <= scale * 1e-9 { still.push(touch) } else { leaving.push((touch, approach, rebound)) }
-        }
-        let points = still.iter().all(|&touch| self.motion.sim.touches[touch].is_point());
-        match (still.as_slice(), points) {
-            ([], _) => {}
-            (&[touch], true) if matches!(self.stays(touch, 0.0, 0.0)?, Stays::Rests) => {
-                let before = self.y.clone();
-                self.motion.stop_normal(touch, self.time, &mut self.y)?;
-                self.last(touch, &before)?;
-            }
-            (&[_], true) => {}
-            _ => return self.enter(ContactMode::Several),
-        }
-        if self.motion.mode == ContactMode::Several {
-            return Ok(());
-        }
-        for (touch, approach, rebound) in leaving {
-            match self.stays(touch, approach, rebound)? {
-                Stays::No => {}
-                // An accumulation of impacts beside another lasting contact is left to time stepping.
-                Stays::Rests | Stays::Zeno(_) => return self.enter(ContactMode::Several),
-            }
-        }
-        Ok(())
+        let struck: Vec<Struck> =
+            together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
+        // Separation velocities of the size of the solver's error count as zero.
+        self.after(&struck, scale * 1e-9, &before)
     }
 
     /// Time steps until all contacts are open, the chain is at rest, or the run ends.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
-        let (mut still_steps, mut open_steps) = (0, 0);
+        let (mut still_steps, mut open_steps, mut steps) = (0, 0, 0_usize);
         while self.time < self.end {
             let (open, still) = self.contact_step()?;
             open_steps = if open { open_steps + 1 } else { 0 };
             let flies = open_steps >= OPEN_STEPS && !self.motion.sim.stepping;
             if flies && self.gaps()?.into_iter().all(|(gap, _)| gap > 0.0) {
-                return self.enter(ContactMode::Free);
+                return self.fly();
+            }
+            steps += 1;
+            if steps % RESUME == 0 && !self.motion.sim.stepping && self.resumes()? {
+                return Ok(());
             }
             still_steps = if still { still_steps + 1 } else { 0 };
             if still_steps == STILL_STEPS && self.is_steady() {
@@ -252,8 +222,53 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(())
     }
 
+    /// Continues event-driven without contacts.
+    fn fly(&mut self) -> Result<(), SimError> {
+        self.motion.stepping = false;
+        let before = self.y.clone();
+        self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
+        self.measure();
+        self.resettle(&[], &before)
+    }
+
+    /// Continues event-driven if the closed contacts have a consistent mode; `false` leaves the state as it was.
+    fn resumes(&mut self) -> Result<bool, SimError> {
+        let sim = self.motion.sim;
+        let gravity = sim.gravity.norm().max(1.0);
+        // Within one step of fall, in position and velocity.
+        let (depth, speed) = (4.0 * gravity * sim.contact_step.powi(2), 4.0 * gravity * sim.contact_step);
+        let mut closed = Vec::new();
+        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            if gap <= depth && rate.abs() <= speed {
+                closed.push(touch);
+            } else if gap <= depth && rate < 0.0 {
+                return Ok(false);
+            }
+        }
+        if closed.is_empty() || closed.iter().any(|&touch| !sim.touches[touch].is_point()) {
+            return Ok(false);
+        }
+        let before = self.y.clone();
+        self.measure();
+        let energy = self.motion.energy(&before)?;
+        let hold = Hold::Slides { toward: Vector3::zeros() };
+        let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
+        self.motion.project(&normals, self.time, &mut self.y)?;
+        let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+        if !clear || !self.choose(&closed)? || self.motion.in_mode(self.time, &self.y).is_err() {
+            self.y = before;
+            self.motion.lasting.retain(|own| !own.is_rigid());
+            return Ok(false);
+        }
+        self.motion.stepping = false;
+        self.lost += energy - self.motion.energy(&self.y)?;
+        self.note_changes(&[], &before);
+        self.rest()?;
+        Ok(true)
+    }
+
     /// Whether a chain at rest stays at rest: no drive or surface depends on time.
-    fn is_steady(&self) -> bool {
+    pub fn is_steady(&self) -> bool {
         let sim = self.motion.sim;
         let drive = sim.after_impact.as_ref().unwrap_or(&sim.drive);
         drive.is_steady() && sim.drive.is_steady() && sim.touches.iter().all(|touch| touch.motion.is_none())
@@ -287,7 +302,7 @@ impl<A: Space> Run<'_, '_, A> {
         let force = DVector::from_vec(tau) - view.bias(&qd, sim.gravity)?;
         let free = &v + inertia.solve(&(force * step - &v * (step * step / 2.0 * stiffness)));
 
-        let mut rows = Rows::new();
+        let mut rows = Closures::new(sim.chain.nv());
         for (k, touch) in sim.touches.iter().enumerate() {
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
                 rows.add(k, touch, &at, &view, middle_time)?;
@@ -295,21 +310,23 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let open = rows.rows.is_empty();
         for joint in &dry {
-            let mut row = DVector::zeros(nv);
-            row[joint.v] = 1.0;
-            rows.rows.push(row);
+            rows.rows.add()[joint.v] = 1.0;
             rows.surface.push(0.0);
             rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
         }
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
-            let responses: Vec<DVector<f64>> = rows.rows.iter().map(|row| inertia.solve(row)).collect();
-            let (u_minus, u_free) = (rows.velocities(&v), rows.velocities(&free));
+            let mut responses = Rows::new(nv);
+            for row in rows.rows.iter() {
+                let response = inertia.solve(&DVector::from_column_slice(row));
+                responses.add().copy_from_slice(response.as_slice());
+            }
+            let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
             fall = (&u_minus - &u_free).amax() * step;
             let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
-            next = responses.iter().zip(outcome.impulse.iter()).fold(next, |v, (response, p)| v + response * *p);
+            push(next.as_mut_slice(), &responses, &outcome.impulse);
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
@@ -349,12 +366,12 @@ impl<A: Space> Run<'_, '_, A> {
         let sim = self.motion.sim;
         let (q, _) = self.q_qd();
         let time = self.time;
-        let mut rows = Rows::new();
+        let mut rows = Closures::new(sim.chain.nv());
         let mut view = self.motion.view(&q)?;
         let mut gaps = Vec::new();
         for touch in &sim.touches {
             for at in touch.points(&view, &q, time, 0.0) {
-                rows.rows.push(touch.row(&at, &view)?);
+                touch.row_into(&at, &view, rows.rows.add())?;
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });
                 gaps.push(at.gap + allowed);
             }
@@ -362,14 +379,22 @@ impl<A: Space> Run<'_, '_, A> {
         if gaps.iter().all(|gap| *gap > -OVERLAP) {
             return Ok(());
         }
-        let responses = rows.responses(&mut view)?;
+        let mut responses = Rows::default();
+        view.kin.respond(&rows.rows, &mut responses)?;
         let gaps = DVector::from_vec(gaps);
         let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
-        let back = DVector::zeros(sim.chain.nv());
-        let back = responses.iter().zip(outcome.impulse.iter()).fold(back, |sum, (response, p)| sum + response * *p);
-        let moved = sim.chain.integrate(&q, back.as_slice(), 1.0)?;
+        let mut back = vec![0.0; sim.chain.nv()];
+        push(&mut back, &responses, &outcome.impulse);
+        let moved = sim.chain.integrate(&q, &back, 1.0)?;
         self.y[..q.len()].copy_from_slice(&moved);
         Ok(())
+    }
+}
+
+/// Adds the velocities M⁻¹Rᵀp.
+fn push(v: &mut [f64], responses: &Rows, impulse: &DVector<f64>) {
+    for (response, p) in responses.iter().zip(impulse.iter()) {
+        v.iter_mut().zip(response).for_each(|(v, x)| *v += x * p);
     }
 }
 

@@ -3,9 +3,8 @@
 
 use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
-use crate::state::Moment;
+use crate::state::{Blow, Moment};
 use carom_chain::Chain;
-use nalgebra::Vector3;
 use std::f64::consts::PI;
 
 /// The kind of an event.
@@ -70,8 +69,7 @@ pub enum EventKind {
 
 impl EventKind {
     /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves` or `rest`.
-    /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`), and `stepping` for
-    /// [`ContactMode::Several`].
+    /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`, `stepping`).
     pub fn name(&self) -> &'static str {
         match self {
             Self::Impact { .. } => "impact",
@@ -80,7 +78,6 @@ impl EventKind {
             Self::Joint { holds: true, .. } => "joint-stops",
             Self::Joint { holds: false, .. } => "joint-moves",
             Self::Rest => "rest",
-            Self::Mode { mode: ContactMode::Several } => "stepping",
             Self::Limit { .. } => "limit",
             Self::Zeno { .. } => "zeno",
             Self::Mode { mode } => mode.name(),
@@ -117,17 +114,6 @@ pub struct Event {
     pub qd_plus: Vec<f64>,
     /// The contact impulses; empty for joint limits and for events without impulses.
     pub blows: Vec<Blow>,
-}
-
-/// A contact impulse on the robot.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Blow {
-    /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
-    pub touch: usize,
-    /// Contact point, world axes, m.
-    pub point: Vector3<f64>,
-    /// Impulse on the robot, world axes, N s.
-    pub impulse: Vector3<f64>,
 }
 
 /// The motion between two times as dense output: q and qd at Chebyshev points. Interpolation between them gives the
@@ -262,6 +248,8 @@ pub struct Summary {
     pub last: Moment,
     /// Contact mode at the end.
     pub mode: ContactMode,
+    /// The modes of the lasting contacts at the end.
+    pub contacts: Vec<ContactMode>,
     /// Reason for the end.
     pub stop: StopReason,
     /// Number of events.

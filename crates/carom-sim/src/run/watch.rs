@@ -1,32 +1,34 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leg::{Flow, Witness};
-use crate::contact::{BallOnPlane, ContactMode};
+use crate::contact::BallOnPlane;
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{Dry, DryJoint, Held, Motion};
+use crate::motion::{Dry, DryJoint, Held, Hold, Lasting, Motion};
 use crate::state::{Space, View};
-use nalgebra::Vector3;
 
-/// The kinds of witness functions.
+/// The kinds of witness functions; those of lasting contacts have their index into the list.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Watch {
     /// The gap of a touch closes.
     Gap(usize),
     /// The normal force becomes negative.
-    NormalForce,
+    NormalForce(usize),
     /// The slip velocity becomes zero.
-    SlipStops,
+    SlipStops(usize),
     /// The contact force leaves the friction cone.
-    Cone,
+    Cone(usize),
     /// A compliant contact opens.
-    Depth,
+    Depth(usize),
     /// A compliant contact changes from loading to unloading.
-    Turns,
+    Turns(usize),
     /// A joint with dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// The load of a joint exceeds its dry friction (index into `dry`).
     JointBreaksLoose(usize),
+    /// No admissible forces of redundant contacts are left. It replaces `NormalForce` and `Cone` where the forces by the
+    /// convention are not admissible, but others are.
+    Admissible,
 }
 
 /// A motion with the witness functions of its present contact mode.
@@ -36,36 +38,57 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
 }
 
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
-    pub fn new(motion: &'m mut Motion<'a, A>) -> Self {
+    pub fn new(motion: &'m mut Motion<'a, A>, time: f64, y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
-        let gaps = (0..sim.touches.len()).filter(|&k| Some(k) != motion.mode.touch());
-        let mut watches: Vec<Watch> = gaps.map(Watch::Gap).collect();
-        match motion.mode {
-            ContactMode::Free | ContactMode::Several | ContactMode::Latched { .. } => {}
-            ContactMode::Sliding { touch } if sim.touches[touch].contact.law.friction() == 0.0 => {
-                watches.push(Watch::NormalForce);
-            }
-            ContactMode::Sliding { .. } => watches.extend([Watch::NormalForce, Watch::SlipStops]),
-            ContactMode::Sticking { .. } => watches.extend([Watch::NormalForce, Watch::Cone]),
-            ContactMode::Pressing { touch, .. } => {
-                watches.push(Watch::Depth);
-                if sim.touches[touch].contact.compliance.is_some_and(|it| it.turns()) {
-                    watches.push(Watch::Turns);
+        let mut watches: Vec<Watch> = (0..sim.touches.len()).filter(|&k| !motion.lasts(k)).map(Watch::Gap).collect();
+        let first = watches.len();
+        for (i, own) in motion.lasting.iter().enumerate() {
+            let rule = &sim.touches[own.touch].contact;
+            match own.hold {
+                Hold::Latched => {}
+                Hold::Slides { .. } => {
+                    watches.push(Watch::NormalForce(i));
+                    if rule.law.friction() > 0.0 && sim.touches[own.touch].link().is_some() {
+                        watches.push(Watch::SlipStops(i));
+                    }
                 }
+                Hold::Sticks => watches.extend([Watch::NormalForce(i), Watch::Cone(i)]),
+                Hold::Presses { .. } => {
+                    watches.push(Watch::Depth(i));
+                    if rule.compliance.is_some_and(|it| it.turns()) {
+                        watches.push(Watch::Turns(i));
+                    }
+                }
+            }
+        }
+        if motion.lasting.iter().any(Lasting::is_rigid) {
+            let held = motion.in_mode(time, y)?;
+            let loads = |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_));
+            let admissible = watches[first..].iter().filter(|watch| loads(watch)).all(|watch| match watch {
+                Watch::NormalForce(i) => held.contacts[*i].normal_force >= 0.0,
+                Watch::Cone(i) => {
+                    let mu = sim.touches[motion.lasting[*i].touch].contact.law.friction();
+                    held.contacts[*i].cone(mu) >= 0.0
+                }
+                _ => true,
+            });
+            if !admissible {
+                watches.retain(|watch| !loads(watch));
+                watches.push(Watch::Admissible);
             }
         }
         watches.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Watch::JointBreaksLoose(k),
             Dry::Brakes(_) => Watch::JointStops(k),
         }));
-        Self { motion, watches }
+        Ok(Self { motion, watches })
     }
 }
 
 impl Watch {
     /// Whether it depends on constraint forces, not only on positions and velocities.
     fn needs_forces(self) -> bool {
-        matches!(self, Self::NormalForce | Self::Cone | Self::JointBreaksLoose(_))
+        matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_))
     }
 }
 
@@ -81,14 +104,18 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
         }
         let (qdd, rest) = out[nq..].split_at_mut(nv);
         let (power, bends) = rest.split_at_mut(2);
+        bends.fill(0.0);
         if motion.moves_freely() {
             power.copy_from_slice(&motion.accelerate(time, y, qdd)?);
-            bends.fill(0.0);
         } else {
             let held = motion.in_mode(time, y)?;
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
-            bends.copy_from_slice(&held.bends.as_slice()[..bends.len()]);
+            for (own, force) in motion.lasting.iter().zip(&held.contacts) {
+                if let Some(slot) = motion.bristles.iter().position(|&k| k == own.touch) {
+                    bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
+                }
+            }
         }
         Ok(())
     }
@@ -107,19 +134,9 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let motion = &mut *self.motion;
         let changed = motion.sim.normalise(y);
-        match motion.mode {
-            ContactMode::Free | ContactMode::Several | ContactMode::Pressing { .. } => Ok(changed),
-            ContactMode::Sliding { touch } => {
-                let moved = motion.stop_normal(touch, time, y)?;
-                motion.follow_slip(touch, time, y)?;
-                Ok(moved || changed)
-            }
-            ContactMode::Sticking { touch } | ContactMode::Latched { touch } => {
-                let moved = motion.stop_normal(touch, time, y)?;
-                motion.stop_slip(touch, time, y)?;
-                Ok(moved || changed)
-            }
-        }
+        let moved = motion.settle(time, y)?;
+        motion.follow_slip(time, y)?;
+        Ok(moved || changed)
     }
 }
 
@@ -132,9 +149,9 @@ fn look<A: Space>(
     mut see: impl FnMut(Witness),
 ) -> Result<(), SimError> {
     let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
+    let admissible = if watches.contains(&Watch::Admissible) { motion.margin(time, y)? } else { 0.0 };
     let (q, qd) = motion.split(y);
-    let (mode, slip, dry, deepest) = (motion.mode, motion.slip, &motion.dry, motion.deepest);
-    let now = Now { mode, slip, dry, deepest, held: held.as_ref() };
+    let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     for watch in watches {
         see(watch.at((motion.sim, &motion.balls), &now, &view, (q, qd), time)?);
@@ -144,12 +161,12 @@ fn look<A: Space>(
 
 /// The inputs of the witness functions beside the state: see [`Motion`].
 struct Now<'a> {
-    mode: ContactMode,
-    slip: Vector3<f64>,
+    lasting: &'a [Lasting],
     dry: &'a [DryJoint],
-    deepest: f64,
     /// Computed if a witness needs constraint forces.
     held: Option<&'a Held>,
+    /// Computed if it is watched.
+    admissible: f64,
 }
 
 impl Watch {
@@ -163,38 +180,39 @@ impl Watch {
         time: f64,
     ) -> Result<Witness, SimError> {
         let look = |touch: usize| sim.touches[touch].look(balls[touch].as_ref(), view, (q, qd), time);
-        let own = now.mode.touch().unwrap_or(0);
         Ok(match (self, now.held) {
             (Self::Gap(touch), _) => {
                 let (gap, rate) = look(touch)?;
                 Witness { value: gap, rate: Some(rate) }
             }
-            (Self::Depth, _) => {
-                let (gap, rate) = look(own)?;
+            (Self::Depth(i), _) => {
+                let (gap, rate) = look(now.lasting[i].touch)?;
                 Witness { value: -gap, rate: Some(-rate) }
             }
-            (Self::Turns, _) => {
-                let (gap, rate) = look(own)?;
+            (Self::Turns(i), _) => {
+                let (gap, rate) = look(now.lasting[i].touch)?;
+                let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(Witness::default()) };
                 // Only changes from loading to unloading deeper than the last one count. The comparison also keeps
                 // rounding of the rate from a second event at the same point.
-                Witness { value: if -gap > now.deepest { -rate } else { 0.0 }, rate: None }
+                Witness { value: if -gap > deepest { -rate } else { 0.0 }, rate: None }
             }
-            (Self::SlipStops, _) => {
-                let touch = &sim.touches[own];
+            (Self::SlipStops(i), _) => {
+                let touch = &sim.touches[now.lasting[i].touch];
+                let Hold::Slides { toward } = now.lasting[i].hold else { return Ok(Witness::default()) };
                 let place = touch.at(view, q, time).surface;
-                let u = place.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
-                Witness { value: u.dot(&now.slip), rate: None }
+                let u = place.map_or(Ok(nalgebra::Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
+                Witness { value: u.dot(&toward), rate: None }
             }
             (Self::JointStops(k), _) => {
                 let DryJoint { v, state, .. } = now.dry[k];
-                let Dry::Brakes(direction) = state else { unreachable!("this witness is for slipping joints") };
+                let Dry::Brakes(direction) = state else { return Ok(Witness::default()) };
                 Witness { value: qd[v] * direction, rate: None }
             }
-            (Self::NormalForce, Some(held)) => Witness { value: held.normal_force, rate: None },
-            (Self::Cone, Some(held)) => {
-                let tangential = held.force - held.normal * held.normal_force;
-                let mu = sim.touches[own].contact.law.friction();
-                Witness { value: mu * held.normal_force - tangential.norm(), rate: None }
+            (Self::Admissible, _) => Witness { value: now.admissible, rate: None },
+            (Self::NormalForce(i), Some(held)) => Witness { value: held.contacts[i].normal_force, rate: None },
+            (Self::Cone(i), Some(held)) => {
+                let mu = sim.touches[now.lasting[i].touch].contact.law.friction();
+                Witness { value: held.contacts[i].cone(mu), rate: None }
             }
             (Self::JointBreaksLoose(k), Some(held)) => {
                 Witness { value: now.dry[k].friction - held.joints[k].abs(), rate: None }

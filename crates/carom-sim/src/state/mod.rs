@@ -1,9 +1,11 @@
 //! A chain at one state, in the plane or in space.
 
+mod blow;
 mod moment;
 mod reach;
 mod space;
 
+pub use blow::Blow;
 pub use moment::Moment;
 pub(crate) use reach::{beyond, reach};
 pub(crate) use space::{Felt, Space, View, pseudo_inverse};

@@ -5,7 +5,7 @@
 
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
-use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Spatial, Workspace};
+use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Rows, Spatial, Workspace};
 use nalgebra::{DMatrix, DVector, Matrix3, MatrixXx3, Vector2, Vector3};
 
 /// An algebra whose vectors can be lifted to space.
@@ -135,11 +135,9 @@ impl<'a, A: Space> View<'a, A> {
         Ok(A::lift(self.model, self.kin.point_drift(point, qd)?))
     }
 
-    /// nᵀJ.
-    pub fn row(&self, point: Point<A>, n: Vector3<f64>) -> Result<DVector<f64>, SimError> {
-        let mut row = DVector::zeros(self.kin.chain().nv());
-        self.kin.add_point_force(point, A::project(self.model, n), row.as_mut_slice())?;
-        Ok(row)
+    /// Adds nᵀJ to `row`.
+    pub fn add_row(&self, point: Point<A>, n: Vector3<f64>, row: &mut [f64]) -> Result<(), SimError> {
+        Ok(self.kin.add_point_force(point, A::project(self.model, n), row)?)
     }
 
     /// 3×nv, world axes.
@@ -199,12 +197,13 @@ impl<'a, A: Space> View<'a, A> {
 
     /// M⁻¹Jᵀ.
     pub fn responses(&mut self, j: &DMatrix<f64>) -> Result<DMatrix<f64>, SimError> {
-        let mut response = DMatrix::zeros(j.ncols(), j.nrows());
-        for k in 0..j.nrows() {
-            let row: Vec<f64> = j.row(k).iter().copied().collect();
-            response.set_column(k, &self.kin.solve(&row)?);
+        let (mut rows, mut responses) = (Rows::new(j.ncols()), Rows::default());
+        for row in j.row_iter() {
+            rows.add().iter_mut().zip(row.iter()).for_each(|(x, j)| *x = *j);
         }
-        Ok(response)
+        self.kin.respond(&rows, &mut responses)?;
+        let columns: Vec<_> = responses.iter().map(DVector::from_column_slice).collect();
+        Ok(DMatrix::from_columns(&columns))
     }
 }
 

@@ -1,0 +1,145 @@
+//! The rows of closed contacts and of joints that dry friction holds, at one state.
+
+use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use crate::contact::Touch;
+use crate::error::SimError;
+use crate::state::{Space, View};
+use carom_chain::Rows;
+use carom_chain::algebra::z_onto;
+use nalgebra::{Matrix3, Vector3};
+use std::ops::Range;
+
+/// Constraints at one state: R q̈ + drift = 0, with forces along the rows F.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Constraints {
+    /// R.
+    pub rows: Rows,
+    /// F: differs from R where a contact slides with friction.
+    pub forces: Rows,
+    /// Whether F differs from R.
+    pub skew: bool,
+    pub drifts: Vec<f64>,
+    pub contacts: Vec<Contact>,
+    /// Index into the list of dry joints, for each row after those of the contacts.
+    pub joints: Vec<usize>,
+}
+
+/// A rigid contact among the constraints.
+#[derive(Debug, Clone)]
+pub(crate) struct Contact {
+    pub touch: usize,
+    pub rows: Range<usize>,
+    /// World direction of the force of each row, the last that of the normal (n − μ d if it slides); `None` for a joint limit.
+    pub directions: Option<Matrix3<f64>>,
+    /// Unit normal and contact point, world.
+    pub normal: Vector3<f64>,
+    pub position: Vector3<f64>,
+    /// J q̇, m/s.
+    pub velocity: Vector3<f64>,
+}
+
+impl Contact {
+    /// The force on the robot, world, N, of the forces along the rows; zero for a joint limit.
+    pub fn force(&self, lambda: &[f64]) -> Vector3<f64> {
+        let Some(directions) = &self.directions else { return Vector3::zeros() };
+        let own = &lambda[self.rows.clone()];
+        let skip = 3 - own.len();
+        own.iter().enumerate().map(|(k, x)| directions.column(k + skip) * *x).sum()
+    }
+}
+
+/// Slip below this share of the largest joint velocity has no direction.
+const STILL: f64 = 1e-9;
+
+/// Unit direction of the tangential part of u; `None` if it is zero up to rounding.
+pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
+    let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    (u - n * n.dot(&u)).try_normalize(STILL * speed)
+}
+
+impl Constraints {
+    pub fn new(nv: usize) -> Self {
+        Self { rows: Rows::new(nv), forces: Rows::new(nv), ..Self::default() }
+    }
+
+    pub fn clear(&mut self) {
+        self.rows.clear();
+        self.forces.clear();
+        self.skew = false;
+        self.drifts.clear();
+        self.contacts.clear();
+        self.joints.clear();
+    }
+
+    /// The rows of a rigid contact. `drift`: (g̈, u̇) at q̈ = 0.
+    pub fn add<A: Space>(
+        &mut self,
+        (own, touch): (&Lasting, &Touch),
+        view: &View<A>,
+        (q, qd, time): (&[f64], &[f64], f64),
+        drift: (f64, Vector3<f64>),
+    ) -> Result<(), SimError> {
+        let first = self.rows.len();
+        let at = touch.at(view, q, time);
+        let (gap_drift, u_drift) = drift;
+        let Some(place) = at.surface else {
+            for rows in [&mut self.rows, &mut self.forces] {
+                touch.row_into(&at, view, rows.add())?;
+            }
+            self.drifts.push(gap_drift);
+            let zero = Vector3::zeros();
+            self.contacts.push(Contact {
+                touch: own.touch,
+                rows: first..first + 1,
+                directions: None,
+                normal: zero,
+                position: zero,
+                velocity: zero,
+            });
+            return Ok(());
+        };
+        let normal = place.normal;
+        let velocity = place.velocity(view, qd)?;
+        let u = velocity - touch.shift(time)[1];
+        let mut directions = z_onto(normal);
+        if let Hold::Slides { toward } = own.hold {
+            let mu = touch.contact.law.friction();
+            place.row_into(view, normal, self.rows.add())?;
+            if mu > 0.0 {
+                let d = direction_of_slip(u, normal, qd).unwrap_or(toward);
+                directions.set_column(2, &(normal - d * mu));
+                place.row_into(view, directions.column(2).into(), self.forces.add())?;
+                self.skew = true;
+            } else {
+                place.row_into(view, normal, self.forces.add())?;
+            }
+            self.drifts.push(gap_drift);
+        } else {
+            for axis in directions.column_iter() {
+                for rows in [&mut self.rows, &mut self.forces] {
+                    place.row_into(view, axis.into(), rows.add())?;
+                }
+                self.drifts.push(axis.dot(&u_drift));
+            }
+            // The curvature of gap and surface.
+            if let Some(last) = self.drifts.last_mut() {
+                *last = gap_drift;
+            }
+        }
+        let rows = first..self.rows.len();
+        let (touch, directions, position) = (own.touch, Some(directions), place.position);
+        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity });
+        Ok(())
+    }
+
+    /// The rows of the joints that dry friction holds.
+    pub fn hold(&mut self, dry: &[DryJoint]) {
+        for (k, joint) in dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds) {
+            for rows in [&mut self.rows, &mut self.forces] {
+                rows.add()[joint.v] = 1.0;
+            }
+            self.drifts.push(0.0);
+            self.joints.push(k);
+        }
+    }
+}

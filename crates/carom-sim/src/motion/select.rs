@@ -1,0 +1,275 @@
+//! The choice of the contact mode: which closed contacts carry load, stick or slide, and which joints dry friction holds.
+//!
+//! At a state with closed contacts whose normal velocity is zero, the accelerations and forces satisfy a complementarity
+//! problem with the equations of motion as its matrix (Glocker & Pfeiffer 1996):
+//!
+//! ```text
+//! normal    0 ≤ λ_n ⟂ a_n ≥ 0
+//! at rest   |λ_t| ≤ μ λ_n;  λ_t = −μ λ_n a_t/|a_t| where a_t ≠ 0
+//! sliding   λ_t = −μ λ_n u_t/|u_t|: the force acts along n − μ d
+//! joint     |λ| ≤ f;  λ = −f sign a where a ≠ 0
+//! ```
+//!
+//! It is solved by [`SeveralProblem::simultaneous`]. The solution determines the modes: a contact with λ_n > 0 is loaded, one
+//! with a_n > 0 opens. Where both are zero, or where a force is on the border of its cone at rest, the next derivative decides:
+//! the problem is solved again at a state a short time ahead.
+
+use super::held::Assembled;
+use super::lasting::{Dry, Hold, Lasting};
+use super::rows::direction_of_slip;
+use super::smooth::Motion;
+use crate::error::SimError;
+use crate::state::Space;
+use carom_impact::{Accuracy, Constraint, SeveralProblem};
+use nalgebra::{DVector, Vector3};
+
+/// Accuracy of the complementarity problem, relative to the largest acceleration without forces.
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
+/// Residuals above this are not a solution.
+const UNSOLVED: f64 = 1e-9;
+/// Forces and accelerations below this share of the largest are undecided.
+const TIE: f64 = 1e-9;
+/// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
+const AHEAD: f64 = 1e-6;
+
+/// A closed contact before its mode is decided.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Candidate {
+    pub touch: usize,
+    /// Unit direction of slip; `None`: at rest.
+    pub slip: Option<Vector3<f64>>,
+    /// Whether it presses (a compliant contact): it is kept.
+    pub kept: Option<Lasting>,
+}
+
+/// A solution of the complementarity problem.
+struct Solution {
+    force: DVector<f64>,
+    acceleration: DVector<f64>,
+    qdd: DVector<f64>,
+    /// Size of the accelerations and of the forces.
+    scale: [f64; 2],
+}
+
+impl<A: Space> Motion<'_, A> {
+    /// Velocities below this count as zero, m/s, rad/s: a multiple of the integration error. A velocity of this size stops
+    /// within a time t of the same size, so setting it to zero changes positions by its square.
+    pub fn rest(&self) -> f64 {
+        let tolerance = self.sim.tolerance;
+        (100.0 * tolerance * self.speed).max(0.1 * tolerance)
+    }
+
+    /// Gaps below this count as closed where the contact has no normal velocity, m.
+    pub fn closed(&self) -> f64 {
+        self.sim.tolerance.min(1e-9)
+    }
+
+    /// The candidate of a touch at its present slip.
+    pub fn candidate(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Candidate, SimError> {
+        let (q, qd) = self.split(y);
+        let sim = self.sim;
+        let mut slip = None;
+        if sim.touches[touch].link().is_some() && !sim.touches[touch].contact.latch {
+            let rest = self.rest();
+            let view = self.view(q)?;
+            if let Some(place) = sim.touches[touch].at(&view, q, time).surface {
+                let u = sim.touches[touch].u(&place, &view, qd, time)?;
+                let tangential = u - place.normal * place.normal.dot(&u);
+                if tangential.norm() > rest {
+                    slip = direction_of_slip(u, place.normal, qd);
+                }
+            }
+        }
+        Ok(Candidate { touch, slip, kept: None })
+    }
+
+    /// Sets the modes of the candidates and of the joints with dry friction; contacts that open are dropped. The normal
+    /// velocities of the candidates, and all velocities of those at rest, are set to zero. `false`: no consistent mode was
+    /// found.
+    pub fn select(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        let nq = self.sim.chain.nq();
+        let rest = self.rest();
+        for joint in &mut self.dry {
+            let rate = y[nq + joint.v];
+            joint.state = if rate.abs() > rest { Dry::Brakes(rate.signum()) } else { Dry::Holds };
+        }
+        let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+        self.project(&entries, time, y)?;
+        let resting = self.dry.iter().any(|joint| joint.state == Dry::Holds);
+        if !resting && entries.iter().all(|entry| !entry.is_rigid()) {
+            self.lasting = entries;
+            return Ok(true);
+        }
+        let mut found = Assembled::new(self.sim.chain.nv());
+        let Some(now) = self.complementarity((time, y), &entries, &mut found)? else { return Ok(false) };
+        let ahead = if self.is_tied(&entries, &found, &now) { self.ahead((time, y), &entries, &now)? } else { None };
+        let (found, solution) = ahead.unwrap_or((found, now));
+        self.take(&entries, &found, &solution);
+        Ok(true)
+    }
+
+    /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed
+    /// and at rest.
+    pub fn margin(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        let lasting = self.lasting.clone();
+        let mut found = Assembled::new(self.sim.chain.nv());
+        let solved = self.complementarity((time, y), &lasting, &mut found)?;
+        // The rows of contacts at rest and the normal rows of the others.
+        Ok(solved.map_or(-1.0, |solution| 10.0 * TIE - solution.acceleration.amax() / solution.scale[0]))
+    }
+
+    /// The entry of a candidate in the complementarity problem.
+    fn entry(&self, candidate: &Candidate) -> Lasting {
+        let Candidate { touch, slip, kept } = *candidate;
+        if let Some(kept) = kept {
+            return kept;
+        }
+        let rule = &self.sim.touches[touch].contact;
+        let rough = rule.law.friction() > 0.0 && self.sim.touches[touch].link().is_some();
+        let hold = match slip {
+            _ if rule.latch => Hold::Latched,
+            _ if !rough => Hold::Slides { toward: Vector3::zeros() },
+            Some(toward) => Hold::Slides { toward },
+            None => Hold::Sticks,
+        };
+        Lasting { touch, hold }
+    }
+
+    /// The solution of the complementarity problem; `None` if none was found.
+    fn complementarity(
+        &mut self,
+        (time, y): (f64, &[f64]),
+        entries: &[Lasting],
+        found: &mut Assembled,
+    ) -> Result<Option<Solution>, SimError> {
+        self.assemble((time, y), entries, found)?;
+        let (delassus, free) = found.problem();
+        let mut constraints = Vec::new();
+        for own in entries.iter().filter(|own| own.is_rigid()) {
+            let touch = &self.sim.touches[own.touch];
+            match own.hold {
+                Hold::Sticks => {
+                    constraints.push(Constraint::Contact { restitution: 0.0, friction: touch.contact.law.friction() });
+                }
+                Hold::Latched if touch.link().is_some() => constraints.extend([Constraint::Held; 3]),
+                Hold::Latched => constraints.push(Constraint::Held),
+                _ => constraints.push(Constraint::Stop { restitution: 0.0 }),
+            }
+        }
+        for &k in &found.constraints.joints {
+            constraints.push(Constraint::Dry { bound: self.dry[k].friction });
+        }
+        let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
+        let outcome = problem.simultaneous(&ACCURACY, None)?;
+        let solved = outcome.residual <= UNSOLVED;
+        if !solved {
+            return Ok(None);
+        }
+        let mut qdd = found.free.clone();
+        for (response, force) in found.responses.iter().zip(outcome.impulse.iter()) {
+            qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
+        }
+        let acceleration = &free + &delassus * &outcome.impulse;
+        // The terms that cancel where a contact is about to open.
+        let Assembled { constraints, free, .. } = &*found;
+        let terms = constraints.rows.iter().zip(&constraints.drifts).map(|(row, drift)| {
+            row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>() + drift.abs()
+        });
+        let largest = terms.fold(0.0, f64::max);
+        let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);
+        let scale = [largest, outcome.impulse.amax().max(largest / mobility)];
+        Ok(Some(Solution { force: outcome.impulse, acceleration, qdd, scale }))
+    }
+
+    /// Whether a contact is undecided: neither loaded nor opening, or at rest on the border of its cone.
+    fn is_tied(&self, entries: &[Lasting], found: &Assembled, solution: &Solution) -> bool {
+        let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
+        let rigid = entries.iter().filter(|own| own.is_rigid());
+        let contacts = found.constraints.contacts.iter().zip(rigid).any(|(contact, own)| {
+            let last = contact.rows.end - 1;
+            let (force, opens) = (solution.force[last], solution.acceleration[last]);
+            match own.hold {
+                Hold::Latched | Hold::Presses { .. } => false,
+                _ if force <= forces => opens.abs() <= accelerations,
+                Hold::Slides { .. } => false,
+                Hold::Sticks => {
+                    let t = solution.force.rows(contact.rows.start, 2).norm();
+                    let a = solution.acceleration.rows(contact.rows.start, 2).norm();
+                    let most = self.sim.touches[own.touch].contact.law.friction() * force;
+                    a <= accelerations && (t - most).abs() <= forces
+                }
+            }
+        });
+        let first = solution.force.len() - found.constraints.joints.len();
+        contacts
+            || found.constraints.joints.iter().enumerate().any(|(i, &k)| {
+                let (force, a) = (solution.force[first + i].abs(), solution.acceleration[first + i].abs());
+                a <= accelerations && (force - self.dry[k].friction).abs() <= forces
+            })
+    }
+
+    /// The problem a short time ahead, along the motion of a solution.
+    fn ahead(
+        &mut self,
+        (time, y): (f64, &[f64]),
+        entries: &[Lasting],
+        now: &Solution,
+    ) -> Result<Option<(Assembled, Solution)>, SimError> {
+        let (q, qd) = self.split(y);
+        let nv = qd.len();
+        let rate = qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let turn = now.qdd.amax().sqrt();
+        let shake = self.sim.touches.iter().filter_map(|touch| touch.motion).fold(0.0, |m: f64, it| m.max(it.frequency));
+        let step = AHEAD / rate.max(turn).max(shake).max(1e-3);
+        let next = self.sim.chain.integrate(q, qd, step)?;
+        let mut there = y.to_vec();
+        there[..q.len()].copy_from_slice(&next);
+        for (v, a) in there[q.len()..q.len() + nv].iter_mut().zip(now.qdd.iter()) {
+            *v += a * step;
+        }
+        let mut found = Assembled::new(nv);
+        Ok(self.complementarity((time + step, &there), entries, &mut found)?.map(|solution| (found, solution)))
+    }
+
+    /// Stores the modes of a solution.
+    fn take(&mut self, entries: &[Lasting], found: &Assembled, solution: &Solution) {
+        let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
+        let mut contacts = found.constraints.contacts.iter();
+        self.lasting.clear();
+        for own in entries {
+            if !own.is_rigid() {
+                self.lasting.push(*own);
+                continue;
+            }
+            let Some(contact) = contacts.next() else { break };
+            let last = contact.rows.end - 1;
+            let loaded = solution.force[last] > forces;
+            let hold = match own.hold {
+                Hold::Latched => Hold::Latched,
+                _ if !loaded => continue,
+                Hold::Sticks => {
+                    let force = contact.force(solution.force.as_slice());
+                    let normal = contact.normal;
+                    let tangential = force - normal * solution.force[last];
+                    let a = solution.acceleration.rows(contact.rows.start, 2);
+                    if a.norm() > accelerations {
+                        // Slip begins against the friction force.
+                        let toward = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
+                        Hold::Slides { toward }
+                    } else {
+                        Hold::Sticks
+                    }
+                }
+                hold => hold,
+            };
+            self.lasting.push(Lasting { touch: own.touch, hold });
+        }
+        let first = solution.force.len() - found.constraints.joints.len();
+        for (i, &k) in found.constraints.joints.iter().enumerate() {
+            let (force, a) = (solution.force[first + i], solution.acceleration[first + i]);
+            if a.abs() > accelerations {
+                self.dry[k].state = Dry::Brakes(-force.signum());
+            }
+        }
+    }
+}

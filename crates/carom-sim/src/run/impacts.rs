@@ -1,0 +1,327 @@
+//! Impacts: of one touch, of one beside lasting contacts, of several at once; and what lasts after them.
+//!
+//! An impact beside lasting contacts is that of the touch alone, with the inertia that the others leave:
+//! H_cc − H_cl H_ll⁺ H_lc, under the contact's own law, if the impulses of the others are admissible (they push, within their
+//! cones) and the scene's law of several contacts is Moreau's, which keeps them closed as well. Otherwise, and where several touches close at once, it is one problem under the scene's law of several contacts.
+//!
+//! **After the impact** each touch with a separation velocity u⁺, r = u⁺/|u⁻| and the acceleration a towards the surface:
+//!
+//! - u⁺ > 0 and no accumulation: it opens.
+//! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`](crate::Simulation::zeno_time): the infinitely
+//!   many impacts within that time are replaced by their limit (`zeno`), after which the contact lasts. For a pendulum that
+//!   hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
+//! - u⁺ = 0: it lasts if the accelerations press it.
+
+use super::events::Run;
+use super::trajectory::EventKind;
+use crate::contact::{Compliance, friction_bound};
+use crate::error::SimError;
+use crate::impact::ChainImpact;
+use crate::model::SeveralLaw;
+use crate::motion::{Hold, Lasting, direction_of_slip};
+use crate::state::{Blow, Space};
+use carom_chain::Rows;
+use carom_chain::algebra::z_onto;
+use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
+
+/// A touch after an impact.
+pub(crate) struct Struck {
+    pub touch: usize,
+    /// ġ before, m/s; 0 for a contact that lasted.
+    pub approach: f64,
+}
+
+impl<A: Space> Run<'_, '_, A> {
+    /// The impact of the touches `hits`, which approach, while those in `beside` are closed.
+    pub fn collide(&mut self, hits: &[usize], beside: &[usize]) -> Result<(), SimError> {
+        let mut rigid = Vec::new();
+        for &touch in hits {
+            if !self.gives_way(touch)? {
+                rigid.push(touch);
+            }
+        }
+        let before = self.y.clone();
+        if rigid.is_empty() {
+            return self.resettle(beside, &before);
+        }
+        if self.lies_flat(&rigid)? {
+            return self.step_on();
+        }
+        let lasting: Vec<usize> =
+            self.motion.lasting.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
+        match rigid.as_slice() {
+            &[touch] if lasting.is_empty() && beside.is_empty() => self.impact(touch),
+            &[touch] if beside.is_empty() && self.impact_beside(touch)? => Ok(()),
+            _ => {
+                rigid.extend(lasting);
+                rigid.extend(beside);
+                self.several_impacts(&rigid)
+            }
+        }
+    }
+
+    /// Whether one of these touches is closed at several points.
+    fn lies_flat(&mut self, touches: &[usize]) -> Result<bool, SimError> {
+        let (q, _) = self.q_qd();
+        let (sim, time) = (self.motion.sim, self.time);
+        let view = self.motion.view(&q)?;
+        let flat = |touch: &usize| {
+            let one = &sim.touches[*touch];
+            !one.is_point() && one.points(&view, &q, time, TOUCHED).len() > 2
+        };
+        Ok(touches.iter().any(flat))
+    }
+
+    /// Whether a compliant contact begins, instead of an impact.
+    fn gives_way(&mut self, touch: usize) -> Result<bool, SimError> {
+        let sim = self.motion.sim;
+        let one = &sim.touches[touch];
+        let (Some(compliance), Some(_)) = (one.contact.compliance, one.link()) else { return Ok(false) };
+        let (_, approach) = self.gap(touch)?;
+        let (q, _) = self.q_qd();
+        let speed = (-approach).max(Compliance::SLOWEST);
+        let law = compliance.normal(one.contact.law.restitution())?;
+        let mass = self.motion.effective_mass(touch, &q, self.time)?;
+        let depth = law.greatest_penetration(speed, mass);
+        if sim.neglect.is_some_and(|share| depth <= share * self.motion.reach) {
+            self.statistics.neglected_depth = self.statistics.neglected_depth.max(depth);
+            return Ok(false);
+        }
+        self.motion.count_impact(touch);
+        let before = self.y.clone();
+        let old = self.motion.lasting.clone();
+        self.press(touch, law.damping(speed, mass));
+        self.note_changes(&old, &before);
+        Ok(true)
+    }
+
+    /// The beginning of a compliant contact.
+    pub fn press(&mut self, touch: usize, damping: f64) {
+        let tail = self.motion.sim.chain.nq() + self.motion.sim.chain.nv() + 2;
+        if let Some(slot) = self.motion.bristles.iter().position(|&k| k == touch) {
+            self.y[tail + 3 * slot..tail + 3 * slot + 3].fill(0.0); // no deflection of the bristle
+        }
+        self.motion.lasting.push(Lasting { touch, hold: Hold::Presses { damping, deepest: f64::NEG_INFINITY } });
+    }
+
+    /// The impact of a single touch.
+    fn impact(&mut self, touch: usize) -> Result<(), SimError> {
+        let before = self.y.clone();
+        let (q, qd) = self.q_qd();
+        let (sim, time) = (self.motion.sim, self.time);
+        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
+        let energy = self.motion.energy(&before)?;
+        let nq = sim.chain.nq();
+        let one = &sim.touches[touch];
+        if one.contact.latch {
+            return self.latch(touch);
+        }
+        let mut view = self.motion.view(&q)?;
+        let at = one.at(&view, &q, time);
+        let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
+            (Some(place), _) => {
+                let given = &one.contact.law;
+                let (restitution, friction) = (given.restitution(), given.friction());
+                let Some((delassus, response)) = place.inertia(&mut view)? else {
+                    let link = one.link().unwrap_or_default().to_owned();
+                    return Err(SimError::SingularNormal { link, normal: place.normal.into() });
+                };
+                let axes = z_onto(place.normal);
+                let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
+                let bound = friction_bound(&delassus, &place.normal, -approach, restitution, friction) / u.norm();
+                let plain = Frictionless { restitution };
+                let mut law: &dyn Law<f64, 3> = &**given;
+                // The bound holds for the laws of `carom-impact`.
+                if friction > 0.0 && !given.is_users() && sim.neglect.is_some_and(|share| bound <= share) {
+                    law = &plain;
+                    self.statistics.neglected += 1;
+                    self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
+                }
+                let mut hit = Box::new(ChainImpact::empty(qd.len()));
+                let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
+                hit.carry(law.resolve(&problem)?, &axes, rows.iter(), &qd);
+                hit.energy_before = view.kin.kinetic_energy(&qd)?;
+                hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
+                let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
+                (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
+            }
+            (None, joint) => {
+                let (mut row, mut response) = (Rows::new(qd.len()), Rows::default());
+                one.row_into(&at, &view, row.add())?;
+                view.kin.respond(&row, &mut response)?;
+                let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(0, response.row(0));
+                let qd_plus = qd.iter().zip(response.row(0)).map(|(v, x)| v + x * impulse).collect();
+                (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())
+            }
+        };
+        self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
+        self.motion.count_impact(touch);
+        self.note(kind, &before, blows);
+        self.lost += energy - self.motion.energy(&self.y)?;
+        // The laws are exact: a separation velocity below the rounding of the approach velocity is zero.
+        self.after(&[Struck { touch, approach }], 1e-14 * approach.abs(), &before)
+    }
+
+    /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
+    fn latch(&mut self, touch: usize) -> Result<(), SimError> {
+        let before = self.y.clone();
+        let energy = self.motion.energy(&before)?;
+        let old = self.motion.lasting.clone();
+        self.motion.lasting.push(Lasting { touch, hold: Hold::Latched });
+        self.motion.settle(self.time, &mut self.y)?;
+        self.motion.count_impact(touch);
+        self.note(EventKind::Latch { touch }, &before, Vec::new());
+        self.lost += energy - self.motion.energy(&self.y)?;
+        self.motion.lasting = old;
+        self.resettle(&[touch], &before)
+    }
+
+    /// The impact of a touch while others last, under its own law; `false` if the impulses of the others are not admissible.
+    fn impact_beside(&mut self, touch: usize) -> Result<bool, SimError> {
+        let (sim, time) = (self.motion.sim, self.time);
+        let one = &sim.touches[touch];
+        // The other laws of several contacts pass impulses on through lasting contacts: a cradle.
+        if one.contact.latch || one.link().is_none() || sim.several != SeveralLaw::Moreau {
+            return Ok(false);
+        }
+        let before = self.y.clone();
+        let (q, qd) = self.q_qd();
+        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
+        let Some(beside) = self.motion.beside(touch, time, &before)? else { return Ok(false) };
+        let axes = z_onto(beside.normal);
+        let problem = ImpactProblem::new(beside.delassus, axes.transpose() * u);
+        let Ok(outcome) = problem.and_then(|problem| one.contact.law.resolve(&problem)) else { return Ok(false) };
+        let Some((jump, impulses)) = self.motion.carried(&beside, &outcome.impulse) else { return Ok(false) };
+        let energy = self.motion.energy(&before)?;
+        let mut hit = Box::new(ChainImpact::empty(qd.len()));
+        let rows: Vec<_> = beside.response.row_iter().map(|row| row.transpose()).collect();
+        hit.carry(outcome, &axes, rows.iter(), &qd);
+        let nq = sim.chain.nq();
+        for ((y, v), jump) in self.y[nq..].iter_mut().zip(&qd).zip(jump.iter()) {
+            *y = v + jump;
+        }
+        let mut view = self.motion.view(&q)?;
+        hit.energy_before = view.kin.kinetic_energy(&qd)?;
+        hit.energy_after = view.kin.kinetic_energy(&self.y[nq..nq + qd.len()])?;
+        let own = Blow { touch, point: beside.position, impulse: hit.impulse };
+        let blows = std::iter::once(own).chain(impulses).collect();
+        self.motion.count_impact(touch);
+        self.note(EventKind::Impact { touch, hit }, &before, blows);
+        self.lost += energy - self.motion.energy(&self.y)?;
+        let lasted = self.motion.lasting.iter().filter(|own| own.is_rigid());
+        let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
+        struck.push(Struck { touch, approach });
+        self.after(&struck, 1e-12 * approach.abs(), &before)?;
+        Ok(true)
+    }
+
+    /// What opens, lasts or accumulates after an impact. Separation velocities up to `slack` (m/s) count as zero.
+    pub fn after(&mut self, struck: &[Struck], slack: f64, before: &[f64]) -> Result<(), SimError> {
+        let old = self.motion.lasting.clone();
+        let (mut still, mut leaving) = (Vec::new(), Vec::new());
+        for one in struck {
+            let (_, rebound) = self.gap(one.touch)?;
+            if rebound <= slack { still.push(one.touch) } else { leaving.push((one, rebound)) }
+        }
+        if !self.choose(&still)? {
+            return self.no_mode();
+        }
+        let mut left = 0.0_f64;
+        let mut ending = Vec::new();
+        for (one, rebound) in leaving {
+            let toward = -self.motion.gap_acceleration(one.touch, self.time, &self.y)?;
+            let share = if one.approach < 0.0 { rebound / -one.approach } else { 0.0 };
+            let remaining = 2.0 * rebound / (toward * (1.0 - share));
+            if toward > 0.0 && share < 1.0 && remaining < self.motion.sim.zeno_time {
+                left = left.max(remaining);
+                ending.push(one.touch);
+            }
+        }
+        if !ending.is_empty() {
+            let energy = self.motion.energy(&self.y)?;
+            let start = self.y.clone();
+            still.extend(&ending);
+            if !self.close(&still)? || !self.choose(&still)? {
+                return self.no_mode();
+            }
+            match self.motion.pass(left, self.time, &mut self.y) {
+                Err(SimError::Jam { .. }) => return self.no_mode(),
+                done => done?,
+            }
+            self.lost += energy - self.motion.energy(&self.y)?;
+            let (from, y) = (self.time, self.y.clone());
+            self.time += left;
+            self.sampler.stretch(from, self.time, 2, |_| y.clone());
+            for &touch in &ending {
+                self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &start, Vec::new());
+            }
+            if !self.choose(&still)? {
+                return self.no_mode();
+            }
+        }
+        self.note_changes(&old, before);
+        self.rest()
+    }
+
+    /// Sets the normal velocities of these touches to zero: the end of their impacts.
+    fn close(&mut self, touches: &[usize]) -> Result<bool, SimError> {
+        let hold = Hold::Slides { toward: nalgebra::Vector3::zeros() };
+        let closed: Vec<Lasting> = touches.iter().map(|&touch| Lasting { touch, hold }).collect();
+        self.motion.project(&closed, self.time, &mut self.y)?;
+        Ok(true)
+    }
+
+    /// The motion has no consistent mode: an impact without collision, or time steps.
+    pub fn no_mode(&mut self) -> Result<(), SimError> {
+        if self.without_collision()? { Ok(()) } else { self.step_on() }
+    }
+
+    /// An impact without collision (Painlevé): the limit of the law's outcome for a vanishing approach velocity, for a single
+    /// closed contact that slides and jams. `false` if there is none.
+    fn without_collision(&mut self) -> Result<bool, SimError> {
+        let rest = self.motion.rest();
+        let closed: Vec<usize> = (self.gaps()?.into_iter().enumerate())
+            .filter(|(_, (gap, rate))| *gap <= TOUCHED && rate.abs() <= rest)
+            .map(|(k, _)| k)
+            .collect();
+        let &[touch] = closed.as_slice() else { return Ok(false) };
+        let (sim, time) = (self.motion.sim, self.time);
+        let one = &sim.touches[touch];
+        if one.link().is_none() || !one.is_point() {
+            return Ok(false);
+        }
+        let before = self.y.clone();
+        let (q, qd) = self.q_qd();
+        let (_, _, u) = self.motion.closing(touch, &q, &qd, time)?;
+        let mut view = self.motion.view(&q)?;
+        let Some(place) = one.at(&view, &q, time).surface else { return Ok(false) };
+        if direction_of_slip(u, place.normal, &qd).is_none() {
+            return Ok(false);
+        }
+        let Some((delassus, response)) = place.inertia(&mut view)? else { return Ok(false) };
+        let axes = z_onto(place.normal);
+        let mut along = axes.transpose() * u;
+        along.z = 0.0;
+        let problem = ImpactProblem::new(axes.transpose() * delassus * axes, along)?;
+        let Ok(branches) = one.contact.law.branches(&problem) else { return Ok(false) };
+        let jams = |hit: &&carom_impact::ImpactOutcome<f64, 3>| hit.flags.contains(Flags::JAM) && hit.impulse.z > 0.0;
+        let Some(outcome) = branches.iter().find(jams) else { return Ok(false) };
+        let mut hit = Box::new(ChainImpact::empty(qd.len()));
+        let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
+        hit.carry(*outcome, &axes, rows.iter(), &qd);
+        hit.energy_before = view.kin.kinetic_energy(&qd)?;
+        hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
+        let nq = sim.chain.nq();
+        let energy = self.motion.energy(&before)?;
+        self.y[nq..nq + qd.len()].copy_from_slice(&hit.qd_plus);
+        let blow = Blow { touch, point: place.position, impulse: hit.impulse };
+        self.motion.count_impact(touch);
+        self.note(EventKind::Impact { touch, hit }, &before, vec![blow]);
+        self.lost += energy - self.motion.energy(&self.y)?;
+        self.after(&[Struck { touch, approach: 0.0 }], rest, &before)?;
+        Ok(true)
+    }
+}
+
+/// Gaps up to this size count as closed where a mode is looked for, m.
+const TOUCHED: f64 = 1e-9;
