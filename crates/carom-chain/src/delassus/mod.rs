@@ -52,8 +52,8 @@ use crate::turned::{Angle, ByBody, Turned};
 use fused::{BodyAt, Memory, read, read_three, read_two, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
-pub use rows::Rows;
 use row::HingeRow;
+pub use rows::Rows;
 use std::sync::Arc;
 use tree::{Tree, Way};
 

@@ -113,6 +113,7 @@ impl<A: Space> Motion<'_, A> {
         found.power = self.apply(time, q, qd, &mut found.tau)?;
         let dry = std::mem::take(&mut self.dry);
         let bristles = std::mem::take(&mut self.bristles);
+        let noise = self.noise();
         let tail = &y[q.len() + qd.len() + 2..];
         let mut view = self.view(q)?;
         found.constraints.clear();
@@ -143,19 +144,15 @@ impl<A: Space> Motion<'_, A> {
                         Some(closed) => closed?,
                         None => numerical.next().unwrap_or_default(),
                     };
-                    found.constraints.add((own, touch), &view, (q, qd, time), drift)?;
+                    found.constraints.add((own, touch), &view, (q, qd, time), drift, noise)?;
                 }
             }
         }
         found.constraints.hold(&dry);
         let gravity = A::project(view.model, sim.gravity);
         let (constraints, free) = (&found.constraints, found.free.as_mut_slice());
-        let done = view.kin.accelerate_and_respond(
-            (qd, &found.tau, gravity),
-            free,
-            &constraints.forces,
-            &mut found.responses,
-        );
+        let done =
+            view.kin.accelerate_and_respond((qd, &found.tau, gravity), free, &constraints.forces, &mut found.responses);
         let done = match done {
             Ok(()) if constraints.skew && constraints.rows.len() > 1 => {
                 view.kin.respond(&constraints.rows, &mut found.own_responses)
@@ -171,8 +168,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
         let lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let held =
-            self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &found));
+        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &found));
         (self.lasting, self.assembled) = (lasting, found);
         held
     }

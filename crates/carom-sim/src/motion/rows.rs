@@ -48,13 +48,9 @@ impl Contact {
     }
 }
 
-/// Slip below this share of the largest joint velocity has no direction.
-const STILL: f64 = 1e-9;
-
-/// Unit direction of the tangential part of u; `None` if it is zero up to rounding.
-pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, qd: &[f64]) -> Option<Vector3<f64>> {
-    let speed = qd.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    (u - n * n.dot(&u)).try_normalize(STILL * speed)
+/// Unit direction of the tangential part of u; `None` if this is below `least`.
+pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, least: f64) -> Option<Vector3<f64>> {
+    (u - n * n.dot(&u)).try_normalize(least)
 }
 
 impl Constraints {
@@ -71,13 +67,14 @@ impl Constraints {
         self.joints.clear();
     }
 
-    /// The rows of a rigid contact. `drift`: (g̈, u̇) at q̈ = 0.
+    /// The rows of a rigid contact. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has the direction that it began with.
     pub fn add<A: Space>(
         &mut self,
         (own, touch): (&Lasting, &Touch),
         view: &View<A>,
         (q, qd, time): (&[f64], &[f64], f64),
         drift: (f64, Vector3<f64>),
+        noise: f64,
     ) -> Result<(), SimError> {
         let first = self.rows.len();
         let at = touch.at(view, q, time);
@@ -106,7 +103,7 @@ impl Constraints {
             let mu = touch.contact.law.friction();
             place.row_into(view, normal, self.rows.add())?;
             if mu > 0.0 {
-                let d = direction_of_slip(u, normal, qd).unwrap_or(toward);
+                let d = direction_of_slip(u, normal, noise).unwrap_or(toward);
                 directions.set_column(2, &(normal - d * mu));
                 place.row_into(view, directions.column(2).into(), self.forces.add())?;
                 self.skew = true;

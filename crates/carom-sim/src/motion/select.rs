@@ -32,6 +32,10 @@ const TIE: f64 = 1e-9;
 /// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
 const AHEAD: f64 = 1e-6;
 
+/// Tolerances below this do not refine the direction of slip that begins: on the way out of the friction cone it relaxes at a
+/// rate of the friction acceleration over the slip, and an explicit integrator would have to resolve it.
+const FINEST: f64 = 1e-9;
+
 /// A closed contact before its mode is decided.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Candidate {
@@ -55,8 +59,13 @@ impl<A: Space> Motion<'_, A> {
     /// Velocities below this count as zero, m/s, rad/s: a multiple of the integration error. A velocity of this size stops
     /// within a time t of the same size, so setting it to zero changes positions by its square.
     pub fn rest(&self) -> f64 {
+        10.0 * self.noise()
+    }
+
+    /// The error of velocities by the integration, m/s, rad/s: slip below it has no direction of its own.
+    pub fn noise(&self) -> f64 {
         let tolerance = self.sim.tolerance;
-        (100.0 * tolerance * self.speed).max(0.1 * tolerance)
+        (10.0 * tolerance.max(FINEST) * self.speed).max(0.01 * tolerance)
     }
 
     /// Gaps below this count as closed where the contact has no normal velocity, m.
@@ -74,10 +83,7 @@ impl<A: Space> Motion<'_, A> {
             let view = self.view(q)?;
             if let Some(place) = sim.touches[touch].at(&view, q, time).surface {
                 let u = sim.touches[touch].u(&place, &view, qd, time)?;
-                let tangential = u - place.normal * place.normal.dot(&u);
-                if tangential.norm() > rest {
-                    slip = direction_of_slip(u, place.normal, qd);
-                }
+                slip = direction_of_slip(u, place.normal, rest);
             }
         }
         Ok(Candidate { touch, slip, kept: None })
@@ -172,9 +178,11 @@ impl<A: Space> Motion<'_, A> {
         let acceleration = &free + &delassus * &outcome.impulse;
         // The terms that cancel where a contact is about to open.
         let Assembled { constraints, free, .. } = &*found;
-        let terms = constraints.rows.iter().zip(&constraints.drifts).map(|(row, drift)| {
-            row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>() + drift.abs()
-        });
+        let terms = constraints
+            .rows
+            .iter()
+            .zip(&constraints.drifts)
+            .map(|(row, drift)| row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>() + drift.abs());
         let largest = terms.fold(0.0, f64::max);
         let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);
         let scale = [largest, outcome.impulse.amax().max(largest / mobility)];
@@ -219,7 +227,8 @@ impl<A: Space> Motion<'_, A> {
         let nv = qd.len();
         let rate = qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let turn = now.qdd.amax().sqrt();
-        let shake = self.sim.touches.iter().filter_map(|touch| touch.motion).fold(0.0, |m: f64, it| m.max(it.frequency));
+        let shake =
+            self.sim.touches.iter().filter_map(|touch| touch.motion).fold(0.0, |m: f64, it| m.max(it.frequency));
         let step = AHEAD / rate.max(turn).max(shake).max(1e-3);
         let next = self.sim.chain.integrate(q, qd, step)?;
         let mut there = y.to_vec();

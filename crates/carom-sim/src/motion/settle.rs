@@ -99,14 +99,14 @@ impl<A: Space> Motion<'_, A> {
     pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let (q, qd) = self.split(y);
-        let sim = self.sim;
+        let (sim, noise) = (self.sim, self.noise());
         let view = self.view(q)?;
         for own in &mut lasting {
             if let Hold::Slides { toward } = &mut own.hold
                 && let Some(place) = sim.touches[own.touch].at(&view, q, time).surface
             {
                 let u = sim.touches[own.touch].u(&place, &view, qd, time)?;
-                *toward = direction_of_slip(u, place.normal, qd).unwrap_or(*toward);
+                *toward = direction_of_slip(u, place.normal, noise).unwrap_or(*toward);
             }
         }
         self.lasting = lasting;

@@ -111,9 +111,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        if presses && matches!(ended, Err(SimError::Integration { .. })) {
-            // A stiff compliant contact: repeat with the implicit integrator.
-            let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: false, ..accuracy };
+        if matches!(ended, Err(SimError::Integration { .. })) && accuracy.gives_up {
+            // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
+            // integrator, for slip until the explicit one is tried again.
+            let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: !presses, ..accuracy };
+            let until = if presses { until } else { until.min(self.time + TURNING * max_step) };
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         let watches = flow.watches;
@@ -310,7 +312,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn rest(&mut self) -> Result<(), SimError> {
         let rest = self.motion.rest();
         let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
-        let held = self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
+        let held =
+            self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
         if !still || !held || !self.is_steady() || self.time >= self.end {
             return Ok(());
         }
@@ -373,5 +376,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
 /// Gaps up to this size count as closed when another contact closes, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
+/// Share of the longest step for which a slip that turns fast is integrated implicitly.
+const TURNING: f64 = 0.1;
 /// With this number of events within one contact step the run continues by time stepping.
 const CROWD: usize = 100;

@@ -295,7 +295,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (_, _, u) = self.motion.closing(touch, &q, &qd, time)?;
         let mut view = self.motion.view(&q)?;
         let Some(place) = one.at(&view, &q, time).surface else { return Ok(false) };
-        if direction_of_slip(u, place.normal, &qd).is_none() {
+        if direction_of_slip(u, place.normal, rest).is_none() {
             return Ok(false);
         }
         let Some((delassus, response)) = place.inertia(&mut view)? else { return Ok(false) };

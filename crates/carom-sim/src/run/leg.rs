@@ -1,11 +1,12 @@
 //! One smooth leg of motion: integrated until its end or until a witness function reaches zero.
 //!
 //! **Trigger rule.** A witness function w depends on the state. It is *armed* once it has been positive at the start of the
-//! leg or at the end of a step. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
+//! leg or at the end of a step, above its hysteresis. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
 //! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
 //! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
-//! is detected. A gap is armed only if it is wider than [`HYSTERESIS`], so that rounding after an impact does not count as
-//! opening. A gap that is not armed and closes by more than this fires as well, so that no contact penetrates.
+//! is detected. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
+//! velocity is the error of its integration. A gap or a velocity that is not armed and falls by more than its hysteresis fires
+//! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
 //! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
@@ -47,6 +48,30 @@ pub(crate) trait Flow {
 pub(crate) struct Witness {
     pub value: f64,
     pub rate: Option<f64>,
+    /// Hysteresis: values up to this count as zero. `None`: a witness that is never armed before it is positive, such as a force.
+    pub band: Option<f64>,
+}
+
+impl Witness {
+    /// A gap and its rate.
+    pub fn gap(value: f64, rate: f64) -> Self {
+        Self { value, rate: Some(rate), band: Some(HYSTERESIS) }
+    }
+
+    /// A velocity with this resolution.
+    pub fn velocity(value: f64, band: f64) -> Self {
+        Self { value, rate: None, band: Some(band) }
+    }
+
+    /// The margin of a force.
+    pub fn margin(value: f64) -> Self {
+        Self { value, rate: None, band: None }
+    }
+
+    /// The value above which it is armed.
+    fn least(&self) -> f64 {
+        self.band.unwrap_or(0.0)
+    }
 }
 
 /// The end of a leg.
@@ -115,11 +140,8 @@ pub(crate) fn leg(
 ) -> Result<LegEnd, SimError> {
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
-    // Witnesses without a rate are not gaps: they are armed when they become positive.
-    let level = |w: &Witness| match w.rate {
-        Some(_) if w.value > HYSTERESIS => Some(0.0),
-        Some(_) => Some(w.value.min(0.0) - HYSTERESIS),
-        None => (w.value > 0.0).then_some(0.0),
+    let level = |w: &Witness| {
+        if w.value > w.least() { Some(0.0) } else { w.band.map(|band| w.value.min(0.0) - band) }
     };
     let levels = now.iter().map(level).collect();
     let system = System(RefCell::new(Inner { flow, error: None }));
@@ -163,7 +185,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         }
         statistics.refinements += 1;
         exact = observer.y_before;
-        let Witness { value, rate: Some(rate) } = system.0.borrow_mut().flow.witness(witness, time, &exact)? else {
+        let Witness { value, rate: Some(rate), .. } = system.0.borrow_mut().flow.witness(witness, time, &exact)? else {
             break;
         };
         let correction = (level - value) / rate;
@@ -317,7 +339,7 @@ impl SolOut for Observer<'_, '_, '_> {
             self.system.ask(|flow| flow.witnesses(end, y, &mut after));
         }
         for (level, witness) in self.levels.iter_mut().zip(&after) {
-            if witness.value > if witness.rate.is_some() { HYSTERESIS } else { 0.0 } {
+            if witness.value > witness.least() {
                 *level = Some(0.0);
             }
         }
@@ -414,9 +436,9 @@ mod tests {
         let end = 2.0_f64.powi(-10); // shorter than the first step, so that there is one step only
         let gap = |t: f64| {
             let x = 1.0 - t / end;
-            Witness { value: 0.1 - x * x + 1.1 * x.powi(3), rate: Some((2.0 * x - 3.3 * x * x) / end) }
+            Witness::gap(0.1 - x * x + 1.1 * x.powi(3), (2.0 * x - 3.3 * x * x) / end)
         };
-        assert_eq!(gap(end), Witness { value: 0.1, rate: Some(0.0) });
+        assert_eq!(gap(end), Witness::gap(0.1, 0.0));
         let (found, statistics, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!((found.fired, statistics.steps - statistics.refinements), (Some(0), 1));
         // Values of size one are exact to some units of rounding.
@@ -429,7 +451,7 @@ mod tests {
     fn a_leg_is_not_evaluated_beyond_its_end() {
         for integrator in [Integrator::DormandPrince, Integrator::Radau] {
             for end in [1e-14, 5e-7, 2e-6, 1e-3, 3.0] {
-                let (found, _, latest) = run(|_| Witness { value: 1.0, rate: Some(0.0) }, end, integrator);
+                let (found, _, latest) = run(|_| Witness::gap(1.0, 0.0), end, integrator);
                 assert_eq!((found.time, found.fired), (end, None));
                 // The last step ends at the rounded sum of its start and its length.
                 assert!((latest / end - 1.0).abs() < 1e-15, "{integrator:?}: {latest} beyond {end}");

@@ -23,8 +23,8 @@ use crate::error::SimError;
 use crate::model::SeveralLaw;
 use crate::motion::{Dry, Hold, Lasting};
 use crate::state::{Blow, Space, View};
-use carom_chain::{ChainError, Rows};
 use carom_chain::algebra::z_onto;
+use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 

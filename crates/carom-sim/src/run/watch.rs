@@ -150,8 +150,9 @@ fn look<A: Space>(
 ) -> Result<(), SimError> {
     let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
     let admissible = if watches.contains(&Watch::Admissible) { motion.margin(time, y)? } else { 0.0 };
+    let noise = motion.noise();
     let (q, qd) = motion.split(y);
-    let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible };
+    let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     for watch in watches {
         see(watch.at((motion.sim, &motion.balls), &now, &view, (q, qd), time)?);
@@ -167,6 +168,8 @@ struct Now<'a> {
     held: Option<&'a Held>,
     /// Computed if it is watched.
     admissible: f64,
+    /// Error of velocities.
+    noise: f64,
 }
 
 impl Watch {
@@ -183,40 +186,38 @@ impl Watch {
         Ok(match (self, now.held) {
             (Self::Gap(touch), _) => {
                 let (gap, rate) = look(touch)?;
-                Witness { value: gap, rate: Some(rate) }
+                Witness::gap(gap, rate)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
-                Witness { value: -gap, rate: Some(-rate) }
+                Witness::gap(-gap, -rate)
             }
             (Self::Turns(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
                 let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(Witness::default()) };
                 // Only changes from loading to unloading deeper than the last one count. The comparison also keeps
                 // rounding of the rate from a second event at the same point.
-                Witness { value: if -gap > deepest { -rate } else { 0.0 }, rate: None }
+                Witness::margin(if -gap > deepest { -rate } else { 0.0 })
             }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];
                 let Hold::Slides { toward } = now.lasting[i].hold else { return Ok(Witness::default()) };
                 let place = touch.at(view, q, time).surface;
                 let u = place.map_or(Ok(nalgebra::Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
-                Witness { value: u.dot(&toward), rate: None }
+                Witness::velocity(u.dot(&toward), now.noise)
             }
             (Self::JointStops(k), _) => {
                 let DryJoint { v, state, .. } = now.dry[k];
                 let Dry::Brakes(direction) = state else { return Ok(Witness::default()) };
-                Witness { value: qd[v] * direction, rate: None }
+                Witness::velocity(qd[v] * direction, now.noise)
             }
-            (Self::Admissible, _) => Witness { value: now.admissible, rate: None },
-            (Self::NormalForce(i), Some(held)) => Witness { value: held.contacts[i].normal_force, rate: None },
+            (Self::Admissible, _) => Witness::margin(now.admissible),
+            (Self::NormalForce(i), Some(held)) => Witness::margin(held.contacts[i].normal_force),
             (Self::Cone(i), Some(held)) => {
                 let mu = sim.touches[now.lasting[i].touch].contact.law.friction();
-                Witness { value: held.contacts[i].cone(mu), rate: None }
+                Witness::margin(held.contacts[i].cone(mu))
             }
-            (Self::JointBreaksLoose(k), Some(held)) => {
-                Witness { value: now.dry[k].friction - held.joints[k].abs(), rate: None }
-            }
+            (Self::JointBreaksLoose(k), Some(held)) => Witness::margin(now.dry[k].friction - held.joints[k].abs()),
             (_, None) => unreachable!("constraint forces are computed for these witnesses"),
         })
     }
