@@ -1,4 +1,5 @@
-//! Derivatives of an impact with respect to H, u⁻, e and μ, computed with dual numbers through the laws.
+//! Derivatives of an impact with respect to H, u⁻, e and μ, computed with dual numbers through the laws; those of slip that
+//! turns in space are integrals along its path (`flow/turn.rs`).
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |

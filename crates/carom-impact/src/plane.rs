@@ -239,12 +239,12 @@ fn value<T: RealField + Copy>(x: T) -> T {
 }
 
 /// Zero, with the derivative of x.
-fn rest<T: RealField + Copy>(x: T) -> T {
+pub(crate) fn rest<T: RealField + Copy>(x: T) -> T {
     x - value(x)
 }
 
 /// Whether `T` carries derivatives (is not `f64` or `f32`). For plain numbers all components across the plane are zero.
-fn has_derivatives<T: 'static>() -> bool {
+pub(crate) fn has_derivatives<T: 'static>() -> bool {
     let this = TypeId::of::<T>();
     this != TypeId::of::<f64>() && this != TypeId::of::<f32>()
 }

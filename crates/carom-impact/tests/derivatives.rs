@@ -8,6 +8,7 @@ use carom_impact::{
 };
 use common::{any_case, any_spatial, close, rough};
 use nalgebra::{Matrix3, Rotation3, SMatrix, SVector, Vector3, matrix, vector};
+use num_dual::Dual64;
 
 /// A problem with its law, and a direction in which both move.
 #[derive(Debug, Clone, Copy)]
@@ -93,6 +94,57 @@ fn derivatives_agree_with_central_differences() {
     }
     // The others are near a boundary, or leave the range of a coefficient.
     assert!(compared[0] > 650 && compared[1] > 330, "{compared:?}");
+}
+
+/// A law that follows the slip has no scale of speed, of mass or of direction in the tangent plane: doubling u doubles P,
+/// doubling H halves it, and turning the tangents turns it. Along these three directions the derivative is P, -P and P
+/// turned, whatever the slip does.
+#[test]
+fn derivatives_along_the_symmetries_of_the_flow_are_exact() {
+    let mut rng = fastrand::Rng::with_seed(74);
+    let (mut worst, mut stopped, mut slipping) = (0.0_f64, 0, 0);
+    for k in 0..600 {
+        let case = any_spatial(&mut rng, 0.2);
+        let (h, u, mu) = (case.delassus, case.u, case.friction.clamp(0.05, 3.0));
+        let problem = ImpactProblem::new(h, u).unwrap();
+        let law = AnyLaw::named(["newton", "poisson", "energetic"][k % 3], rough(case.restitution, mu)).unwrap();
+        let derivative = problem.differentiate(&law).unwrap();
+        let p = derivative.outcome.impulse;
+        let spin = matrix![0.0, -1.0, 0.0; 1.0, 0.0, 0.0; 0.0, 0.0, 0.0];
+        let faster = Direction { u_minus: u, ..Direction::default() };
+        let lighter = Direction { delassus: h, ..Direction::default() };
+        let turned = Direction { delassus: spin * h - h * spin, u_minus: spin * u, ..Direction::default() };
+        // The terms that cancel have the size of the largest derivatives.
+        let size = p.norm() + derivative.velocity.norm() * u.norm();
+        for (along, expected) in [(faster, p), (lighter, -p), (turned, spin * p)] {
+            worst = worst.max((derivative.impulse(&along) - expected).norm() / size);
+        }
+        stopped += usize::from(derivative.outcome.slip_stop.is_some());
+        slipping += usize::from(derivative.outcome.slip_stop.is_none());
+    }
+    // Slip turns by many times its last direction as it stops: H of condition 25 leaves 1e-11.
+    assert!(worst < 1e-10 && stopped > 100 && slipping > 100, "{worst:e} {stopped} {slipping}");
+}
+
+/// In dual numbers too the works of the two phases add up to the energy change, and their ratio is e².
+#[test]
+fn derivatives_of_the_works_of_turning_slip_balance() {
+    let mut rng = fastrand::Rng::with_seed(75);
+    for _ in 0..600 {
+        let case = any_spatial(&mut rng, 0.2);
+        let along = direction::<3>(&mut rng);
+        let dual = |x: f64, by: f64| Dual64::new(x, by);
+        let problem =
+            ImpactProblem::new(case.delassus.zip_map(&along.delassus, dual), case.u.zip_map(&along.u_minus, dual))
+                .unwrap();
+        let restitution = dual(case.restitution.clamp(0.1, 0.9), along.restitution);
+        let friction = dual(case.friction.clamp(0.05, 3.0), along.friction);
+        let hit = Energetic { restitution, friction }.resolve(&problem).unwrap();
+        let works = (hit.normal_work + hit.friction_work).eps;
+        let size = hit.normal_work.eps.abs() + hit.friction_work.eps.abs() + hit.impulse.map(|p| p.eps).norm();
+        close("works", works, hit.energy_change.eps, 1e-11 * (1.0 + size));
+        close("e", hit.energetic.unwrap().eps, along.restitution, 1e-9 * (1.0 + size));
+    }
 }
 
 /// Slip that stays in a plane is resolved in closed form; its derivative in a direction out of the plane agrees with

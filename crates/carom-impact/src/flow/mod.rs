@@ -33,11 +33,13 @@
 //! J. Appl. Mech. 62 (1995) 893.
 
 mod curve;
+mod gauss;
 mod line;
 mod path;
 mod series;
 #[cfg(test)]
 mod tests;
+mod turn;
 
 use nalgebra::{RealField, SVector, Vector2};
 
@@ -108,6 +110,7 @@ impl<T: RealField + Copy> State<T> {
 }
 
 /// What a piece adds to impulse and works, and the velocity at its end.
+#[derive(Clone, Copy)]
 struct Step<T> {
     p: T,
     p_t: Vector2<T>,

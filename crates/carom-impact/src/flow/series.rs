@@ -1,9 +1,5 @@
 //! Truncated power series, and roots in a bracket.
 
-use nalgebra::{RealField, convert};
-
-use crate::problem::plain;
-
 /// Highest power, an even number. The cost of a step grows with its square; the length of a step hardly grows any more.
 pub(super) const ORDER: usize = 28;
 
@@ -22,8 +18,8 @@ const INVERSE: [f64; ORDER + 2] = {
 };
 
 /// `1/k`, which the integral of power `k - 1` contains; k is at most `ORDER + 1`.
-pub(super) fn inverse<T: RealField + Copy>(k: usize) -> T {
-    convert(INVERSE[k])
+pub(super) fn inverse(k: usize) -> f64 {
+    INVERSE[k]
 }
 
 /// `Σ c_k x^k` up to [`ORDER`].
@@ -31,46 +27,39 @@ pub(super) type Series<T> = [T; ORDER + 1];
 
 /// The value of a series and its derivative at x. Even and odd powers are summed apart, so that the sums do not wait for
 /// each other.
-pub(super) fn with_slope<T: RealField + Copy>(series: impl Fn(usize) -> T, x: T) -> (T, T) {
-    let (zero, square) = (T::zero(), x * x);
-    let (mut even, mut odd, mut even_slope, mut odd_slope) = (series(ORDER), zero, zero, zero);
+pub(super) fn with_slope(series: impl Fn(usize) -> f64, x: f64) -> (f64, f64) {
+    let square = x * x;
+    let (mut even, mut odd, mut even_slope, mut odd_slope) = (series(ORDER), 0.0, 0.0, 0.0);
     for k in (0..ORDER / 2).rev() {
         odd_slope = odd_slope * square + odd;
         odd = odd * square + series(2 * k + 1);
         even_slope = even_slope * square + even;
         even = even * square + series(2 * k);
     }
-    let twice = x + x;
-    (even + x * odd, twice * (even_slope + x * odd_slope) + odd)
+    (even + x * odd, 2.0 * x * (even_slope + x * odd_slope) + odd)
 }
 
 /// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's method
-/// within the bracket. The convergence is quadratic, so that one step after a small one is at rounding; it also gives
-/// the root its derivative if T is a dual number.
-pub(super) fn root<T: RealField + Copy>(low: T, high: T, f: impl Fn(T) -> (T, T)) -> T {
-    let half: T = convert(0.5);
+/// within the bracket. The convergence is quadratic, so that one step after a small one is at rounding.
+pub(super) fn root(low: f64, high: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
     let (mut left, mut right, mut x) = (low, high, high);
     for _ in 0..200 {
         let (value, slope) = f(x);
-        if value >= T::zero() {
+        if value >= 0.0 {
             right = x
         } else {
             left = x
         }
         let newton = x - value / slope;
-        let next = if newton >= left && newton <= right { newton } else { left + (right - left) * half };
+        let next = if newton >= left && newton <= right { newton } else { left + (right - left) / 2.0 };
         let moved = (next - x).abs();
         x = next;
-        if moved <= right * convert(SMALL) {
+        if moved <= right * SMALL {
             break;
         }
     }
     let (value, slope) = f(x);
     let polished = x - value / slope;
-    if !polished.is_finite() {
-        return x;
-    }
-    // Rounding may move a root at an end of the bracket out of it: its value is that end, with the derivative found.
-    let inside = plain(polished).max(plain(low)).min(plain(high));
-    polished - convert(plain(polished)) + convert(inside)
+    // Rounding may move a root at an end of the bracket out of it.
+    if polished.is_finite() { polished.clamp(low, high) } else { x }
 }
