@@ -7,8 +7,8 @@ use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use crate::scene::load;
 use carom_chain::{Chain, Coordinates};
-use carom_sim::{Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
-use carom_study::{Table, TableError};
+use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
+use carom_study::{Column, Table, TableError};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -27,7 +27,7 @@ const SAMPLE: f64 = 0.004;
 /// JSON keys:
 ///   joints, stop_reason (duration, events), mode (of contact at the end);
 ///   events [{time, kind, contact, q, qd_minus, qd_plus, impact, impulses}];
-///   final {time, q, qd};
+///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
@@ -49,6 +49,14 @@ pub struct Simulate {
     /// Write the same table as Parquet
     #[arg(long, value_name = "X.parquet")]
     parquet: Option<PathBuf>,
+    /// Write the lasting contacts as a table (X.csv or X.parquet): a row for each contact at each sample
+    ///
+    /// Columns: time (s), contact (its name), mode (sliding, sticking, latched, pressing, stepping), point
+    /// x, y, z (m) and unit normal nx, ny, nz from the environment to the robot in world axes, gap (m; rad),
+    /// force on the robot fx, fy, fz (N, world axes) and its normal component (N; N m at a joint limit, where
+    /// the vectors are zero).
+    #[arg(long, value_name = "X.csv|X.parquet", verbatim_doc_comment)]
+    contacts: Option<PathBuf>,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -109,6 +117,19 @@ struct Last<'a> {
     time: f64,
     q: &'a [f64],
     qd: &'a [f64],
+    contacts: Vec<Lasting<'a>>,
+}
+
+/// A lasting contact.
+#[derive(Serialize)]
+struct Lasting<'a> {
+    contact: &'a str,
+    mode: &'static str,
+    point: [f64; 3],
+    normal: [f64; 3],
+    gap: f64,
+    force: [f64; 3],
+    normal_force: f64,
 }
 
 #[derive(Serialize)]
@@ -140,12 +161,21 @@ impl Simulate {
         self.record.check()?;
         let scene = load(&self.scene)?;
         let (csv, parquet) = (self.csv.as_deref(), self.parquet.as_deref());
-        files::check(&scene.files, &[("--csv", csv), ("--parquet", parquet), ("--out", self.record.file())])?;
+        files::check(
+            &scene.files,
+            &[
+                ("--csv", csv),
+                ("--parquet", parquet),
+                ("--contacts", self.contacts.as_deref()),
+                ("--out", self.record.file()),
+            ],
+        )?;
         let plan = scene.plan().map_err(refuse)?;
         let sim = &plan.simulation;
         let mut tables = Tables::begin([csv, parquet], &sim.chain)?;
+        let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
-        let sampled = !tables.tables.is_empty() || recorder.is_some();
+        let sampled = !tables.tables.is_empty() || contacts.table.is_some() || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
         let mut events = Vec::new();
         let sampling = Sampling { every, dense: false };
@@ -153,6 +183,7 @@ impl Simulate {
             match &seen {
                 Seen::Moment(moment) => tables.row(moment),
                 Seen::Event(event) => events.push((*event).clone()),
+                Seen::Contacts(time, states) => contacts.rows(*time, states),
                 Seen::Segment(_) => {}
             }
             if let Some(recorder) = &mut recorder {
@@ -161,12 +192,25 @@ impl Simulate {
         });
         let run = run.map_err(refuse)?;
         tables.finish()?;
+        contacts.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
         let written =
             answer(out, &summary(&plan, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
         written.map_err(|refused| CliError::refused(&self.scene, refused))
+    }
+}
+
+fn lasting<'a>(sim: &'a Simulation, state: &ContactState) -> Lasting<'a> {
+    Lasting {
+        contact: &sim.touches[state.touch].name,
+        mode: state.mode.name(),
+        point: state.point.into(),
+        normal: state.normal.into(),
+        gap: state.gap,
+        force: state.force.into(),
+        normal_force: state.normal_force,
     }
 }
 
@@ -211,7 +255,12 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
         stop_reason: run.stop.name(),
         mode: run.mode.name(),
         events: events.iter().map(happened).collect(),
-        r#final: Last { time: run.last.time, q: &run.last.q, qd: &run.last.qd },
+        r#final: Last {
+            time: run.last.time,
+            q: &run.last.q,
+            qd: &run.last.qd,
+            contacts: run.contacts.iter().map(|state| lasting(sim, state)).collect(),
+        },
         energy: Energy {
             start: energy.start,
             end: energy.end,
@@ -341,5 +390,52 @@ impl Tables {
             return Err(error.into());
         }
         Ok(self.tables.into_iter().try_for_each(Table::finish)?)
+    }
+}
+
+/// Modes of the rows of a table of contacts.
+const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
+
+/// The table of lasting contacts.
+struct ContactTable {
+    table: Option<Table>,
+    failed: Option<TableError>,
+}
+
+impl ContactTable {
+    fn begin(path: Option<&Path>, sim: &Simulation) -> Result<Self, CliError> {
+        let mut columns = vec![
+            Column::number("time"),
+            Column::word("contact", sim.touches.iter().map(|it| &it.name)),
+            Column::word("mode", MODES),
+        ];
+        let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
+        columns.extend(numbers.map(Column::number));
+        let table = path.map(|path| Table::create_with(path, &columns)).transpose()?;
+        Ok(Self { table, failed: None })
+    }
+
+    fn rows(&mut self, time: f64, states: &[ContactState]) {
+        let Some(table) = &mut self.table else { return };
+        for state in states {
+            let mode = MODES.iter().position(|mode| *mode == state.mode.name()).unwrap_or(0);
+            let mut row = vec![time, state.touch as f64, mode as f64];
+            for vector in [&state.point, &state.normal] {
+                row.extend(vector.iter());
+            }
+            row.push(state.gap);
+            row.extend(state.force.iter());
+            row.push(state.normal_force);
+            if self.failed.is_none() {
+                self.failed = table.row(&row).err();
+            }
+        }
+    }
+
+    fn finish(self) -> Result<(), CliError> {
+        if let Some(error) = self.failed {
+            return Err(error.into());
+        }
+        Ok(self.table.map_or(Ok(()), Table::finish)?)
     }
 }

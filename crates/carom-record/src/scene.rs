@@ -30,12 +30,14 @@ use std::collections::BTreeMap;
 const PATH: u32 = 0xffb0_00ff;
 const BLOW: u32 = 0xff5a_36ff;
 /// Modes with their colours.
-const MODES: [(&str, u32); 5] = [
+const MODES: [(&str, u32); 7] = [
     ("free", 0x4e79_a7ff),
     ("sliding", 0xf28e_2bff),
     ("sticking", 0xe157_59ff),
     ("latched", 0xb07a_a1ff),
+    ("pressing", 0xedc9_48ff),
     ("several", 0x59a1_4fff),
+    ("stepping", 0x9c75_5fff),
 ];
 /// Duration of a replay, s, at most real time.
 const REPLAY: f64 = 8.0;
@@ -132,7 +134,7 @@ impl SceneRecorder {
             let done = match seen {
                 Seen::Moment(Moment { time, q, qd }) => self.state(*time, (q, qd), true),
                 Seen::Event(event) => self.event(event),
-                Seen::Segment(_) => Ok(()),
+                Seen::Contacts(..) | Seen::Segment(_) => Ok(()),
             };
             self.failed = done.err();
         }

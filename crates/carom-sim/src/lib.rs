@@ -47,7 +47,7 @@ pub use impact::{
     frictionless_jump_into, saltation,
 };
 pub use model::{Drive, ImpactInvariant, Integrator, SeveralLaw, Simulation, Transition};
-pub use motion::{free_motion, free_motion_at};
+pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory};
 pub use scene::Scene;

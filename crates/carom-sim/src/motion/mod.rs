@@ -8,6 +8,7 @@ mod rows;
 mod select;
 mod settle;
 mod smooth;
+mod told;
 
 pub use free_motion::{free_motion, free_motion_at};
 pub(crate) use held::Held;
@@ -15,3 +16,4 @@ pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Motion, bristles};
+pub use told::ContactState;

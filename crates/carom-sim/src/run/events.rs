@@ -19,7 +19,7 @@ use super::watch::{Watch, Watched};
 use crate::contact::{Compliance, ContactMode};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting, Motion, bristles};
+use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, bristles};
 use crate::state::{Blow, Moment, Space};
 
 /// The state of a run.
@@ -32,6 +32,8 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub events: usize,
     pub statistics: Statistics,
     pub lost: f64,
+    /// The contacts of the last time step.
+    pub stepped: Vec<ContactState>,
     /// Times of the last events, to detect too many within a short time.
     pub recent: std::collections::VecDeque<f64>,
 }
@@ -56,6 +58,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             events: 0,
             statistics: Statistics::default(),
             lost: 0.0,
+            stepped: Vec::new(),
             recent: std::collections::VecDeque::new(),
         };
         let start = run.motion.energy(&run.y)?;
@@ -74,10 +77,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         let energy = run.motion.energy(&run.y)?;
         let (nq, nv) = sizes;
+        let contacts = if run.motion.stepping { run.stepped } else { run.motion.told(run.time, &run.y)? };
         Ok(Summary {
             last: Moment { time: run.time, q: run.y[..nq].to_vec(), qd: run.y[nq..nq + nv].to_vec() },
             mode: run.motion.mode(),
-            contacts: run.motion.lasting.iter().map(Lasting::mode).collect(),
+            contacts,
             stop,
             events: run.events,
             statistics: run.statistics,
@@ -330,7 +334,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.y[nq..nq + nv].fill(0.0);
         self.note(EventKind::Rest, &before, Vec::new());
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
-        self.sampler.stretch(start, self.end, 2, |_| y.clone());
+        let told = self.motion.told(start, &y)?;
+        self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
         Ok(())
     }
 

@@ -251,7 +251,8 @@ impl<A: Space> Run<'_, '_, A> {
             self.lost += energy - self.motion.energy(&self.y)?;
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
-            self.sampler.stretch(from, self.time, 2, |_| y.clone());
+            let told = self.motion.told(self.time, &y)?;
+            self.sampler.stretch((from, self.time, 2), |_| y.clone(), |_, _| told.clone());
             for &touch in &ending {
                 self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &start, Vec::new());
             }

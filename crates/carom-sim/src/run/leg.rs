@@ -16,6 +16,7 @@ use super::root::descent;
 use super::trajectory::{Sampling, Seen, Segment, Statistics};
 use crate::error::SimError;
 use crate::model::Integrator;
+use crate::motion::ContactState;
 use crate::state::Moment;
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
@@ -39,6 +40,8 @@ pub(crate) trait Flow {
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
     /// Witness `k` at (t, y).
     fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
+    /// The lasting contacts at (t, y).
+    fn contacts(&mut self, t: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError>;
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
@@ -107,15 +110,24 @@ pub(crate) struct Sampler<'a> {
 }
 
 impl Sampler<'_> {
-    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time; a segment has
-    /// `points` points.
-    pub fn stretch(&mut self, start: f64, end: f64, points: usize, mut at: impl FnMut(f64) -> Vec<f64>) {
+    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time, `contacts` the lasting
+    /// contacts there; a segment has `points` points.
+    pub fn stretch(
+        &mut self,
+        (start, end, points): (f64, f64, usize),
+        mut at: impl FnMut(f64) -> Vec<f64>,
+        mut contacts: impl FnMut(f64, &[f64]) -> Vec<ContactState>,
+    ) {
         let (nq, nv) = self.sizes;
         if let Some(every) = self.sampling.every {
             while self.count as f64 * every <= end {
                 let time = self.count as f64 * every;
                 let y = at(time);
                 (self.watch)(Seen::Moment(&Moment { time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }));
+                let states = contacts(time, &y);
+                if !states.is_empty() {
+                    (self.watch)(Seen::Contacts(time, &states));
+                }
                 self.count += 1;
             }
         }
@@ -324,11 +336,12 @@ impl SolOut for Observer<'_, '_, '_> {
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
-            let buffer = &mut self.buffer;
-            sampler.stretch(start, until, Segment::POINTS, |time| {
+            let (buffer, system) = (&mut self.buffer, self.system);
+            let at = |time| {
                 dense.interpolate(time, buffer);
                 buffer.clone()
-            });
+            };
+            sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
         }
         if let Some(((time, level), witness)) = first {
             self.found = Some(Found { witness, level, start, end, y: self.y_before.clone(), time });
@@ -413,6 +426,9 @@ mod tests {
         }
         fn witness(&mut self, _: usize, t: f64, _: &[f64]) -> Result<Witness, SimError> {
             Ok((self.gap)(t))
+        }
+        fn contacts(&mut self, _: f64, _: &[f64]) -> Result<Vec<ContactState>, SimError> {
+            Ok(Vec::new())
         }
         fn settle(&mut self, _: f64, _: &mut [f64]) -> Result<bool, SimError> {
             Ok(false)

@@ -21,7 +21,7 @@ use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, Touch};
 use crate::error::SimError;
 use crate::model::SeveralLaw;
-use crate::motion::{Dry, Hold, Lasting};
+use crate::motion::{ContactState, Dry, Hold, Lasting};
 use crate::state::{Blow, Space, View};
 use carom_chain::algebra::z_onto;
 use carom_chain::{ChainError, Rows};
@@ -60,6 +60,16 @@ struct Closed {
     /// Contact axes and point; `None` for a limit.
     place: Option<(Matrix3<f64>, Vector3<f64>)>,
     rows: std::ops::Range<usize>,
+    gap: f64,
+}
+
+impl Closed {
+    /// The impulse on the robot, world axes.
+    fn push(&self, axes: &Matrix3<f64>, impulse: &DVector<f64>) -> Vector3<f64> {
+        // A single row is that of the normal.
+        let skip = 3 - self.rows.len();
+        self.rows.clone().map(|row| axes.column(row - self.rows.start + skip) * impulse[row]).sum()
+    }
 }
 
 impl Closures {
@@ -83,7 +93,7 @@ impl Closures {
             touch.row_into(at, view, self.rows.add())?;
             self.surface.push(0.0);
             self.constraints.push(if rule.latch { Constraint::Held } else { Constraint::Stop { restitution } });
-            self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1 });
+            self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1, gap: at.gap });
             return Ok(());
         };
         let velocity = touch.shift(time)[1];
@@ -102,7 +112,7 @@ impl Closures {
             self.constraints.push(Constraint::Stop { restitution });
         }
         let rows = first..self.rows.len();
-        self.contacts.push(Closed { touch: k, place: Some((axes, place.position)), rows });
+        self.contacts.push(Closed { touch: k, place: Some((axes, place.position)), rows, gap: at.gap });
         Ok(())
     }
 
@@ -111,18 +121,25 @@ impl Closures {
         DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, v) - self.surface[i])
     }
 
+    /// The contacts of a time step of this length with these impulses.
+    fn told(&self, impulse: &DVector<f64>, step: f64) -> Vec<ContactState> {
+        let state = |closed: &Closed| {
+            let normal_force = impulse[closed.rows.end - 1] / step;
+            let (touch, mode, gap) = (closed.touch, ContactMode::Stepping, closed.gap);
+            let zero = Vector3::zeros();
+            let (point, normal, force) = closed.place.as_ref().map_or((zero, zero, zero), |(axes, point)| {
+                (*point, axes.column(2).into(), closed.push(axes, impulse) / step)
+            });
+            ContactState { touch, mode, point, normal, gap, force, normal_force }
+        };
+        self.contacts.iter().map(state).collect()
+    }
+
     /// The contact impulses in world axes.
     fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
         let blow = |closed: &Closed| {
             let (axes, point) = closed.place.as_ref()?;
-            // A single row is that of the normal.
-            let skip = 3 - closed.rows.len();
-            let parts = closed.rows.clone().map(|row| axes.column(row - closed.rows.start + skip) * impulse[row]);
-            Some(Blow {
-                touch: closed.touch,
-                point: *point,
-                impulse: parts.fold(Vector3::zeros(), |sum, part| sum + part),
-            })
+            Some(Blow { touch: closed.touch, point: *point, impulse: closed.push(axes, impulse) })
         };
         self.contacts.iter().filter_map(blow).collect()
     }
@@ -216,7 +233,8 @@ impl<A: Space> Run<'_, '_, A> {
                 let y = self.y.clone();
                 self.note(EventKind::Rest, &y, Vec::new());
                 let start = std::mem::replace(&mut self.time, self.end);
-                self.sampler.stretch(start, self.end, 2, |_| y.clone());
+                let told = self.stepped.clone();
+                self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
             }
         }
         Ok(())
@@ -314,6 +332,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.surface.push(0.0);
             rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
         }
+        let mut told = Vec::new();
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
@@ -327,6 +346,7 @@ impl<A: Space> Run<'_, '_, A> {
             let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, &outcome.impulse);
+            told = rows.told(&outcome.impulse, step);
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
@@ -343,8 +363,8 @@ impl<A: Space> Run<'_, '_, A> {
         self.lost += energy - self.motion.energy(&self.y)? + (power[0] + power[1]) * step;
         let (y, still) = (self.y.clone(), next.amax() < STILL);
         let chain = &sim.chain;
-        self.sampler.stretch(start, self.time, 2, |time| {
-            // Positions are linear in time in each half of the step.
+        let at = |time: f64| {
+            // Positions are linear in time in each half of the step, with the velocity before and after it.
             let half = step / 2.0;
             let (from, rate, span) = if time <= start + half {
                 (&q, qd.as_slice(), time - start)
@@ -355,8 +375,11 @@ impl<A: Space> Run<'_, '_, A> {
             if let Ok(there) = chain.integrate(from, rate, span) {
                 state[..nq].copy_from_slice(&there);
             }
+            state[nq..nq + nv].copy_from_slice(rate);
             state
-        });
+        };
+        self.sampler.stretch((start, self.time, 2), at, |_, _| told.clone());
+        self.stepped = told;
         Ok((open, still))
     }
 

@@ -75,7 +75,7 @@ fn store(
     let summary = run(Sampling { every: None, dense: true }, &mut |seen| match seen {
         Seen::Event(event) => events.push(event.clone()),
         Seen::Segment(segment) => segments.push(segment.clone()),
-        Seen::Moment(_) => {}
+        Seen::Moment(_) | Seen::Contacts(..) => {}
     })?;
     Ok(Trajectory { events, segments, summary })
 }

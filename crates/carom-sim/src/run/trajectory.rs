@@ -3,6 +3,7 @@
 
 use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
+use crate::motion::ContactState;
 use crate::state::{Blow, Moment};
 use carom_chain::Chain;
 use std::f64::consts::PI;
@@ -163,6 +164,8 @@ pub enum Seen<'a> {
     Moment(&'a Moment),
     /// An event.
     Event(&'a Event),
+    /// The lasting contacts at the time of the moment before; not reported where there are none.
+    Contacts(f64, &'a [ContactState]),
     /// The motion since the last segment or event.
     Segment(&'a Segment),
 }
@@ -248,8 +251,8 @@ pub struct Summary {
     pub last: Moment,
     /// Contact mode at the end.
     pub mode: ContactMode,
-    /// The modes of the lasting contacts at the end.
-    pub contacts: Vec<ContactMode>,
+    /// The lasting contacts at the end.
+    pub contacts: Vec<ContactState>,
     /// Reason for the end.
     pub stop: StopReason,
     /// Number of events.

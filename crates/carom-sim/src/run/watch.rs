@@ -4,7 +4,7 @@ use super::leg::{Flow, Witness};
 use crate::contact::BallOnPlane;
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{Dry, DryJoint, Held, Hold, Lasting, Motion};
+use crate::motion::{ContactState, Dry, DryJoint, Held, Hold, Lasting, Motion};
 use crate::state::{Space, View};
 
 /// The kinds of witness functions; those of lasting contacts have their index into the list.
@@ -129,6 +129,10 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
         let mut found = Witness::default();
         look(self.motion, &self.watches[k..=k], time, y, |witness| found = witness)?;
         Ok(found)
+    }
+
+    fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+        self.motion.told(time, y)
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {

@@ -1,0 +1,48 @@
+//! The lasting contacts of a state, with their forces, for the output of a run.
+
+use super::smooth::Motion;
+use crate::contact::ContactMode;
+use crate::error::SimError;
+use crate::state::Space;
+use nalgebra::Vector3;
+
+/// A lasting contact at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactState {
+    /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
+    pub touch: usize,
+    /// Its mode; [`ContactMode::Stepping`] in time steps.
+    pub mode: ContactMode,
+    /// Contact point, world axes, m; zero for a joint limit.
+    pub point: Vector3<f64>,
+    /// Unit normal from the environment to the robot, world axes; zero for a joint limit.
+    pub normal: Vector3<f64>,
+    /// Gap, m or rad; negative for a compliant contact that is pressed.
+    pub gap: f64,
+    /// Force on the robot, world axes, N; zero for a joint limit. In a time step the mean over the step.
+    pub force: Vector3<f64>,
+    /// Its normal component, N; for a joint limit the force or torque on the joint, N or N m. Forces of redundant contacts
+    /// are those of equal springs under all of them.
+    pub normal_force: f64,
+}
+
+impl<A: Space> Motion<'_, A> {
+    /// The lasting contacts at a state in the present mode.
+    pub fn told(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+        if self.lasting.is_empty() {
+            return Ok(Vec::new());
+        }
+        let held = self.in_mode(time, y)?;
+        let lasting = self.lasting.clone();
+        let sim = self.sim;
+        let (q, _) = self.split(y);
+        let view = self.view(q)?;
+        let states = lasting.iter().zip(&held.contacts).map(|(own, force)| {
+            let at = sim.touches[own.touch].at(&view, q, time);
+            let (point, normal) = at.surface.map_or_else(Default::default, |place| (place.position, place.normal));
+            let (touch, mode, gap) = (own.touch, own.mode(), at.gap);
+            ContactState { touch, mode, point, normal, gap, force: force.force, normal_force: force.normal_force }
+        });
+        Ok(states.collect())
+    }
+}
