@@ -57,7 +57,7 @@ mod tests {
             body.inertia.rotational.diagonal += Vector3::new(0.8, 0.7, 0.9);
             body.inertia.rotational.beside = tilted(k) * 0.1;
         }
-        whole.steps = crate::steps::Step::of(&whole.bodies);
+        let whole = Chain::of(whole.about, whole.bodies, whole.frames, whole.nq, whole.nv);
         let mut less = whole.clone();
         for (body, inertia) in less.bodies.iter_mut().zip(base_parameters(&whole.bodies)) {
             let Inertia::<Spatial<f64>> { mass, first_moment, rotational } = inertia;

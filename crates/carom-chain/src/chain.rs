@@ -21,7 +21,8 @@ use num_traits::Zero;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// One body and the joint that connects it to its parent, in a frame aligned with the joint's axis.
+/// One body and the joint that connects it to its parent, in a frame aligned with the joint's axis. For two hinges in a row the
+/// x axis of the body between them is parallel to their common perpendicular.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body<A: Algebra> {
     /// Index of the parent body, smaller than this body's own; `None` is the world.
@@ -141,7 +142,7 @@ pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
     pub(crate) steps: Vec<Step<A>>,
-    pub(crate) structure: Arc<Structure<A>>,
+    pub(crate) structure: Arc<Structure>,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
@@ -265,7 +266,7 @@ impl<A: Algebra> Chain<A> {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
             steps: self.steps.iter().map(Step::cast).collect(),
-            structure: Arc::new(self.structure.cast()),
+            structure: self.structure.clone(),
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
@@ -305,13 +306,19 @@ impl<A: Algebra> Chain<A> {
         Ok(Self::of(scaled.about, scaled.bodies, scaled.frames, scaled.nq, scaled.nv))
     }
 
-    /// The chain of these bodies.
-    pub(crate) fn of(about: Arc<About>, bodies: Vec<Body<A>>, frames: Vec<Frame<A>>, nq: usize, nv: usize) -> Self
+    /// The chain of these bodies, prepared for the recursions; axes of bodies on hinges are rotated about the hinge.
+    pub(crate) fn of(
+        about: Arc<About>,
+        mut bodies: Vec<Body<A>>,
+        mut frames: Vec<Frame<A>>,
+        nq: usize,
+        nv: usize,
+    ) -> Self
     where
         A: Algebra<Scalar = f64>,
     {
-        let steps = Step::of(&bodies);
-        let structure = Arc::new(Structure::of(&bodies, &steps, nv));
+        let steps = Step::of(&mut bodies, &mut frames);
+        let structure = Arc::new(Structure::of(&steps, nv));
         Self { about, steps, structure, bodies, frames, nq, nv }
     }
 

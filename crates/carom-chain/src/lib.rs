@@ -17,6 +17,7 @@
 pub mod algebra;
 mod articulated;
 mod assemble;
+mod axes;
 mod base_parameters;
 mod chain;
 mod contact_inertia;

@@ -19,11 +19,11 @@ pub(crate) trait Moves<A: Algebra>: Copy {
     const COUPLED: bool;
     /// An axis of length zero.
     fn still() -> Self;
-    /// Rotation of body `i` and offset of its origin from the parent's, for the parent's rotation `outer`.
+    /// Rotation of body `i` and offset of its origin from the parent's, for the parent's rotation `outer`; `None` is the world.
     fn place(
         step: &Step<A>,
         i: usize,
-        outer: A::Rotation,
+        outer: Option<A::Rotation>,
         q: &[A::Scalar],
         turned: &impl Turned<A>,
     ) -> (A::Rotation, A::Vector);
@@ -63,14 +63,14 @@ impl<A: Algebra> Moves<A> for Axis<A> {
     fn place(
         step: &Step<A>,
         i: usize,
-        outer: A::Rotation,
+        outer: Option<A::Rotation>,
         q: &[A::Scalar],
         turned: &impl Turned<A>,
     ) -> (A::Rotation, A::Vector) {
         if A::turns(step.joint) {
             return Hinge::place(step, i, outer, q, turned);
         }
-        let (placed, offset) = (step.placing.placed(outer), A::rotate(outer, step.translation));
+        let (placed, offset) = step.placed(outer);
         let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
         (rotation, A::plus(offset, moved))
     }
@@ -167,12 +167,13 @@ impl<A: Algebra> Moves<A> for Hinge<A> {
     fn place(
         step: &Step<A>,
         i: usize,
-        outer: A::Rotation,
+        outer: Option<A::Rotation>,
         _: &[A::Scalar],
         turned: &impl Turned<A>,
     ) -> (A::Rotation, A::Vector) {
+        let (placed, offset) = step.placed(outer);
         let (sin, cos) = turned.sin_cos(i, step.angle());
-        (A::turn(step.placing.placed(outer), sin, cos), A::rotate(outer, step.translation))
+        (A::turn(placed, sin, cos), offset)
     }
     #[inline(always)]
     fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self {

@@ -22,7 +22,7 @@
 //!
 //! `book/src/benchmarks.md` gives the gain in speed; `tests/planar_row.rs` compares the results with the recursion.
 
-use crate::algebra::{Algebra, Planar, PlanarJoint};
+use crate::algebra::{Algebra, Planar};
 use crate::chain::Chain;
 use crate::sine::sin_cos;
 use nalgebra::Vector2;
@@ -53,21 +53,16 @@ impl PlanarRow {
     /// The row of a planar chain; `None` if the chain is not such a row.
     pub fn of(chain: &Chain<Planar<f64>>) -> Option<Self> {
         let bodies = chain.bodies();
-        let follows = bodies.iter().enumerate().all(|(i, b)| {
-            let own = (b.v_index, b.q_index, b.parent) == (i, i, i.checked_sub(1));
-            own && b.joint == PlanarJoint::Revolute && b.ratio.abs() == 1.0
-        });
-        if !follows || bodies.is_empty() || bodies.len() > MOST {
+        if !chain.structure.row || bodies.len() > MOST {
             return None;
         }
         let mut beyond = 0.0; // mass
         let mut row = Vec::with_capacity(bodies.len());
-        for (i, body) in bodies.iter().enumerate().rev() {
+        for (i, (body, step)) in bodies.iter().zip(&chain.steps).enumerate().rev() {
             let link = bodies.get(i + 1).map_or_else(Vector2::zeros, |next| next.placement.translation);
-            let placed = body.placement.rotation;
             row.push(Swing {
-                sense: body.ratio,
-                shift: body.shift + placed.sin.atan2(placed.cos),
+                sense: step.ratio,
+                shift: step.shift,
                 link,
                 moment: body.inertia.first_moment + link * beyond,
                 inertia: body.inertia.rotational + beyond * link.norm_squared(),

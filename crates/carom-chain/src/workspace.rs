@@ -194,9 +194,9 @@ impl<A: Algebra> Workspace<A> {
         let (mut before, mut at) = (A::no_rotation(), A::zero());
         for (i, step) in chain.steps.iter().enumerate() {
             let (outer, origin) = match step.parent {
-                Some(p) if p + 1 == i => (before, at),
-                Some(p) => (links[p].rotation, links[p].position),
-                None => (A::no_rotation(), A::zero()),
+                Some(p) if p + 1 == i => (Some(before), at),
+                Some(p) => (Some(links[p].rotation), links[p].position),
+                None => (None, A::zero()),
             };
             let (rotation, offset) = X::place(step, i, outer, q, &turned);
             (before, at) = (rotation, A::plus(origin, offset));

@@ -1,12 +1,13 @@
-//! The fused pass, generic over the shape of the chain (see [`super`] for the symbols).
+//! The fused pass, generic over the structure of the chain and over its joints (see [`super`] for the symbols).
 
 use super::PointResponse;
-use super::row::HingeRow;
+use super::topology::Topology;
 use crate::algebra::{Algebra, Real};
-use crate::moves::Moves;
+use crate::moves::{Hinge, Moves};
+use crate::steps::Step;
 use crate::turned::Turned;
+use crate::workspace::Link;
 use num_traits::{One, Zero};
-use std::ops::Range;
 
 /// One body in the fused pass. Aligned, so that no vector of eight numbers crosses a cache line.
 #[derive(Debug, Clone, Copy)]
@@ -70,77 +71,92 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
     }
 }
 
+/// Where the pass takes the poses of the bodies from. It is a trait because inlining of a closure cannot be forced.
+pub(super) trait Poses<A: Algebra> {
+    /// Writes all bodies, without their children's inertia.
+    fn write<X: Moves<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]);
+}
+
+/// The poses at q, for the sines and cosines of the hinges' angles.
+pub(super) struct At<'a, A: Algebra, U> {
+    pub q: &'a [A::Scalar],
+    pub turned: &'a U,
+}
+
+impl<A: Algebra, U: Turned<A>> Poses<A> for At<'_, A, U> {
+    #[inline(always)]
+    fn write<X: Moves<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
+        let at_hand = single::<A::Scalar>();
+        let mut before = A::no_rotation();
+        for i in 0..bodies.len() {
+            let outer = match topology.parent(i) {
+                Some(p) if at_hand && p + 1 == i => Some(before),
+                Some(p) => Some(bodies[p].rotation),
+                None => None,
+            };
+            let body = BodyAt::at(&steps[i], i, outer, self.q, self.turned);
+            before = body.rotation;
+            bodies[i] = body;
+        }
+    }
+}
+
+/// The poses of a workspace.
+impl<A: Algebra> Poses<A> for [Link<A>] {
+    #[inline(always)]
+    fn write<X: Moves<A>>(&self, _: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
+        for ((body, step), link) in bodies.iter_mut().zip(steps).zip(self) {
+            let (axis, composite) = (X::of(step, link), X::own(step, link.rotation));
+            *body = BodyAt { rotation: link.rotation, offset: link.offset, axis, composite };
+        }
+    }
+}
+
 /// All results for the point at `arm` on the body [`Topology::point`]. `added`: inertia added to the diagonal of the factored
 /// matrix, by coordinate; empty for none.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
-pub(super) fn read<'a, A: Algebra, S: Shape<A>>(
-    shape: S,
-    n: usize,
+pub(super) fn read<'a, A: Algebra, X: Moves<A>>(
+    topology: impl Topology,
+    steps: &[Step<A>],
+    bodies: &mut [BodyAt<A, X>],
     arm: A::Vector,
-    q: &[A::Scalar],
-    turned: &impl Turned<A>,
     normal: A::Vector,
     added: &[A::Scalar],
-    bodies: &mut [BodyAt<A, S::Axis>],
     mut memory: Memory<'a, A>,
 ) -> PointResponse<'a, A> {
-    let bodies = &mut bodies[..n];
-    outward(shape, bodies, q, turned);
-    composite_rigid_body(shape, bodies, added, &mut memory);
-    let position = jacobian(shape, bodies, arm, &mut memory);
-    eliminate(shape, n, position, normal, memory)
-}
-
-/// Poses of all bodies.
-#[inline(always)]
-fn outward<A: Algebra, S: Shape<A>>(
-    shape: S,
-    bodies: &mut [BodyAt<A, S::Axis>],
-    q: &[A::Scalar],
-    turned: &impl Turned<A>,
-) {
-    let at_hand = single::<A::Scalar>();
-    let mut before = A::no_rotation();
-    for i in 0..bodies.len() {
-        let outer = match shape.parent(i) {
-            Some(p) if at_hand && p + 1 == i => Some(before),
-            Some(p) => Some(bodies[p].rotation),
-            None => None,
-        };
-        let body = shape.place(i, outer, q, turned);
-        before = body.rotation;
-        bodies[i] = body;
-    }
+    composite_rigid_body(topology, steps, bodies, added, &mut memory);
+    let position = jacobian(topology, bodies, arm, &mut memory);
+    eliminate(topology, bodies.len(), position, normal, memory)
 }
 
 /// Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
 #[inline(always)]
-fn composite_rigid_body<A: Algebra, S: Shape<A>>(
-    shape: S,
-    bodies: &mut [BodyAt<A, S::Axis>],
+fn composite_rigid_body<A: Algebra, X: Moves<A>>(
+    topology: impl Topology,
+    steps: &[Step<A>],
+    bodies: &mut [BodyAt<A, X>],
     added: &[A::Scalar],
     memory: &mut Memory<A>,
 ) {
     let (n, at_hand) = (bodies.len(), single::<A::Scalar>());
     let length = row_length::<A::Scalar>(n);
     let (rows, mass_matrix) = (&mut memory.factor[..n * length], &mut memory.mass_matrix[..n * n]);
-    let mut carried = S::Axis::nothing();
+    let mut carried = X::nothing();
     for i in (0..n).rev() {
         let mut composite = bodies[i].composite;
-        if at_hand && i + 1 < n && shape.parent(i + 1) == Some(i) {
+        if at_hand && i + 1 < n && topology.parent(i + 1) == Some(i) {
             composite += carried;
         }
-        if let Some(p) = shape.parent(i) {
-            carried = shape.shifted(i, &composite, bodies[i].offset);
+        if let Some(p) = topology.parent(i) {
+            carried = X::shifted(&steps[i], &composite, bodies[i].offset);
             if !at_hand || p + 1 < i {
                 bodies[p].composite += carried;
             }
         }
         let mut f = bodies[i].axis.momentum(&composite);
-        let v = shape.coordinate(i);
+        let v = topology.coordinate(i);
         let own = bodies[i].axis.share(f);
-        let depth = shape.depth(i);
+        let depth = topology.depth(i);
         let row = &mut rows[i * length..][..=depth];
         (row[depth], mass_matrix[v * n + v]) = (own, own);
         if let Some(more) = added.get(v) {
@@ -148,13 +164,13 @@ fn composite_rigid_body<A: Algebra, S: Shape<A>>(
         }
         let mut shift = bodies[i].offset;
         let mut b = depth;
-        for run in shape.runs(i) {
+        for run in topology.runs(i) {
             for j in run.rev() {
                 b -= 1;
                 f = f.shifted(shift);
                 let m = bodies[j].axis.share(f);
                 shift = bodies[j].offset;
-                let w = shape.coordinate(j);
+                let w = topology.coordinate(j);
                 row[b] = m;
                 (mass_matrix[v * n + w], mass_matrix[w * n + v]) = (m, m);
             }
@@ -164,23 +180,23 @@ fn composite_rigid_body<A: Algebra, S: Shape<A>>(
 
 /// From the point to the world: J. Returns the position of the point.
 #[inline(always)]
-fn jacobian<A: Algebra, S: Shape<A>>(
-    shape: S,
-    bodies: &[BodyAt<A, S::Axis>],
+fn jacobian<A: Algebra, X: Moves<A>>(
+    topology: impl Topology,
+    bodies: &[BodyAt<A, X>],
     arm: A::Vector,
     memory: &mut Memory<A>,
 ) -> A::Vector {
     let n = bodies.len();
     let (jacobian, felt) = (&mut memory.jacobian[..n], &mut memory.felt[..n]);
-    let point = shape.point(n);
+    let point = topology.point(n);
     let mut r = A::rotate(bodies[point].rotation, arm);
     let mut next = Some(point);
     while let Some(i) = next {
         let column = bodies[i].axis.at(r);
-        let v = shape.coordinate(i);
+        let v = topology.coordinate(i);
         (jacobian[v], felt[v]) = (column, column);
         r = A::plus(r, bodies[i].offset);
-        next = shape.parent(i);
+        next = topology.parent(i);
     }
     r
 }
@@ -189,7 +205,7 @@ fn jacobian<A: Algebra, S: Shape<A>>(
 /// row is known, its parts of Y = L⁻ᵀ Jᵀ and of H = Yᵀ D⁻¹ Y are computed, which hides the latency of the divisions.
 #[inline(always)]
 pub(super) fn eliminate<'a, A: Algebra>(
-    shape: impl Topology,
+    topology: impl Topology,
     n: usize,
     position: A::Vector,
     normal: A::Vector,
@@ -200,12 +216,12 @@ pub(super) fn eliminate<'a, A: Algebra>(
     let (felt, inverse_d) = (&mut memory.felt[..n], &mut memory.inverse_d[..n]);
     let response = &mut memory.response[..n];
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
-    let mut on_the_way = Some(shape.point(n));
-    for k in shape.moved(n).rev() {
-        let depth = shape.depth(k);
+    let mut on_the_way = Some(topology.point(n));
+    for k in topology.moved(n).rev() {
+        let depth = topology.depth(k);
         let inverse = A::Scalar::one() / rows[k * length + depth];
         let mut a = depth;
-        for run in shape.runs(k) {
+        for run in topology.runs(k) {
             for i in run.rev() {
                 a -= 1;
                 let share = rows[k * length + a] * inverse;
@@ -213,29 +229,29 @@ pub(super) fn eliminate<'a, A: Algebra>(
             }
         }
         rows[k * length + depth] = inverse;
-        let v = shape.coordinate(k);
+        let v = topology.coordinate(k);
         inverse_d[v] = inverse;
         if on_the_way != Some(k) {
             response[v] = A::zero();
             continue;
         }
-        on_the_way = shape.parent(k);
+        on_the_way = topology.parent(k);
         let scaled = sum.add(felt[v], inverse, normal);
         response[v] = scaled;
         let mut a = depth;
-        for run in shape.runs(k) {
+        for run in topology.runs(k) {
             for i in run.rev() {
                 a -= 1;
-                let w = shape.coordinate(i);
+                let w = topology.coordinate(i);
                 felt[w] = A::minus(felt[w], A::times(scaled, rows[k * length + a]));
             }
         }
     }
 
     // Outward: M⁻¹Jᵀ = X = L⁻¹ (D⁻¹ Y). Bodies are numbered depth first: the last body of each smaller depth is an ancestor.
-    for i in shape.moved(n) {
-        let v = shape.coordinate(i);
-        let depth = shape.depth(i);
+    for i in topology.moved(n) {
+        let v = topology.coordinate(i);
+        let depth = topology.depth(i);
         let mut carried = A::zero();
         for (b, x) in by_depth[..depth].iter().enumerate() {
             carried = A::plus(carried, A::times(*x, rows[i * length + b]));
@@ -252,13 +268,13 @@ pub(super) fn eliminate<'a, A: Algebra>(
 /// SIMD lanes, and keeps arrays that are indexed in a loop in memory.
 #[inline(always)]
 pub(super) fn read_two<A: Algebra>(
-    row: &HingeRow<A>,
+    steps: [&Step<A>; 2],
     arm: A::Vector,
     turned: &impl Turned<A>,
     n: A::Vector,
 ) -> Answer<A, 2> {
-    let b0 = row.place(0, None, &[], turned);
-    let b1 = row.place(1, Some(b0.rotation), &[], turned);
+    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
+    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
 
     let f1 = b1.axis.momentum(&b1.composite);
     let m11 = b1.axis.share(f1);
@@ -295,14 +311,14 @@ pub(super) fn read_two<A: Algebra>(
 /// The kernel for three hinges, unrolled.
 #[inline(always)]
 pub(super) fn read_three<A: Algebra>(
-    row: &HingeRow<A>,
+    steps: [&Step<A>; 3],
     arm: A::Vector,
     turned: &impl Turned<A>,
     n: A::Vector,
 ) -> Answer<A, 3> {
-    let b0 = row.place(0, None, &[], turned);
-    let b1 = row.place(1, Some(b0.rotation), &[], turned);
-    let b2 = row.place(2, Some(b1.rotation), &[], turned);
+    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
+    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
+    let b2 = BodyAt::<A, Hinge<A>>::at(steps[2], 2, Some(b1.rotation), &[], turned);
 
     let f2 = b2.axis.momentum(&b2.composite);
     let m22 = b2.axis.share(f2);
@@ -411,46 +427,16 @@ impl<A: Algebra> Sum<A> {
     }
 }
 
-/// The structure of M: which entries of its factor are not zero.
-pub(super) trait Topology: Copy {
-    /// The ancestors of body `i`, from its parent to the world, as runs of consecutive indices, each to be visited backwards.
-    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>>;
-    fn parent(self, i: usize) -> Option<usize>;
-    /// Number of ancestors of body `i`.
-    fn depth(self, i: usize) -> usize;
-    fn coordinate(self, i: usize) -> usize;
-    /// The body that the point is fixed to, in a chain of n bodies.
-    fn point(self, n: usize) -> usize;
-    /// The bodies that an impulse at the point moves: the branch of the point.
-    fn moved(self, n: usize) -> Range<usize>;
-}
-
-/// The structure of a chain, and its bodies.
-pub(super) trait Shape<A: Algebra>: Topology {
-    type Axis: Moves<A>;
-    /// Body `i`, for the rotation `outer` of its parent.
-    fn place(
-        self,
-        i: usize,
-        outer: Option<A::Rotation>,
-        q: &[A::Scalar],
-        turned: &impl Turned<A>,
-    ) -> BodyAt<A, Self::Axis>;
-    /// Composite inertia of body `i`, about the point at −r.
-    fn shifted(self, i: usize, inertia: &Carried<A, Self>, r: A::Vector) -> Carried<A, Self>;
-}
-
-/// Type of the composite inertia of a shape.
-pub(super) type Carried<A, S> = <<S as Shape<A>>::Axis as Moves<A>>::Inertia;
-
 impl<A: Algebra, X: Moves<A>> BodyAt<A, X> {
+    /// Body `i`, for the rotation `outer` of its parent, without its children's inertia.
     #[inline(always)]
-    pub fn at(rotation: A::Rotation, offset: A::Vector, axis: X, composite: X::Inertia) -> Self {
-        Self { rotation, offset, axis, composite }
+    fn at(step: &Step<A>, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Self {
+        let (rotation, offset) = X::place(step, i, outer, q, turned);
+        Self { rotation, offset, axis: X::at_rotation(step, rotation), composite: X::own(step, rotation) }
     }
 
     /// Initial contents, to be overwritten.
     pub fn new() -> Self {
-        Self::at(A::no_rotation(), A::zero(), X::still(), X::nothing())
+        Self { rotation: A::no_rotation(), offset: A::zero(), axis: X::still(), composite: X::nothing() }
     }
 }

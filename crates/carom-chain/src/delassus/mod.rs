@@ -19,9 +19,9 @@
 //! loops and SIMD lanes. [`Kinematics::contact`](crate::Kinematics::contact) starts from the poses of a workspace and returns
 //! a view of its memory (`view.rs`).
 //!
-//! **Routes.** The fused pass (`fused.rs`) is generic over the shape of the chain. A row of hinges (`row.rs`) needs no branches
-//! on joint types and parents; rows of two and three hinges have unrolled passes. Any other chain is a tree (`tree.rs`): of
-//! hinges alone, so that the joint type is known statically, or of any joints. Chains of more than [`LONG`] bodies use the
+//! **Routes.** The fused pass (`fused.rs`) is generic over the structure of the chain (`topology.rs`), a row of hinges or a tree,
+//! and over its joints: hinges alone, so that the joint type is known statically, or any joints. Rows of two and three hinges
+//! have unrolled passes. Chains of more than [`LONG`] bodies use the
 //! articulated-body recursion, whose time is proportional to their number; chains with mimic joints the same factorisation
 //! without the zeros. `book/src/benchmarks.md` gives the gain in speed of each; `tests/delassus.rs` compares all of them with
 //! the definitions.
@@ -37,25 +37,23 @@
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
 mod fused;
-mod row;
 mod rows;
-mod tree;
+mod topology;
 mod view;
 
 use crate::algebra::{Algebra, Axis};
-use crate::chain::{Body, Chain, Point};
+use crate::chain::{Chain, Point};
 use crate::error::ChainError;
 use crate::moves::Hinge;
 use crate::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
 use crate::steps::Step;
 use crate::turned::{Angle, ByBody, Turned};
-use fused::{BodyAt, Memory, read, read_three, read_two, row_length};
+use fused::{At, BodyAt, Memory, Poses, read, read_three, read_two, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
-use row::HingeRow;
 pub use rows::Rows;
 use std::sync::Arc;
-use tree::{Tree, Way};
+use topology::{Row, Tree, Way};
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
 pub(crate) const LONG: usize = 48;
@@ -68,34 +66,23 @@ pub(crate) fn singular<T: SimdRealField>() -> T {
 
 /// The structure of a chain, prepared when it is made.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Structure<A: Algebra> {
+pub(crate) struct Structure {
     /// Whether every joint is a hinge with its own coordinate: see [`crate::moves`].
     pub hinges_alone: bool,
-    row: Option<HingeRow<A>>,
+    /// Whether they are a row, one after another in the order of their coordinates.
+    pub row: bool,
     ways: Vec<Way>,
 }
 
-impl<A: Algebra> Structure<A> {
-    pub fn of(bodies: &[Body<A>], steps: &[Step<A>], nv: usize) -> Self
-    where
-        A: Algebra<Scalar = f64>,
-    {
+impl Structure {
+    pub fn of<A: Algebra<Scalar = f64>>(steps: &[Step<A>], nv: usize) -> Self {
         // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
-        let hinge = |body: &Body<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
-        let hinges_alone = bodies.len() == nv && bodies.iter().all(hinge);
-        Self { hinges_alone, row: HingeRow::of(bodies), ways: Way::all(steps) }
-    }
-
-    /// The same over another scalar.
-    pub fn cast<U: crate::algebra::Real>(&self) -> Structure<A::Cast<U>>
-    where
-        A: Algebra<Scalar = f64>,
-    {
-        Structure {
-            hinges_alone: self.hinges_alone,
-            row: self.row.as_ref().map(HingeRow::cast),
-            ways: self.ways.clone(),
-        }
+        let hinge = |step: &Step<A>| A::turns(step.joint) && (step.ratio == 1.0 || A::ANGULAR == 1);
+        let hinges_alone = steps.len() == nv && steps.iter().all(hinge);
+        let follows =
+            |(i, step): (usize, &Step<A>)| (step.parent, step.v_index, step.q_index) == (i.checked_sub(1), i, i);
+        let row = hinges_alone && !steps.is_empty() && steps.iter().enumerate().all(follows);
+        Self { hinges_alone, row, ways: Way::all(steps) }
     }
 }
 
@@ -174,7 +161,7 @@ pub struct ResponseMemory<A: Algebra> {
     joints: Vec<BodyAt<A, Axis<A>>>,
     /// The structure and the branch whose zeros are in place: those entries of M between branches and of J and Y off the path
     /// to the point that its pass does not write.
-    zeros_of: Option<(Arc<Structure<A>>, usize)>,
+    zeros_of: Option<(Arc<Structure>, usize)>,
 }
 
 impl<A: Algebra> Default for ResponseMemory<A> {
@@ -237,40 +224,30 @@ impl<A: Algebra<Scalar = f64>> ContactPoint<'_, A> {
         self.chain.check_nq(q.len())?;
         match self.row() {
             // All sines first: computed body by body, each would delay the next body.
-            Some(row) if row.bodies.len() == 2 && added.is_empty() => {
-                let [a, b] = [0, 1].map(|i| row.bodies[i].angle(i).at(q));
-                let (sines, cosines) = sin_cos_of_two(a, b);
+            Some([a, b]) if added.is_empty() => {
+                let (sines, cosines) = sin_cos_of_two(a.angle().at(q), b.angle().at(q));
                 let turned = ByBody { sines: &sines, cosines: &cosines };
-                memory.keep(read_two(row, self.arm, &turned, normal).response(), visit);
+                memory.keep(read_two([a, b], self.arm, &turned, normal).response(), visit);
             }
-            Some(row) if row.bodies.len() == 3 && added.is_empty() => {
-                let [a, b, c] = [0, 1, 2].map(|i| sin_cos(row.bodies[i].angle(i).at(q)));
-                let turned = ByBody { sines: &[a.0, b.0, c.0], cosines: &[a.1, b.1, c.1] };
-                memory.keep(read_three(row, self.arm, &turned, normal).response(), visit);
+            Some([a, b, c]) if added.is_empty() => {
+                let sin_cos = [a, b, c].map(|step| sin_cos(step.angle().at(q)));
+                let turned = ByBody { sines: &sin_cos.map(|x| x.0), cosines: &sin_cos.map(|x| x.1) };
+                memory.keep(read_three([a, b, c], self.arm, &turned, normal).response(), visit);
             }
-            row => {
+            _ => {
                 let [mut angles, mut sines, mut cosines] = std::mem::take(&mut memory.angles);
-                let n = self.chain.bodies.len();
+                let steps = &self.chain.steps;
                 for all in [&mut angles, &mut sines, &mut cosines] {
-                    all.resize(n, 0.0);
+                    all.resize(steps.len(), 0.0);
                 }
-                match row {
-                    Some(row) => {
-                        for (i, (angle, body)) in angles.iter_mut().zip(&row.bodies).enumerate() {
-                            *angle = body.angle(i).at(q);
-                        }
-                    }
-                    None => {
-                        for (angle, step) in angles.iter_mut().zip(&self.chain.steps) {
-                            if A::turns(step.joint) {
-                                *angle = step.angle().at(q);
-                            }
-                        }
+                for (angle, step) in angles.iter_mut().zip(steps) {
+                    if A::turns(step.joint) {
+                        *angle = step.angle().at(q);
                     }
                 }
                 sin_cos_by_pairs(&angles, &mut sines, &mut cosines);
                 let turned = ByBody { sines: &sines, cosines: &cosines };
-                self.many(q, &turned, normal, added, memory, visit);
+                self.many(&At { q, turned: &turned }, normal, added, memory, visit);
                 memory.angles = [angles, sines, cosines];
             }
         }
@@ -284,21 +261,17 @@ impl<A: Algebra> ContactPoint<'_, A> {
         self.chain
     }
 
-    /// The row of hinges, if the chain is one and the point is on its last body.
+    /// The hinges, if they are a row and the point is on the last body.
     #[inline(always)]
-    fn row(&self) -> Option<&HingeRow<A>> {
-        if self.body + 1 == self.chain.bodies.len() { self.chain.structure.row.as_ref() } else { None }
+    fn row(&self) -> Option<&[Step<A>]> {
+        let Chain { steps, structure, .. } = self.chain;
+        (structure.row && self.body + 1 == steps.len()).then_some(steps)
     }
 
     /// The hinges whose sines and cosines [`Self::visit_turned`] needs: index of the body, and angle.
     pub fn angles(&self) -> Vec<(usize, Angle<A::Scalar>)> {
-        match self.row() {
-            Some(row) => row.bodies.iter().enumerate().map(|(i, body)| (i, body.angle(i))).collect(),
-            None => {
-                let hinges = self.chain.steps.iter().enumerate().filter(|(_, step)| A::turns(step.joint));
-                hinges.map(|(i, step)| (i, step.angle())).collect()
-            }
-        }
+        let hinges = self.chain.steps.iter().enumerate().filter(|(_, step)| A::turns(step.joint));
+        hinges.map(|(i, step)| (i, step.angle())).collect()
     }
 
     /// As [`Self::visit`] without added inertia, with the sines and cosines of the hinges' angles given. Each lane of a SIMD
@@ -317,13 +290,9 @@ impl<A: Algebra> ContactPoint<'_, A> {
     ) -> Result<(), ChainError> {
         self.chain.check_nq(q.len())?;
         match self.row() {
-            Some(row) if row.bodies.len() == 2 => {
-                memory.keep(read_two(row, self.arm, turned, normal).response(), visit);
-            }
-            Some(row) if row.bodies.len() == 3 => {
-                memory.keep(read_three(row, self.arm, turned, normal).response(), visit);
-            }
-            _ => self.many(q, turned, normal, &[], memory, visit),
+            Some([a, b]) => memory.keep(read_two([a, b], self.arm, turned, normal).response(), visit),
+            Some([a, b, c]) => memory.keep(read_three([a, b, c], self.arm, turned, normal).response(), visit),
+            _ => self.many(&At { q, turned }, normal, &[], memory, visit),
         }
         Ok(())
     }
@@ -332,29 +301,29 @@ impl<A: Algebra> ContactPoint<'_, A> {
     #[inline(always)]
     fn many(
         &self,
-        q: &[A::Scalar],
-        turned: &impl Turned<A>,
+        poses: &(impl Poses<A> + ?Sized),
         normal: A::Vector,
         added: &[A::Scalar],
         memory: &mut ResponseMemory<A>,
         mut visit: impl Visit<A>,
     ) {
-        let Chain { bodies, steps, structure, .. } = self.chain;
-        let (n, arm) = (bodies.len(), self.arm);
+        let (Chain { steps, structure, .. }, arm) = (self.chain, self.arm);
+        let (n, tree) = (steps.len(), Tree::new(&structure.ways, self.body));
         memory.grow(n, row_length::<A::Scalar>(n));
         memory.put_zeros(structure, self.body);
         let (hinges, joints, parts) = memory.parts(n);
-        let response = if let Some(row) = self.row() {
+        let response = if self.row().is_some() {
             hinges.resize(n, BodyAt::new());
-            read(row, n, arm, q, turned, normal, added, hinges, parts)
+            poses.write(Row, steps, hinges);
+            read(Row, steps, hinges, arm, normal, added, parts)
         } else if structure.hinges_alone {
             hinges.resize(n, BodyAt::new());
-            let tree = Tree::<A, Hinge<A>>::new(steps, &structure.ways, self.body);
-            read(tree, n, arm, q, turned, normal, added, hinges, parts)
+            poses.write(tree, steps, hinges);
+            read(tree, steps, hinges, arm, normal, added, parts)
         } else {
             joints.resize(n, BodyAt::new());
-            let tree = Tree::<A, Axis<A>>::new(steps, &structure.ways, self.body);
-            read(tree, n, arm, q, turned, normal, added, joints, parts)
+            poses.write(tree, steps, joints);
+            read(tree, steps, joints, arm, normal, added, parts)
         };
         visit.visit(response);
         let PointResponse { position, delassus, mobility, .. } = response;
@@ -420,7 +389,7 @@ impl<A: Algebra> ResponseMemory<A> {
 
     /// Writes zeros into the entries that the pass does not write, unless they are already there.
     #[inline(always)]
-    fn put_zeros(&mut self, structure: &Arc<Structure<A>>, body: usize) {
+    fn put_zeros(&mut self, structure: &Arc<Structure>, body: usize) {
         if !self.zeros_of.as_ref().is_some_and(|(other, there)| *there == body && Arc::ptr_eq(other, structure)) {
             // J, X, Y, 1/D and M; every entry of the factor that is read is written first.
             self.vectors.fill(A::zero());

@@ -1,13 +1,11 @@
 //! The response at a point for the poses of a workspace, and what is read off a response.
 
-use super::fused::{Memory, eliminate, read, row_length};
-use super::tree::{Full, Placed, Tree};
-use super::{LONG, PointResponse, ResponseMemory, singular};
-use crate::algebra::{Algebra, Axis};
-use crate::chain::{Chain, Point};
+use super::fused::{Memory, eliminate, row_length};
+use super::topology::Row;
+use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory, singular};
+use crate::algebra::Algebra;
+use crate::chain::Point;
 use crate::error::ChainError;
-use crate::moves::Hinge;
-use crate::turned::ByBody;
 use crate::workspace::Kinematics;
 use nalgebra::{DMatrixViewMut, RealField, convert};
 use num_traits::{One, Zero};
@@ -110,7 +108,8 @@ where
                 if chain.is_coupled() {
                     self.full(point, normal, added, &mut memory);
                 } else {
-                    self.fused((body, point), normal, added, &mut memory);
+                    let contact = ContactPoint { chain, body, arm: point.position };
+                    contact.many(&self.ws.links[..], normal, added, &mut memory, Keep);
                 }
                 Ok(())
             }
@@ -145,33 +144,6 @@ where
         Ok(())
     }
 
-    /// By the fused pass.
-    fn fused(
-        &self,
-        (body, point): (usize, Point<A>),
-        normal: A::Vector,
-        added: &[A::Scalar],
-        memory: &mut ResponseMemory<A>,
-    ) {
-        let Chain { steps, structure, .. } = self.chain;
-        let (n, arm, links) = (steps.len(), point.position, &self.ws.links[..]);
-        memory.grow(n, row_length::<A::Scalar>(n));
-        memory.put_zeros(structure, body);
-        let (hinges, joints, parts) = memory.parts(n);
-        let turned = ByBody { sines: &[], cosines: &[] };
-        let response = if structure.hinges_alone {
-            hinges.resize(n, super::BodyAt::new());
-            let placed = Placed { tree: Tree::<A, Hinge<A>>::new(steps, &structure.ways, body), links };
-            read(placed, n, arm, &[], &turned, normal, added, hinges, parts)
-        } else {
-            joints.resize(n, super::BodyAt::new());
-            let placed = Placed { tree: Tree::<A, Axis<A>>::new(steps, &structure.ways, body), links };
-            read(placed, n, arm, &[], &turned, normal, added, joints, parts)
-        };
-        let PointResponse { position, delassus, mobility, .. } = response;
-        (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
-    }
-
     /// By the same factorisation without the zeros, for bodies that share coordinates.
     fn full(&mut self, point: Point<A>, normal: A::Vector, added: &[A::Scalar], memory: &mut ResponseMemory<A>) {
         let n = self.chain.nv;
@@ -191,7 +163,7 @@ where
             parts.jacobian[v] += self.ws.links[i].axis.point_velocity(r);
         });
         parts.felt.copy_from_slice(parts.jacobian);
-        let response = eliminate(Full, n, self.position(point), normal, parts);
+        let response = eliminate(Row, n, self.position(point), normal, parts);
         let PointResponse { position, delassus, mobility, .. } = response;
         (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
     }

@@ -1,0 +1,145 @@
+//! The structure of M: a row of bodies, or a tree with the point on any body.
+//!
+//! Bodies are numbered depth first, so that a segment without branches is a run of consecutive indices, each the parent of
+//! the next: within a run no parent is looked up. An impulse moves only the branch from the world that contains its point:
+//! with a fixed pelvis, an impulse on the hand does not move the legs, and their diagonal block of M is not factored.
+//!
+//! A row needs no table. `book/src/benchmarks.md` gives what it gains; `tests/delassus.rs` compares both with the definitions.
+
+use crate::algebra::Algebra;
+use crate::steps::Step;
+use std::ops::Range;
+
+/// The structure of M: which entries of its factor are not zero.
+pub(super) trait Topology: Copy {
+    /// The ancestors of body `i`, from its parent to the world, as runs of consecutive indices, each to be visited backwards.
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>>;
+    fn parent(self, i: usize) -> Option<usize>;
+    /// Number of ancestors of body `i`.
+    fn depth(self, i: usize) -> usize;
+    fn coordinate(self, i: usize) -> usize;
+    /// The body that the point is fixed to, in a chain of n bodies.
+    fn point(self, n: usize) -> usize;
+    /// The bodies that an impulse at the point moves: the branch of the point.
+    fn moved(self, n: usize) -> Range<usize>;
+}
+
+/// Each body is the child of the one before and has the coordinate of its number; the point is on the last. Also a matrix
+/// without known zeros, for bodies that share coordinates: body k is then coordinate k.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Row;
+
+impl Topology for Row {
+    #[inline(always)]
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
+        std::iter::once(0..i)
+    }
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        i.checked_sub(1)
+    }
+    #[inline(always)]
+    fn depth(self, i: usize) -> usize {
+        i
+    }
+    #[inline(always)]
+    fn coordinate(self, i: usize) -> usize {
+        i
+    }
+    #[inline(always)]
+    fn point(self, n: usize) -> usize {
+        n - 1
+    }
+    #[inline(always)]
+    fn moved(self, n: usize) -> Range<usize> {
+        0..n
+    }
+}
+
+/// The path from one body to the world.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Way {
+    /// Its coordinate.
+    coordinate: usize,
+    /// Number of its ancestors.
+    depth: usize,
+    /// The run of bodies that ends with its parent; empty if the parent is the world.
+    run: Range<usize>,
+    /// The branch from the world that contains it.
+    branch: Range<usize>,
+}
+
+impl Way {
+    /// The paths of all bodies.
+    pub fn all<A: Algebra>(steps: &[Step<A>]) -> Vec<Self> {
+        let mut ways: Vec<Self> = Vec::with_capacity(steps.len());
+        for (i, step) in steps.iter().enumerate() {
+            let (depth, run, branch) = match step.parent {
+                None => (0, 0..0, i..step.end),
+                Some(p) => (ways[p].depth + 1, steps[p].run..p + 1, ways[p].branch.clone()),
+            };
+            ways.push(Self { coordinate: step.v_index, depth, run, branch });
+        }
+        ways
+    }
+}
+
+/// See [`Topology::runs`].
+struct Runs<'a> {
+    ways: &'a [Way],
+    /// The body whose path comes next.
+    next: usize,
+}
+
+impl Iterator for Runs<'_> {
+    type Item = Range<usize>;
+    #[inline(always)]
+    fn next(&mut self) -> Option<Range<usize>> {
+        let run = self.ways[self.next].run.clone();
+        self.next = run.start;
+        (!run.is_empty()).then_some(run)
+    }
+}
+
+/// A tree with a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Tree<'a> {
+    ways: &'a [Way],
+    point: usize,
+    moved: (usize, usize),
+}
+
+impl<'a> Tree<'a> {
+    #[inline(always)]
+    pub fn new(ways: &'a [Way], point: usize) -> Self {
+        let Range { start, end } = ways[point].branch;
+        Self { ways, point, moved: (start, end) }
+    }
+}
+
+impl Topology for Tree<'_> {
+    #[inline(always)]
+    fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
+        Runs { ways: self.ways, next: i }
+    }
+    #[inline(always)]
+    fn parent(self, i: usize) -> Option<usize> {
+        self.ways[i].run.end.checked_sub(1)
+    }
+    #[inline(always)]
+    fn depth(self, i: usize) -> usize {
+        self.ways[i].depth
+    }
+    #[inline(always)]
+    fn coordinate(self, i: usize) -> usize {
+        self.ways[i].coordinate
+    }
+    #[inline(always)]
+    fn point(self, _: usize) -> usize {
+        self.point
+    }
+    #[inline(always)]
+    fn moved(self, _: usize) -> Range<usize> {
+        self.moved.0..self.moved.1
+    }
+}
