@@ -15,7 +15,7 @@
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::delassus::Structure;
 use crate::error::ChainError;
-use crate::steps::Step;
+use crate::prepare::Step;
 use crate::urdf::{Collision, JointType, Limits, suggestion};
 use num_traits::Zero;
 use std::ops::Range;

@@ -9,13 +9,12 @@
 //! **Rank.** Singular directions are found from the singular values of E. A direction whose singular value is 1e-14 of the
 //! largest is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
 
-use crate::algebra::{Algebra, Axis, Force, Inertia};
-use crate::articulated::Articulation;
+use crate::algebra::{Algebra, Force};
 use crate::chain::Point;
 use crate::delassus::{PointResponse, singular};
 use crate::error::ChainError;
-use crate::workspace::{Free, Kinematics, Link};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, RealField};
+use crate::kinematics::Kinematics;
+use nalgebra::{DMatrix, DVector, RealField};
 use num_traits::{One, Zero};
 
 /// The inertia of the chain at one point.
@@ -83,7 +82,7 @@ impl ContactInertia {
     }
 }
 
-impl<'b, A: Algebra> Kinematics<'b, A>
+impl<A: Algebra> Kinematics<'_, A>
 where
     A::Scalar: RealField,
 {
@@ -127,101 +126,6 @@ where
     pub fn delassus(&mut self, point: Point<A>) -> Result<DMatrix<A::Scalar>, ChainError> {
         let columns = self.contact(point, A::zero(), &[])?.delassus;
         Ok(DMatrix::from_fn(A::LINEAR, A::LINEAR, |i, k| A::linear_part(columns[k], i)))
-    }
-
-    /// Solves M x = `joint_force`: by the recursion, or by the dense method for chains with mimic joints.
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
-    pub fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
-        self.chain.check_nv("tau", joint_force.len())?;
-        if self.chain.is_coupled() {
-            let cholesky = self.cholesky()?;
-            return Ok(cholesky.solve(&DVector::from_column_slice(joint_force)));
-        }
-        let mut out = DVector::zeros(self.chain.nv);
-        self.articulate_checked(&[])?.solve_into(joint_force, out.as_mut_slice())?;
-        Ok(out)
-    }
-
-    /// Forward dynamics q̈ = M⁻¹(τ − C q̇ − g): by the recursion, or by the dense method for chains with mimic joints.
-    /// `gravity` in world axes, m/s². Joint damping and friction of the file are not included: add them to τ.
-    ///
-    /// # Errors
-    /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
-    pub fn forward_dynamics(
-        &mut self,
-        qd: &[A::Scalar],
-        tau: &[A::Scalar],
-        gravity: A::Vector,
-    ) -> Result<DVector<A::Scalar>, ChainError> {
-        let mut qdd = DVector::zeros(self.chain.nv);
-        self.forward_dynamics_into(qd, tau, gravity, qdd.as_mut_slice())?;
-        Ok(qdd)
-    }
-
-    /// As [`Self::forward_dynamics`], into `qdd` (length nv). Allocates only for chains with mimic joints.
-    ///
-    /// # Errors
-    /// As [`Self::forward_dynamics`].
-    pub fn forward_dynamics_into(
-        &mut self,
-        qd: &[A::Scalar],
-        tau: &[A::Scalar],
-        gravity: A::Vector,
-        qdd: &mut [A::Scalar],
-    ) -> Result<(), ChainError> {
-        if self.chain.is_coupled() {
-            self.chain.check_nv("tau", tau.len())?;
-            self.chain.check_nv("qdd", qdd.len())?;
-            let left = DVector::from_column_slice(tau) - self.bias(qd, gravity)?;
-            qdd.copy_from_slice(self.solve(left.as_slice())?.as_slice());
-            return Ok(());
-        }
-        self.articulate_checked(&[])?.forward_dynamics_into(qd, tau, gravity, qdd)
-    }
-
-    /// [`Kinematics::articulate`], with an error if a joint moves no inertia: if Dᵢ is no larger than the rounding error of
-    /// the composite inertia of the joint's subtree.
-    pub(crate) fn articulate_checked(&mut self, added: &[A::Scalar]) -> Result<Articulation<'_, 'b, A>, ChainError> {
-        self.composites();
-        let rounding: A::Scalar = singular();
-        let size = |(link, composite): (&Link<A>, &Inertia<A>)| match link.axis {
-            Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
-            Axis::Slide(z) => A::dot(z, z) * composite.mass,
-        };
-        // The inward pass overwrites the composite inertias, so their sizes are stored in `drive`, which is used only later.
-        for ((free, link), composite) in self.ws.free.iter_mut().zip(&self.ws.links).zip(&self.ws.inertia) {
-            free.drive = size((link, composite));
-        }
-        self.articulate_with(added)?;
-        for i in 0..self.chain.bodies.len() {
-            let Free { inverse_d, drive: size, .. } = self.ws.free[i];
-            let d = A::Scalar::one() / inverse_d;
-            let moves_inertia = d > size * rounding; // false for NaN too
-            if !moves_inertia {
-                return Err(self.chain.no_inertia(self.chain.bodies[i].v_index));
-            }
-        }
-        Ok(Articulation::of(self))
-    }
-
-    /// M = L Lᵀ, with an error if a pivot is no larger than the rounding error of its diagonal entry.
-    pub(crate) fn cholesky(&mut self) -> Result<Cholesky<A::Scalar, Dyn>, ChainError> {
-        let m = self.mass_matrix();
-        let lost = |c: &Cholesky<A::Scalar, Dyn>, k: usize| {
-            let root = c.l_dirty()[(k, k)];
-            root * root <= m[(k, k)] * singular()
-        };
-        let at = match m.clone().cholesky() {
-            Some(c) => match (0..m.nrows()).find(|&k| lost(&c, k)) {
-                None => return Ok(c),
-                at => at,
-            },
-            // nalgebra does not return where the factorisation failed: the first leading block without a factor.
-            None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
-        };
-        Err(self.chain.no_inertia(at.unwrap_or(0)))
     }
 }
 

@@ -30,11 +30,12 @@
 
 use crate::algebra::{Algebra, Axis, Force, Motion};
 use crate::chain::Point;
-use crate::workspace::Kinematics;
+use crate::kinematics::Kinematics;
+use crate::prepare::Step;
 use nalgebra::DMatrix;
 
 /// The first axis of the joint that body k belongs to: its own, or the first of a floating joint.
-fn first_axis<A: Algebra>(steps: &[crate::steps::Step<A>], k: usize) -> usize {
+fn first_axis<A: Algebra>(steps: &[Step<A>], k: usize) -> usize {
     (0..=k).rev().find(|&i| !A::rides_along(steps[i].joint)).unwrap_or(k)
 }
 

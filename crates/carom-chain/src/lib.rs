@@ -14,39 +14,38 @@
 //! child axes; a planar joint has q = (x, y, angle) and qd = q̇. Six-vectors have the angular part first wherever they are
 //! exported as one array. `gravity` is the acceleration of free fall in world axes, m/s², for example (0, 0, −9.81).
 
+mod aba;
 pub mod algebra;
-mod articulated;
 mod assemble;
-mod axes;
-mod base_parameters;
 mod chain;
 mod contact_inertia;
+mod crba;
 mod delassus;
 mod derivative;
-mod dynamics;
+mod energy;
 mod error;
 mod generate;
-mod moves;
-mod planar_row;
+mod kinematics;
 mod planarize;
+mod prepare;
 mod reduce;
-pub mod sine;
+mod rnea;
+mod solve;
+mod specialised;
 mod state;
-mod steps;
-mod turned;
 pub mod urdf;
-mod workspace;
 
+pub use aba::Articulation;
 pub use algebra::{Planar, Spatial};
-pub use articulated::Articulation;
 pub use chain::{Body, Chain, Coordinates, Frame, FrameId, JointInfo, LinkInfo, Point};
 pub use contact_inertia::ContactInertia;
 pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows, Visit};
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
-pub use planar_row::PlanarRow;
+pub use kinematics::{Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
+pub use prepare::{Angle, Turned};
 pub use reduce::Reduced;
+pub use specialised::planar_row::PlanarRow;
+pub use specialised::sine;
 pub use state::OutsideLimit;
-pub use turned::{Angle, Turned};
-pub use workspace::{Kinematics, Workspace};

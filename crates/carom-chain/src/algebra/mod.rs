@@ -17,7 +17,6 @@
 //! | Iᴬ | 3×3, 6×6 | articulated-body inertia | [`Algebra::Articulated`] |
 //! | r | 2, 3 | from the parent's origin to the body's own | `offset` |
 //!
-//! Six-vectors have the angular part first wherever they are exported as one array.
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapters 2 and 4–7.
 
 mod planar;
@@ -423,13 +422,6 @@ impl<A: Algebra> Inertia<A> {
         Self { mass: A::Scalar::zero(), first_moment: A::zero(), rotational: A::Rotational::zero() }
     }
 
-    /// The inertia in rotated axes, of a body without its invariant part [`Algebra::unturned`].
-    #[inline(always)]
-    pub(crate) fn rotated_turning(&self, rotation: A::Rotation) -> Self {
-        let (first_moment, rotational) = A::rotate_turning(rotation, self.first_moment, self.rotational);
-        Self { mass: A::Scalar::zero(), first_moment, rotational }
-    }
-
     /// The inertia about a reference point, from the mass (kg), the centre of mass relative to that point (m) and the
     /// rotational inertia about the centre of mass (kg m²).
     #[inline(always)]
@@ -479,13 +471,6 @@ impl<A: Algebra> Inertia<A> {
             first_moment: h + r * self.mass,
             rotational: self.rotational + A::parallel_axis(h + h + r * self.mass, r),
         }
-    }
-
-    /// The same for zero mass.
-    #[inline(always)]
-    pub(crate) fn shifted_massless(&self, r: A::Vector) -> Self {
-        let h = self.first_moment;
-        Self { rotational: self.rotational + A::parallel_axis(h + h, r), ..*self }
     }
 
     /// The same body in rotated axes.

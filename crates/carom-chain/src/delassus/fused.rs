@@ -3,20 +3,18 @@
 use super::PointResponse;
 use super::topology::Topology;
 use crate::algebra::{Algebra, Real};
-use crate::moves::{Hinge, Moves};
-use crate::steps::Step;
-use crate::turned::Turned;
-use crate::workspace::Link;
+use crate::kinematics::Link;
+use crate::prepare::{Step, Subspace, Turned};
 use num_traits::{One, Zero};
 
 /// One body in the fused pass. Aligned, so that no vector of eight numbers crosses a cache line.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
-pub(crate) struct BodyAt<A: Algebra, X: Moves<A>> {
-    rotation: A::Rotation,
-    offset: A::Vector,
-    axis: X,
-    composite: X::Inertia,
+pub(crate) struct BodyAt<A: Algebra, X: Subspace<A>> {
+    pub rotation: A::Rotation,
+    pub offset: A::Vector,
+    pub axis: X,
+    pub composite: X::Inertia,
 }
 
 /// Output and scratch memory: `factor` has n rows of [`row_length`], M has n² and the others n entries.
@@ -74,7 +72,7 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
 /// Where the pass takes the poses of the bodies from. It is a trait because inlining of a closure cannot be forced.
 pub(super) trait Poses<A: Algebra> {
     /// Writes all bodies, without their children's inertia.
-    fn write<X: Moves<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]);
+    fn write<X: Subspace<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]);
 }
 
 /// The poses at q, for the sines and cosines of the hinges' angles.
@@ -85,7 +83,7 @@ pub(super) struct At<'a, A: Algebra, U> {
 
 impl<A: Algebra, U: Turned<A>> Poses<A> for At<'_, A, U> {
     #[inline(always)]
-    fn write<X: Moves<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
+    fn write<X: Subspace<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
         let at_hand = single::<A::Scalar>();
         let mut before = A::no_rotation();
         for i in 0..bodies.len() {
@@ -104,7 +102,7 @@ impl<A: Algebra, U: Turned<A>> Poses<A> for At<'_, A, U> {
 /// The poses of a workspace.
 impl<A: Algebra> Poses<A> for [Link<A>] {
     #[inline(always)]
-    fn write<X: Moves<A>>(&self, _: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
+    fn write<X: Subspace<A>>(&self, _: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
         for ((body, step), link) in bodies.iter_mut().zip(steps).zip(self) {
             let (axis, composite) = (X::of(step, link), X::own(step, link.rotation));
             *body = BodyAt { rotation: link.rotation, offset: link.offset, axis, composite };
@@ -115,7 +113,7 @@ impl<A: Algebra> Poses<A> for [Link<A>] {
 /// All results for the point at `arm` on the body [`Topology::point`]. `added`: inertia added to the diagonal of the factored
 /// matrix, by coordinate; empty for none.
 #[inline(always)]
-pub(super) fn read<'a, A: Algebra, X: Moves<A>>(
+pub(super) fn read<'a, A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
     steps: &[Step<A>],
     bodies: &mut [BodyAt<A, X>],
@@ -131,7 +129,7 @@ pub(super) fn read<'a, A: Algebra, X: Moves<A>>(
 
 /// Inward: composite inertias, and with each the column of M (see `mass_matrix_into`).
 #[inline(always)]
-fn composite_rigid_body<A: Algebra, X: Moves<A>>(
+fn composite_rigid_body<A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
     steps: &[Step<A>],
     bodies: &mut [BodyAt<A, X>],
@@ -180,7 +178,7 @@ fn composite_rigid_body<A: Algebra, X: Moves<A>>(
 
 /// From the point to the world: J. Returns the position of the point.
 #[inline(always)]
-fn jacobian<A: Algebra, X: Moves<A>>(
+fn jacobian<A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
     bodies: &[BodyAt<A, X>],
     arm: A::Vector,
@@ -264,148 +262,16 @@ pub(super) fn eliminate<'a, A: Algebra>(
     PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, felt, inverse_d }
 }
 
-/// The kernel for two hinges, unrolled: the same operations in the same order. The compiler does not unroll loops over
-/// SIMD lanes, and keeps arrays that are indexed in a loop in memory.
-#[inline(always)]
-pub(super) fn read_two<A: Algebra>(
-    steps: [&Step<A>; 2],
-    arm: A::Vector,
-    turned: &impl Turned<A>,
-    n: A::Vector,
-) -> Answer<A, 2> {
-    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
-    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
-
-    let f1 = b1.axis.momentum(&b1.composite);
-    let m11 = b1.axis.share(f1);
-    let m10 = b0.axis.share(f1.shifted(b1.offset));
-    let mut composite = b0.composite;
-    composite += b1.composite.shifted(b1.offset);
-    let m00 = b0.axis.share(b0.axis.momentum(&composite));
-
-    let r1 = A::rotate(b1.rotation, arm);
-    let j1 = b1.axis.at(r1);
-    let r0 = A::plus(r1, b1.offset);
-    let j0 = b0.axis.at(r0);
-    let position = A::plus(r0, b0.offset);
-
-    let d1 = A::Scalar::one() / m11;
-    let l10 = m10 * d1;
-    let d0 = A::Scalar::one() / (m00 - l10 * m10);
-
-    let (mut sum, x1) = Sum::<A>::of(j1, d1, n);
-    let y0 = A::minus(j0, A::times(j1, l10));
-    let x0 = sum.add(y0, d0, n);
-    Answer {
-        position,
-        jacobian: [j0, j1],
-        mass_matrix: [[m00, m10], [m10, m11]],
-        delassus: sum.delassus,
-        response: [x0, A::minus(x1, A::times(x0, l10))],
-        mobility: sum.mobility,
-        felt: [y0, j1],
-        inverse_d: [d0, d1],
-    }
-}
-
-/// The kernel for three hinges, unrolled.
-#[inline(always)]
-pub(super) fn read_three<A: Algebra>(
-    steps: [&Step<A>; 3],
-    arm: A::Vector,
-    turned: &impl Turned<A>,
-    n: A::Vector,
-) -> Answer<A, 3> {
-    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
-    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
-    let b2 = BodyAt::<A, Hinge<A>>::at(steps[2], 2, Some(b1.rotation), &[], turned);
-
-    let f2 = b2.axis.momentum(&b2.composite);
-    let m22 = b2.axis.share(f2);
-    let f2 = f2.shifted(b2.offset);
-    let m21 = b1.axis.share(f2);
-    let m20 = b0.axis.share(f2.shifted(b1.offset));
-    let mut composite = b1.composite;
-    composite += b2.composite.shifted(b2.offset);
-    let f1 = b1.axis.momentum(&composite);
-    let m11 = b1.axis.share(f1);
-    let m10 = b0.axis.share(f1.shifted(b1.offset));
-    let carried = composite.shifted(b1.offset);
-    let mut composite = b0.composite;
-    composite += carried;
-    let m00 = b0.axis.share(b0.axis.momentum(&composite));
-
-    let r2 = A::rotate(b2.rotation, arm);
-    let j2 = b2.axis.at(r2);
-    let r1 = A::plus(r2, b2.offset);
-    let j1 = b1.axis.at(r1);
-    let r0 = A::plus(r1, b1.offset);
-    let j0 = b0.axis.at(r0);
-    let position = A::plus(r0, b0.offset);
-
-    let d2 = A::Scalar::one() / m22;
-    let (l21, l20) = (m21 * d2, m20 * d2);
-    let (e11, e10, e00) = (m11 - l21 * m21, m10 - l21 * m20, m00 - l20 * m20);
-    let d1 = A::Scalar::one() / e11;
-    let l10 = e10 * d1;
-    let d0 = A::Scalar::one() / (e00 - l10 * e10);
-
-    let (mut sum, x2) = Sum::<A>::of(j2, d2, n);
-    let y1 = A::minus(j1, A::times(j2, l21));
-    let x1 = sum.add(y1, d1, n);
-    let y0 = A::minus(A::minus(j0, A::times(j2, l20)), A::times(y1, l10));
-    let x0 = sum.add(y0, d0, n);
-    let x1 = A::minus(x1, A::times(x0, l10));
-    Answer {
-        position,
-        jacobian: [j0, j1, j2],
-        mass_matrix: [[m00, m10, m20], [m10, m11, m21], [m20, m21, m22]],
-        delassus: sum.delassus,
-        response: [x0, x1, A::minus(A::minus(x2, A::times(x1, l21)), A::times(x0, l20))],
-        mobility: sum.mobility,
-        felt: [y0, y1, j2],
-        inverse_d: [d0, d1, d2],
-    }
-}
-
-/// The results for N hinges.
-pub(super) struct Answer<A: Algebra, const N: usize> {
-    position: A::Vector,
-    jacobian: [A::Vector; N],
-    mass_matrix: [[A::Scalar; N]; N],
-    delassus: [A::Vector; 3],
-    response: [A::Vector; N],
-    mobility: A::Scalar,
-    felt: [A::Vector; N],
-    inverse_d: [A::Scalar; N],
-}
-
-impl<A: Algebra, const N: usize> Answer<A, N> {
-    #[inline(always)]
-    pub fn response(&self) -> PointResponse<'_, A> {
-        PointResponse {
-            position: self.position,
-            jacobian: &self.jacobian,
-            mass_matrix: self.mass_matrix.as_flattened(),
-            delassus: self.delassus,
-            response: &self.response,
-            mobility: self.mobility,
-            felt: &self.felt,
-            inverse_d: &self.inverse_d,
-        }
-    }
-}
-
 /// H = Yᵀ D⁻¹ Y and nᵀHn, accumulated joint by joint.
-struct Sum<A: Algebra> {
-    delassus: [A::Vector; 3],
-    mobility: A::Scalar,
+pub(super) struct Sum<A: Algebra> {
+    pub delassus: [A::Vector; 3],
+    pub mobility: A::Scalar,
 }
 
 impl<A: Algebra> Sum<A> {
     /// The contribution of one joint with row `y` and 1/D, and its row of D⁻¹ Y.
     #[inline(always)]
-    fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Vector) {
+    pub fn of(y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> (Self, A::Vector) {
         let scaled = A::times(y, inverse_d);
         let mut delassus = [A::zero(); 3];
         for (c, column) in delassus[..A::LINEAR].iter_mut().enumerate() {
@@ -417,7 +283,7 @@ impl<A: Algebra> Sum<A> {
 
     /// Adds the contribution of another joint; returns its row of D⁻¹ Y.
     #[inline(always)]
-    fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Vector {
+    pub fn add(&mut self, y: A::Vector, inverse_d: A::Scalar, normal: A::Vector) -> A::Vector {
         let (other, scaled) = Self::of(y, inverse_d, normal);
         for c in 0..A::LINEAR {
             self.delassus[c] = A::plus(self.delassus[c], other.delassus[c]);
@@ -427,10 +293,10 @@ impl<A: Algebra> Sum<A> {
     }
 }
 
-impl<A: Algebra, X: Moves<A>> BodyAt<A, X> {
+impl<A: Algebra, X: Subspace<A>> BodyAt<A, X> {
     /// Body `i`, for the rotation `outer` of its parent, without its children's inertia.
     #[inline(always)]
-    fn at(step: &Step<A>, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Self {
+    pub fn at(step: &Step<A>, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Self {
         let (rotation, offset) = X::place(step, i, outer, q, turned);
         Self { rotation, offset, axis: X::at_rotation(step, rotation), composite: X::own(step, rotation) }
     }

@@ -21,7 +21,7 @@
 //!
 //! **Routes.** The fused pass (`fused.rs`) is generic over the structure of the chain (`topology.rs`), a row of hinges or a tree,
 //! and over its joints: hinges alone, so that the joint type is known statically, or any joints. Rows of two and three hinges
-//! have unrolled passes. Chains of more than [`LONG`] bodies use the
+//! have unrolled passes (`unrolled.rs`). Chains of more than [`LONG`] bodies use the
 //! articulated-body recursion, whose time is proportional to their number; chains with mimic joints the same factorisation
 //! without the zeros. `book/src/benchmarks.md` gives the gain in speed of each; `tests/delassus.rs` compares all of them with
 //! the definitions.
@@ -39,21 +39,21 @@
 mod fused;
 mod rows;
 mod topology;
+mod unrolled;
 mod view;
 
 use crate::algebra::{Algebra, Axis};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
-use crate::moves::Hinge;
-use crate::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
-use crate::steps::Step;
-use crate::turned::{Angle, ByBody, Turned};
-use fused::{At, BodyAt, Memory, Poses, read, read_three, read_two, row_length};
+use crate::prepare::{Angle, ByBody, Hinge, Step, Turned};
+use crate::specialised::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
+use fused::{At, BodyAt, Memory, Poses, read, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
 pub use rows::Rows;
 use std::sync::Arc;
 use topology::{Row, Tree, Way};
+use unrolled::{read_three, read_two};
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
 pub(crate) const LONG: usize = 48;
@@ -67,7 +67,7 @@ pub(crate) fn singular<T: SimdRealField>() -> T {
 /// The structure of a chain, prepared when it is made.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Structure {
-    /// Whether every joint is a hinge with its own coordinate: see [`crate::moves`].
+    /// Whether every joint is a hinge with its own coordinate: see [`crate::prepare`].
     pub hinges_alone: bool,
     /// Whether they are a row, one after another in the order of their coordinates.
     pub row: bool,

@@ -11,7 +11,7 @@
 
 use crate::algebra::Algebra;
 use crate::error::ChainError;
-use crate::workspace::Kinematics;
+use crate::kinematics::Kinematics;
 use nalgebra::{DMatrix, DVector};
 
 /// Rows of length nv in memory that is allocated once and reused.

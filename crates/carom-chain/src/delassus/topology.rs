@@ -4,10 +4,10 @@
 //! the next: within a run no parent is looked up. An impulse moves only the branch from the world that contains its point:
 //! with a fixed pelvis, an impulse on the hand does not move the legs, and their diagonal block of M is not factored.
 //!
-//! A row needs no table. `book/src/benchmarks.md` gives what it gains; `tests/delassus.rs` compares both with the definitions.
+//! A row needs no table. `tests/delassus.rs` compares both with the definitions.
 
 use crate::algebra::Algebra;
-use crate::steps::Step;
+use crate::prepare::Step;
 use std::ops::Range;
 
 /// The structure of M: which entries of its factor are not zero.

@@ -6,7 +6,7 @@ use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory, singular};
 use crate::algebra::Algebra;
 use crate::chain::Point;
 use crate::error::ChainError;
-use crate::workspace::Kinematics;
+use crate::kinematics::Kinematics;
 use nalgebra::{DMatrixViewMut, RealField, convert};
 use num_traits::{One, Zero};
 

@@ -1,4 +1,5 @@
-//! Forward dynamics and the Delassus matrix by recursion, in time proportional to the number of bodies.
+//! Forward dynamics by the articulated-body algorithm (ABA) and the Delassus matrix by the same recursion, in time
+//! proportional to the number of bodies.
 //!
 //! One inward pass computes the articulated inertias. They give the factorisation `M = (1+HφK) D (1+HφK)ᵀ` without forming
 //! M (Rodriguez, Jain & Kreutz-Delgado 1991): a solve with M is two sweeps, and `H = J M⁻¹ Jᵀ = Σ ε εᵀ / D` is one inward
@@ -18,11 +19,32 @@
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};
 use crate::chain::Point;
+use crate::delassus::singular;
 use crate::error::ChainError;
-use crate::steps::Held;
-use crate::workspace::{Flow, Kinematics, Link};
-use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut};
+use crate::kinematics::{Kinematics, Link};
+use crate::prepare::Held;
+use crate::rnea::Flow;
+use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, RealField};
 use num_traits::{One, Zero};
+
+/// Results of the recursion for one body.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Free<A: Algebra> {
+    pub articulated: A::Articulated,
+    pub transmitted: Force<A>,
+    pub inverse_d: A::Scalar,
+    pub drive: A::Scalar,
+    pub acceleration: Motion<A>,
+}
+
+impl<A: Algebra> Free<A> {
+    pub fn zero() -> Self {
+        let zero = A::Scalar::zero();
+        let articulated = A::Articulated::from_rigid(&Inertia::zero());
+        let (transmitted, acceleration) = (Force::zero(), Motion::zero());
+        Self { articulated, transmitted, inverse_d: zero, drive: zero, acceleration }
+    }
+}
 
 /// The chain at one configuration with its articulated inertias.
 #[derive(Debug)]
@@ -82,12 +104,37 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
     }
 }
 
-impl<'a, 'b, A: Algebra> Articulation<'a, 'b, A> {
-    /// The view of a workspace that holds a finished inward pass.
-    pub(crate) fn of(kin: &'a mut Kinematics<'b, A>) -> Self {
-        Self { kin }
+impl<'b, A: Algebra> Kinematics<'b, A>
+where
+    A::Scalar: RealField,
+{
+    /// [`Kinematics::articulate`], with an error if a joint moves no inertia: if Dᵢ is no larger than the rounding error of
+    /// the composite inertia of the joint's subtree.
+    pub(crate) fn articulate_checked(&mut self, added: &[A::Scalar]) -> Result<Articulation<'_, 'b, A>, ChainError> {
+        self.composites();
+        let rounding: A::Scalar = singular();
+        let size = |(link, composite): (&Link<A>, &Inertia<A>)| match link.axis {
+            Axis::Turn(z) => A::dot_angular(z, z) * A::trace(composite.rotational),
+            Axis::Slide(z) => A::dot(z, z) * composite.mass,
+        };
+        // The inward pass overwrites the composite inertias, so their sizes are stored in `drive`, which is used only later.
+        for ((free, link), composite) in self.ws.free.iter_mut().zip(&self.ws.links).zip(&self.ws.inertia) {
+            free.drive = size((link, composite));
+        }
+        self.articulate_with(added)?;
+        for i in 0..self.chain.bodies.len() {
+            let Free { inverse_d, drive: size, .. } = self.ws.free[i];
+            let d = A::Scalar::one() / inverse_d;
+            let moves_inertia = d > size * rounding; // false for NaN too
+            if !moves_inertia {
+                return Err(self.chain.no_inertia(self.chain.bodies[i].v_index));
+            }
+        }
+        Ok(Articulation { kin: self })
     }
+}
 
+impl<A: Algebra> Articulation<'_, '_, A> {
     /// Forward dynamics: q̈ = M⁻¹(τ − C q̇ − g). `qd`, `tau` and `qdd` have length nv; `gravity` in world axes, m/s². Joint
     /// damping and friction of the file are not included: add them to τ. Does not allocate.
     ///

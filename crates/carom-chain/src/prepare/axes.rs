@@ -61,7 +61,7 @@ pub(crate) fn align<A: Algebra<Scalar = f64>>(
         body.placement = Pose { rotation: A::compose(rotation, about_z(*turn)), translation };
         body.inertia = body.inertia.rotated(about_z(-turn));
     }
-    let placing = |((body, [a, b, c]), turn): ((&Body<A>, [f64; 3]), f64)| {
+    let placing = |((body, &[a, b, c]), turn): ((&Body<A>, &[f64; 3]), &f64)| {
         if !A::turns(body.joint) {
             return (Placing::Rotation(body.placement.rotation), 0.0);
         }
@@ -75,7 +75,7 @@ pub(crate) fn align<A: Algebra<Scalar = f64>>(
         let c = c + turn;
         (placing, c - ((c - PI) / TAU).ceil() * TAU)
     };
-    bodies.iter().zip(angles).zip(turn).map(placing).collect()
+    bodies.iter().zip(&angles).zip(&turn).map(placing).collect()
 }
 
 /// The angles a, b and c of the placement of a hinge, rad. For parallel axes, and where x is the common perpendicular of both
@@ -95,20 +95,17 @@ fn hinge_angles<A: Algebra<Scalar = f64>>(rotation: A::Rotation) -> [f64; 3] {
 }
 
 impl<A: Algebra> Placing<A> {
-    /// The rotation of the joint's frame, for that of the parent body.
+    /// The rotation of the joint's frame, for that of the parent body; `None` is the world.
     #[inline(always)]
-    pub fn placed(&self, outer: A::Rotation) -> A::Rotation {
-        match *self {
-            Self::Parallel => outer,
-            Self::Tilt([sin, cos]) => A::tilt(outer, sin, cos),
-            Self::Rotation(rotation) => A::compose(outer, rotation),
+    pub fn placed(&self, outer: Option<A::Rotation>) -> A::Rotation {
+        match (*self, outer) {
+            (Self::Rotation(rotation), None) => rotation,
+            (Self::Rotation(rotation), Some(outer)) => A::compose(outer, rotation),
+            (Self::Tilt([sin, cos]), Some(outer)) => A::tilt(outer, sin, cos),
+            (Self::Tilt([sin, cos]), None) => A::tilt(A::no_rotation(), sin, cos),
+            (Self::Parallel, Some(outer)) => outer,
+            (Self::Parallel, None) => A::no_rotation(),
         }
-    }
-
-    /// The same for a joint on the world.
-    #[inline(always)]
-    pub fn on_the_world(&self) -> A::Rotation {
-        if let Self::Rotation(rotation) = *self { rotation } else { self.placed(A::no_rotation()) }
     }
 
     /// The same over another scalar.
@@ -171,7 +168,7 @@ mod tests {
                 by_file.push(under(&by_file, parent).then(&file[i].placement).then(&turned(theta)));
                 by_axes.push(under(&by_axes, parent).then(&bodies[i].placement).then(&turned(theta)));
                 let outer = under(&by_placing, parent);
-                let placed = if parent.is_some() { placing.placed(outer.rotation) } else { placing.on_the_world() };
+                let placed = placing.placed(parent.map(|_| outer.rotation));
                 let translation = outer.point(bodies[i].placement.translation);
                 by_placing.push(Pose { rotation: placed, translation }.then(&turned(theta + shift)));
                 assert!(shift.abs() <= PI, "{shift}");
@@ -205,7 +202,7 @@ mod tests {
             let mut bodies = [hinge(None), hinge(Some(0))];
             let placings = align(&mut bodies, &mut []);
             assert_eq!(bodies, [hinge(None), hinge(Some(0))]);
-            assert_eq!(placings[0].0.on_the_world(), Planar::no_rotation());
+            assert_eq!(placings[0].0.placed(None), Planar::no_rotation());
             assert_eq!(placings[1].0, Placing::Parallel);
             assert!(placings.iter().all(|(_, shift)| (shift - angle).abs() <= 2.0 * f64::EPSILON), "{placings:?}");
         }

@@ -29,13 +29,14 @@
 //! | sᵢ | – | axis of joint i, world axes, about pᵢ | `axis` |
 //! | J | 3×nv | velocity of a point for unit joint rates, world axes | `point_jacobian` |
 
-use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion, Pose, Real};
+use crate::aba::Free;
+use crate::algebra::{Algebra, Axis, Force, Inertia, Motion, Pose};
 use crate::chain::{Chain, FrameId, Point};
 use crate::delassus::{PointResponse, ResponseMemory};
 use crate::error::ChainError;
-use crate::moves::{Hinge, Moves};
-use crate::sine::sin_cos_by_pairs;
-use crate::turned::ByBody;
+use crate::prepare::{ByBody, Hinge, Subspace};
+use crate::rnea::Flow;
+use crate::specialised::sine::sin_cos_by_pairs;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
 use num_traits::Zero;
 use std::any::Any;
@@ -67,24 +68,6 @@ pub(crate) struct Link<A: Algebra> {
     pub axis: Axis<A>,
 }
 
-/// Motion of a body: ω, ω̇, and the acceleration of the body's origin.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Flow<A: Algebra> {
-    pub spin: A::Angular,
-    pub spin_rate: A::Angular,
-    pub acceleration: A::Vector,
-}
-
-/// Results of the articulated-body recursion for one body: see [`crate::articulated`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Free<A: Algebra> {
-    pub articulated: A::Articulated,
-    pub transmitted: Force<A>,
-    pub inverse_d: A::Scalar,
-    pub drive: A::Scalar,
-    pub acceleration: Motion<A>,
-}
-
 /// The chain at one configuration: its methods compute positions, Jacobians, the mass matrix, dynamics and energies.
 #[derive(Debug)]
 pub struct Kinematics<'a, A: Algebra> {
@@ -100,33 +83,18 @@ impl<A: Algebra> Link<A> {
     }
 }
 
-impl<A: Algebra> Flow<A> {
-    /// A base at rest, in a frame that accelerates.
-    #[inline(always)]
-    pub fn base(acceleration: A::Vector) -> Self {
-        Self { spin: A::zero_angular(), spin_rate: A::zero_angular(), acceleration }
-    }
-}
-
 impl<A: Algebra> Chain<A> {
     /// Scratch memory for this chain. This call allocates; the in-place methods that use the workspace do not.
     pub fn workspace(&self) -> Workspace<A> {
         let n = self.bodies.len();
         let zero = A::Scalar::zero();
-        let free = Free {
-            articulated: A::Articulated::from_rigid(&Inertia::zero()),
-            transmitted: Force::zero(),
-            inverse_d: zero,
-            drive: zero,
-            acceleration: Motion::zero(),
-        };
         Workspace {
             links: vec![Link::world(); n],
             velocity: vec![Motion::zero(); n],
             flow: vec![Flow::base(A::zero()); n],
             force: vec![Force::zero(); n],
             inertia: vec![Inertia::zero(); n],
-            free: vec![free; n],
+            free: vec![Free::zero(); n],
             angles: vec![zero; n],
             sines: vec![zero; n],
             cosines: vec![zero; n],
@@ -188,7 +156,7 @@ impl<A: Algebra> Workspace<A> {
 
     /// Computes rotation, position and joint axis of every body.
     #[inline(always)]
-    fn place<X: Moves<A>>(&mut self, chain: &Chain<A>, q: &[A::Scalar]) {
+    fn place<X: Subspace<A>>(&mut self, chain: &Chain<A>, q: &[A::Scalar]) {
         let n = chain.steps.len();
         let (links, turned) = (&mut self.links[..n], ByBody { sines: &self.sines[..n], cosines: &self.cosines[..n] });
         let (mut before, mut at) = (A::no_rotation(), A::zero());
@@ -361,87 +329,4 @@ impl<A: Algebra> Kinematics<'_, A> {
             ws.velocity[i] = carried + axis.at_rate(qd[step.v_index]);
         }
     }
-}
-
-impl<A: Algebra> Workspace<A> {
-    /// Motion of the parent of body i. `before` is the motion of body i − 1, usually the parent: it is kept in registers.
-    #[inline(always)]
-    pub(crate) fn flow_below(&self, i: usize, parent: Option<usize>, before: &Flow<A>, base: &Flow<A>) -> Flow<A> {
-        match parent {
-            Some(p) if p + 1 == i => *before,
-            Some(p) => self.flow[p],
-            None => *base,
-        }
-    }
-
-    /// Motion of body i for its parent's motion, joint velocities `qd` and joint acceleration `qdd`.
-    #[inline(always)]
-    pub(crate) fn flow_on(
-        &self,
-        chain: &Chain<A>,
-        i: usize,
-        outer: &Flow<A>,
-        qd: &[A::Scalar],
-        qdd: A::Scalar,
-    ) -> Flow<A> {
-        let step = &chain.steps[i];
-        let Link { offset, axis, .. } = self.links[i];
-        let (turn, drift) = self.drift(chain, i, outer.spin, qd);
-        let carried = outer.acceleration + A::swing(outer.spin_rate, offset) + drift;
-        match axis {
-            Axis::Turn(z) => Flow {
-                spin: outer.spin + z * qd[step.v_index],
-                spin_rate: outer.spin_rate + turn + z * qdd,
-                acceleration: carried,
-            },
-            Axis::Slide(z) => Flow { spin: outer.spin, spin_rate: outer.spin_rate, acceleration: carried + z * qdd },
-        }
-    }
-
-    /// Velocity-dependent terms of ω̇ and of the acceleration of body i, without ω̇ × r, for the parent's ω. Hinge:
-    /// ω × z q̇, and ω × (ω × r). Slider: zero, and 2 ω × z q̇ + ω × (ω × r).
-    #[inline(always)]
-    pub(crate) fn drift(
-        &self,
-        chain: &Chain<A>,
-        i: usize,
-        spin: A::Angular,
-        qd: &[A::Scalar],
-    ) -> (A::Angular, A::Vector) {
-        let step = &chain.steps[i];
-        let Link { offset, axis, .. } = self.links[i];
-        let centripetal = A::swing(spin, A::swing(spin, offset));
-        match axis {
-            Axis::Turn(_) if A::rides_along(step.joint) => self.drift_of_floating(chain, i, qd),
-            Axis::Turn(z) => (A::cross_angular(spin, z * qd[step.v_index]), centripetal),
-            Axis::Slide(z) => {
-                let carried = A::swing(spin, z * qd[step.v_index]);
-                (A::zero_angular(), centripetal + carried + carried)
-            }
-        }
-    }
-
-    /// The same for the rotational axes of a floating joint, which all move with the parent body of the joint: ω × z q̇ and
-    /// z q̇ × u, with ω the angular velocity of that body and u the joint's linear velocity.
-    #[cold]
-    fn drift_of_floating(&self, chain: &Chain<A>, i: usize, qd: &[A::Scalar]) -> (A::Angular, A::Vector) {
-        let mut first = i;
-        while A::rides_along(chain.steps[first].joint) {
-            first -= 1;
-        }
-        let mut joint = Motion::zero();
-        for k in first..i {
-            if let slide @ Axis::Slide(_) = self.links[k].axis {
-                joint = joint + slide.at_rate(qd[chain.steps[k].v_index]);
-            }
-        }
-        let own = self.links[i].axis.at_rate(qd[chain.steps[i].v_index]).angular;
-        // The first axis is a slider: its ω is that of the parent body.
-        (A::cross_angular(self.flow[first].spin, own), A::swing(own, joint.linear))
-    }
-}
-
-/// Sets all numbers to zero.
-pub(crate) fn clear<T: Real>(numbers: &mut [T]) {
-    numbers.fill(T::zero());
 }

@@ -1,5 +1,8 @@
 //! Forward dynamics of a row of one to four hinges in the plane, in closed form.
 //!
+//! Gain: 280 instructions for two hinges; the rates of all states of a simulation 570 where the recursion took 2200
+//! (`book/src/benchmarks.md`). `tests/planar_row.rs` compares the results with the recursion.
+//!
 //! With the absolute angles φᵢ of the bodies instead of joint angles, every coefficient of the equation of motion of a row
 //! of hinges is a product of two vectors, each fixed in a body:
 //!
@@ -19,12 +22,10 @@
 //! | Hᵢ | 2 | first moment about joint i of body i and of the mass beyond it, the latter at joint i+1, world axes, kg m | `moment` |
 //! | Jᵢ | 1 | rotational inertia about joint i of the same, kg m² | `inertia` |
 //! | Q | n | generalised forces on φ: sᵢτᵢ − sᵢ₊₁τᵢ₊₁, with s = ±1 the sense of a joint | `push` |
-//!
-//! `book/src/benchmarks.md` gives the gain in speed; `tests/planar_row.rs` compares the results with the recursion.
 
+use super::sine::sin_cos;
 use crate::algebra::{Algebra, Planar};
 use crate::chain::Chain;
-use crate::sine::sin_cos;
 use nalgebra::Vector2;
 
 /// Largest number of hinges: the work grows with its square, that of the recursion linearly.

@@ -1,10 +1,26 @@
-//! Bodies and joints prepared for the recursions: quantities that do not depend on the configuration are precomputed.
+//! Bodies and joints prepared for the recursions: quantities that do not depend on the configuration are precomputed, once
+//! for all recursions.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `axes.rs` | axes of the bodies in which the placement of a hinge is a tilt |
+//! | `base_parameters.rs` | inertias without the parts that the parent body can take |
+//! | `angle.rs` | angles of hinges, and the source of their sines and cosines |
+//! | `subspace.rs` | the motion subspace of a joint, for any joints or for hinges alone |
+
+mod angle;
+mod axes;
+mod base_parameters;
+mod subspace;
+
+pub(crate) use angle::ByBody;
+pub use angle::{Angle, Turned};
+pub(crate) use subspace::{Hinge, Subspace};
 
 use crate::algebra::{Algebra, Inertia, Real};
-use crate::axes::{Placing, align};
-use crate::base_parameters::base_parameters;
 use crate::chain::{Body, Frame};
-use crate::turned::Angle;
+use axes::{Placing, align};
+use base_parameters::base_parameters;
 use nalgebra::convert;
 use std::ops::AddAssign;
 
@@ -138,19 +154,15 @@ impl<A: Algebra> Step<A> {
         Angle { coordinate: self.q_index, sense: self.ratio, shift: self.shift }
     }
 
-    /// Rotation of the joint's frame and its origin's offset from the parent's, world axes, for the parent's rotation; `None`
-    /// is the world.
+    /// Offset of the joint's origin from the parent's, world axes, for the parent's rotation; `None` is the world.
     #[inline(always)]
-    pub fn placed(&self, outer: Option<A::Rotation>) -> (A::Rotation, A::Vector) {
-        match outer {
-            None => (self.placing.on_the_world(), self.translation),
-            Some(outer) => (self.placing.placed(outer), A::rotate(outer, self.translation)),
-        }
+    pub fn offset(&self, outer: Option<A::Rotation>) -> A::Vector {
+        if let Some(outer) = outer { A::rotate(outer, self.translation) } else { self.translation }
     }
 
     /// Its inertia in world axes.
     #[inline(always)]
     pub fn turned_inertia(&self, rotation: A::Rotation) -> Inertia<A> {
-        if A::turns(self.joint) { self.inertia.rotated_turning(rotation) } else { self.inertia.rotated(rotation) }
+        if A::turns(self.joint) { Hinge::whole(Hinge::own(self, rotation)) } else { self.inertia.rotated(rotation) }
     }
 }

@@ -1,0 +1,161 @@
+//! Mass matrix by the composite-rigid-body algorithm (CRBA).
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | M | nv×nv | mass matrix | `mass_matrix` |
+//! | Iᶜᵢ | – | composite inertia: body i and its subtree as one rigid body | `composite` |
+//! | Iᶜ s | – | force that accelerates the subtree by one unit along s | `force` |
+//!
+//! Source: Featherstone (2008), table 6.2, in world axes (see [`crate::algebra`]).
+
+use crate::algebra::{Algebra, Axis, Force};
+use crate::kinematics::{Kinematics, Link};
+use crate::prepare::{Hinge, Step, Subspace};
+use nalgebra::{DMatrix, Dim, Dyn, Matrix, RawStorageMut};
+use num_traits::Zero;
+use std::marker::PhantomData;
+
+impl<A: Algebra> Kinematics<'_, A> {
+    /// The mass matrix M (nv×nv; kg m², kg m, kg) by the composite-rigid-body algorithm. Writes both triangles into the
+    /// leading nv×nv block of `out` and zero elsewhere; does not allocate.
+    ///
+    /// # Panics
+    /// If `out` is smaller than nv×nv.
+    pub fn mass_matrix_into<R: Dim, C: Dim, S: RawStorageMut<A::Scalar, R, C>>(
+        &mut self,
+        out: &mut Matrix<A::Scalar, R, C, S>,
+    ) {
+        let chain = self.chain;
+        let nv = chain.nv;
+        if out.shape() != (nv, nv) {
+            out.fill(A::Scalar::zero());
+        }
+        let mut out = out.view_mut((0, 0), (nv, nv));
+        if !chain.structure.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
+            // Column by column, each one contiguous fill: `fill` of a view costs a dozen instructions per number.
+            for v in 0..nv {
+                let mut column = out.view_mut((0, v), (nv, 1));
+                (0..nv).for_each(|w| column[(w, 0)] = A::Scalar::zero());
+            }
+        }
+        if chain.structure.hinges_alone { self.columns::<Hinge<A>, _>(out) } else { self.columns::<Axis<A>, _>(out) }
+    }
+
+    /// Writes the entries of M that can be non-zero; `out` holds zeros elsewhere.
+    #[inline(always)]
+    fn columns<X: Subspace<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>>(&mut self, out: Matrix<A::Scalar, Dyn, Dyn, S>) {
+        let ws = &mut *self.ws;
+        let steps = &self.chain.steps[..];
+        let n = steps.len();
+        let (links, forces) = (&ws.links[..n], &mut ws.force[..n]);
+        // Composite inertia of the first child of body i, about the origin of body i: the first child is the next body, so
+        // it is kept in registers.
+        let mut carried = X::nothing();
+        for (i, step) in steps.iter().enumerate().rev() {
+            let link = &links[i];
+            let mut composite = X::own(step, link.rotation);
+            if step.end > i + 1 {
+                composite += carried;
+            }
+            if step.branches {
+                composite += X::part(ws.inertia[i]);
+            }
+            carried = X::shifted(step, &composite, link.offset);
+            step.held_by.keep(&mut ws.inertia, X::whole(carried));
+            // The force that accelerates the subtree of body i by one unit along sᵢ.
+            forces[i] = X::of(step, link).momentum(&composite);
+        }
+        // Its projections on the axes of joint i and of the joints between it and the world are the entries of M. The forces
+        // of a body and its parent are propagated together (SIMD).
+        let mut columns = Columns::<A, X, S> { steps, links, out, axis: PhantomData };
+        let mut i = n;
+        while i > 0 {
+            i -= 1;
+            let (v, f) = (steps[i].v_index, forces[i]);
+            columns.put(v, v, columns.axis(i).share(f));
+            if steps[i].run == i {
+                columns.down(i, [v], [f]);
+                continue;
+            }
+            let far = f.shifted(links[i].offset);
+            i -= 1;
+            let (u, near) = (steps[i].v_index, forces[i]);
+            columns.put(u, u, columns.axis(i).share(near));
+            columns.put_both(u, v, columns.axis(i).share(far));
+            columns.down(i, [u, v], [near, far]);
+        }
+    }
+
+    /// Inward pass of the composite inertias: Iᶜᵢ = Iᵢ + Σ Iᶜ of the children.
+    pub(crate) fn composites(&mut self) {
+        let (bodies, ws) = (&self.chain.bodies, &mut *self.ws);
+        for (i, body) in bodies.iter().enumerate() {
+            ws.inertia[i] = body.inertia.rotated(ws.links[i].rotation);
+        }
+        for (i, body) in bodies.iter().enumerate().rev() {
+            if let Some(p) = body.parent {
+                let carried = ws.inertia[i].shifted(ws.links[i].offset);
+                ws.inertia[p] += carried;
+            }
+        }
+    }
+
+    /// As [`Self::mass_matrix_into`]; returns a new matrix.
+    pub fn mass_matrix(&mut self) -> DMatrix<A::Scalar> {
+        let mut m = DMatrix::zeros(self.chain.nv, self.chain.nv);
+        self.mass_matrix_into(&mut m);
+        m
+    }
+}
+
+/// The mass matrix while it is being filled.
+struct Columns<'a, A: Algebra, X, S: RawStorageMut<A::Scalar, Dyn, Dyn>> {
+    steps: &'a [Step<A>],
+    links: &'a [Link<A>],
+    out: Matrix<A::Scalar, Dyn, Dyn, S>,
+    axis: PhantomData<X>,
+}
+
+impl<A: Algebra, X: Subspace<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<'_, A, X, S> {
+    #[inline(always)]
+    fn axis(&self, i: usize) -> X {
+        X::of(&self.steps[i], &self.links[i])
+    }
+
+    #[inline(always)]
+    fn put(&mut self, v: usize, w: usize, m: A::Scalar) {
+        // Bodies that share a coordinate add to the same entries.
+        if X::COUPLED { self.out[(v, w)] += m } else { self.out[(v, w)] = m }
+    }
+
+    #[inline(always)]
+    fn put_both(&mut self, v: usize, w: usize, m: A::Scalar) {
+        self.put(v, w, m);
+        self.put(w, v, m);
+    }
+
+    /// Propagates forces on body `i` to the world; writes their projections on the axes of the joints passed into the columns
+    /// of these coordinates.
+    #[inline(always)]
+    fn down<const K: usize>(&mut self, i: usize, coordinates: [usize; K], mut forces: [Force<A>; K]) {
+        let (steps, links) = (self.steps, self.links);
+        let (mut start, mut end, mut shift) = (steps[i].run, i, links[i].offset);
+        loop {
+            for (step, link) in steps[start..end].iter().zip(&links[start..end]).rev() {
+                let axis = X::of(step, link);
+                let mut shares = [A::Scalar::zero(); K];
+                for (f, share) in forces.iter_mut().zip(&mut shares) {
+                    *f = f.shifted(shift);
+                    *share = axis.share(*f);
+                }
+                shift = link.offset;
+                let w = step.v_index;
+                for (v, m) in coordinates.into_iter().zip(shares) {
+                    self.put_both(v, w, m);
+                }
+            }
+            let Some(p) = steps[start].parent else { break };
+            (start, end) = (steps[p].run, p + 1);
+        }
+    }
+}
