@@ -15,7 +15,7 @@ where
     ///
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular, [`ChainError::WrongLength`].
-    pub fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
+    pub(crate) fn solve(&mut self, joint_force: &[A::Scalar]) -> Result<DVector<A::Scalar>, ChainError> {
         self.chain.check_nv("tau", joint_force.len())?;
         if self.chain.is_coupled() {
             let cholesky = self.cholesky()?;

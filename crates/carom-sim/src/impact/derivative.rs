@@ -25,7 +25,7 @@ use super::hit::ChainImpact;
 use crate::contact::Oscillation;
 use crate::error::SimError;
 use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, ChainError, FrameId, Kinematics, Spatial};
+use carom_chain::{Chain, ChainError, FrameId, Kinematics, Rows, Spatial};
 use carom_impact::{Direction, LawDerivative};
 use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, MatrixXx3, RealField, U1, Vector3};
 use num_dual::DualSVec64;
@@ -333,20 +333,13 @@ fn solve_columns<C: nalgebra::Dim, S: nalgebra::RawStorageMut<f64, Dyn, C, RStri
     kin: &mut Kinematics<Spatial<f64>>,
     columns: &mut nalgebra::Matrix<f64, Dyn, C, S>,
 ) -> Result<(), ChainError> {
-    let mut force = DVector::zeros(columns.nrows());
-    if kin.chain().is_coupled() {
-        for mut column in columns.column_iter_mut() {
-            force.copy_from(&column);
-            column.copy_from(&kin.solve(force.as_slice())?);
-        }
-        return Ok(());
+    let (mut rows, mut responses) = (Rows::new(columns.nrows()), Rows::default());
+    for column in columns.column_iter() {
+        rows.add().iter_mut().zip(column.iter()).for_each(|(row, x)| *row = *x);
     }
-    let mut articulation = kin.articulate()?;
-    let mut out = DVector::zeros(columns.nrows());
-    for mut column in columns.column_iter_mut() {
-        force.copy_from(&column);
-        articulation.solve_into(force.as_slice(), out.as_mut_slice())?;
-        column.copy_from(&out);
+    kin.respond(&rows, &mut responses)?;
+    for (mut column, response) in columns.column_iter_mut().zip(responses.iter()) {
+        column.iter_mut().zip(response).for_each(|(x, response)| *x = *response);
     }
     Ok(())
 }

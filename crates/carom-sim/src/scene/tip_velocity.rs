@@ -3,7 +3,7 @@
 use super::file::{Robot, TipVelocity};
 use super::surface::half_space;
 use crate::contact::Surface;
-use carom_chain::{Chain, ChainError};
+use carom_chain::{Chain, ChainError, Rows};
 use nalgebra::{DVector, Vector3};
 /// The joint velocities with the least kinetic energy that give the tip the velocity u: qd = M⁻¹Jᵀ H⁺ u.
 pub(crate) fn tip_velocity(
@@ -43,10 +43,11 @@ pub(crate) fn tip_velocity(
             direction * (direction.dot(&DVector::from_column_slice(u.as_slice())) / (sigma * sigma))
         })
         .fold(DVector::zeros(3), |sum, part| sum + part);
-    let mut impulse = vec![0.0; chain.nv()];
-    kin.add_point_force(point, Vector3::new(force[0], force[1], force[2]), &mut impulse).map_err(say)?;
-    let qd = kin.solve(&impulse).map_err(say)?;
-    let reached = kin.point_velocity(point, qd.as_slice()).map_err(say)?;
+    let (mut impulse, mut response) = (Rows::new(chain.nv()), Rows::default());
+    kin.add_point_force(point, Vector3::new(force[0], force[1], force[2]), impulse.add()).map_err(say)?;
+    kin.respond(&impulse, &mut response).map_err(say)?;
+    let qd = response.row(0);
+    let reached = kin.point_velocity(point, qd).map_err(say)?;
     if (reached - u).norm() > 1e-9 * tip.speed.abs() {
         let [x, y, z] = u.into();
         return Err(format!(
@@ -55,5 +56,5 @@ pub(crate) fn tip_velocity(
             robot.tip
         ));
     }
-    Ok(qd.as_slice().to_vec())
+    Ok(qd.to_vec())
 }
