@@ -6,7 +6,7 @@ use super::tree::{Body, Posed, urdf};
 use super::{Found, Judged, law, said};
 use carom_chain::algebra::z_onto;
 use carom_chain::urdf::LoadOptions;
-use carom_chain::{Chain, Coordinates, uniform_chain};
+use carom_chain::{Chain, Coordinates, Rows, uniform_chain};
 use carom_sim::{ChainImpact, Impacts, SimError};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2xX, Matrix3, Rotation3, SMatrix, Vector2, Vector3};
 use std::fmt::Write;
@@ -360,7 +360,10 @@ pub fn branches(name: &str) -> Judged {
         });
         mass_error = worse(mass_error, relative_error(&pose.mass_matrix(), &ordered));
         let forces = DVector::from_column_slice(chain_qd);
-        let rates = pose.solve(forces.as_slice()).map_err(said)?;
+        let (mut rows, mut rates) = (Rows::new(bodies.len()), Rows::default());
+        rows.add().copy_from_slice(chain_qd);
+        pose.respond(&rows, &mut rates).map_err(said)?;
+        let rates = DVector::from_column_slice(rates.row(0));
         solve_error = worse(solve_error, backward_error(&ordered, &rates, &forces));
     }
     let found = Found::figure(error).must("error of M", mass_error, CHAIN);
