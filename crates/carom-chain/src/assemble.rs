@@ -66,7 +66,7 @@ impl Chain {
         Self::from_urdf_file_with(path, &LoadOptions::default())
     }
 
-    /// Reads a URDF file with options: a floating base, missing meshes ignored.
+    /// Reads a URDF file with options: a floating base, strictness, repairs, folders of packages.
     ///
     /// # Errors
     /// As [`Chain::from_urdf_file`].
@@ -261,6 +261,6 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
             .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone() })
             .collect(),
         total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
-        warnings: robot.warnings.clone(),
+        report: robot.report.clone(),
     }
 }

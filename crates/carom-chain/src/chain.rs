@@ -16,7 +16,7 @@ use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::prepare::Step;
-use crate::urdf::{Collision, JointType, Limits, suggestion};
+use crate::urdf::{Collision, JointType, Limits, LoadReport, suggestion};
 use num_traits::Zero;
 use std::ops::Range;
 use std::sync::Arc;
@@ -130,7 +130,7 @@ pub(crate) struct About {
     pub joints: Vec<JointInfo>,
     pub links: Vec<LinkInfo>,
     pub total_mass: f64,
-    pub warnings: Vec<String>,
+    pub report: LoadReport,
 }
 
 /// A kinematic chain (a tree of bodies): immutable, `Send + Sync`, shared by reference.
@@ -181,9 +181,33 @@ impl<A: Algebra> Chain<A> {
     pub fn total_mass(&self) -> f64 {
         self.about.total_mass
     }
-    /// Warnings of the reader: what the file contains but is not used, and values that look wrong.
-    pub fn warnings(&self) -> &[String] {
-        &self.about.warnings
+    /// What loading has found in the file and changed: warnings, elements that are not used, repairs.
+    pub fn report(&self) -> &LoadReport {
+        &self.about.report
+    }
+    /// The links that move without mass: those of bodies whose coordinate moves neither mass nor inertia at any configuration.
+    /// The mass matrix is then singular everywhere. Kinematics and Jacobians do not depend on it.
+    pub fn massless_links(&self) -> Vec<&str> {
+        let own = |body: &Body<A>| body.inertia != Inertia::zero();
+        let mut carries: Vec<bool> = self.bodies.iter().map(own).collect();
+        let mut moved = vec![false; self.nv];
+        for (i, body) in self.bodies.iter().enumerate().rev() {
+            moved[body.v_index] |= carries[i];
+            if let Some(parent) = body.parent {
+                carries[parent] |= carries[i];
+            }
+        }
+        let massless = |frame: &&Frame<A>| frame.body.is_some_and(|body| !moved[self.bodies[body].v_index]);
+        self.frames.iter().filter(massless).map(|frame| frame.name.as_str()).collect()
+    }
+
+    /// Checks that every coordinate moves mass or inertia at some configuration.
+    ///
+    /// # Errors
+    /// [`ChainError::Massless`] with [`Chain::massless_links`].
+    pub fn check_dynamics(&self) -> Result<(), ChainError> {
+        let links: Vec<String> = self.massless_links().into_iter().map(|link| format!("'{link}'")).collect();
+        if links.is_empty() { Ok(()) } else { Err(ChainError::Massless { chain: self.name().into(), links }) }
     }
     /// Whether the chain has mimic joints, so that several bodies share one coordinate.
     pub fn is_coupled(&self) -> bool {
@@ -325,6 +349,9 @@ impl<A: Algebra> Chain<A> {
     /// The error for a coordinate whose joint moves no inertia.
     #[cold]
     pub(crate) fn no_inertia(&self, v_index: usize) -> ChainError {
+        if let Err(massless) = self.check_dynamics() {
+            return massless;
+        }
         let joint = self.joint_of_velocity(v_index).map_or("?".into(), |j| j.name.clone());
         ChainError::NoInertia { joint }
     }

@@ -26,6 +26,26 @@ pub enum ChainError {
         /// The value, the rule that it breaks, and what to do.
         rule: String,
     },
+    /// A mesh file is not found.
+    #[error("mesh '{name}' is not found; {tried}")]
+    MeshNotFound {
+        /// Its name: a path, `file://…` or `package://…`.
+        name: String,
+        /// The paths that were tried, or why none was.
+        tried: String,
+    },
+    /// Links move without mass and inertia, so the mass matrix is singular at every configuration.
+    #[error(
+        "'{chain}' has no dynamics, because nothing that these links carry has mass: {}. Give them an <inertial>, load the \
+         robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints",
+        links.join(", ")
+    )]
+    Massless {
+        /// Name of the chain.
+        chain: String,
+        /// The links, in the order of the file.
+        links: Vec<String>,
+    },
     /// The chain has no link of that name.
     #[error("no link is named '{name}'; {hint}")]
     UnknownFrame {

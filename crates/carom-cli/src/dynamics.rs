@@ -19,8 +19,10 @@ use std::io::{self, Write};
 ///   force (the joint forces that hold the robot against gravity); kinetic and potential energy
 ///   (J; the potential energy is zero at the world's origin); qdd = M⁻¹ (tau − bias) if the state
 ///   has tau; tau = M qdd + bias if the state has qdd.
+/// With --kinematics: position (m) and Jacobian of the contact point only, which also robots
+/// without mass have.
 /// JSON keys: joints, mass_matrix, jacobian, bias, gravity_force, kinetic_energy, potential_energy,
-///   delassus, and qdd or tau.
+///   delassus, and qdd or tau; with --kinematics joints, position, jacobian.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
 /// before it have been printed, and the exit status is 1.
 #[derive(Args)]
@@ -33,6 +35,16 @@ pub struct Dynamics {
     /// Acceleration of gravity in world axes, m/s²
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,-9.81", value_parser = parse_vector, allow_hyphen_values = true)]
     gravity: [f64; 3],
+    /// Compute position and Jacobian of the contact point only; masses are not used
+    #[arg(long)]
+    kinematics: bool,
+}
+
+#[derive(Serialize)]
+struct Place<'a> {
+    joints: &'a [String],
+    position: [f64; 3],
+    jacobian: Vec<Vec<f64>>,
 }
 
 #[derive(Serialize)]
@@ -53,12 +65,25 @@ struct Answer<'a> {
 
 impl Dynamics {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let chain = self.robot.load()?;
+        let chain = if self.kinematics { self.robot.load()? } else { self.robot.load_for_dynamics()? };
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let point = chain.point(self.robot.frame(&chain, &self.state.tip)?, self.state.point.into());
         let mut ws = chain.workspace();
         let mut limits = LimitWarnings::default();
         for_each_line(&self.state.states, out, |state: State, place, out| {
+            if self.kinematics {
+                let (q, qd) = (order.q(&state.q), order.v(&state.qd));
+                chain.check_state(&q, &qd)?;
+                let kin = ws.update(&chain, &q)?;
+                let (position, jacobian) = (kin.position(point).into(), order.columns(&kin.point_jacobian(point)));
+                limits.check(&chain, &q, place);
+                return answer(
+                    out,
+                    &Place { joints: &order.names, position, jacobian },
+                    self.state.json,
+                    place_for_people,
+                );
+            }
             let found = evaluate(&chain, &mut ws, &order, point, self.gravity.into(), &state)?;
             limits.check(&chain, &order.q(&state.q), place);
             answer(out, &found, self.state.json, for_people)
@@ -110,17 +135,28 @@ fn evaluate<'a>(
     })
 }
 
+fn joints_for_people(joints: &[String], out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "joints         {}", joints.iter().map(|j| format!("{j:>13}")).collect::<Vec<_>>().join(" "))
+}
+
+fn matrix(name: &str, rows: &[Vec<f64>], out: &mut dyn Write) -> io::Result<()> {
+    for (i, numbers) in rows.iter().enumerate() {
+        writeln!(out, "{:14} {}", if i == 0 { name } else { "" }, row(numbers))?;
+    }
+    Ok(())
+}
+
+fn place_for_people(place: &Place, out: &mut dyn Write) -> io::Result<()> {
+    joints_for_people(place.joints, out)?;
+    matrix("Jacobian", &place.jacobian, out)?;
+    writeln!(out, "{:14} {}\n", "position", row(&place.position))
+}
+
 fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
-    writeln!(out, "joints         {}", a.joints.iter().map(|j| format!("{j:>13}")).collect::<Vec<_>>().join(" "))?;
-    let mut matrix = |name: &str, rows: &[Vec<f64>]| -> io::Result<()> {
-        for (i, numbers) in rows.iter().enumerate() {
-            writeln!(out, "{:14} {}", if i == 0 { name } else { "" }, row(numbers))?;
-        }
-        Ok(())
-    };
-    matrix("mass matrix", &a.mass_matrix)?;
-    matrix("Jacobian", &a.jacobian)?;
-    matrix("Delassus", &a.delassus)?;
+    joints_for_people(a.joints, out)?;
+    matrix("mass matrix", &a.mass_matrix, out)?;
+    matrix("Jacobian", &a.jacobian, out)?;
+    matrix("Delassus", &a.delassus, out)?;
     writeln!(out, "{:14} {}", "bias", row(&a.bias))?;
     writeln!(out, "{:14} {}", "gravity force", row(&a.gravity_force))?;
     if let Some(qdd) = &a.qdd {

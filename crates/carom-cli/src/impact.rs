@@ -249,7 +249,7 @@ impl Impact {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let laws = self.law.laws::<3>()?;
         let ranges = self.ranges()?;
-        let chain = self.robot.load()?;
+        let chain = self.robot.load_for_dynamics()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let tip = self.robot.frame(&chain, &self.state.tip)?;
         let impedance = self.drives.impedance(&chain, &order)?;

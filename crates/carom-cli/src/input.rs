@@ -1,8 +1,8 @@
 //! Input of the commands: robots, JSON lines, vectors on the command line, the order of the joints.
 
-use crate::RobotArgs;
 use crate::error::{CliError, LineError};
 use crate::output::say;
+use crate::{LoadArgs, RobotArgs};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use serde::{Deserialize, de::DeserializeOwned};
@@ -12,16 +12,46 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 impl RobotArgs {
-    /// Reads the robot.
+    /// Reads the robot and prints the first warnings about it.
     pub fn load(&self) -> Result<Chain, CliError> {
-        let meshes = if self.no_meshes { Meshes::Ignored } else { Meshes::Required };
-        let options = LoadOptions { floating_base: self.floating, meshes };
-        Chain::from_urdf_file_with(&self.urdf, &options).map_err(CliError::Robot)
+        let chain =
+            Chain::from_urdf_file_with(&self.urdf, &self.load.options(self.floating)).map_err(CliError::Robot)?;
+        tell(&self.urdf.display().to_string(), &chain);
+        Ok(chain)
+    }
+
+    /// The same, for a command that computes dynamics.
+    ///
+    /// # Errors
+    /// [`CliError::Scene`] if links move without mass.
+    pub fn load_for_dynamics(&self) -> Result<Chain, CliError> {
+        let chain = self.load()?;
+        chain.check_dynamics().map_err(|e| CliError::Scene(format!("{}: {e}", self.urdf.display())))?;
+        Ok(chain)
     }
 
     /// A frame of the robot, by link name.
     pub fn frame(&self, chain: &Chain, link: &str) -> Result<FrameId, CliError> {
         chain.frame(link).map_err(|e| CliError::Option(format!("{}: --tip: {e}", self.urdf.display())))
+    }
+}
+
+impl LoadArgs {
+    pub fn options(&self, floating_base: bool) -> LoadOptions {
+        LoadOptions {
+            floating_base,
+            meshes: if self.no_meshes { Meshes::Ignored } else { Meshes::WhenUsed },
+            strict: self.strict,
+            repair: self.repair,
+            package_dirs: self.package_dirs.clone(),
+        }
+    }
+}
+
+/// Prints the repairs of a robot and the first warnings about it.
+pub fn tell(file: &str, chain: &Chain) {
+    for line in chain.report().summary(5) {
+        say(&format!("warning: {file}: {line}"));
     }
 }
 

@@ -1,28 +1,46 @@
-//! `carom inspect`: the content of a URDF file.
+//! `carom inspect`: the content of a URDF file, or a summary of all URDF files in a folder.
 
-use crate::RobotArgs;
+use crate::LoadArgs;
 use crate::error::CliError;
-use crate::output::to_json;
+use crate::output::{brief, to_json};
+use crate::survey::survey;
+use carom_chain::urdf::Repair;
 use carom_chain::{Chain, Coordinates, JointInfo};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
+use std::path::PathBuf;
 
 /// Print what a URDF file contains: joints, links, degrees of freedom, mass, warnings
 ///
-/// Input: one URDF file.
+/// Input: one URDF file, or a folder (--all).
 /// Output: the robot's name; degrees of freedom; the lengths nq and nv of q and qd; the total mass
 /// (kg); whether all motion stays in one plane, with its unit normal or the reason why not; each
-/// joint with type, parent link, child link, position limits (rad or m) and mimic relation;
-/// warnings for elements of the file that are not used.
-/// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, warnings.
+/// joint with type, parent link, child link, position limits (rad or m), mimic relation, damping
+/// and dry friction (which `simulate` uses); links that move without mass, so that the robot has
+/// no dynamics; changes of --repair; warnings; elements of the file that are not used.
+/// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, massless, repairs, warnings.
+/// With --all, one line for each file: whether it loads (with warnings, partial for robots without
+/// dynamics, or refused), degrees of freedom, mass and the first reason; the last line counts them.
+/// JSON keys: file, status, name, dof, mass, warnings, reason; at the end counts.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
+#[command(override_usage = "carom inspect [OPTIONS] <ROBOT.urdf>\n       carom inspect [OPTIONS] --all <DIR>")]
 pub struct Inspect {
-    #[command(flatten)]
-    robot: RobotArgs,
-    /// Print one line of JSON instead of a table; also holds the limits of velocity and effort
+    /// Robot (URDF file)
+    #[arg(value_name = "ROBOT.urdf", required_unless_present = "all", conflicts_with = "all")]
+    urdf: Option<PathBuf>,
+    /// Summarise every .urdf file in a folder and the folders in it
+    #[arg(long, value_name = "DIR")]
+    all: Option<PathBuf>,
+    /// Add a floating joint `root_joint` between the world and the root link
     #[arg(long)]
+    floating: bool,
+    #[command(flatten)]
+    load: LoadArgs,
+    /// Print JSON in one line for each file instead of a table; also holds the limits of velocity
+    /// and effort
+    #[arg(long, verbatim_doc_comment)]
     json: bool,
 }
 
@@ -36,7 +54,27 @@ struct Report<'a> {
     links: Vec<&'a str>,
     total_mass: f64,
     planar: Planar,
-    warnings: &'a [String],
+    massless: Vec<&'a str>,
+    repairs: Vec<Change<'a>>,
+    warnings: Vec<&'a str>,
+}
+
+/// A change of `--repair`.
+#[derive(Serialize)]
+#[serde(tag = "change", rename_all = "lowercase")]
+enum Change<'a> {
+    Weld { joint: &'a str, link: &'a str, parent: &'a str, position: f64 },
+    Inertia { link: &'a str, before: [f64; 3], after: [f64; 3] },
+}
+
+fn change(repair: &Repair) -> Option<Change<'_>> {
+    match repair {
+        Repair::Welded { joint, link, parent, position } => {
+            Some(Change::Weld { joint, link, parent, position: *position })
+        }
+        Repair::Raised { link, before, after } => Some(Change::Inertia { link, before: *before, after: *after }),
+        _ => None,
+    }
 }
 
 #[derive(Serialize)]
@@ -50,6 +88,8 @@ struct Joint<'a> {
     upper: Option<f64>,
     velocity: Option<f64>,
     effort: Option<f64>,
+    damping: f64,
+    friction: f64,
     mimic: Option<Mimic<'a>>,
 }
 
@@ -83,6 +123,8 @@ fn joint(joint: &JointInfo) -> Joint<'_> {
         upper: joint.limits.upper,
         velocity: joint.limits.velocity,
         effort: joint.limits.effort,
+        damping: joint.damping,
+        friction: joint.friction,
         mimic,
     }
 }
@@ -96,7 +138,14 @@ fn planar(chain: &Chain) -> Planar {
 
 impl Inspect {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let chain = self.robot.load()?;
+        let options = self.load.options(self.floating);
+        let urdf = match (self.urdf, self.all) {
+            (Some(urdf), _) => urdf,
+            (None, Some(folder)) => return survey(&folder, &options, self.json, out),
+            (None, None) => unreachable!("one of them is required"),
+        };
+        let chain = Chain::from_urdf_file_with(urdf, &options).map_err(CliError::Robot)?;
+        let found = chain.report();
         let report = Report {
             name: chain.name(),
             dof: chain.nv(),
@@ -106,16 +155,18 @@ impl Inspect {
             links: chain.links().iter().map(|l| l.name.as_str()).collect(),
             total_mass: chain.total_mass(),
             planar: planar(&chain),
-            warnings: chain.warnings(),
+            massless: chain.massless_links(),
+            repairs: found.repairs.iter().filter_map(change).collect(),
+            warnings: found.warnings.iter().chain(&found.unused).map(String::as_str).collect(),
         };
         if self.json {
             return writeln!(out, "{}", to_json(&report)?).map_err(CliError::Output);
         }
-        for_people(&report, out).map_err(CliError::Output)
+        for_people(&report, &found.repairs, out).map_err(CliError::Output)
     }
 }
 
-fn for_people(r: &Report, out: &mut dyn Write) -> io::Result<()> {
+fn for_people(r: &Report, repairs: &[Repair], out: &mut dyn Write) -> io::Result<()> {
     writeln!(
         out,
         "{}: {} degrees of freedom (nq {}, nv {}), {} kg in {} links",
@@ -123,11 +174,14 @@ fn for_people(r: &Report, out: &mut dyn Write) -> io::Result<()> {
         r.dof,
         r.nq,
         r.nv,
-        r.total_mass,
+        brief(r.total_mass),
         r.links.len()
     )?;
     match (&r.planar.normal, &r.planar.reason) {
-        (Some([x, y, z]), _) => writeln!(out, "moves in a plane, normal ({x}, {y}, {z})")?,
+        (Some(normal), _) => {
+            let [x, y, z] = normal.map(brief);
+            writeln!(out, "moves in a plane, normal ({x}, {y}, {z})")?;
+        }
         (_, Some(why)) => writeln!(out, "does not move in one plane: {why}")?,
         _ => {}
     }
@@ -136,14 +190,28 @@ fn for_people(r: &Report, out: &mut dyn Write) -> io::Result<()> {
     for j in &r.joints {
         write!(out, "  {:names$}  {:10}  {:parents$} → {:children$}", j.name, j.kind, j.parent, j.child)?;
         if let (Some(lower), Some(upper)) = (j.lower, j.upper) {
-            write!(out, "  {lower} … {upper}")?;
+            write!(out, "  {} … {}", brief(lower), brief(upper))?;
         }
         if let Some(m) = &j.mimic {
-            write!(out, "  = {} · {} + {}", m.multiplier, m.joint, m.offset)?;
+            write!(out, "  = {} · {} + {}", brief(m.multiplier), m.joint, brief(m.offset))?;
+        }
+        for (name, value) in [("damping", j.damping), ("friction", j.friction)] {
+            if value != 0.0 {
+                write!(out, "  {name} {}", brief(value))?;
+            }
         }
         writeln!(out)?;
     }
-    for warning in r.warnings {
+    if r.joints.iter().any(|j| j.damping != 0.0 || j.friction != 0.0) {
+        writeln!(out, "damping and friction of the joints act in simulate; dynamics and impact leave them out")?;
+    }
+    if !r.massless.is_empty() {
+        writeln!(out, "no dynamics, since these links move without mass: {}", r.massless.join(", "))?;
+    }
+    for repair in repairs {
+        writeln!(out, "repaired: {repair}")?;
+    }
+    for warning in &r.warnings {
         writeln!(out, "warning: {warning}")?;
     }
     Ok(())

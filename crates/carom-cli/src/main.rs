@@ -26,6 +26,7 @@ mod record;
 mod scene;
 mod simulate;
 mod stress;
+mod survey;
 mod tosses;
 
 use clap::{Args, Parser, Subcommand};
@@ -95,9 +96,31 @@ struct RobotArgs {
     /// angular velocity of the root link in its own axes (m/s, rad/s).
     #[arg(long, verbatim_doc_comment)]
     floating: bool,
-    /// Load the robot without its collision meshes where their files are missing
+    #[command(flatten)]
+    load: LoadArgs,
+}
+
+// How robots are read, for every command that reads one.
+#[derive(Args, Clone)]
+struct LoadArgs {
+    /// Leave out collision meshes whose files are missing
     #[arg(long)]
     no_meshes: bool,
+    /// Refuse what is otherwise a warning about the file
+    #[arg(long)]
+    strict: bool,
+    /// Make the smallest change that gives the robot dynamics, and list it
+    ///
+    /// Links that move without mass are welded to the links that carry them; principal moments of
+    /// inertia that no body has are raised to the nearest possible ones.
+    #[arg(long, verbatim_doc_comment)]
+    repair: bool,
+    /// Folder in which packages (package://NAME/…) are searched for first; may be repeated
+    ///
+    /// Packages are also searched for in the folder of the robot and those above it, in
+    /// ROS_PACKAGE_PATH, and in share/ of AMENT_PREFIX_PATH.
+    #[arg(long = "package-dir", value_name = "DIR", verbatim_doc_comment)]
+    package_dirs: Vec<std::path::PathBuf>,
 }
 
 fn main() -> ExitCode {

@@ -88,6 +88,13 @@ pub fn row(numbers: &[f64]) -> String {
     cells.join(" ")
 }
 
+/// Six significant digits at most, without trailing zeros.
+pub fn brief(x: f64) -> String {
+    let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
+    let size = rounded.abs();
+    if size != 0.0 && !(1e-4..1e7).contains(&size) { format!("{rounded:e}") } else { format!("{}", rounded + 0.0) }
+}
+
 /// Seven decimals from 1e-4 to 1e6, exponents outside.
 pub fn short(x: f64) -> String {
     let size = x.abs();

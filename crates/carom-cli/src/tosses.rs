@@ -1,9 +1,10 @@
 //! `carom tosses`: simulation of measured tosses.
 
+use crate::LoadArgs;
 use crate::error::CliError;
-use crate::input::{check_coefficients, within};
+use crate::input::{check_coefficients, tell, within};
 use crate::law::{laws, tangential};
-use crate::output::{answer, say, short};
+use crate::output::{answer, short};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use carom_study::{PoseError, RollOut, TossError, Tosses};
@@ -35,6 +36,8 @@ pub struct TossesCommand {
     /// Name of the URDF in the folder [default: the only one]
     #[arg(long, value_name = "ROBOT.urdf")]
     robot: Option<String>,
+    #[command(flatten)]
+    load: LoadArgs,
     /// Impact law
     #[arg(long, value_parser = laws(None), default_value = "whittaker")]
     law: String,
@@ -104,10 +107,9 @@ impl TossesCommand {
             within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
         }
         let refuse = |e: TossError| CliError::Scene(e.to_string());
-        let tosses = Tosses::read(&self.folder, self.robot.as_deref()).map_err(refuse)?;
-        for warning in tosses.chain.warnings() {
-            say(&format!("warning: {warning}"));
-        }
+        let options = self.load.options(true);
+        let tosses = Tosses::read(&self.folder, self.robot.as_deref(), &options).map_err(refuse)?;
+        tell(&self.folder.display().to_string(), &tosses.chain);
         let law = ContactLaw::named(&self.law, Coefficients { restitution, tangential_restitution, friction });
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the option accepts names of laws only")));
         let all = tosses.roll_out(&rule, self.tolerance, self.contact_step);

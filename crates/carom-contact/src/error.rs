@@ -47,6 +47,11 @@ pub enum MeshFault {
     /// The file cannot be read or is not in the format of its extension; or an index of a vertex is out of range.
     #[error("cannot be read: {0}")]
     Unreadable(String),
+    /// The file was not found when the robot was loaded.
+    #[error(
+        "is not found; {0}. Correct the path, or name the folder of its package: --package-dir, in scenes package_dirs"
+    )]
+    Missing(String),
     /// The extension is not stl, dae or obj.
     #[error("has the file type '{0}', which is not supported: give an stl, dae or obj file")]
     UnknownKind(String),

@@ -64,5 +64,5 @@ pub use hull::Hull;
 pub use mesh::Mesh;
 pub use obstacle::{Obstacle, Surface};
 pub use reach::{LeftOut, Pair, Reachable, reachable_pairs};
-pub use shape::{LinkShape, contact_point, gap_rate, link_shapes};
+pub use shape::{LinkShape, contact_point, found_shapes, gap_rate, link_shapes, shapes_of_link};
 pub use solid::{Corner, Solid};

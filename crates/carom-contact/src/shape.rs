@@ -1,6 +1,6 @@
 //! Collision shapes of a chain's links, prepared for gaps: sizes checked, meshes read and replaced by their convex hulls.
 
-use crate::error::ContactError;
+use crate::error::{ContactError, MeshFault};
 use crate::gap::Gap;
 use crate::hull::Hull;
 use crate::mesh::Mesh;
@@ -21,19 +21,46 @@ pub struct LinkShape {
 }
 
 /// The collision shapes of all links of a chain, in the order of the file. A mesh is replaced by its convex hull. Links that
-/// were pruned from the chain are left out.
+/// were pruned from the chain are left out, and so are missing meshes of links that never move.
 ///
 /// # Errors
 /// [`ContactError::Size`], [`ContactError::Mesh`], with the link's name.
 pub fn link_shapes<A: Algebra>(chain: &Chain<A>) -> Result<Vec<LinkShape>, ContactError> {
+    shapes_where(chain, |link, shape| {
+        let moves = || chain.frames().iter().any(|frame| frame.name == link && frame.body.is_some());
+        !matches!(shape, Shape::MissingMesh { .. }) || moves()
+    })
+}
+
+/// The collision shapes of the links for which `wanted` is true, given a link's name and the shape.
+fn shapes_where<A: Algebra>(
+    chain: &Chain<A>,
+    wanted: impl Fn(&str, &Shape) -> bool,
+) -> Result<Vec<LinkShape>, ContactError> {
     let mut shapes = Vec::new();
     for link in chain.links() {
         let Ok(frame) = chain.frame(&link.name) else { continue };
-        for collision in &link.collisions {
+        for collision in link.collisions.iter().filter(|collision| wanted(&link.name, &collision.shape)) {
             shapes.push(LinkShape::new(&link.name, frame, collision)?);
         }
     }
     Ok(shapes)
+}
+
+/// The collision shapes of one link, in the order of the file; see [`link_shapes`].
+///
+/// # Errors
+/// [`ContactError::Size`], [`ContactError::Mesh`].
+pub fn shapes_of_link<A: Algebra>(chain: &Chain<A>, link: &str) -> Result<Vec<LinkShape>, ContactError> {
+    shapes_where(chain, |name, _| name == link)
+}
+
+/// The collision shapes of all links without those whose mesh was not found, for drawing; see [`link_shapes`].
+///
+/// # Errors
+/// [`ContactError::Size`], [`ContactError::Mesh`].
+pub fn found_shapes<A: Algebra>(chain: &Chain<A>) -> Result<Vec<LinkShape>, ContactError> {
+    shapes_where(chain, |_, shape| !matches!(shape, Shape::MissingMesh { .. }))
 }
 
 impl LinkShape {
@@ -110,6 +137,10 @@ fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {
                 sized(what, *value)?;
             }
             Solid::Box { half: size / 2.0 }
+        }
+        Shape::MissingMesh { name, tried } => {
+            let fault = MeshFault::Missing(tried.clone());
+            return Err(ContactError::Mesh { owner: owner.into(), file: name.into(), fault });
         }
         Shape::Mesh { file, scale } => Solid::Hull(Hull::of(&Mesh::read(file, *scale, owner)?)),
     })

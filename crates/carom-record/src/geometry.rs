@@ -45,6 +45,7 @@ pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64)
         let of_link = shapes.iter().filter(|shape| shape.link() == frame.name);
         let collisions = chain.links().iter().find(|link| link.name == frame.name);
         let collisions = collisions.iter().flat_map(|link| &link.collisions);
+        let collisions = collisions.filter(|collision| !matches!(collision.shape, Shape::MissingMesh { .. }));
         for (n, (shape, collision)) in of_link.zip(collisions).enumerate() {
             let path = part(&path, format!("shape {}", n + 1));
             let colour = LINKS[k % LINKS.len()];

@@ -21,7 +21,7 @@ use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
-use carom_contact::{Surface as Form, link_shapes};
+use carom_contact::{Surface as Form, found_shapes};
 use carom_sim::{Blow, Event, EventKind, Moment, Plan, Scene, Seen, Summary};
 use nalgebra::{Matrix3, Vector3};
 use rerun::AsComponents;
@@ -85,7 +85,7 @@ impl SceneRecorder {
     pub fn begin(target: &Target, scene: &Scene, plan: &Plan) -> Result<Self, RecordError> {
         let sim = &plan.simulation;
         let chain = sim.chain.clone();
-        let shapes = link_shapes(&chain)?;
+        let shapes = found_shapes(&chain)?;
         let plane = plan.flat.as_ref().map(|flat| flat.plane);
         let sink = Sink::open(target, chain.name())?;
 

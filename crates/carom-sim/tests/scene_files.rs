@@ -1,6 +1,8 @@
 //! Scene files: units and bounds of their numbers, messages about refused values, and the bound of a plan.
 
+use carom_chain::ChainError;
 use carom_sim::{Scene, SimError};
+use std::path::PathBuf;
 
 /// Reads a scene with the arm `planar2.urdf`.
 fn read(name: &str, text: &str) -> Result<Scene, SimError> {
@@ -56,6 +58,114 @@ fn a_controller_without_its_keys_is_refused_by_name() {
             assert_eq!(said, format!("[run] {asks} = \"{controller}\" needs the key {key}"));
         }
     }
+}
+
+/// A folder with an arm whose link `b` has the mesh `package://parts/cube.stl`, and a link `c` without mass below it.
+struct Desk(PathBuf);
+
+impl Desk {
+    fn new(name: &str) -> Self {
+        let desk = Self(std::env::temp_dir().join(format!("carom-scene-loading-{name}-{}", std::process::id())));
+        let inertial =
+            "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+        let mesh = "<collision><geometry><mesh filename='package://parts/cube.stl'/></geometry></collision>";
+        let joint = |name: &str, parent: &str, child: &str| {
+            format!("<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/></joint>")
+        };
+        let text = format!(
+            "<robot name='r'><link name='a'/><link name='b'>{inertial}{mesh}</link><link name='c'/>{}{}</robot>",
+            joint("j", "a", "b"),
+            joint("k", "b", "c")
+        );
+        std::fs::create_dir_all(desk.0.join("scenes")).unwrap();
+        std::fs::create_dir_all(desk.0.join("packages/parts")).unwrap();
+        std::fs::write(desk.0.join("r.urdf"), text).unwrap();
+        desk
+    }
+
+    /// A tetrahedron, as the mesh of the package.
+    fn write_mesh(&self) -> PathBuf {
+        let corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]];
+        let mut text = String::from("solid s\n");
+        for face in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            text += "facet normal 0 0 0\nouter loop\n";
+            for [x, y, z] in face.map(|k: usize| corners[k]) {
+                text += &format!("vertex {x} {y} {z}\n");
+            }
+            text += "endloop\nendfacet\n";
+        }
+        let file = self.0.join("packages/parts/cube.stl");
+        std::fs::write(&file, text + "endsolid s\n").unwrap();
+        file
+    }
+
+    fn scene(&self, robot: &str, surfaces: &str) -> Result<Scene, SimError> {
+        let file = self.0.join("scenes/scene.toml");
+        let text = format!("[robot]\nurdf = \"../r.urdf\"\n{robot}\n{surfaces}\n[run]\nduration = 1\n");
+        std::fs::write(&file, text).unwrap();
+        Scene::from_file(file)
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+const FLOOR: &str = "[[surface]]\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }";
+
+#[test]
+fn scenes_repair_robots_and_refuse_those_without_dynamics() {
+    let desk = Desk::new("repair");
+    let error = desk.scene("q = [0, 0]", "").unwrap_err();
+    assert!(matches!(&error, SimError::Chain(ChainError::Massless { links, .. }) if *links == ["'c'"]), "{error}");
+    let scene = desk.scene("q = [0]\nrepair = true", "").unwrap();
+    assert_eq!(scene.simulation.chain.report().repairs.len(), 1);
+    let error = desk.scene("q = [0]\nrepair = true\nstrict = true", "").unwrap_err().to_string();
+    assert!(error.contains("r.urdf:1: link 'b' <collision>: mesh 'package://parts/cube.stl' is not found"), "{error}");
+}
+
+#[test]
+fn missing_meshes_are_refused_only_by_scenes_that_need_them() {
+    let desk = Desk::new("meshes");
+    let robot = "q = [0]\nrepair = true";
+    let chain = desk.scene(robot, "").unwrap().simulation.chain;
+    assert_eq!(chain.report().warnings.len(), 1);
+    for surfaces in [FLOOR, "[contact]\nlinks = [[\"b\", \"c\"]]"] {
+        let error = desk.scene(robot, surfaces).unwrap_err().to_string();
+        assert!(
+            error.contains("link 'b': mesh 'package://parts/cube.stl' is not found; there is no folder"),
+            "{error}"
+        );
+        assert!(error.contains("name the folder of its package: --package-dir, in scenes package_dirs"), "{error}");
+    }
+    let file = desk.write_mesh();
+    let scene = desk.scene(&format!("{robot}\nstrict = true\npackage_dirs = [\"../packages\"]"), FLOOR).unwrap();
+    assert!(scene.files.iter().any(|it| it.ends_with("packages/parts/cube.stl") && it.is_file()), "{:?}", scene.files);
+    assert!(!scene.simulation.touches.is_empty() && file.is_file());
+}
+
+/// The same mesh by a path, by `file://` and by its package.
+#[test]
+fn meshes_of_surfaces_are_found_like_those_of_robots() {
+    let desk = Desk::new("surface");
+    let file = desk.write_mesh();
+    let robot = "q = [0]\nrepair = true\npackage_dirs = [\"../packages\"]";
+    let surface = |name: &str| format!("[[surface]]\nshape = {{ mesh = {{ file = \"{name}\" }} }}");
+    let whole = format!("file://{}", file.display());
+    for name in ["../packages/parts/cube.stl", "package://parts/cube.stl", &whole] {
+        let scene = desk.scene(robot, &surface(name)).unwrap();
+        let found = |it: &PathBuf| it.is_file() && it.canonicalize().unwrap() == file.canonicalize().unwrap();
+        assert_eq!(
+            scene.files.iter().filter(|it| found(it)).count(),
+            2,
+            "{name}: robot and surface, {:?}",
+            scene.files
+        );
+    }
+    let error = desk.scene(robot, &surface("package://parts/no.stl")).unwrap_err().to_string();
+    assert!(error.contains("[[surface]] 'surface 1': mesh 'package://parts/no.stl' is not found; tried '"), "{error}");
 }
 
 /// A second pair of the same links would count their contact twice. A link paired with itself is refused for that reason.

@@ -92,18 +92,20 @@ pub enum TossError {
 }
 
 impl Tosses {
-    /// Reads `folder/tosses.csv` and the URDF `folder/robot`; without `robot`, the only URDF of the folder.
+    /// Reads `folder/tosses.csv` and the URDF `folder/robot`; without `robot`, the only URDF of the folder. The base floats,
+    /// whatever `options` says.
     ///
     /// # Errors
     /// [`TossError::File`] with file, line and column; [`TossError::Chain`] for an invalid URDF.
-    pub fn read(folder: &Path, robot: Option<&str>) -> Result<Self, TossError> {
+    pub fn read(folder: &Path, robot: Option<&str>, options: &LoadOptions) -> Result<Self, TossError> {
         let refuse = |file: &Path, reason: String| TossError::File { file: file.to_owned(), reason };
         let urdf = match robot {
             Some(name) => folder.join(name),
             None => only_urdf(folder).map_err(|reason| refuse(folder, reason))?,
         };
-        let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
+        let options = LoadOptions { floating_base: true, ..options.clone() };
         let chain = Chain::from_urdf_file_with(&urdf, &options)?;
+        chain.check_dynamics().map_err(|e| refuse(&urdf, e.to_string()))?;
         let table = folder.join("tosses.csv");
         let tosses = read_table(&table, &chain).map_err(|reason| refuse(&table, reason))?;
         Ok(Self { chain, tosses })

@@ -52,7 +52,7 @@ pub(super) fn check_floating_base(source: &Source, urdf: &urdf_rs::Robot) -> Res
 /// The joints, checked.
 ///
 /// # Errors
-/// An axis of zero length, a lower limit above the upper one, an invalid mimic joint.
+/// An axis of zero length, an invalid mimic joint.
 pub(super) fn joints(
     source: &Source,
     urdf: &urdf_rs::Robot,
@@ -61,7 +61,7 @@ pub(super) fn joints(
     warnings: &mut Warnings,
 ) -> Result<Vec<Joint>, ChainError> {
     let mut joints = Vec::new();
-    let mimics = mimics(source, urdf, kinds)?;
+    let mimics = mimics(source, urdf, kinds, warnings)?;
     for (j, (joint, node)) in urdf.joints.iter().zip(source.joints()).enumerate() {
         let (kind, (parent, child)) = (kinds[j], tree.ends[j]);
         let mut checked = Joint {
@@ -84,13 +84,9 @@ pub(super) fn joints(
             }
         } else {
             checked.axis = axis(source, node, joint, kind, warnings)?;
-            checked.limits = limits(source, node, kind, warnings)?;
+            checked.limits = limits(source, node, kind, warnings);
             if let Some(dynamics) = &joint.dynamics {
                 (checked.damping, checked.friction) = (dynamics.damping, dynamics.friction);
-                if dynamics.damping != 0.0 || dynamics.friction != 0.0 {
-                    let forces = "<dynamics> with damping or friction";
-                    warnings.unused(source, own_child(node, "dynamics"), forces.into());
-                }
             }
         }
         joints.push(checked);
@@ -119,21 +115,27 @@ fn axis(
 }
 
 /// Limits, read from the document, because urdf-rs reads absent attributes as zero.
-fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings) -> Result<Limits, ChainError> {
+fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings) -> Limits {
     let element = own_child(node, "limit");
-    let number = |name| element.attribute(name).and_then(|text| text.trim().parse::<f64>().ok());
+    // An attribute without a number is 0, the default in URDF; `xml` has warned of it.
+    let number = |name| element.attribute(name).map(|text| text.trim().parse::<f64>().unwrap_or(0.0));
     let (mut lower, mut upper) = (number("lower"), number("upper"));
     let (velocity, effort) = (number("velocity"), number("effort"));
     if !matches!(kind, JointType::Revolute | JointType::Prismatic) {
         if lower.or(upper).is_some() {
             warnings.unused(source, element, format!("position <limit> of a {} joint", kind.name()));
         }
-        return Ok(Limits { lower: None, upper: None, velocity, effort });
+        return Limits { lower: None, upper: None, velocity, effort };
     }
     if element == node {
         let text = format!("a {} joint should have a <limit>; read as without limits", kind.name());
         warnings.odd(source, node, &text);
-        return Ok(Limits::default());
+        return Limits::default();
+    }
+    for (name, value) in [("effort", effort), ("velocity", velocity)] {
+        if value.is_none() {
+            warnings.assumed(source, element, format!("<limit> without {name}"), "no limit");
+        }
     }
     match (lower, upper) {
         (None, None) => {
@@ -153,10 +155,11 @@ fn limits(source: &Source, node: Node, kind: JointType, warnings: &mut Warnings)
     if let (Some(lower), Some(upper)) = (lower, upper)
         && lower > upper
     {
-        let rule = format!("lower {lower} is greater than upper {upper}: swap or correct them");
-        return Err(source.error(element, None, rule));
+        let text = format!("lower {lower} is greater than upper {upper}; read as without position limits");
+        warnings.odd(source, element, &text);
+        return Limits { lower: None, upper: None, velocity, effort };
     }
-    Ok(Limits { lower, upper, velocity, effort })
+    Limits { lower, upper, velocity, effort }
 }
 
 /// Whether a missing limit means no limit: from version 1.2 of URDF.
@@ -167,7 +170,12 @@ fn open_limits(source: &Source) -> bool {
 }
 
 /// Mimic joints, each resolved to a joint that does not mimic another.
-fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result<Vec<Option<Mimic>>, ChainError> {
+fn mimics(
+    source: &Source,
+    urdf: &urdf_rs::Robot,
+    kinds: &[JointType],
+    warnings: &mut Warnings,
+) -> Result<Vec<Option<Mimic>>, ChainError> {
     let names: Vec<&str> = urdf.joints.iter().map(|joint| joint.name.as_str()).collect();
     let index: HashMap<&str, usize> = names.iter().enumerate().map(|(j, name)| (*name, j)).collect();
     let nodes: Vec<Node> = source.joints().into_iter().map(|node| own_child(node, "mimic")).collect();
@@ -178,6 +186,11 @@ fn mimics(source: &Source, urdf: &urdf_rs::Robot, kinds: &[JointType]) -> Result
             mimics.push(None);
             continue;
         };
+        if kinds[j] == JointType::Fixed {
+            warnings.odd(source, nodes[j], "a fixed joint does not move; not used");
+            mimics.push(None);
+            continue;
+        }
         let wrong = |rule| Err(source.error(nodes[j], Some("joint"), rule));
         let Some(leader) = index.get(mimic.joint.as_str()).copied() else {
             let hint = suggestion(&mimic.joint, &names);

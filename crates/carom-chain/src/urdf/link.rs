@@ -1,123 +1,246 @@
-//! Inertia of links: whether it is physically possible, and whether every moving part has mass.
+//! Inertia of links: whether the mathematics is sound with it, and the nearest one that a body can have.
+//!
+//! | symbol | meaning |
+//! | --- | --- |
+//! | a ≤ b ≤ c | principal moments about the centre of mass, kg m² |
+//!
+//! Principal moments are integrals of y² + z², z² + x² and x² + y²: none is negative, and none exceeds the sum of the other
+//! two. Without the first property the mass matrix can be indefinite: such an inertia is refused, unless the link and those
+//! on fixed joints to it form a rigid body that has the property. Without the second property the mass matrix stays
+//! positive semidefinite, because ω·Iω ≥ 0 for every ω: such an inertia is used as it is, with a warning.
 
-use super::robot::{Inertial, JointType, Link};
+use super::LoadOptions;
+use super::joint::pose;
+use super::robot::{Inertial, JointType, Repair};
 use super::source::{Source, own_child};
 use super::tree::Tree;
 use super::warnings::Warnings;
-use super::{joint::pose, robot::Joint};
 use crate::error::ChainError;
-use nalgebra::Matrix3;
+use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Vector3};
 
-/// Relative violation of the triangle inequality that is accepted as rounding.
+/// Relative violation of the triangle inequality that is rounding of the numbers in the file.
 const ROUNDED: f64 = 1e-3;
 
-/// An error in an `<inertial>`: the element in it, its attribute, and the rule.
-struct Flaw {
-    element: &'static str,
-    attribute: Option<&'static str>,
-    rule: String,
+/// Relative violation of the triangle inequality below which there is no warning, and greatest negative moment relative to
+/// the greatest one that is rounding of the numbers in the file.
+const EXACT: f64 = 1e-9;
+
+/// Moments smaller than this fraction of the greatest are rounding of the eigenvalue iteration, which the file does not have.
+const ITERATED: f64 = 1e-12;
+
+/// Radius of gyration below which a negative moment is rounding, whatever the other moments are, m.
+const TINY: f64 = 1e-9;
+
+/// An `<inertial>` that can be used.
+#[derive(Default)]
+struct Sound {
+    inertial: Option<Inertial>,
+    warning: Option<String>,
+    /// Principal moments before and after a repair.
+    raised: Option<[[f64; 3]; 2]>,
+    /// The principal moments, if one is negative.
+    negative: Option<String>,
 }
 
-/// The inertia of each link. An impossible one on a link that never moves has no effect and is left out, with a warning.
+/// The inertia of each link. `repair` raises principal moments to the nearest ones that a body can have. On a link that never
+/// moves only the mass counts: an impossible inertia is then a warning.
 ///
 /// # Errors
-/// An impossible inertia on a link that moves.
+/// A negative mass or principal moment of a link that moves.
 pub(super) fn inertials(
     source: &Source,
     urdf: &urdf_rs::Robot,
-    moves: &[bool],
+    tree: &Tree,
+    kinds: &[JointType],
+    options: &LoadOptions,
     warnings: &mut Warnings,
 ) -> Result<Vec<Option<Inertial>>, ChainError> {
     let mut inertials = Vec::new();
-    for ((link, node), moves) in urdf.links.iter().zip(source.links()).zip(moves) {
+    let mut negative = Vec::new();
+    let moves = moving(tree, kinds, options.floating_base);
+    for (k, ((link, node), moves)) in urdf.links.iter().zip(source.links()).zip(&moves).enumerate() {
         // urdf-rs reads zeros where there is no <inertial>
         let inertial_node = own_child(node, "inertial");
         if inertial_node == node {
             inertials.push(None);
             continue;
         }
-        inertials.push(match inertial(&link.inertial) {
-            Ok((inertial, remark)) => {
-                if let Some(remark) = remark {
-                    warnings.odd(source, inertial_node, &remark);
+        inertials.push(match inertial(&link.inertial, options.repair && *moves) {
+            Ok(Sound { inertial: Some(Inertial { mass, com, .. }), negative: Some(moments), .. }) if !*moves => {
+                let text = format!("{moments}: none may be negative; not used, since the link never moves");
+                warnings.odd(source, own_child(inertial_node, "inertia"), &text);
+                Some(Inertial { mass, com, inertia_at_com: Matrix3::zeros() })
+            }
+            Ok(Sound { inertial, warning, raised, negative: moments }) => {
+                negative.extend(moments.map(|moments| (k, own_child(inertial_node, "inertia"), moments)));
+                if let Some(warning) = warning {
+                    warnings.odd(source, inertial_node, &warning);
+                }
+                if let Some([before, after]) = raised {
+                    warnings.repairs.push(Repair::Raised { link: link.name.clone(), before, after });
                 }
                 inertial
             }
-            Err(flaw) if *moves => {
-                return Err(source.error(own_child(inertial_node, flaw.element), flaw.attribute, flaw.rule));
-            }
-            Err(flaw) => {
-                let text = format!("{}; not used, since the link never moves", flaw.rule);
-                warnings.odd(source, own_child(inertial_node, flaw.element), &text);
+            Err(rule) if *moves => return Err(source.error(own_child(inertial_node, "mass"), Some("value"), rule)),
+            Err(rule) => {
+                let text = format!("{rule}; not used, since the link never moves");
+                warnings.odd(source, own_child(inertial_node, "mass"), &text);
                 None
             }
         });
     }
+    let places = rigid_bodies(urdf, tree, kinds);
+    for (link, element, moments) in negative {
+        if has_negative_moment(&places, &inertials, places[link].0) {
+            let rule = format!(
+                "{moments}: none may be negative; check signs and the terms ixy, ixz, iyz, or raise them to the nearest \
+                 possible ones: --repair (LoadOptions::repair)"
+            );
+            return Err(source.error(element, None, rule));
+        }
+        let text = format!(
+            "{moments}: none may be negative; used as they are, since the rigid body of this link and the links fixed to it \
+             has none"
+        );
+        warnings.odd(source, element, &text);
+    }
     Ok(inertials)
 }
 
-/// The inertia in link axes, and a warning if it looks wrong.
-fn inertial(urdf: &urdf_rs::Inertial) -> Result<(Option<Inertial>, Option<String>), Flaw> {
+/// For each link the first link of its rigid body, and its pose in the frame of that link.
+fn rigid_bodies(urdf: &urdf_rs::Robot, tree: &Tree, kinds: &[JointType]) -> Vec<(usize, Isometry3<f64>)> {
+    let mut places: Vec<_> = (0..urdf.links.len()).map(|link| (link, Isometry3::identity())).collect();
+    for j in tree.outwards.iter().filter(|j| kinds[**j] == JointType::Fixed) {
+        let (parent, child) = tree.ends[*j];
+        let (body, place) = places[parent];
+        places[child] = (body, place * pose(&urdf.joints[*j].origin));
+    }
+    places
+}
+
+/// Whether the rigid body whose first link is `body` has a negative principal moment about its centre of mass.
+fn has_negative_moment(places: &[(usize, Isometry3<f64>)], inertials: &[Option<Inertial>], body: usize) -> bool {
+    let parts = places.iter().zip(inertials).filter(|((of, _), _)| *of == body);
+    let parts: Vec<_> = parts.filter_map(|((_, place), inertial)| Some((place, (*inertial)?))).collect();
+    let at = |place: &Isometry3<f64>, com| place.transform_point(&Point3::from(com)).coords;
+    let mass: f64 = parts.iter().map(|(_, part)| part.mass).sum();
+    let moment: Vector3<f64> = parts.iter().map(|(place, part)| at(place, part.com) * part.mass).sum();
+    let com = if mass > 0.0 { moment / mass } else { Vector3::zeros() };
+    let mut sum = Matrix3::zeros();
+    for (place, part) in &parts {
+        let (turn, d) = (place.rotation.to_rotation_matrix(), at(place, part.com) - com);
+        sum += turn * part.inertia_at_com * turn.transpose();
+        sum += (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass;
+    }
+    let moments = sum.symmetric_eigenvalues();
+    moments.min() < -rounding(moments.max(), mass)
+}
+
+/// Greatest negative moment that is rounding, for the greatest moment `c` and the mass of a body, kg m².
+fn rounding(c: f64, mass: f64) -> f64 {
+    EXACT * c.max(0.0) + mass * TINY * TINY
+}
+
+/// The inertia in link axes.
+///
+/// # Errors
+/// A negative mass, with the rule for the message.
+fn inertial(urdf: &urdf_rs::Inertial, repair: bool) -> Result<Sound, String> {
     let mass = urdf.mass.value;
     let i = &urdf.inertia;
     let matrix = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
-    let bad_mass = |rule| Err(Flaw { element: "mass", attribute: Some("value"), rule });
     if mass < 0.0 {
-        return bad_mass(format!("{mass} kg is negative: the mass of a body must be positive"));
+        return Err(format!("{mass} kg is negative: the mass of a body must be positive"));
     }
-    if mass == 0.0 {
-        if matrix != Matrix3::zeros() {
-            return bad_mass(
-                "is 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>".into(),
-            );
-        }
-        let remark = "mass and inertia are zero; read as without <inertial>";
-        return Ok((None, Some(remark.into())));
+    if mass == 0.0 && matrix == Matrix3::zeros() {
+        let warning = Some("mass and inertia are zero; read as without <inertial>".into());
+        return Ok(Sound { warning, ..Sound::default() });
     }
-    let remark = check_moments(&matrix)?;
+    let Moments { matrix, warning, raised, negative } = check_moments(&matrix, mass, repair);
+    let massless =
+        (mass == 0.0).then(|| "the mass is 0 and <inertia> is not; read as rotational inertia without mass".into());
+    let warning = match (massless, warning) {
+        (Some(massless), Some(warning)) => Some(format!("{massless}; {warning}")),
+        (massless, warning) => massless.or(warning),
+    };
     let placement = pose(&urdf.origin);
     let rotation = placement.rotation.to_rotation_matrix();
     let turned = rotation * matrix * rotation.transpose();
     // the mean of both halves: the products above differ in the last digit
     let inertia_at_com = (turned + turned.transpose()) / 2.0;
-    Ok((Some(Inertial { mass, com: placement.translation.vector, inertia_at_com }), remark))
+    let inertial = Some(Inertial { mass, com: placement.translation.vector, inertia_at_com });
+    Ok(Sound { inertial, warning, raised, negative })
 }
 
-/// Principal moments are integrals of y² + z², z² + x² and x² + y²: none is negative, and none exceeds the sum of the
-/// other two.
-fn check_moments(matrix: &Matrix3<f64>) -> Result<Option<String>, Flaw> {
-    let mut moments: [f64; 3] = matrix.symmetric_eigenvalues().into();
-    moments.sort_by(f64::total_cmp);
-    let [a, b, c] = moments;
-    let bad = |rule| Err(Flaw { element: "inertia", attribute: None, rule });
+/// Result of [`check_moments`]: the matrix to use, and the rest as in [`Sound`].
+struct Moments {
+    matrix: Matrix3<f64>,
+    warning: Option<String>,
+    raised: Option<[[f64; 3]; 2]>,
+    negative: Option<String>,
+}
+
+fn check_moments(matrix: &Matrix3<f64>, mass: f64, repair: bool) -> Moments {
+    let eigen = SymmetricEigen::new(*matrix);
+    let mut order = [0, 1, 2];
+    order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
+    let greatest = eigen.eigenvalues.amax();
+    let before = order.map(|i| eigen.eigenvalues[i]);
+    let before = before.map(|moment| if moment.abs() <= ITERATED * greatest { 0.0 } else { moment });
+    let with = |moments: [f64; 3]| {
+        let mut values = Vector3::zeros();
+        order.iter().zip(moments).for_each(|(i, moment)| values[*i] = moment);
+        eigen.eigenvectors * Matrix3::from_diagonal(&values) * eigen.eigenvectors.transpose()
+    };
+    let [a, b, c] = before;
     let [sa, sb, sc, sum] = [a, b, c, a + b].map(short);
     let moments = format!("principal moments {sa}, {sb} and {sc} kg m²");
-    if a < -1e-9 * c {
-        return bad(format!("{moments}: none may be negative; check signs and the terms ixy, ixz, iyz"));
-    }
     let excess = if c > 0.0 { (c - (a + b)) / c } else { 0.0 };
-    if excess > ROUNDED {
-        return bad(format!(
-            "{moments}: {sa} + {sb} = {sum} is less than {sc}, but no principal moment of a body exceeds the sum of the \
-             other two; compute the inertia again, about the centre of mass"
-        ));
+    let rounding = rounding(c, mass);
+    let mut checked = Moments { matrix: *matrix, warning: None, raised: None, negative: None };
+    if repair && (a < -rounding || excess > EXACT) {
+        let after = possible(before);
+        return Moments { matrix: with(after), raised: Some([before, after]), ..checked };
     }
-    Ok((excess > 1e-9).then(|| {
-        format!(
+    if a < -rounding {
+        return Moments { negative: Some(moments), ..checked };
+    }
+    checked.warning = if excess > ROUNDED {
+        Some(format!(
+            "{moments}: {sa} + {sb} = {sum} is less than {sc}, but no principal moment of a body exceeds the sum of the other \
+             two; used as they are, since the mass matrix stays positive"
+        ))
+    } else if excess > EXACT {
+        Some(format!(
             "{moments}: the greatest exceeds the sum of the other two by the fraction {excess:.1e} of itself, accepted as \
              rounding"
-        )
-    }))
+        ))
+    } else if a < 0.0 {
+        Some(format!("{moments}: a negative one is accepted as rounding and read as 0"))
+    } else {
+        None
+    };
+    if a < 0.0 {
+        checked.matrix = with(before.map(|moment| moment.max(0.0)));
+    }
+    checked
+}
+
+/// The nearest principal moments (ascending) that a body can have: negative ones are raised to 0, then the least one to the
+/// difference of the other two.
+fn possible(moments: [f64; 3]) -> [f64; 3] {
+    let [a, b, c] = moments.map(|moment| moment.max(0.0));
+    [a.max(c - b), b, c]
 }
 
 /// The number to six digits, without the rounding of the eigenvalue iteration.
-fn short(number: f64) -> String {
-    let rounded = format!("{number:.5e}").parse().unwrap_or(number);
-    format!("{rounded}")
+pub(super) fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    if rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// Which links can move relative to the world.
-pub(super) fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> Vec<bool> {
+fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> Vec<bool> {
     let mut moves = vec![false; tree.ends.len() + 1];
     moves[tree.root] = floating_base;
     for joint in &tree.outwards {
@@ -125,38 +248,4 @@ pub(super) fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> V
         moves[child] = moves[parent] || kinds[*joint] != JointType::Fixed;
     }
     moves
-}
-
-/// Checks that every moving joint, and a floating base, moves some mass.
-///
-/// # Errors
-/// The first joint in the file that moves none.
-pub(super) fn check_massless(
-    source: &Source,
-    tree: &Tree,
-    links: &[Link],
-    joints: &[Joint],
-    floating_base: bool,
-) -> Result<(), ChainError> {
-    let mut carries: Vec<bool> = links.iter().map(|link| link.inertial.is_some()).collect();
-    for joint in tree.outwards.iter().rev() {
-        let (parent, child) = tree.ends[*joint];
-        carries[parent] |= carries[child];
-    }
-    for (joint, node) in joints.iter().zip(source.joints()) {
-        if joint.kind != JointType::Fixed && !carries[joint.child] {
-            let rule = format!(
-                "moves link '{0}', and neither it nor any link below it has mass: give link '{0}' an <inertial>, or \
-                 make the joint fixed",
-                links[joint.child].name
-            );
-            return Err(source.error(node, None, rule));
-        }
-    }
-    if floating_base && !carries[tree.root] {
-        let rule = "no link has mass, and a floating base needs mass: give link";
-        let rule = format!("{rule} '{}' an <inertial>", links[tree.root].name);
-        return Err(source.error(source.root, None, rule));
-    }
-    Ok(())
 }

@@ -1,57 +1,87 @@
 //! Reader for URDF files. It returns a [`Robot`], **a checked tree of links and joints, or an error that names what to
 //! correct**.
 //!
+//! What a file may contain is decided by one question: is the mathematics sound?
+//!
+//! - **Warnings** ([`LoadReport::warnings`]), for deviations with which it is: an inertia that breaks the triangle inequality,
+//!   missing numbers for which there is a default, shapes of size zero, unknown elements, meshes that are not found.
+//!   [`LoadOptions::strict`] turns them into errors.
+//! - **Partial service**, for robots with links that move without mass: kinematics and Jacobians; dynamics are refused with
+//!   the list of these links ([`Chain::massless_links`](crate::Chain::massless_links)). [`LoadOptions::repair`] welds them.
+//! - **Errors**: numbers that are not finite, negative masses and principal moments, wrong names, links that are not one tree,
+//!   unknown joint types, XML that is not well-formed.
+//!
+//! The steps:
+//!
 //! 1. `xml` checks the document against the table in `schema`: its structure, and every attribute as text.
 //! 2. urdf-rs parses the links and joints. Step 1 comes first because urdf-rs alone accepts NaN, does not distinguish a
 //!    missing `<inertial>` from a massless one, and does not name the element in its messages.
 //! 3. `tree`, `joint`, `link` and `collision` check the values: exactly one root and no loops, axes, limits, mimic joints,
-//!    physically possible inertias, mass on everything that moves, existing mesh files.
+//!    inertias, mesh files (`packages`).
+//! 4. `weld` repairs what has no mass, if it is asked to.
 //!
 //! **Not supported:** xacro, SDF and MJCF. Visual geometry, materials, transmissions and other extensions are not used;
-//! [`Robot::warnings`] lists them.
+//! [`LoadReport::unused`] lists them.
 
 mod collision;
 mod joint;
 mod link;
 mod names;
+mod packages;
 mod robot;
 mod schema;
 mod source;
 mod tree;
 mod warnings;
+mod weld;
 mod xml;
 
 use crate::error::ChainError;
 pub(crate) use names::suggestion;
+pub use packages::find_mesh;
 pub use robot::*;
 use roxmltree::Document;
 use source::Source;
-use std::path::Path;
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 use tree::Tree;
 use warnings::Warnings;
 
 /// Options of the reader.
-#[derive(Debug, Clone, Copy, Default)]
+///
+/// ```
+/// use carom_chain::{Chain, urdf::LoadOptions};
+/// let options = LoadOptions { floating_base: true, strict: true, ..Default::default() };
+/// let error = Chain::from_urdf_str("<robot name='r'><link name='a' colour='red'/></robot>", &options).unwrap_err();
+/// assert!(error.to_string().contains("<link colour>: is not used: it is unknown"));
+/// ```
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct LoadOptions {
-    /// Whether the root link moves freely, on a floating joint that is added. Its inertia is then used and must be
-    /// physically possible. Otherwise the root link is fixed to the world.
+    /// Whether the root link moves freely, on a floating joint that is added. Otherwise the root link is fixed to the world.
     pub floating_base: bool,
     /// Treatment of missing collision meshes.
     pub meshes: Meshes,
+    /// Whether warnings ([`LoadReport::warnings`]) are errors.
+    pub strict: bool,
+    /// Whether the smallest change is made that gives dynamics: links that move without mass are welded to the links that
+    /// carry them, and principal moments of inertia are raised to the nearest ones that a body can have.
+    /// [`LoadReport::repairs`] lists the changes.
+    pub repair: bool,
+    /// Folders in which packages (`package://NAME/…`) are searched for first. Each may be the package itself or contain it.
+    pub package_dirs: Vec<PathBuf>,
 }
 
 /// Treatment of missing collision meshes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Meshes {
-    /// A missing mesh is an error.
+    /// A missing mesh is a warning, and an error where its shape is used, for instance in a contact.
     #[default]
-    Required,
-    /// A missing mesh is left out, with a warning.
+    WhenUsed,
+    /// A missing mesh is left out; [`LoadReport::unused`] lists it.
     Ignored,
 }
 
-/// Reads a URDF file. Relative mesh paths are relative to its folder; packages are searched for in that folder, in the
-/// folders above it and in those of the environment variable `ROS_PACKAGE_PATH`.
+/// Reads a URDF file. Mesh paths are resolved as by [`find_mesh`], relative to the folder of the file.
 ///
 /// # Errors
 /// [`ChainError::Unreadable`], or [`ChainError::Urdf`] with file, line, element, value and rule.
@@ -63,7 +93,7 @@ pub fn read_file(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Robot,
 }
 
 /// Reads a URDF from memory. `base_dir` is used for mesh files like the folder of the file in [`read_file`]. Without it,
-/// relative mesh paths are not found, and packages are searched for in `ROS_PACKAGE_PATH` only.
+/// relative mesh paths are not found.
 ///
 /// # Errors
 /// [`ChainError::Urdf`] with line, element, value and rule; its file is `<string>`.
@@ -72,9 +102,10 @@ pub fn read_str(text: &str, base_dir: Option<&Path>, options: &LoadOptions) -> R
 }
 
 fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) -> Result<Robot, ChainError> {
-    let document = Document::parse(text).map_err(|error| not_xml(file, &error))?;
-    let source = Source::new(file, &document);
     let mut warnings = Warnings::default();
+    let text = declared(text, &mut warnings);
+    let document = Document::parse(&text).map_err(|error| not_xml(file, &error))?;
+    let source = Source::new(file, &document);
     xml::check(&source, &mut warnings)?;
 
     let urdf = urdf_rs::read_from_string(&xml::canonical(&source))
@@ -85,17 +116,32 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
         joint::check_floating_base(&source, &urdf)?;
     }
     let kinds = joint::kinds(&source, &urdf)?;
-    let moves = link::moving(&tree, &kinds, options.floating_base);
-    let inertials = link::inertials(&source, &urdf, &moves, &mut warnings)?;
-    let joints = joint::joints(&source, &urdf, &tree, &kinds, &mut warnings)?;
-    let collisions = collision::collisions(&source, &urdf, base_dir, options, &mut warnings)?;
+    let inertials = link::inertials(&source, &urdf, &tree, &kinds, options, &mut warnings)?;
+    let mut joints = joint::joints(&source, &urdf, &tree, &kinds, &mut warnings)?;
+    let collisions = collision::collisions(&source, &urdf, base_dir, options, &mut warnings);
     let parts = urdf.links.into_iter().zip(inertials).zip(collisions);
     let links: Vec<Link> =
         parts.map(|((link, inertial), collisions)| Link { name: link.name, inertial, collisions }).collect();
-    link::check_massless(&source, &tree, &links, &joints, options.floating_base)?;
+    if options.repair {
+        warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));
+    }
 
     let name = if urdf.name.is_empty() { "unnamed".into() } else { urdf.name };
-    Ok(Robot { name, links, joints, root: tree.root, warnings: warnings.sentences() })
+    let report = warnings.report(file, options.strict)?;
+    Ok(Robot { name, links, joints, root: tree.root, report })
+}
+
+/// The text with `version` in its XML declaration where the file has `verison`, a misspelling in many published files.
+/// Positions of errors do not change, because both words have the same length.
+fn declared<'a>(text: &'a str, warnings: &mut Warnings) -> Cow<'a, str> {
+    let end = text.find("?>").unwrap_or(0);
+    match text[..end].find("verison=") {
+        Some(at) if text.trim_start_matches('\u{feff}').starts_with("<?xml ") => {
+            warnings.odd_at("XML".into(), 1, "\"verison\" in the declaration is read as \"version\"");
+            Cow::Owned(format!("{}version{}", &text[..at], &text[at + "verison".len()..]))
+        }
+        _ => Cow::Borrowed(text),
+    }
 }
 
 fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {

@@ -1,9 +1,11 @@
 //! The checked contents of a URDF, before links are merged.
 
+use super::link::short;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
+use std::fmt;
 use std::path::PathBuf;
 
-/// A checked robot description: exactly one root, no loops, every number finite, every inertia physically possible.
+/// A checked robot description: exactly one root, no loops, every number finite, no inertia with a negative principal moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
     /// `<robot name>`.
@@ -14,8 +16,76 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Index of the root link: the only link that is not the child of a joint.
     pub root: usize,
-    /// Warnings, one sentence each: what the file contains but is not used, and values that look wrong.
+    /// What loading has found and changed.
+    pub report: LoadReport,
+}
+
+/// What loading has found in a file and changed.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct LoadReport {
+    /// Deviations from the specification and values that look wrong, one sentence each. None of them makes a computation
+    /// unsound. [`LoadOptions::strict`](super::LoadOptions::strict) refuses them.
     pub warnings: Vec<String>,
+    /// Elements that this crate does not use, one sentence for each kind, and meshes that were left out on request.
+    pub unused: Vec<String>,
+    /// The changes of [`LoadOptions::repair`](super::LoadOptions::repair).
+    pub repairs: Vec<Repair>,
+}
+
+impl LoadReport {
+    /// The repairs and the first `shown` warnings; instead of further warnings, their number.
+    pub fn summary(&self, shown: usize) -> Vec<String> {
+        let repairs = self.repairs.iter().map(|repair| format!("repaired: {repair}"));
+        let more = self.warnings.len().saturating_sub(shown);
+        let rest = (more > 0).then(|| {
+            let s = if more == 1 { "" } else { "s" };
+            format!("{more} more warning{s} about the robot: carom inspect lists them")
+        });
+        repairs.chain(self.warnings.iter().take(shown).cloned()).chain(rest).collect()
+    }
+}
+
+/// A change of [`LoadOptions::repair`](super::LoadOptions::repair).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Repair {
+    /// A joint was made fixed, because nothing that it moves has mass.
+    Welded {
+        /// The joint.
+        joint: String,
+        /// Its child link, which has no mass.
+        link: String,
+        /// Its parent link.
+        parent: String,
+        /// The position at which it was fixed, rad or m; 0 for planar and floating joints.
+        position: f64,
+    },
+    /// Principal moments of inertia were raised to the nearest ones that a body can have.
+    Raised {
+        /// The link.
+        link: String,
+        /// Principal moments in the file, in ascending order, kg m².
+        before: [f64; 3],
+        /// Principal moments used, each about the same axis, kg m².
+        after: [f64; 3],
+    },
+}
+
+impl fmt::Display for Repair {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Welded { joint, link, parent, position } => {
+                write!(
+                    f,
+                    "joint '{joint}' is fixed at {position}: link '{link}' has no mass and is welded to link '{parent}'"
+                )
+            }
+            Self::Raised { link, before, after } => {
+                let moments = |m: &[f64; 3]| m.map(short).join(", ");
+                write!(f, "link '{link}': principal moments {} kg m² are raised to {}", moments(before), moments(after))
+            }
+        }
+    }
 }
 
 /// A `<link>`.
@@ -23,8 +93,8 @@ pub struct Robot {
 pub struct Link {
     /// Its name.
     pub name: String,
-    /// Mass and inertia. `None` without an `<inertial>`, with one of zero mass and zero inertia, and with an impossible one
-    /// on a link that does not move (a warning).
+    /// Mass and inertia. `None` without an `<inertial>`, with one of zero mass and zero inertia, and with a negative mass on
+    /// a link that does not move (a warning).
     pub inertial: Option<Inertial>,
     /// Collision geometry. This crate stores it and does not use it.
     pub collisions: Vec<Collision>,
@@ -161,9 +231,16 @@ pub enum Shape {
     },
     /// A triangle mesh, in its file's own frame.
     Mesh {
-        /// Path of the file, which exists.
+        /// Path of the file, which existed when the robot was loaded.
         file: PathBuf,
         /// Scale along x, y and z.
         scale: Vector3<f64>,
+    },
+    /// A triangle mesh whose file was not found.
+    MissingMesh {
+        /// Its name in the URDF.
+        name: String,
+        /// Where it was searched for.
+        tried: String,
     },
 }

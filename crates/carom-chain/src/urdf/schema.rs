@@ -1,5 +1,20 @@
 //! Table of the elements and attributes of URDF that are used.
 
+/// Tags of the URDF specification and of common extensions that this crate does not use. Other tags are unknown.
+pub(super) const UNUSED: [&str; 11] = [
+    "calibration",
+    "contact",
+    "gazebo",
+    "material",
+    "mujoco",
+    "ros2_control",
+    "safety_controller",
+    "sensor",
+    "transmission",
+    "verbose",
+    "visual",
+];
+
 /// An element that is used.
 pub(super) struct Element {
     pub tag: &'static str,
@@ -13,16 +28,29 @@ pub(super) struct Element {
 pub(super) enum Occurs {
     AtMostOnce,
     Once,
+    /// The specification requires it once; without it, the text says what is assumed.
+    Expected(&'static str),
     Often,
-    /// Exactly one of all elements marked so.
+    /// At most one of all elements marked so.
     OneOf,
 }
 
 /// An attribute that is used.
 pub(super) struct Attribute {
     pub name: &'static str,
-    pub required: bool,
+    pub presence: Presence,
     pub value: Value,
+}
+
+/// Whether an attribute may be missing.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Presence {
+    Required,
+    Optional,
+    /// Optional, with this default, which also replaces a wrong count of numbers.
+    Default(&'static str),
+    /// Required by the specification; this value replaces a missing one and a wrong count of numbers.
+    Assumed(&'static str),
 }
 
 /// Type of an attribute's value.
@@ -39,13 +67,11 @@ pub(super) enum Value {
 #[derive(PartialEq)]
 pub(super) enum Range {
     Any,
-    NotZero,
     NotNegative,
-    Positive,
 }
 
-use Occurs::{AtMostOnce, Often, Once, OneOf};
-use Range::{Any, NotNegative, NotZero, Positive};
+use Occurs::{AtMostOnce, Expected, Often, Once, OneOf};
+use Range::{Any, NotNegative};
 use Value::{JointType, Name, Numbers, Text};
 
 pub(super) const ROBOT: Element =
@@ -59,13 +85,13 @@ const MASS: Element = element("mass", Once, &[required("value", Numbers(1, Any))
 
 const INERTIA: Element = element(
     "inertia",
-    Once,
+    Expected("zero: the mass is a point"),
     &[
         required("ixx", Numbers(1, Any)),
-        required("ixy", Numbers(1, Any)),
-        required("ixz", Numbers(1, Any)),
+        assumed("ixy", Numbers(1, Any), "0"),
+        assumed("ixz", Numbers(1, Any), "0"),
         required("iyy", Numbers(1, Any)),
-        required("iyz", Numbers(1, Any)),
+        assumed("iyz", Numbers(1, Any), "0"),
         required("izz", Numbers(1, Any)),
     ],
     &[],
@@ -73,9 +99,9 @@ const INERTIA: Element = element(
 
 const COLLISION: Element = element("collision", Often, &[optional("name", Text)], &[ORIGIN, GEOMETRY]);
 
-const GEOMETRY: Element = element("geometry", Once, &[], &[BOX, SPHERE, CYLINDER, CAPSULE, MESH]);
+pub(super) const GEOMETRY: Element = element("geometry", Once, &[], &[BOX, SPHERE, CYLINDER, CAPSULE, MESH]);
 
-const BOX: Element = element("box", OneOf, &[required("size", Numbers(3, Positive))], &[]);
+const BOX: Element = element("box", OneOf, &[required("size", Numbers(3, NotNegative))], &[]);
 
 const SPHERE: Element = element("sphere", OneOf, &[RADIUS], &[]);
 
@@ -84,11 +110,11 @@ const CYLINDER: Element = element("cylinder", OneOf, &[RADIUS, LENGTH], &[]);
 const CAPSULE: Element = element("capsule", OneOf, &[RADIUS, LENGTH], &[]);
 
 const MESH: Element =
-    element("mesh", OneOf, &[required("filename", Name), optional("scale", Numbers(3, NotZero))], &[]);
+    element("mesh", OneOf, &[required("filename", Name), default("scale", Numbers(3, Any), "1 1 1")], &[]);
 
-const RADIUS: Attribute = required("radius", Numbers(1, Positive));
+const RADIUS: Attribute = required("radius", Numbers(1, NotNegative));
 
-const LENGTH: Attribute = required("length", Numbers(1, Positive));
+const LENGTH: Attribute = required("length", Numbers(1, NotNegative));
 
 const JOINT: Element = element(
     "joint",
@@ -101,17 +127,16 @@ const PARENT: Element = element("parent", Once, &[required("link", Name)], &[]);
 
 const CHILD: Element = element("child", Once, &[required("link", Name)], &[]);
 
-const ORIGIN: Element =
-    element("origin", AtMostOnce, &[optional("xyz", Numbers(3, Any)), optional("rpy", Numbers(3, Any))], &[]);
+const ORIGIN: Element = element("origin", AtMostOnce, &[zeros("xyz", 3), zeros("rpy", 3)], &[]);
 
-const AXIS: Element = element("axis", AtMostOnce, &[required("xyz", Numbers(3, Any))], &[]);
+const AXIS: Element = element("axis", AtMostOnce, &[assumed("xyz", Numbers(3, Any), "1 0 0")], &[]);
 
 const LIMIT: Element = element(
     "limit",
     AtMostOnce,
     &[
-        optional("lower", Numbers(1, Any)),
-        optional("upper", Numbers(1, Any)),
+        zeros("lower", 1),
+        zeros("upper", 1),
         optional("effort", Numbers(1, NotNegative)),
         optional("velocity", Numbers(1, NotNegative)),
     ],
@@ -121,14 +146,14 @@ const LIMIT: Element = element(
 const DYNAMICS: Element = element(
     "dynamics",
     AtMostOnce,
-    &[optional("damping", Numbers(1, NotNegative)), optional("friction", Numbers(1, NotNegative))],
+    &[default("damping", Numbers(1, NotNegative), "0"), default("friction", Numbers(1, NotNegative), "0")],
     &[],
 );
 
 const MIMIC: Element = element(
     "mimic",
     AtMostOnce,
-    &[required("joint", Name), optional("multiplier", Numbers(1, Any)), optional("offset", Numbers(1, Any))],
+    &[required("joint", Name), default("multiplier", Numbers(1, Any), "1"), zeros("offset", 1)],
     &[],
 );
 
@@ -142,9 +167,21 @@ const fn element(
 }
 
 const fn required(name: &'static str, value: Value) -> Attribute {
-    Attribute { name, required: true, value }
+    Attribute { name, presence: Presence::Required, value }
 }
 
 const fn optional(name: &'static str, value: Value) -> Attribute {
-    Attribute { name, required: false, value }
+    Attribute { name, presence: Presence::Optional, value }
+}
+
+const fn default(name: &'static str, value: Value, text: &'static str) -> Attribute {
+    Attribute { name, presence: Presence::Default(text), value }
+}
+
+const fn zeros(name: &'static str, count: usize) -> Attribute {
+    default(name, Numbers(count, Any), if count == 1 { "0" } else { "0 0 0" })
+}
+
+const fn assumed(name: &'static str, value: Value, text: &'static str) -> Attribute {
+    Attribute { name, presence: Presence::Assumed(text), value }
 }

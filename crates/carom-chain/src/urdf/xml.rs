@@ -1,6 +1,6 @@
 //! Checks the document against the table of [`schema`](super::schema), before its values are parsed.
 
-use super::schema::{Attribute, Element, Occurs, ROBOT, Range, Value};
+use super::schema::{Attribute, Element, GEOMETRY, Occurs, Presence, ROBOT, Range, UNUSED, Value};
 use super::source::{Source, own_children};
 use super::warnings::Warnings;
 use crate::error::ChainError;
@@ -39,25 +39,34 @@ fn check_format(source: &Source) -> Result<(), ChainError> {
     if let Some(rule) = other {
         return Err(source.error(root, None, rule));
     }
-    for node in root.descendants().filter(Node::is_element) {
-        let macros = node.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
-        let mut values = node.attributes().map(|attribute| attribute.value());
-        if macros || values.any(|value| ["${", "$(find ", "$(arg "].iter().any(|mark| value.contains(mark))) {
-            return Err(source.error(node, None, "the file is xacro, not URDF: expand it with xacro first"));
-        }
+    // Definitions alone add no links and joints; what calls them, includes files or decides does.
+    let definitions = ["arg", "macro", "property"];
+    let of_xacro = |node: &Node| node.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
+    let calls = |node: &Node| of_xacro(node) && !definitions.contains(&node.tag_name().name());
+    let defined =
+        |node: &Node| node.ancestors().any(|above| of_xacro(&above) && definitions.contains(&above.tag_name().name()));
+    let has_links = own_children(root, "link").next().is_some();
+    match root.descendants().find(|node| if has_links { calls(node) && !defined(node) } else { of_xacro(node) }) {
+        Some(node) => Err(source.error(node, None, XACRO)),
+        None => Ok(()),
     }
-    Ok(())
 }
+
+const XACRO: &str = "the file is xacro, not URDF: expand it with xacro first";
 
 /// Checks one element and those in it. The depth of the recursion is that of the table, not of the file.
 fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut Warnings) -> Result<(), ChainError> {
     for attribute in rule.attributes {
-        match node.attribute(attribute.name) {
-            Some(text) => check_value(source, node, attribute, text)?,
-            None if attribute.required => {
-                return Err(source.error(node, None, format!("the attribute {} is missing: add it", attribute.name)));
+        let name = attribute.name;
+        match (node.attribute(name), attribute.presence) {
+            (Some(text), _) => check_value(source, node, attribute, text, warnings)?,
+            (None, Presence::Required) => {
+                return Err(source.error(node, None, format!("the attribute {name} is missing: add it")));
             }
-            None => {}
+            (None, Presence::Assumed(value)) => {
+                warnings.assumed(source, node, format!("<{}> without {name}", rule.tag), value);
+            }
+            (None, Presence::Optional | Presence::Default(_)) => {}
         }
     }
     for attribute in node.attributes() {
@@ -67,10 +76,17 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
             return Err(source.error(node, Some("quat_xyzw"), rule));
         }
         if attribute.namespace().is_some() || rule.attributes.iter().all(|known| known.name != attribute.name()) {
-            warnings.unused(source, node, format!("<{} {}>", rule.tag, attribute.name()));
+            let kind = format!("<{} {}>", rule.tag, attribute.name());
+            match attribute.namespace() {
+                Some(_) => warnings.unused(source, node, kind),
+                None => warnings.unknown(source, node, kind),
+            }
         }
     }
-    check_occurrences(source, node, rule)?;
+    check_occurrences(source, node, rule, warnings)?;
+    if rule.tag == "collision" && !has_shape(node) {
+        warnings.odd(source, node, "the collision is left out, since it has no shape that is supported");
+    }
     for child in node.children().filter(Node::is_element) {
         let own = child.tag_name().namespace() == node.tag_name().namespace();
         let name = child.tag_name().name();
@@ -79,22 +95,30 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
             None => {
                 let prefix = child.tag_name().namespace().filter(|_| !own).and_then(|space| child.lookup_prefix(space));
                 let prefix = prefix.map_or(String::new(), |prefix| format!("{prefix}:"));
-                warnings.unused(source, child, format!("<{prefix}{name}>"));
+                let kind = format!("<{prefix}{name}>");
+                if own && !UNUSED.contains(&name) {
+                    warnings.unknown(source, child, kind);
+                } else {
+                    warnings.unused(source, child, kind);
+                }
             }
         }
     }
     Ok(())
 }
 
-fn check_occurrences(source: &Source, node: Node, rule: &Element) -> Result<(), ChainError> {
-    for child in rule.children.iter().filter(|child| matches!(child.occurs, Occurs::Once | Occurs::AtMostOnce)) {
+fn check_occurrences(source: &Source, node: Node, rule: &Element, warnings: &mut Warnings) -> Result<(), ChainError> {
+    for child in rule.children.iter().filter(|child| !matches!(child.occurs, Occurs::Often | Occurs::OneOf)) {
         let tag = child.tag;
-        match own_children(node, tag).count() {
-            0 if child.occurs == Occurs::Once => {
+        match (own_children(node, tag).count(), &child.occurs) {
+            (0, Occurs::Once) => {
                 return Err(source.error(node, None, format!("<{tag}> is missing: add it")));
             }
-            0 | 1 => {}
-            n => {
+            (0, Occurs::Expected(value)) => {
+                warnings.assumed(source, node, format!("<{}> without <{tag}>", rule.tag), value);
+            }
+            (0 | 1, _) => {}
+            (n, _) => {
                 return Err(source.error(
                     node,
                     None,
@@ -105,14 +129,23 @@ fn check_occurrences(source: &Source, node: Node, rule: &Element) -> Result<(), 
     }
     let choices: Vec<&str> = rule.children.iter().filter(|c| c.occurs == Occurs::OneOf).map(|c| c.tag).collect();
     let chosen: usize = choices.iter().map(|tag| own_children(node, tag).count()).sum();
-    if !choices.is_empty() && chosen != 1 {
-        let rule = format!("contains {chosen} shapes, exactly one is needed: <{}>", choices.join(">, <"));
+    if !choices.is_empty() && chosen > 1 {
+        let rule = format!("contains {chosen} shapes, at most one is allowed: <{}>", choices.join(">, <"));
         return Err(source.error(node, None, rule));
     }
     Ok(())
 }
 
-fn check_value(source: &Source, node: Node, attribute: &Attribute, text: &str) -> Result<(), ChainError> {
+fn check_value(
+    source: &Source,
+    node: Node,
+    attribute: &Attribute,
+    text: &str,
+    warnings: &mut Warnings,
+) -> Result<(), ChainError> {
+    if ["${", "$(find ", "$(arg "].iter().any(|mark| text.contains(mark)) {
+        return Err(source.error(node, Some(attribute.name), XACRO));
+    }
     let problem = match &attribute.value {
         Value::Text => None,
         Value::Name => text.is_empty().then(|| "is empty: a name is needed".into()),
@@ -124,15 +157,24 @@ fn check_value(source: &Source, node: Node, attribute: &Attribute, text: &str) -
             }
             None
         }
-        Value::Numbers(count, range) => numbers_problem(text, *count, range, node.has_tag_name("limit")),
+        Value::Numbers(count, range) => {
+            let problem = numbers_problem(text, range, node.has_tag_name("limit"));
+            match (problem, miscounted(text, *count), attribute.replacement()) {
+                (None, Some(miscounted), Some(value)) => {
+                    let text = format!("\"{text}\" {miscounted}; read as {value}");
+                    warnings.odd_attribute(source, node, attribute.name, &text);
+                    None
+                }
+                (problem, miscounted, _) => problem.or(miscounted),
+            }
+        }
     };
     problem.map_or(Ok(()), |problem| Err(source.error(node, Some(attribute.name), format!("\"{text}\" {problem}"))))
 }
 
-/// Checks a list of numbers; returns a text that says what is wrong.
-fn numbers_problem(text: &str, count: usize, range: &Range, limit: bool) -> Option<String> {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    for word in &words {
+/// Checks the numbers of a list, not how many there are; returns a text that says what is wrong.
+fn numbers_problem(text: &str, range: &Range, limit: bool) -> Option<String> {
+    for word in text.split_whitespace() {
         let Ok(number) = word.parse::<f64>() else {
             return Some(format!(
                 "is wrong: '{word}' is not a number; write numbers with a decimal point, separated by spaces"
@@ -144,17 +186,52 @@ fn numbers_problem(text: &str, count: usize, range: &Range, limit: bool) -> Opti
         }
         let broken = match range {
             Range::Any => None,
-            Range::NotZero => (number == 0.0).then_some("must not be zero"),
             Range::NotNegative => (number < 0.0).then_some("must not be negative"),
-            Range::Positive => (number <= 0.0).then_some("must be greater than zero"),
         };
         if let Some(broken) = broken {
             return Some(format!("is wrong: {word} {broken}"));
         }
     }
+    None
+}
+
+/// A text that says how many numbers a list contains, if it is not `count`.
+fn miscounted(text: &str, count: usize) -> Option<String> {
+    let given = text.split_whitespace().count();
     let is_are = if count == 1 { "1 is" } else { "3 are" };
-    let s = if words.len() == 1 { "" } else { "s" };
-    (words.len() != count).then(|| format!("contains {} number{s}, {is_are} needed", words.len()))
+    let s = if given == 1 { "" } else { "s" };
+    (given != count).then(|| format!("contains {given} number{s}, {is_are} needed"))
+}
+
+impl Attribute {
+    /// The value that replaces a wrong count of numbers.
+    fn replacement(&self) -> Option<&'static str> {
+        match self.presence {
+            Presence::Default(value) | Presence::Assumed(value) => Some(value),
+            Presence::Required | Presence::Optional => None,
+        }
+    }
+
+    /// The text that is used for this attribute of an element that has been checked.
+    fn text<'a>(&self, node: Node<'a, 'a>) -> Option<&'a str> {
+        match (node.attribute(self.name), &self.value, self.presence) {
+            (Some(text), Value::Numbers(count, _), _) if miscounted(text, *count).is_some() => self.replacement(),
+            (None, _, Presence::Assumed(value)) => Some(value),
+            (text, _, _) => text,
+        }
+    }
+}
+
+/// The collisions of a link that have a supported shape, in the order of the file.
+pub(super) fn collisions<'a>(link: Node<'a, 'a>) -> impl Iterator<Item = Node<'a, 'a>> {
+    own_children(link, "collision").filter(|node| has_shape(*node))
+}
+
+/// Whether the `<geometry>` of a `<collision>` contains a supported shape.
+fn has_shape(collision: Node) -> bool {
+    let supported = |tag: &str| GEOMETRY.children.iter().any(|shape| shape.tag == tag);
+    own_children(collision, "geometry")
+        .any(|geometry| geometry.children().any(|shape| shape.is_element() && supported(shape.tag_name().name())))
 }
 
 /// The document for urdf-rs: only the elements and attributes of the table, so that what is not used cannot make it fail
@@ -165,11 +242,11 @@ pub(super) fn canonical(source: &Source) -> String {
     text
 }
 
-fn write_element(node: Node, rule: &Element, text: &mut String) {
+fn write_element<'a>(node: Node<'a, 'a>, rule: &Element, text: &mut String) {
     text.push('<');
     text.push_str(rule.tag);
     for attribute in rule.attributes {
-        if let Some(value) = node.attribute(attribute.name) {
+        if let Some(value) = attribute.text(node) {
             let value = value.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
             text.push_str(&format!(" {}=\"{value}\"", attribute.name));
         }
@@ -179,8 +256,16 @@ fn write_element(node: Node, rule: &Element, text: &mut String) {
         let own = child.tag_name().namespace() == node.tag_name().namespace();
         let known = rule.children.iter().find(|known| own && child.tag_name().name() == known.tag);
         // urdf-rs requires a velocity in <limit> and reads absent attributes as zero: limits are read from the document.
-        if let Some(known) = known.filter(|known| known.tag != "limit") {
+        if let Some(known) =
+            known.filter(|known| known.tag != "limit" && (known.tag != "collision" || has_shape(child)))
+        {
             write_element(child, known, text);
+        }
+    }
+    for missing in rule.children.iter().filter(|child| matches!(child.occurs, Occurs::Expected(_))) {
+        if own_children(node, missing.tag).next().is_none() {
+            let zeros: Vec<String> = missing.attributes.iter().map(|it| format!("{}=\"0\"", it.name)).collect();
+            text.push_str(&format!("<{} {}/>", missing.tag, zeros.join(" ")));
         }
     }
     text.push_str(&format!("</{}>", rule.tag));

@@ -32,6 +32,10 @@ fn documents_that_are_not_urdf_are_refused() {
             robot(r#"<link name="${side}_arm"/>"#),
             "<string>:1: link '${side}_arm': the file is xacro, not URDF: expand it with xacro first",
         ),
+        (
+            robot(r#"<link name="a"/>"#).replace("</", "<x:arm xmlns:x='http://ros.org/wiki/xacro'/></"),
+            "<string>:1: robot 'r' <arm>: the file is xacro, not URDF: expand it with xacro first",
+        ),
         (robot(""), r#"<string>:1: robot 'r': has no link: a robot needs at least one <link name="...">"#),
     ]);
 }
@@ -78,8 +82,8 @@ fn missing_and_repeated_names_and_elements_are_refused() {
             r#"<string>:1: joint 'j': type "spherical" is not supported: use revolute, continuous, prismatic, fixed, floating or planar"#,
         ),
         (
-            robot("<link name='a'><inertial><mass value='1'/></inertial></link>"),
-            "<string>:1: link 'a' <inertial>: <inertia> is missing: add it",
+            robot("<link name='a'><inertial><inertia/></inertial></link>"),
+            "<string>:1: link 'a' <inertial>: <mass> is missing: add it",
         ),
         (robot("<link name='a'><inertial/></link>"), "<string>:1: link 'a' <inertial>: <mass> is missing: add it"),
         (
@@ -160,9 +164,9 @@ fn unused_elements_and_attributes_are_listed_in_warnings() {
             </robot>"
                 .into(),
             &[
+                "<origin xzy> (line 4) is not used: it is unknown",
                 "<gazebo> (line 10) is not used",
                 "<material> (line 6) is not used",
-                "<origin xzy> (line 4) is not used",
                 "<transmission> (3 times, first on line 7) is not used",
                 "<verbose> (line 4) is not used",
                 "<visual> (2 times, first on line 3) is not used",
@@ -172,8 +176,8 @@ fn unused_elements_and_attributes_are_listed_in_warnings() {
         (
             joint("continuous", "<safety_controller/><calibration/><limit jerk='1'/>"),
             &[
+                "<limit jerk> (line 1) is not used: it is unknown",
                 "<calibration> (line 1) is not used",
-                "<limit jerk> (line 1) is not used",
                 "<safety_controller> (line 1) is not used",
             ],
         ),
@@ -217,5 +221,5 @@ fn long_chains_and_deeply_nested_documents_are_read() {
 
     let deep = 100_000;
     let nested = format!("<link name='a'/>{}{}", "<x>".repeat(deep), "</x>".repeat(deep));
-    assert_eq!(read(&robot(&nested)).unwrap().warnings, ["<x> (line 1) is not used"]);
+    assert_eq!(read(&robot(&nested)).unwrap().report.warnings, ["<x> (line 1) is not used: it is unknown"]);
 }

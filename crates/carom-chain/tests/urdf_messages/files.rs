@@ -57,42 +57,70 @@ fn mesh_paths_of_every_form_are_resolved() {
     }
 }
 
+/// The name of a missing mesh, and where it was searched for.
+fn missing(robot: &urdf::Robot) -> (String, String) {
+    match &robot.links[0].collisions[0].shape {
+        Shape::MissingMesh { name, tried } => (name.clone(), tried.clone()),
+        other => panic!("{other:?}"),
+    }
+}
+
 #[test]
-fn missing_meshes_are_errors_or_warnings_by_option() {
+fn missing_meshes_are_warnings_left_out_by_option_and_refused_by_strict() {
     let folder = Folder::new("missing");
     let urdf = folder.write("arm/arm.urdf", "");
     let base = urdf.parent().unwrap().display().to_string();
-    let end = "Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)";
+    let everywhere =
+        "in the package folders (--package-dir, LoadOptions::package_dirs), ROS_PACKAGE_PATH or AMENT_PREFIX_PATH";
     for (name, tried) in [
         ("x.stl", format!("tried '{base}/x.stl'")),
         ("file:///nowhere/x.stl", "tried '/nowhere/x.stl'".to_string()),
         ("package://arm/x.stl", format!("tried '{base}/x.stl'")),
         (
             "package://carom_no_such_package/x.stl",
-            format!("there is no folder 'carom_no_such_package' in or above '{base}' or in ROS_PACKAGE_PATH"),
+            format!("there is no folder 'carom_no_such_package' in or above '{base}', {everywhere}"),
         ),
         ("http://host/x.stl", "only file://, package:// and model:// are supported".into()),
     ] {
         std::fs::write(&urdf, mesh(name)).unwrap();
-        let error = urdf::read_file(&urdf, &LoadOptions::default()).unwrap_err();
-        let file = urdf.display();
-        assert_eq!(
-            error.to_string(),
-            format!("{file}:1: link 'a' <collision>: mesh '{name}' is not found; {tried}. {end}")
-        );
+        let robot = urdf::read_file(&urdf, &LoadOptions::default()).unwrap();
+        let text = format!("mesh '{name}' is not found; {tried}. The shape cannot be used in contacts");
+        assert_eq!(robot.report.warnings, [format!("link 'a' <collision> (line 1): {text}")]);
+        assert_eq!(missing(&robot), (name.to_owned(), tried));
+        let strict = LoadOptions { strict: true, ..Default::default() };
+        let error = urdf::read_file(&urdf, &strict).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{}:1: link 'a' <collision>: {text}", urdf.display())), "{error}");
     }
-    refused(&[
-        (
-            mesh("x.stl"),
-            "<string>:1: link 'a' <collision>: mesh 'x.stl' is not found; the path is relative, and a URDF read from memory has no folder. Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)",
-        ),
-        (mesh(""), r#"<string>:1: link 'a' <mesh filename>: "" is empty: a name is needed"#),
-    ]);
+    let robot = read(&mesh("x.stl")).unwrap();
+    assert_eq!(missing(&robot).1, "the path is relative, and a URDF read from memory has no folder");
+    refused(&[(mesh(""), r#"<string>:1: link 'a' <mesh filename>: "" is empty: a name is needed"#)]);
 
-    let options = LoadOptions { meshes: Meshes::Ignored, ..Default::default() };
+    let options = LoadOptions { meshes: Meshes::Ignored, strict: true, ..Default::default() };
     let robot = urdf::read_str(&mesh("x.stl"), None, &options).unwrap();
     assert!(robot.links[0].collisions.is_empty());
-    assert_eq!(robot.warnings, ["link 'a' <collision> (line 1): mesh 'x.stl' is not found, left out"]);
+    assert_eq!(robot.report.unused, ["link 'a' <collision> (line 1): mesh 'x.stl' is not found, left out"]);
+}
+
+#[test]
+fn packages_are_searched_for_in_given_folders_first() {
+    let folder = Folder::new("given");
+    let urdf = folder.write("arm/arm.urdf", &mesh("package://parts/x.stl"));
+    let near = folder.write("arm/parts/x.stl", "");
+    let far = folder.write("elsewhere/parts/x.stl", "");
+    let found = |package_dirs: Vec<PathBuf>| {
+        let options = LoadOptions { package_dirs, ..Default::default() };
+        match urdf::read_file(&urdf, &options).unwrap().links.remove(0).collisions.remove(0).shape {
+            Shape::Mesh { file, .. } => file,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(found(vec![]), near);
+    assert_eq!(found(vec![folder.0.join("elsewhere")]), far);
+    let found = urdf::find_mesh("package://parts/x.stl", None, &[folder.0.join("elsewhere")]);
+    assert_eq!(found, Ok(far));
+    let error = urdf::find_mesh("package://parts/y.stl", Some(&folder.0.join("arm")), &[]).unwrap_err();
+    let tried = near.with_file_name("y.stl");
+    assert_eq!(error.to_string(), format!("mesh 'package://parts/y.stl' is not found; tried '{}'", tried.display()));
 }
 
 #[test]

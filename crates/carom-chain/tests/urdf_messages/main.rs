@@ -2,6 +2,7 @@
 
 mod document;
 mod files;
+mod loading;
 mod texts;
 mod valid_files;
 mod values;

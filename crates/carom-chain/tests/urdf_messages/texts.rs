@@ -74,6 +74,26 @@ pub fn refused(cases: &[(String, &str)]) {
 #[track_caller]
 pub fn warned(cases: &[(String, &[&str])]) {
     for (text, warnings) in cases {
-        assert_eq!(read(text).unwrap().warnings, *warnings, "\n{text}");
+        let report = read(text).unwrap().report;
+        assert_eq!([report.warnings, report.unused].concat(), *warnings, "\n{text}");
+        assert!(report.repairs.is_empty(), "{:?}", report.repairs);
+    }
+}
+
+/// Texts that load with exactly these warnings, and that `strict` refuses with the first of them.
+#[track_caller]
+pub fn strictly_refused(cases: &[(String, &[&str])]) {
+    for (text, warnings) in cases {
+        let report = read(text).unwrap_or_else(|e| panic!("{e}\n{text}")).report;
+        assert_eq!(report.warnings, *warnings, "\n{text}");
+        let strict = LoadOptions { strict: true, ..Default::default() };
+        let error = urdf::read_str(text, None, &strict).unwrap_err().to_string();
+        let rule = warnings[0].split_once(' ').unwrap().1;
+        let rule = &rule[rule.find(") ").or(rule.find("): ")).unwrap() + 2..].trim_start();
+        assert!(error.starts_with("<string>:") && error.contains(rule), "{error}\n{rule}");
+        let end = "correct it, or load the robot without --strict (LoadOptions::strict)";
+        assert!(error.ends_with(end), "{error}");
+        let count = format!("(the first of {} warnings)", warnings.len());
+        assert_eq!(error.contains(&count), warnings.len() > 1, "{error}");
     }
 }

@@ -1,7 +1,7 @@
 //! Results of the reader for valid files.
 
 use crate::texts::*;
-use carom_chain::urdf::{JointType, Shape};
+use carom_chain::urdf::{JointType, LoadReport, Shape};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 #[test]
@@ -35,7 +35,7 @@ fn valid_robot_is_read_with_all_its_values() {
         </robot>"#,
     )
     .unwrap();
-    assert_eq!(robot.warnings, ["<dynamics> with damping or friction (line 9) is not used"]);
+    assert_eq!(robot.report, LoadReport::default(), "<dynamics> is used by simulations");
     assert_eq!(robot.name, "arm & hand");
     assert_eq!(robot.links.iter().map(|link| link.name.as_str()).collect::<Vec<_>>(), ["hand", "arm", "tip"]);
     assert_eq!(robot.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>(), ["elbow", "a_tip"]);

@@ -3,11 +3,11 @@
 mod read;
 mod report;
 
-use crate::RobotArgs;
 use crate::error::CliError;
-use crate::input::parse_vector;
+use crate::input::{parse_vector, tell};
 use crate::law::laws;
-use crate::output::{answer, say};
+use crate::output::answer;
+use crate::{LoadArgs, RobotArgs};
 use carom_study::Tosses;
 use carom_study::fit::{Fit, FitError, FitOptions, Loss, RollOutOptions, fit_trajectories, fit_velocities};
 use clap::{Args, builder::PossibleValuesParser};
@@ -44,9 +44,8 @@ pub struct FitCommand {
     /// Add a floating joint between the world and the root link; always so for folders of tosses
     #[arg(long)]
     floating: bool,
-    /// Load the robot without its collision meshes where their files are missing
-    #[arg(long)]
-    no_meshes: bool,
+    #[command(flatten)]
+    load: LoadArgs,
     /// Order of the joints in q and qd [default: the order of the file]
     #[arg(long, value_name = "A,B,…", value_delimiter = ',')]
     joints: Option<Vec<String>>,
@@ -178,16 +177,15 @@ impl FitCommand {
 
     fn tosses(&self, folder: &Path) -> Result<Tosses, CliError> {
         let robot = self.robot.as_deref().map(Path::to_string_lossy);
-        let tosses = Tosses::read(folder, robot.as_deref()).map_err(|e| CliError::Scene(e.to_string()))?;
-        for warning in tosses.chain.warnings() {
-            say(&format!("warning: {warning}"));
-        }
+        let options = self.load.options(true);
+        let tosses = Tosses::read(folder, robot.as_deref(), &options).map_err(|e| CliError::Scene(e.to_string()))?;
+        tell(&folder.display().to_string(), &tosses.chain);
         Ok(tosses)
     }
 
     fn robot_args(&self) -> Option<RobotArgs> {
         let urdf = self.robot.clone()?;
-        Some(RobotArgs { urdf, floating: self.floating, no_meshes: self.no_meshes })
+        Some(RobotArgs { urdf, floating: self.floating, load: self.load.clone() })
     }
 }
 

@@ -3,7 +3,6 @@
 use super::{FitCommand, Flights, name};
 use crate::error::{CliError, LineError};
 use crate::input::{JointOrder, for_each_line};
-use crate::output::say;
 use carom_chain::{Chain, FrameId};
 use carom_study::Tosses;
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
@@ -56,10 +55,7 @@ fn refuse(e: &FitError) -> LineError {
 impl FitCommand {
     fn robot(&self) -> Result<Option<Robot>, CliError> {
         let Some(args) = self.robot_args() else { return Ok(None) };
-        let chain = args.load()?;
-        for warning in chain.warnings() {
-            say(&format!("warning: {warning}"));
-        }
+        let chain = args.load_for_dynamics()?;
         let order = JointOrder::new(&chain, &args.urdf, self.joints.as_deref())?;
         let tip = self.tip.as_deref().map(|tip| args.frame(&chain, tip)).transpose()?;
         Ok(Some(Robot { chain, order, tip }))

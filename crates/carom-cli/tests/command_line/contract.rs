@@ -11,9 +11,15 @@ use std::time::Duration;
 fn every_answer_has_the_keys_of_the_contract() {
     let desk = Desk::new("keys");
     let report = &desk.answers("inspect planar2.urdf --json", "")[0];
-    assert_eq!(keys(report), ["dof", "joints", "links", "name", "nq", "nv", "planar", "total_mass", "warnings"]);
+    assert_eq!(
+        keys(report),
+        ["dof", "joints", "links", "massless", "name", "nq", "nv", "planar", "repairs", "total_mass", "warnings"]
+    );
     for joint in report["joints"].as_array().unwrap() {
-        assert_eq!(keys(joint), ["child", "effort", "lower", "mimic", "name", "parent", "type", "upper", "velocity"]);
+        assert_eq!(
+            keys(joint),
+            ["child", "damping", "effort", "friction", "lower", "mimic", "name", "parent", "type", "upper", "velocity"]
+        );
     }
     assert_eq!(keys(&report["planar"]), ["is", "normal", "reason"]);
 
@@ -90,7 +96,8 @@ fn inspect_reports_the_content_of_the_file() {
         report["joints"][2],
         json!({
             "name": "elbow", "type": "revolute", "parent": "link1", "child": "link2",
-            "lower": -3.1, "upper": 3.1, "velocity": 18.85, "effort": 40.0, "mimic": null
+            "lower": -3.1, "upper": 3.1, "velocity": 18.85, "effort": 40.0,
+            "damping": 0.0, "friction": 0.0, "mimic": null
         })
     );
     let arm = &desk.answers("inspect arm7.urdf --json", "")[0];
@@ -107,7 +114,8 @@ fn inspect_reports_the_content_of_the_file() {
         floating["joints"][0],
         json!({
             "name": "root_joint", "type": "floating", "parent": "world", "child": "base",
-            "lower": null, "upper": null, "velocity": null, "effort": null, "mimic": null
+            "lower": null, "upper": null, "velocity": null, "effort": null, "damping": 0.0,
+            "friction": 0.0, "mimic": null
         })
     );
 }

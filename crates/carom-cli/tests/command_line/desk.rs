@@ -54,7 +54,7 @@ impl Desk {
 
     pub fn command_of(&self, args: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_carom"));
-        command.args(args).current_dir(&self.0).env_remove("ROS_PACKAGE_PATH");
+        command.args(args).current_dir(&self.0).env_remove("ROS_PACKAGE_PATH").env_remove("AMENT_PREFIX_PATH");
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }

@@ -125,7 +125,7 @@ fn refused_states_give_no_limit_warning() {
 #[test]
 fn joints_with_similar_names_have_their_own_limit_warnings() {
     let desk = Desk::new("limits-names");
-    let limit = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>"#;
+    let limit = r#"<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
     let text = limb("b", "a", "revolute", limit) + &limb("c", "b", "revolute", limit);
     let text = text.replace("revolute_b", "left's 1").replace("revolute_c", "left's 2");
     desk.write("r.urdf", robot(&(r#"<link name="a"/>"#.to_owned() + &text)));

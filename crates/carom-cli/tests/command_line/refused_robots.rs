@@ -41,20 +41,8 @@ fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
             "r.urdf:1: link 'b' <mass value>: -2 kg is negative: the mass of a body must be positive",
         ),
         (
-            inertial("0", "1 1 1 0"),
-            "r.urdf:1: link 'b' <mass value>: is 0 kg, but <inertia> is not zero: give the mass of the body, or remove <inertial>",
-        ),
-        (
             inertial("1", "1 1 1 2"),
-            "r.urdf:1: link 'b' <inertia>: principal moments -1, 1 and 3 kg m²: none may be negative; check signs and the terms ixy, ixz, iyz",
-        ),
-        (
-            inertial("1", "0.1 0.2 0.4 0"),
-            "r.urdf:1: link 'b' <inertia>: principal moments 0.1, 0.2 and 0.4 kg m²: 0.1 + 0.2 = 0.3 is less than 0.4, but no principal moment of a body exceeds the sum of the other two; compute the inertia again, about the centre of mass",
-        ),
-        (
-            hinged(""),
-            "r.urdf:1: joint 'j': moves link 'b', and neither it nor any link below it has mass: give link 'b' an <inertial>, or make the joint fixed",
+            "r.urdf:1: link 'b' <inertia>: principal moments -1, 1 and 3 kg m²: none may be negative; check signs and the terms ixy, ixz, iyz, or raise them to the nearest possible ones: --repair (LoadOptions::repair)",
         ),
         (
             robot(&(links(&["upper_arm", "hand"]) + &weld("j", "uper_arm", "hand"))),
@@ -91,10 +79,6 @@ fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
         (
             hinged(INERTIAL).replace("</joint>", "<mimic joint='j'/></joint>"),
             "r.urdf:1: joint 'j' <mimic joint>: a joint cannot mimic itself: name another joint, or remove <mimic>",
-        ),
-        (
-            robot("<link name='a'><collision><geometry><mesh filename='meshes/a.stl'/></geometry></collision></link>"),
-            "r.urdf:1: link 'a' <collision>: mesh 'meshes/a.stl' is not found; tried './meshes/a.stl'. Correct the path, or load the robot without missing meshes: --no-meshes (LoadOptions::meshes)",
         ),
     ];
     for (text, message) in cases {
@@ -151,17 +135,171 @@ fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
 }
 
 #[test]
-fn no_meshes_turns_missing_meshes_into_warnings() {
+fn missing_meshes_are_warnings_and_strict_refuses_them_unless_they_are_left_out() {
     let desk = Desk::new("meshes");
-    let collision = "<collision><geometry><mesh filename='package://nowhere/b.stl'/></geometry></collision>";
+    let collision = "<collision><geometry><mesh filename='package://parts/b.stl'/></geometry></collision>";
     desk.write("r.urdf", hinged(&format!("{INERTIAL}{collision}")));
-    let warning = "link 'b' <collision> (line 1): mesh 'package://nowhere/b.stl' is not found, left out";
-    let report = &desk.answers("inspect r.urdf --no-meshes --json", "")[0];
-    assert_eq!(texts(&report["warnings"]), [warning]);
-    let people = desk.run("inspect r.urdf --no-meshes");
-    done(&people);
-    assert!(people.out.ends_with(&format!("warning: {warning}\n")), "{}", people.out);
+    let tried = "there is no folder 'parts' in or above '.', in the package folders (--package-dir, LoadOptions::package_dirs), ROS_PACKAGE_PATH or AMENT_PREFIX_PATH";
+    let text = format!("mesh 'package://parts/b.stl' is not found; {tried}. The shape cannot be used in contacts");
+    let warning = format!("link 'b' <collision> (line 1): {text}");
+    let warnings = |args: &str| {
+        let report = &desk.answers(args, "")[0];
+        texts(&report["warnings"]).into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert_eq!(warnings("inspect r.urdf --json"), [warning.clone()]);
+    let left_out = "link 'b' <collision> (line 1): mesh 'package://parts/b.stl' is not found, left out";
+    assert_eq!(warnings("inspect r.urdf --json --no-meshes --strict"), [left_out]);
+    refused(
+        desk.run("inspect r.urdf --strict"),
+        &format!(
+            "r.urdf:1: link 'b' <collision>: {text}: correct it, or load the robot without --strict (LoadOptions::strict)"
+        ),
+    );
+    let state = r#"{"q":[0],"qd":[0]}"#;
+    let ran = desk.feed("dynamics r.urdf --json --tip b --states -", state);
+    assert_eq!((ran.code, ran.err), (Some(0), format!("warning: r.urdf: {warning}\n")));
     desk.answer("dynamics r.urdf --no-meshes --json --tip b --states -", &json!({"q": [0], "qd": [0]}));
+
+    std::fs::create_dir_all(desk.0.join("more/parts")).unwrap();
+    desk.write("more/parts/b.stl", "");
+    assert_eq!(warnings("inspect r.urdf --json --strict --package-dir none --package-dir more"), [String::new(); 0]);
+    let ament = desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
+    assert!(!ament.status.success());
+    std::fs::create_dir_all(desk.0.join("prefix/share/parts")).unwrap();
+    desk.write("prefix/share/parts/b.stl", "");
+    let ament = desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
+    assert!(ament.status.success());
+}
+
+/// Hinge `j` moves link `b` without mass; a slider `k` below it moves `c`, also without.
+fn weightless() -> String {
+    robot(
+        "<link name='a'/><link name='b'/><link name='c'/>
+        <joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='0 0 1'/></joint>
+        <joint name='k' type='prismatic'><parent link='b'/><child link='c'/><origin xyz='2 0 0'/>
+        <axis xyz='1 0 0'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint>",
+    )
+}
+
+#[test]
+fn robots_without_mass_have_kinematics_on_the_command_line() {
+    let desk = Desk::new("weightless-kinematics");
+    desk.write("r.urdf", weightless());
+    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    assert_eq!((texts(&report["massless"]), &report["dof"]), (vec!["b", "c"], &json!(2)));
+    let people = desk.run("inspect r.urdf");
+    done(&people);
+    assert!(people.out.contains("\nno dynamics, since these links move without mass: b, c\n"), "{}", people.out);
+    let state = json!({"q": [0, 0.5], "qd": [0, 0]});
+    let place = desk.answer("dynamics r.urdf --kinematics --json --tip c --states -", &state);
+    let expected =
+        json!({"joints": ["j", "k"], "position": [2.5, 0.0, 0.0], "jacobian": [[0.0, 1.0], [2.5, 0.0], [0.0, 0.0]]});
+    assert_eq!(place, expected);
+    let table = desk.feed("dynamics r.urdf --kinematics --tip c --states -", state.to_string());
+    done(&table);
+    assert!(table.out.contains("position           2.5000000"), "{}", table.out);
+    let message = "r.urdf: 'r' has no dynamics, because nothing that these links carry has mass: 'b', 'c'. Give them an <inertial>, load the robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints";
+    for args in [
+        "dynamics r.urdf --tip c --states -",
+        "impact r.urdf --tip c --normal 0,0,1 --law all --restitution 0.5 --states -",
+        "fit --velocities - --robot r.urdf --tip c",
+    ] {
+        refused(desk.feed(args, state.to_string()), message);
+    }
+    desk.write("s.toml", "[robot]\nurdf = \"r.urdf\"\nq = [0, 0]\n[run]\nduration = 1\n");
+    refused(desk.run("simulate s.toml"), &message.replace("r.urdf: 'r'", "s.toml: 'r'"));
+    // a partial robot is not an error of its own, and with nothing to weld it to stays what it is
+    assert_eq!(texts(&desk.answers("inspect r.urdf --repair --json", "")[0]["massless"]), ["b", "c"]);
+}
+
+#[test]
+fn repairs_are_listed_with_their_numbers() {
+    let desk = Desk::new("repairs");
+    let odd = INERTIAL.replace(r#"iyy="1""#, r#"iyy="-1.5""#);
+    let more = "<link name='c'/><joint name='k' type='continuous'><parent link='b'/><child link='c'/></joint>";
+    desk.write("r.urdf", hinged(&odd).replace("</robot>", &format!("{more}</robot>")));
+    let report = &desk.answers("inspect r.urdf --repair --json", "")[0];
+    assert_eq!(
+        report["repairs"],
+        json!([
+            {"change": "inertia", "link": "b", "before": [-1.5, 1.0, 1.0], "after": [0.0, 1.0, 1.0]},
+            {"change": "weld", "joint": "k", "link": "c", "parent": "b", "position": 0.0},
+        ])
+    );
+    assert_eq!((&report["dof"], &report["massless"]), (&json!(1), &json!([])));
+    let lines = [
+        "repaired: link 'b': principal moments -1.5, 1, 1 kg m² are raised to 0, 1, 1\n",
+        "repaired: joint 'k' is fixed at 0: link 'c' has no mass and is welded to link 'b'\n",
+    ];
+    let people = desk.run("inspect r.urdf --repair");
+    done(&people);
+    assert!(people.out.contains(&lines.concat()), "{}", people.out);
+    let ran = desk.feed("dynamics r.urdf --repair --json --tip c --states -", r#"{"q":[0],"qd":[0]}"#);
+    assert_eq!((ran.code, ran.err), (Some(0), lines.map(|line| format!("warning: r.urdf: {line}")).concat()));
+}
+
+/// Each class of loading, in folders of its own.
+#[test]
+fn a_folder_of_robots_is_summarised_in_one_line_for_each_file() {
+    let desk = Desk::new("survey");
+    for folder in ["robots/deep", "robots/none"] {
+        std::fs::create_dir_all(desk.0.join(folder)).unwrap();
+    }
+    desk.write("robots/a.urdf", hinged(INERTIAL));
+    desk.write(
+        "robots/b.URDF",
+        hinged(&INERTIAL.replace(r#"<mass value="1"/>"#, r#"<mass value="1.23456789"/>"#))
+            .replace("<link name=\"a\"", "<link name=\"a\" x=\"1\""),
+    );
+    desk.write("robots/deep/c.urdf", weightless());
+    desk.write("robots/deep/d.urdf", "<robot name='r'>");
+    desk.write("robots/text.txt", "not a robot");
+    let counts = json!({"counts": {"files": 4, "loads": 1, "warnings": 1, "partial": 1, "refused": 1}});
+    let lines = desk.answers("inspect --all robots --json", "");
+    assert_eq!(
+        lines,
+        [
+            json!({"file": "robots/a.urdf", "status": "loads", "name": "r", "dof": 1, "mass": 1.0, "warnings": 0, "reason": null}),
+            json!({"file": "robots/b.URDF", "status": "warnings", "name": "r", "dof": 1, "mass": 1.23456789, "warnings": 1,
+                "reason": "<link x> (line 1) is not used: it is unknown"}),
+            json!({"file": "robots/deep/c.urdf", "status": "partial", "name": "r", "dof": 2, "mass": 0.0, "warnings": 0,
+                "reason": "no dynamics, since these links move without mass: b, c"}),
+            json!({"file": "robots/deep/d.urdf", "status": "refused", "name": null, "dof": null, "mass": null, "warnings": 0,
+                "reason": "1: XML: is not well-formed: the root node was opened but never closed; correct the file"}),
+            counts,
+        ]
+    );
+    let people = desk.run("inspect --all robots");
+    done(&people);
+    let lines: Vec<&str> = people.out.lines().collect();
+    assert_eq!(lines[0], "robots/a.urdf: loads, 1 degrees of freedom, 1 kg");
+    assert!(lines[1].starts_with("robots/b.URDF: loads with 1 warning, 1 degrees of freedom, 1.23457 kg: <link x>"));
+    assert!(lines[2].starts_with("robots/deep/c.urdf: partial, 2 degrees of freedom, 0 kg: no dynamics"));
+    assert!(lines[3].starts_with("robots/deep/d.urdf: refused: 1: XML: "));
+    assert_eq!(lines[4..], ["4 files: 1 load, 1 with warnings, 1 partial, 1 refused"]);
+    let strict = desk.answers("inspect --all robots --json --strict", "");
+    assert_eq!(strict[4], json!({"counts": {"files": 4, "loads": 1, "warnings": 0, "partial": 1, "refused": 2}}));
+    refused(desk.run("inspect --all robots/none"), "--all robots/none: the folder contains no .urdf file");
+    let missing = desk.run("inspect --all nowhere");
+    assert_eq!(missing.code, Some(1));
+    assert!(missing.err.starts_with("error: nowhere: cannot be read: "), "{}", missing.err);
+    usage(desk.run("inspect"), "required");
+    usage(desk.run("inspect planar2.urdf --all robots"), "cannot be used with");
+}
+
+#[test]
+fn damping_and_friction_of_joints_are_shown_since_simulations_use_them() {
+    let desk = Desk::new("damped");
+    let text = hinged(INERTIAL).replace("</joint>", "<dynamics damping='0.123456789' friction='2'/></joint>");
+    desk.write("r.urdf", text);
+    let report = &desk.answers("inspect r.urdf --json", "")[0];
+    assert_eq!(report["joints"][0]["damping"], json!(0.123456789));
+    assert_eq!((&report["joints"][0]["friction"], &report["warnings"]), (&json!(2.0), &json!([])));
+    let people = desk.run("inspect r.urdf");
+    done(&people);
+    assert!(people.out.contains("a → b  damping 0.123457  friction 2\n"), "{}", people.out);
+    let note = "damping and friction of the joints act in simulate; dynamics and impact leave them out\n";
+    assert!(people.out.ends_with(note), "{}", people.out);
 }
 
 #[test]
@@ -175,11 +313,11 @@ fn unused_elements_are_listed_as_warnings() {
     assert_eq!(
         texts(&report["warnings"]),
         [
+            "<limit jerk> (line 1) is not used: it is unknown",
+            "<self_collision_checking> (line 1) is not used: it is unknown",
             "<gazebo> (line 1) is not used",
-            "<limit jerk> (line 1) is not used",
             "<material> (line 1) is not used",
             "<safety_controller> (line 1) is not used",
-            "<self_collision_checking> (line 1) is not used",
             "<transmission> (2 times, first on line 1) is not used",
             "<visual> (line 1) is not used",
         ]

@@ -192,7 +192,7 @@ fn random_and_malformed_files_are_refused_without_a_panic() {
     let deep = format!("<link name='a'/>{}{}", "<x>".repeat(50_000), "</x>".repeat(50_000));
     desk.write("r.urdf", robot(&deep));
     let report = &desk.answers("inspect r.urdf --json", "")[0];
-    assert_eq!(texts(&report["warnings"]), ["<x> (line 1) is not used"]);
+    assert_eq!(texts(&report["warnings"]), ["<x> (line 1) is not used: it is unknown"]);
 }
 
 #[test]

@@ -13,7 +13,9 @@ use super::rule::ContactRule;
 use super::surface::{Oscillation, Surface};
 use crate::error::SimError;
 use carom_chain::{Chain, Coordinates, Reduced, Spatial};
-use carom_contact::{LeftOut, LinkShape, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs};
+use carom_contact::{
+    LeftOut, LinkShape, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
+};
 use carom_impact::Frictionless;
 use nalgebra::Vector3;
 
@@ -42,6 +44,11 @@ pub(crate) enum TouchKind {
     Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
 }
 
+/// The shapes of a chain among these surfaces: without surfaces none is needed, and no mesh is read.
+fn shapes_at(chain: &Chain, surfaces: &[Surface]) -> Result<Vec<LinkShape>, SimError> {
+    if surfaces.is_empty() { Ok(Vec::new()) } else { Ok(link_shapes(chain)?) }
+}
+
 /// For hulls with more vertices than this only the vertex nearest to a half-space is a contact.
 const MANY_CORNERS: usize = 32;
 
@@ -63,10 +70,9 @@ impl Touch {
     /// [`SimError::Chain`] for an unknown link; [`SimError::LinkPair`] for a link without collision shape or a link paired with
     /// itself; [`SimError::Shape`] for an invalid mesh.
     pub fn between(chain: &Chain, link: &str, other: &str, contact: &ContactRule) -> Result<Vec<Self>, SimError> {
-        let shapes = link_shapes(chain)?;
         let of = |name: &str| {
             chain.frame(name)?;
-            let own: Vec<&LinkShape> = shapes.iter().filter(|shape| shape.link() == name).collect();
+            let own = shapes_of_link(chain, name)?;
             let problem = if link == other {
                 "is paired with itself: name two links"
             } else {
@@ -78,7 +84,7 @@ impl Touch {
             Ok(own)
         };
         let (own, others) = (of(link)?, of(other)?);
-        let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (*shape, *other)));
+        let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (shape, other)));
         let touch = |(shape, other): (&LinkShape, &LinkShape)| Self {
             name: format!("{} on {}", shape.link(), other.link()),
             contact: contact.clone(),
@@ -98,7 +104,7 @@ impl Touch {
     /// # Errors
     /// [`SimError::Shape`] for an invalid mesh.
     pub fn all(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Touches, SimError> {
-        let shapes = link_shapes(chain)?;
+        let shapes = shapes_at(chain, surfaces)?;
         // The reach of moving surfaces is not computed.
         let (moving, still): (Vec<_>, Vec<_>) = surfaces.iter().partition(|surface| surface.motion.is_some());
         let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
@@ -123,7 +129,7 @@ impl Touch {
     /// [`SimError::Shape`] for an invalid mesh.
     pub fn every(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Vec<Self>, SimError> {
         let mut touches = Vec::new();
-        for shape in &link_shapes(chain)? {
+        for shape in &shapes_at(chain, surfaces)? {
             surfaces.iter().for_each(|surface| Self::add(&mut touches, shape, surface));
         }
         touches.extend(Self::limits(chain, limit_restitution));

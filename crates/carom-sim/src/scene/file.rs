@@ -26,6 +26,12 @@ pub(crate) struct Robot {
     pub tip: String,
     #[serde(default)]
     pub floating: bool,
+    #[serde(default)]
+    pub strict: bool,
+    #[serde(default)]
+    pub repair: bool,
+    #[serde(default)]
+    pub package_dirs: Vec<PathBuf>,
 }
 
 #[derive(Deserialize)]

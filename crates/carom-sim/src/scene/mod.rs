@@ -15,13 +15,13 @@ use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
 use crate::model::Simulation;
 use carom_chain::Chain;
-use carom_chain::urdf::{LoadOptions, Meshes};
+use carom_chain::urdf::LoadOptions;
 use carom_contact::LeftOut;
 use contact::{apply, rule, unused};
 use drive::Drives;
 use file::{File, Method, Model, Shape};
 use std::path::{Path, PathBuf};
-use surface::surface;
+use surface::{Places, surface};
 use tip_velocity::tip_velocity;
 
 /// A scene: a robot, the surfaces around it, contact laws and run settings, read from a TOML file ([`Scene::from_file`]).
@@ -60,6 +60,9 @@ use tip_velocity::tip_velocity;
 /// | `tip_velocity` | table, see below | – | velocity of the tip at the start, instead of `qd` |
 /// | `tip` | link name | `"tip"` | the link whose frame origin is the tip: used by `tip_velocity`, by the controllers `"transition"` and `"impact-invariant"`, and for the path in recordings. A robot without a link named `tip` needs the key for these only |
 /// | `floating` | boolean | `false` | connects the base link to the world by a floating joint |
+/// | `strict` | boolean | `false` | refuses what is otherwise a warning about the URDF |
+/// | `repair` | boolean | `false` | makes the smallest change that gives the robot dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
+/// | `package_dirs` | list of folders | `[]` | folders in which the packages of mesh names (`package://NAME/…`) are searched for first |
 ///
 /// `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
 /// n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
@@ -89,7 +92,7 @@ use tip_velocity::tip_velocity;
 /// | `halfspace` | `point` (m) on its boundary, `normal` (any length) out of it, towards the robot | – |
 /// | `box` | `centre` (m), `size` (m, full side lengths), `rpy` (rad) | `rpy = [0, 0, 0]` |
 /// | `sphere` | `centre` (m), `radius` (m) | – |
-/// | `mesh` | `file` (STL, DAE or OBJ), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
+/// | `mesh` | `file` (STL, DAE or OBJ; a path, `file://…` or `package://NAME/…`), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
 ///
 /// `rpy` are roll, pitch and yaw about the fixed x, y and z axes, as in URDF.
 ///
@@ -183,7 +186,8 @@ pub struct Scene {
     pub full: bool,
     /// Every file that was read: scene, robot, meshes of robot and surfaces, torque table.
     pub files: Vec<PathBuf>,
-    /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact.
+    /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
+    /// [`Chain::report`].
     pub warnings: Vec<String>,
 }
 
@@ -199,12 +203,21 @@ impl Scene {
         let file: File = from_toml(&text).map_err(refuse)?;
         let folder = path.parent().unwrap_or(Path::new("."));
 
-        let options = LoadOptions { floating_base: file.robot.floating, meshes: Meshes::Required };
+        let package_dirs: Vec<PathBuf> = file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect();
+        let options = LoadOptions {
+            floating_base: file.robot.floating,
+            strict: file.robot.strict,
+            repair: file.robot.repair,
+            package_dirs: package_dirs.clone(),
+            ..LoadOptions::default()
+        };
         let chain = Chain::from_urdf_file_with(folder.join(&file.robot.urdf), &options)?;
+        chain.check_dynamics()?;
+        let places = Places { folder, package_dirs: &package_dirs };
         let rule = rule(&file.contact).map_err(|why| refuse(format!("[contact] {why}")))?;
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
-        let surfaces = surfaces.map(|(k, it)| surface(folder, k, it, &rule).map_err(&refuse));
+        let surfaces = surfaces.map(|(k, it)| surface(places, k, it, &rule).map_err(&refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
         if let Some((_, twin)) =
             surfaces.iter().enumerate().find(|(k, it)| surfaces[..*k].iter().any(|o| o.name == it.name))
@@ -288,7 +301,8 @@ impl Scene {
             Shape::Mesh { file, .. } => Some(file),
             _ => None,
         });
-        let named = named.chain(meshes).map(|file| folder.join(file));
+        let meshes = meshes.filter_map(|file| places.mesh(file).ok());
+        let named = named.map(|file| folder.join(file)).chain(meshes);
         let shapes = simulation.chain.links().iter().flat_map(|link| &link.collisions);
         let meshes = shapes.filter_map(|collision| match &collision.shape {
             carom_chain::urdf::Shape::Mesh { file, .. } => Some(file.clone()),

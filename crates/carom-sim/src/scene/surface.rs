@@ -3,10 +3,36 @@
 use super::contact::overridden;
 use super::file::{self, Shape};
 use crate::contact::{ContactRule, Oscillation, Surface};
+use carom_chain::urdf::find_mesh;
 use carom_contact::Obstacle;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
-use std::path::Path;
-pub(crate) fn surface(folder: &Path, k: usize, surface: &file::Surface, rule: &ContactRule) -> Result<Surface, String> {
+use std::path::{Path, PathBuf};
+
+/// Where the files that a scene names are searched for.
+#[derive(Clone, Copy)]
+pub(crate) struct Places<'a> {
+    pub folder: &'a Path,
+    pub package_dirs: &'a [PathBuf],
+}
+
+impl Places<'_> {
+    /// The file of a surface's mesh. A plain path need not exist.
+    pub fn mesh(self, name: &Path) -> Result<PathBuf, String> {
+        match name.to_str() {
+            Some(text) if text.contains("://") => {
+                find_mesh(text, Some(self.folder), self.package_dirs).map_err(|e| e.to_string())
+            }
+            _ => Ok(self.folder.join(name)),
+        }
+    }
+}
+
+pub(crate) fn surface(
+    places: Places,
+    k: usize,
+    surface: &file::Surface,
+    rule: &ContactRule,
+) -> Result<Surface, String> {
     let name = surface.name.clone().unwrap_or_else(|| format!("surface {}", k + 1));
     let placed = |centre: [f64; 3], rpy: [f64; 3]| {
         let turn = UnitQuaternion::from_euler_angles(rpy[0], rpy[1], rpy[2]);
@@ -17,7 +43,8 @@ pub(crate) fn surface(folder: &Path, k: usize, surface: &file::Surface, rule: &C
         Shape::Box { centre, size, rpy } => Obstacle::cuboid(placed(*centre, *rpy), (*size).into()),
         Shape::Sphere { centre, radius } => Obstacle::sphere((*centre).into(), *radius),
         Shape::Mesh { file, scale, position, rpy } => {
-            Obstacle::mesh_file(&folder.join(file), (*scale).into(), placed(*position, *rpy))
+            let file = places.mesh(file).map_err(|e| format!("[[surface]] '{name}': {e}"))?;
+            Obstacle::mesh_file(&file, (*scale).into(), placed(*position, *rpy))
         }
     };
     let obstacle = obstacle.map_err(|e| format!("[[surface]] '{name}': {e}"))?;

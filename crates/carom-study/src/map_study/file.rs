@@ -27,6 +27,12 @@ pub(super) struct Robot {
     pub point: [f64; 3],
     #[serde(default = "yes")]
     pub limits: bool,
+    #[serde(default)]
+    pub strict: bool,
+    #[serde(default)]
+    pub repair: bool,
+    #[serde(default)]
+    pub package_dirs: Vec<PathBuf>,
 }
 
 #[derive(Deserialize)]

@@ -27,14 +27,22 @@ impl Study {
         let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
         let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
-        let urdf = path.parent().unwrap_or(Path::new(".")).join(&file.robot.urdf);
-        // collision shapes are not used
-        let options = LoadOptions { floating_base: false, meshes: Meshes::Ignored };
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let urdf = folder.join(&file.robot.urdf);
+        let options = LoadOptions {
+            meshes: Meshes::Ignored, // collision shapes are not used
+            strict: file.robot.strict,
+            repair: file.robot.repair,
+            package_dirs: file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
+            ..LoadOptions::default()
+        };
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
+        chain.check_dynamics().map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let files = vec![path.to_owned(), urdf.clone()];
         let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
-        let (engine, columns, warnings) = read.all().map_err(refuse)?;
+        let (engine, columns, mut warnings) = read.all().map_err(refuse)?;
+        warnings.extend(chain.report().summary(5));
         let rows = total(engine.axes())
             .ok_or_else(|| refuse("the map has 2⁶⁴ rows or more: give the axes fewer values".into()))?;
         let wish = file.advise.as_ref().map(|advise| wish(advise, &columns)).transpose().map_err(refuse)?;

@@ -41,6 +41,47 @@ fn interrupted(study: &Study, file: &MapFile, after: u64) -> (u64, PathBuf) {
     (rows, partial)
 }
 
+/// A robot whose last link has no mass, and an unknown attribute.
+#[test]
+fn studies_repair_robots_refuse_those_without_dynamics_and_can_be_strict() {
+    let folder = tempfile::tempdir().unwrap();
+    let inertial = "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+    let joint = |name: &str, parent: &str, child: &str| {
+        format!(
+            "<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/>\
+             <origin xyz='1 0 0'/><axis xyz='0 0 1'/></joint>"
+        )
+    };
+    let joints = joint("j", "a", "b") + &joint("k", "b", "tip");
+    let text = format!(
+        "<robot name='r'><link name='a' x='1'/><link name='b'>{inertial}</link><link name='tip'/>{joints}</robot>"
+    );
+    std::fs::write(folder.path().join("r.urdf"), text).unwrap();
+    let study = |keys: &str| {
+        let file = folder.path().join("study.toml");
+        let impact =
+            "[impact]\nnormal = [-1, 0, 0]\napproach_deg = 90\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3";
+        let text = format!(
+            "[robot]\nurdf = \"r.urdf\"\n{keys}\n[joints]\nj = [1.0, 1.1]\n{impact}\n[map]\nquantities = [\"impulse\"]\n"
+        );
+        std::fs::write(&file, text).unwrap();
+        Study::from_file(file)
+    };
+    let error = study("").err().unwrap().to_string();
+    assert!(
+        error.contains("[robot] urdf: 'r' has no dynamics, because nothing that these links carry has mass: 'tip'."),
+        "{error}"
+    );
+    let repaired = study("repair = true\npackage_dirs = [\"..\"]").unwrap();
+    let warnings = [
+        "repaired: joint 'k' is fixed at 0: link 'tip' has no mass and is welded to link 'b'",
+        "<link x> (line 1) is not used: it is unknown",
+    ];
+    assert_eq!((repaired.rows(), &repaired.warnings[..]), (2, &warnings.map(String::from)[..]));
+    let error = study("repair = true\nstrict = true").err().unwrap().to_string();
+    assert!(error.contains("r.urdf:1: <link x>: is not used: it is unknown: correct it"), "{error}");
+}
+
 #[test]
 fn bytes_do_not_depend_on_the_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
