@@ -146,7 +146,7 @@ fn missing_meshes_are_warnings_and_strict_refuses_them_unless_they_are_left_out(
         let report = &desk.answers(args, "")[0];
         texts(&report["warnings"]).into_iter().map(str::to_owned).collect::<Vec<_>>()
     };
-    assert_eq!(warnings("inspect r.urdf --json"), [warning.clone()]);
+    assert_eq!(warnings("inspect r.urdf --json").join("\n"), warning);
     let left_out = "link 'b' <collision> (line 1): mesh 'package://parts/b.stl' is not found, left out";
     assert_eq!(warnings("inspect r.urdf --json --no-meshes --strict"), [left_out]);
     refused(
@@ -162,7 +162,7 @@ fn missing_meshes_are_warnings_and_strict_refuses_them_unless_they_are_left_out(
 
     std::fs::create_dir_all(desk.0.join("more/parts")).unwrap();
     desk.write("more/parts/b.stl", "");
-    assert_eq!(warnings("inspect r.urdf --json --strict --package-dir none --package-dir more"), [String::new(); 0]);
+    assert!(warnings("inspect r.urdf --json --strict --package-dir none --package-dir more").is_empty());
     let ament = desk.command("inspect r.urdf --strict").env("AMENT_PREFIX_PATH", "prefix").output().unwrap();
     assert!(!ament.status.success());
     std::fs::create_dir_all(desk.0.join("prefix/share/parts")).unwrap();
