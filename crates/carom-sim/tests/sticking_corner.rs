@@ -62,7 +62,7 @@ fn a_cube_on_a_sticking_corner_conserves_energy_and_momentum_in_few_steps() {
             .stream(&q, &qd, 0.06, sampling, &mut |seen| match seen {
                 Seen::Moment(moment) => moments.push(moment.clone()),
                 Seen::Event(event) => latest = event.time,
-                Seen::Segment(_) => {}
+                Seen::Contacts(..) | Seen::Segment(_) => {}
             })
             .unwrap();
         // The cube falls from 0.1 mm and sticks to the end. Starts after which it slips or a second corner touches are not
