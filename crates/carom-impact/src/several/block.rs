@@ -1,7 +1,7 @@
 //! Exact solution of one constraint with the impulses of the others given. An approaching contact gets its impulse from
 //! [`Cone`], a separating one gets none.
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::Constraint;
 use crate::cone::Cone;
@@ -10,31 +10,55 @@ use crate::cone::Cone;
 const NOTHING: f64 = 1024.0 * f64::EPSILON;
 
 /// A constraint with the entries of H that belong to it.
+#[derive(Clone)]
 pub(super) struct Block {
     pub constraint: Constraint,
     /// First row.
     pub row: usize,
     /// Mean diagonal entry of its rows (1/kg); 1 if all are zero, so that it can divide.
     pub scale: f64,
+    /// What regularisation has added to its diagonal entries (1/kg).
+    pub added: f64,
+    /// Its own entries (1/kg), the only one first.
+    pub own: Matrix3<f64>,
     /// For a contact whose normal direction is regular.
     cone: Option<Cone<f64>>,
     /// H_nn of a contact, the diagonal entry of any other constraint (1/kg); 0 if it is zero within rounding.
     inverse_mass: f64,
 }
 
+/// A diagonal entry of H up to this is rounding relative to the whole matrix, and counts as zero (1/kg).
+pub(super) fn nothing(h: &DMatrix<f64>) -> f64 {
+    (0..h.nrows()).fold(0.0, |most: f64, i| most.max(h[(i, i)].abs())) * NOTHING * NOTHING
+}
+
 impl Block {
-    pub fn new(constraint: Constraint, row: usize, h: &DMatrix<f64>) -> Self {
+    pub fn new(constraint: Constraint, row: usize, h: &DMatrix<f64>, nothing: f64) -> Self {
         let rows = constraint.rows();
-        let mean = (row..row + rows).map(|i| h[(i, i)]).sum::<f64>() / rows as f64;
-        let last = row + rows - 1;
-        // A diagonal entry that is rounding relative to the whole matrix counts as zero.
-        let nothing = h.diagonal().amax() * NOTHING * NOTHING;
-        let inverse_mass = if h[(last, last)] > nothing { h[(last, last)] } else { 0.0 };
+        let own = Matrix3::from_fn(|i, j| if i < rows && j < rows { h[(row + i, row + j)] } else { 0.0 });
+        Self::of(constraint, row, own, nothing)
+    }
+
+    fn of(constraint: Constraint, row: usize, own: Matrix3<f64>, nothing: f64) -> Self {
+        let rows = constraint.rows();
+        let mean = own.trace() / rows as f64;
+        let normal = own[(rows - 1, rows - 1)];
+        let inverse_mass = if normal > nothing { normal } else { 0.0 };
         let cone = (rows == 3 && inverse_mass > 0.0).then(|| {
-            let tangents = h.fixed_view::<2, 2>(row, row).into_owned();
-            Cone::new(tangents, h.fixed_view::<2, 1>(row, last).into_owned(), inverse_mass)
+            let tangents = own.fixed_view::<2, 2>(0, 0).into_owned();
+            Cone::new(tangents, own.fixed_view::<2, 1>(0, 2).into_owned(), inverse_mass)
         });
-        Self { constraint, row, scale: if mean > nothing { mean } else { 1.0 }, cone, inverse_mass }
+        Self { constraint, row, scale: if mean > nothing { mean } else { 1.0 }, added: 0.0, own, cone, inverse_mass }
+    }
+
+    /// The same with `share` of its scale added to its diagonal entries.
+    pub fn regularised(&self, share: f64, nothing: f64) -> Self {
+        let added = share * self.scale;
+        let mut own = self.own;
+        for i in 0..self.constraint.rows() {
+            own[(i, i)] += added;
+        }
+        Self { added, ..Self::of(self.constraint, self.row, own, nothing) }
     }
 
     /// The impulse along one row whose velocity without impulse is c (m/s).

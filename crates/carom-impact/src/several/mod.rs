@@ -51,8 +51,10 @@
 
 mod block;
 mod natural_map;
+mod newton;
 mod orders;
 mod poisson;
+mod response;
 mod restart;
 mod sequential;
 mod solve;
@@ -140,9 +142,9 @@ pub struct Accuracy {
 }
 
 impl Default for Accuracy {
-    /// Tolerance 1e-12, some digits above rounding, and 1000 iterations.
+    /// Tolerance 1e-12, some digits above rounding, and 2000 iterations.
     fn default() -> Self {
-        Self { tolerance: 1e-12, max_iterations: 1000 }
+        Self { tolerance: 1e-12, max_iterations: 2000 }
     }
 }
 
@@ -153,6 +155,8 @@ pub struct SeveralProblem {
     u_minus: DVector<f64>,
     u_free: DVector<f64>,
     constraints: Vec<Constraint>,
+    /// Whether H is symmetric and positive semidefinite.
+    gram: bool,
 }
 
 impl SeveralProblem {
@@ -173,7 +177,7 @@ impl SeveralProblem {
         check_rows(&delassus, &u_minus, &constraints)?;
         check_delassus(&mut delassus)?;
         check_velocity("u_minus", u_minus.as_slice())?;
-        Ok(Self { delassus, u_free: u_minus.clone(), u_minus, constraints })
+        Ok(Self { delassus, u_free: u_minus.clone(), u_minus, constraints, gram: true })
     }
 
     /// The problem of accelerations of lasting contacts: `delassus` = R M⁻¹ Fᵀ, with the rows R of the accelerations and the
@@ -192,7 +196,7 @@ impl SeveralProblem {
         check_rows(&delassus, &free, &constraints)?;
         check_velocity("delassus", delassus.as_slice())?;
         check_velocity("free", free.as_slice())?;
-        Ok(Self { delassus, u_minus: DVector::zeros(free.len()), u_free: free, constraints })
+        Ok(Self { delassus, u_minus: DVector::zeros(free.len()), u_free: free, constraints, gram: false })
     }
 
     /// The same problem with the velocities after without any impulse (m/s): in a time step, forces have changed them.
@@ -230,7 +234,8 @@ impl SeveralProblem {
     /// Moreau's law: all constraints at once, Newton's restitution, Coulomb's cone. The conditions are at the head of
     /// this module.
     ///
-    /// `warm_start` is an initial guess of the impulses (N s), for instance those of the previous time step.
+    /// `warm_start` is an initial guess of the impulses (N s), for instance those of the previous time step: their modes
+    /// are tried first.
     ///
     /// **Parameters.** e and μ of each constraint, e as a ratio of normal velocities.
     ///

@@ -1,62 +1,91 @@
-//! The law as equations: a map F of the impulses that is zero exactly at a solution, and its derivative.
+//! The law as equations: a map F of the impulses that is zero exactly at a solution.
 //!
 //! F is the map of Alart & Curnier (1991), with each constraint's own h in place of their common parameter; it is
 //! written out at [`SeveralOutcome::residual`](super::SeveralOutcome). F is piecewise smooth; its pieces are the modes
 //! open, stick and slip. On each piece the derivative F' is exact, so Newton's method converges quadratically once no
 //! constraint changes its mode.
 
-use nalgebra::{DMatrix, DVector, Vector2, Vector3};
+use nalgebra::{DVector, Vector2, Vector3};
 
-use super::block::Block;
+use super::block::{Block, nothing};
+use super::response::Response;
 use super::{Constraint, SeveralProblem};
 
 /// The problem in the form that the iteration uses.
-pub(super) struct NaturalMap {
-    pub delassus: DMatrix<f64>,
+pub(super) struct NaturalMap<'a> {
+    pub response: &'a Response<'a>,
     /// Velocities without impulse plus the `e min(u_n⁻, 0)` of restitution: y at p = 0 (m/s).
     pub offset: DVector<f64>,
     pub blocks: Vec<Block>,
     /// Largest velocity (m/s), to which the residual is relative.
     speed: f64,
+    /// Diagonal entries of H up to this count as zero (1/kg).
+    nothing: f64,
 }
 
-impl NaturalMap {
-    pub fn new(problem: &SeveralProblem) -> Self {
+impl<'a> NaturalMap<'a> {
+    pub fn new(problem: &SeveralProblem, response: &'a Response) -> Self {
+        let nothing = nothing(&problem.delassus);
         let mut offset = problem.u_free.clone();
         let mut blocks = Vec::with_capacity(problem.constraints.len());
-        let mut row = 0;
-        for constraint in &problem.constraints {
-            blocks.push(Block::new(*constraint, row, &problem.delassus));
-            row += constraint.rows();
-            offset[row - 1] += constraint.restitution() * problem.u_minus[row - 1].min(0.0);
+        for (row, constraint) in problem.rows() {
+            blocks.push(Block::new(*constraint, row, &problem.delassus, nothing));
+            let last = row + constraint.rows() - 1;
+            offset[last] += constraint.restitution() * problem.u_minus[last].min(0.0);
         }
         let speed = problem.u_free.amax().max(problem.u_minus.amax());
-        Self { delassus: problem.delassus.clone(), offset, blocks, speed }
+        Self { response, offset, blocks, speed, nothing }
     }
 
     /// The same problem with `share` of each constraint's h added to H, and with the velocities shifted by the
     /// corresponding multiple of the impulses `near`: regular, and with the same solution if `near` is one.
     pub fn regularised(&self, share: f64, near: &DVector<f64>) -> Self {
-        let (mut delassus, mut offset) = (self.delassus.clone(), self.offset.clone());
+        let mut offset = self.offset.clone();
         for block in &self.blocks {
             for i in block.row..block.row + block.constraint.rows() {
-                delassus[(i, i)] += share * block.scale;
                 offset[i] -= share * block.scale * near[i];
             }
         }
-        let blocks = self.blocks.iter().map(|block| Block::new(block.constraint, block.row, &delassus)).collect();
-        Self { delassus, offset, blocks, speed: self.speed }
+        let blocks = self.blocks.iter().map(|block| block.regularised(share, self.nothing)).collect();
+        Self { offset, blocks, ..*self }
     }
 
-    /// F(p) (m/s).
-    pub fn value(&self, p: &DVector<f64>) -> DVector<f64> {
-        let y = &self.offset + &self.delassus * p;
-        let mut f = DVector::zeros(p.len());
+    /// The same problem with every coefficient of friction multiplied by `share`.
+    pub fn with_friction(&self, share: f64) -> Self {
+        let mut blocks = self.blocks.clone();
+        for block in &mut blocks {
+            if let Constraint::Contact { friction, .. } = &mut block.constraint {
+                *friction *= share;
+            }
+        }
+        Self { offset: self.offset.clone(), blocks, ..*self }
+    }
+
+    /// Velocities and value of F at the impulses of `at`.
+    pub fn evaluate(&self, at: &mut Point) {
+        self.response.reduce(&at.p, &mut at.w);
+        self.moved(&at.p, &at.w, &mut at.y);
+        at.y += &self.offset;
+        self.value(&at.p, &at.y, &mut at.f);
+    }
+
+    /// `H q` for the impulses q, whose reduced impulse is w; of a regularised problem with what has been added to H.
+    pub fn moved(&self, q: &DVector<f64>, w: &DVector<f64>, u: &mut DVector<f64>) {
+        u.gemv_tr(1.0, self.response.rows(), w, 0.0);
+        for block in self.blocks.iter().filter(|block| block.added > 0.0) {
+            for i in block.row..block.row + block.constraint.rows() {
+                u[i] += block.added * q[i];
+            }
+        }
+    }
+
+    /// F (m/s) at the impulses p, where the velocities are y.
+    pub fn value(&self, p: &DVector<f64>, y: &DVector<f64>, f: &mut DVector<f64>) {
         for block in &self.blocks {
             let (i, h) = (block.row, block.scale);
             match block.constraint {
                 Constraint::Contact { friction, .. } => {
-                    let piece = Piece::of(block, friction, p, &y);
+                    let piece = Piece::of(block, friction, p, y);
                     let t = Vector2::new(h * p[i], h * p[i + 1]) - piece.friction();
                     f[i] = t.x;
                     f[i + 1] = t.y;
@@ -67,104 +96,95 @@ impl NaturalMap {
                 Constraint::Held => f[i] = y[i],
             }
         }
-        f
     }
 
-    /// The largest violation among the constraints, relative to the largest velocity.
+    /// The largest violation among the constraints, relative to the largest velocity; infinite if F contains NaN, after
+    /// an overflow.
     pub fn residual(&self, f: &DVector<f64>) -> f64 {
-        let worst = self
+        let sizes = self.blocks.iter().map(|block| f.rows(block.row, block.constraint.rows()).norm());
+        let worst = sizes.fold(0.0_f64, f64::max);
+        if f.iter().any(|f| f.is_nan()) {
+            f64::INFINITY
+        } else if worst == 0.0 {
+            0.0
+        } else {
+            worst / self.speed
+        }
+    }
+
+    /// Projects the impulses on the cones and bounds.
+    pub fn admissible(&self, p: &mut DVector<f64>) {
+        admissible(self.blocks.iter().map(|block| (block.row, &block.constraint)), p);
+    }
+
+    /// What the search makes small: the residual times one plus the largest impulse, as a share of the largest velocity.
+    /// Without the second factor the best impulses of a problem without a solution may be of any size.
+    pub fn cost(&self, residual: f64, p: &DVector<f64>) -> f64 {
+        let pushed = self
             .blocks
             .iter()
-            .fold(0.0_f64, |worst, block| worst.max(f.rows(block.row, block.constraint.rows()).norm()));
-        if worst == 0.0 { 0.0 } else { worst / self.speed }
+            .fold(0.0_f64, |most, block| most.max(block.scale * p.rows(block.row, block.constraint.rows()).amax()));
+        if residual == 0.0 { 0.0 } else { residual * (1.0 + pushed / self.speed) }
     }
+}
 
-    /// F'(p) (1/kg).
-    pub fn derivative(&self, p: &DVector<f64>) -> DMatrix<f64> {
-        let y = &self.offset + &self.delassus * p;
-        let n = p.len();
-        let mut d = DMatrix::zeros(n, n);
-        let copy = |d: &mut DMatrix<f64>, row: usize| d.row_mut(row).copy_from(&self.delassus.row(row));
-        for block in &self.blocks {
-            let (i, h) = (block.row, block.scale);
-            match block.constraint {
-                Constraint::Contact { friction, .. } => self.contact_rows(&mut d, block, friction, p, &y),
-                Constraint::Stop { .. } if h * p[i] <= y[i] => d[(i, i)] = h,
-                Constraint::Dry { bound } if (h * p[i] - y[i]).abs() > h * bound => d[(i, i)] = h,
-                Constraint::Stop { .. } | Constraint::Dry { .. } | Constraint::Held => copy(&mut d, i),
-            }
-        }
-        d
+/// Impulses, and what the map gives for them.
+#[derive(Clone)]
+pub(super) struct Point {
+    /// Impulses (N s).
+    pub p: DVector<f64>,
+    /// Reduced impulses.
+    w: DVector<f64>,
+    /// Velocities minus their targets (m/s).
+    pub y: DVector<f64>,
+    /// F (m/s).
+    pub f: DVector<f64>,
+}
+
+impl Point {
+    pub fn new(map: &NaturalMap) -> Self {
+        let n = map.offset.len();
+        let zeros = || DVector::zeros(n);
+        Self { p: zeros(), w: DVector::zeros(map.response.rank()), y: zeros(), f: zeros() }
     }
+}
 
-    fn contact_rows(&self, d: &mut DMatrix<f64>, block: &Block, mu: f64, p: &DVector<f64>, y: &DVector<f64>) {
-        let (i, h) = (block.row, block.scale);
-        let piece = Piece::of(block, mu, p, y);
-        if piece.push <= 0.0 {
-            for k in i..i + 3 {
-                d[(k, k)] = h;
+/// The impulses projected on the cones and bounds (the normal first, then the tangents).
+pub(super) fn admissible<'a>(rows: impl Iterator<Item = (usize, &'a Constraint)>, p: &mut DVector<f64>) {
+    for (i, constraint) in rows {
+        match *constraint {
+            Constraint::Contact { friction, .. } => {
+                let own = Vector3::new(p[i], p[i + 1], p[i + 2].max(0.0));
+                let (size, most) = (own.xy().norm(), friction * own.z);
+                // Divided first: most/size may overflow for a tiny size.
+                let t = if size > most { own.xy() / size * most } else { own.xy() };
+                p.fixed_rows_mut::<3>(i).copy_from(&Vector3::new(t.x, t.y, own.z));
             }
-            return;
+            Constraint::Stop { .. } => p[i] = p[i].max(0.0),
+            Constraint::Dry { bound } => p[i] = p[i].clamp(-bound, bound),
+            Constraint::Held => {}
         }
-        d.row_mut(i + 2).copy_from(&self.delassus.row(i + 2));
-        if piece.sticks() {
-            d.rows_mut(i, 2).copy_from(&self.delassus.rows(i, 2));
-            return;
-        }
-        // F_t = h p_t - R r/|r| with r = h p_t - u_t and R = μ (h p_n - y).
-        let size = piece.aim.norm();
-        let towards = piece.aim / size;
-        let across = Vector2::new(-towards.y, towards.x);
-        for j in 0..d.ncols() {
-            let unit = |k: usize| if j == k { h } else { 0.0 };
-            let own = Vector2::new(unit(i), unit(i + 1));
-            let aim = own - Vector2::new(self.delassus[(i, j)], self.delassus[(i + 1, j)]);
-            let push = unit(i + 2) - self.delassus[(i + 2, j)];
-            let t = own - towards * (mu * push) - across * (across.dot(&aim) * piece.radius / size);
-            d[(i, j)] = t.x;
-            d[(i + 1, j)] = t.y;
-        }
-    }
-
-    /// The impulses projected on the cones and bounds (the normal first, then the tangents).
-    pub fn admissible(&self, mut p: DVector<f64>) -> DVector<f64> {
-        for block in &self.blocks {
-            let i = block.row;
-            match block.constraint {
-                Constraint::Contact { friction, .. } => {
-                    let own = Vector3::new(p[i], p[i + 1], p[i + 2].max(0.0));
-                    let (size, most) = (own.xy().norm(), friction * own.z);
-                    // Divided first: most/size may overflow for a tiny size.
-                    let t = if size > most { own.xy() / size * most } else { own.xy() };
-                    p.fixed_rows_mut::<3>(i).copy_from(&Vector3::new(t.x, t.y, own.z));
-                }
-                Constraint::Stop { .. } => p[i] = p[i].max(0.0),
-                Constraint::Dry { bound } => p[i] = p[i].clamp(-bound, bound),
-                Constraint::Held => {}
-            }
-        }
-        p
     }
 }
 
 /// The piece of F on which a contact is, in velocities.
-struct Piece {
+pub(super) struct Piece {
     /// `max(0, h p_n - y)`.
-    push: f64,
+    pub push: f64,
     /// `h p_t - u_t`.
-    aim: Vector2<f64>,
+    pub aim: Vector2<f64>,
     /// `μ push`.
-    radius: f64,
+    pub radius: f64,
 }
 
 impl Piece {
-    fn of(block: &Block, mu: f64, p: &DVector<f64>, y: &DVector<f64>) -> Self {
+    pub fn of(block: &Block, mu: f64, p: &DVector<f64>, y: &DVector<f64>) -> Self {
         let (i, h) = (block.row, block.scale);
         let push = (h * p[i + 2] - y[i + 2]).max(0.0);
         Self { push, aim: Vector2::new(h * p[i] - y[i], h * p[i + 1] - y[i + 1]), radius: mu * push }
     }
 
-    fn sticks(&self) -> bool {
+    pub fn sticks(&self) -> bool {
         self.aim.norm() <= self.radius
     }
 

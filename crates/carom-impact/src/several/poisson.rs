@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::natural_map::NaturalMap;
+use super::natural_map::admissible;
 use super::restart::solve_patiently;
 use super::solve::Found;
 use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
@@ -93,7 +93,8 @@ impl SeveralProblem {
         let Found { impulse: compression, residual, iterations } = solve_patiently(&first, accuracy, None);
         let expanded = self.expand(&compression, accuracy);
         // The sum of two impulses in a cone is in the cone, but for rounding.
-        let sum = NaturalMap::new(self).admissible(&compression + &expanded.impulse);
+        let mut sum = &compression + &expanded.impulse;
+        admissible(self.rows(), &mut sum);
         PoissonOutcome {
             expansion: &sum - &compression,
             u_compressed: &self.u_minus + &self.delassus * &compression,
@@ -148,7 +149,7 @@ impl SeveralProblem {
             problem.constraints.push(Constraint::Contact { restitution: 0.0, friction });
         }
         let u_minus = self.u_minus.clone().resize_vertically(rows, 0.0);
-        let problem = Self { delassus, u_minus, u_free, constraints: problem.constraints };
+        let problem = Self { delassus, u_minus, u_free, constraints: problem.constraints, gram: self.gram };
         let found = solve_patiently(&problem, accuracy, Some(&start));
         let mut impulse = floor + found.impulse.rows(0, n);
         for (k, &(row, ..)) in discs.iter().enumerate() {

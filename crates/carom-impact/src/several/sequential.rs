@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
 
-use super::block::Block;
+use super::block::{Block, nothing};
 use super::{Accuracy, Constraint, SeveralProblem};
 use crate::Flags;
 
@@ -207,7 +207,8 @@ impl Reduced {
                 (u_free[i], before[i]) = (0.0, 0.0);
             }
         }
-        let blocks: Vec<_> = problem.rows().map(|(row, c)| Block::new(*c, row, &delassus)).collect();
+        let nothing = nothing(&delassus);
+        let blocks: Vec<_> = problem.rows().map(|(row, c)| Block::new(*c, row, &delassus, nothing)).collect();
         let mobile = blocks
             .iter()
             .map(|block| match block.constraint {

@@ -1,24 +1,36 @@
 //! The iteration: sweeps over the constraints find the modes, Newton steps converge to the solution.
 //!
 //! A sweep (block Gauss–Seidel) solves each constraint exactly with the current impulses of the others. It is robust,
-//! but converges linearly, and very slowly for ill-conditioned or redundant contacts. At intervals Newton's method is
-//! therefore tried from the current impulses, with least-squares steps of least norm, because redundant contacts make
-//! F' singular. Its result is kept only if it is better.
+//! but converges linearly, and very slowly for ill-conditioned or redundant contacts. Newton's method is therefore
+//! tried from the given impulses, whose modes are often those of the solution, after the first sweep, and then at
+//! intervals. Its result is kept only if it is better.
 
 use nalgebra::{DVector, Vector3};
 
-use super::natural_map::NaturalMap;
-use super::{Accuracy, Constraint, SeveralProblem};
-use crate::least_norm::least_norm;
+use super::natural_map::{NaturalMap, Point};
+use super::newton::Newton;
+use super::{Accuracy, Constraint};
 
 /// Sweeps before the first attempt of Newton's method; doubled after each failure.
-const FIRST_SWEEPS: usize = 8;
+const FIRST_SWEEPS: usize = 1;
+
+/// Number of sweeps from which on regularised problems are tried as well.
+const PATIENT: usize = 8;
 
 /// Newton steps in one attempt.
 const NEWTON_STEPS: usize = 24;
 
-/// Pivots below this share of the largest count as zero.
-const RANK: f64 = 1e-12;
+/// A Newton step has to make F shorter than the longest of this number of steps before, so that F may grow where a
+/// constraint changes its mode.
+pub(super) const RECENT: usize = 3;
+
+/// Regularisations of a Newton step, each tried if the one before fails, as shares of each constraint's h. The first is
+/// as small as the cancellation in the step allows: its rounding is ε over the share, relative to the velocities.
+const SHARES: [f64; 3] = [1e-10, 1e-4, LARGEST];
+
+/// With a smaller regularisation a step that leaves more than half of F is refused: the linear equations have no
+/// solution, and the step would grow without bound along the null directions of H.
+const LARGEST: f64 = 0.1;
 
 /// Impulses with their residual.
 pub(super) struct Found {
@@ -27,37 +39,71 @@ pub(super) struct Found {
     pub iterations: usize,
 }
 
-pub(super) fn solve(problem: &SeveralProblem, accuracy: &Accuracy, warm_start: Option<&DVector<f64>>) -> Found {
-    let map = NaturalMap::new(problem);
-    let start = map.admissible(warm_start.cloned().unwrap_or_else(|| DVector::zeros(map.offset.len())));
-    let mut search = Search { best: start.clone(), residual: f64::INFINITY, left: accuracy.max_iterations, accuracy };
-    search.keep(&map, &start);
-    let mut p = start;
+/// From one start. Newton steps between regularised problems have to make F shorter than the longest of the `recent`
+/// last ones.
+pub(super) fn solve(map: &NaturalMap, accuracy: &Accuracy, start: Option<&DVector<f64>>, recent: usize) -> Found {
+    let mut search = Search::new(map, accuracy);
+    if let Some(start) = start {
+        search.kept.p.copy_from(start);
+    }
+    search.keep(map, None);
+    let mut p = search.best.clone();
+    if start.is_some() {
+        search.newton(map, map, &mut p.clone(), RECENT);
+    }
     let mut sweeps = FIRST_SWEEPS;
     while search.goes_on() {
         for _ in 0..sweeps {
             if !search.goes_on() || !search.step() {
                 break;
             }
-            sweep(&map, &mut p);
-            search.keep(&map, &p);
+            search.sweep(map, &mut p);
+            search.keep(map, Some(&p));
         }
-        search.newton(&map, &map, &mut p.clone());
-        search.proximal(&map, &p);
+        search.newton(map, map, &mut p.clone(), RECENT);
+        if sweeps >= PATIENT {
+            search.proximal(map, &p, recent);
+        }
         sweeps *= 2;
     }
     Found { impulse: search.best, residual: search.residual, iterations: accuracy.max_iterations - search.left }
 }
 
-/// The best impulses so far, and how many iterations are left.
+/// The best impulses so far, how many iterations are left, and memory for them.
 struct Search<'a> {
     best: DVector<f64>,
     residual: f64,
+    cost: f64,
     left: usize,
     accuracy: &'a Accuracy,
+    kept: Point,
+    here: Point,
+    next: Point,
+    newton: Newton,
+    /// Reduced impulses during a sweep, and the sum of the sizes of their parts.
+    w: DVector<f64>,
+    sizes: DVector<f64>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(map: &NaturalMap, accuracy: &'a Accuracy) -> Self {
+        let point = Point::new(map);
+        let w = DVector::zeros(map.response.rank());
+        Self {
+            best: point.p.clone(),
+            residual: f64::INFINITY,
+            cost: f64::INFINITY,
+            left: accuracy.max_iterations,
+            accuracy,
+            kept: point.clone(),
+            here: point.clone(),
+            next: point,
+            newton: Newton::new(map),
+            sizes: w.clone(),
+            w,
+        }
+    }
+
     fn goes_on(&self) -> bool {
         self.residual > self.accuracy.tolerance && self.left > 0
     }
@@ -69,39 +115,66 @@ impl Search<'_> {
         any
     }
 
-    /// Stores `p`, projected on the cones, if it is the best so far.
-    fn keep(&mut self, map: &NaturalMap, p: &DVector<f64>) {
-        let p = map.admissible(p.clone());
-        let residual = map.residual(&map.value(&p));
+    /// Stores `p`, or the impulses in `kept`, projected on the cones, if it is the best so far.
+    fn keep(&mut self, map: &NaturalMap, p: Option<&DVector<f64>>) {
+        let kept = &mut self.kept;
+        if let Some(p) = p {
+            kept.p.copy_from(p);
+        }
+        map.admissible(&mut kept.p);
+        map.evaluate(kept);
+        let residual = map.residual(&kept.f);
+        let cost = map.cost(residual, &kept.p);
+        let better = if residual <= self.accuracy.tolerance { residual < self.residual } else { cost < self.cost };
         // Impulses that overflow are not a solution.
-        if residual < self.residual && p.iter().all(|p| p.is_finite()) {
-            self.best = p;
-            self.residual = residual;
+        if better && kept.p.iter().all(|p| p.is_finite()) {
+            self.best.copy_from(&kept.p);
+            (self.residual, self.cost) = (residual, cost);
         }
     }
 
-    /// Newton's method with step halving on `near`, which is `map` or a regularised form of it; changes `p`.
-    fn newton(&mut self, map: &NaturalMap, near: &NaturalMap, p: &mut DVector<f64>) {
-        let mut f = near.value(p);
-        for _ in 0..NEWTON_STEPS {
-            if !self.goes_on() || f.norm() == 0.0 || !self.step() {
+    /// Newton's method with step halving on `near`, which is `map` or a regularised form of it; changes `p`. F gets
+    /// shorter than the longest of the `recent` last ones.
+    fn newton(&mut self, map: &NaturalMap, near: &NaturalMap, p: &mut DVector<f64>, recent: usize) {
+        self.here.p.copy_from(p);
+        near.evaluate(&mut self.here);
+        let mut sizes = [0.0_f64; RECENT];
+        for step in 0..NEWTON_STEPS {
+            let size = self.here.f.norm();
+            if !self.goes_on() || size == 0.0 || !self.step() {
                 return;
             }
-            let step = least_norm(&near.derivative(p), &f, RANK);
-            let shares = (0..12).map(|halvings| 0.5_f64.powi(halvings));
-            let next = shares.map(|share| (share, &*p - &step * share)).find_map(|(share, next)| {
-                let f_next = near.value(&next);
-                (f_next.norm() < f.norm() * (1.0 - 1e-4 * share)).then_some((next, f_next))
-            });
-            let Some(next) = next else { return };
-            (*p, f) = next;
-            self.keep(map, p);
+            sizes[step % recent] = size;
+            let longest = sizes.iter().fold(0.0_f64, |most, size| most.max(*size));
+            if !SHARES.into_iter().any(|share| self.shorter(near, longest, share)) {
+                return;
+            }
+            std::mem::swap(&mut self.here, &mut self.next);
+            // Without the rounding of the larger numbers before.
+            near.evaluate(&mut self.here);
+            p.copy_from(&self.here.p);
+            self.keep(map, Some(p));
         }
+    }
+
+    /// A Newton step with step halving from `here` to `next`, where F is shorter than `size`; false if there is none.
+    fn shorter(&mut self, near: &NaturalMap, size: f64, regularisation: f64) -> bool {
+        let most = if regularisation < LARGEST { 0.5 * size } else { f64::INFINITY };
+        self.newton.solve(near, &self.here, regularisation).is_some_and(|left| left <= most)
+            && (0..12).map(|halvings| 0.5_f64.powi(halvings)).any(|share| {
+                let (here, next) = (&self.here, &mut self.next);
+                next.p.copy_from(&here.p);
+                next.p.axpy(-share, &self.newton.step, 1.0);
+                next.y.copy_from(&here.y);
+                next.y.axpy(-share, &self.newton.moved, 1.0);
+                near.value(&next.p, &next.y, &mut next.f);
+                next.f.norm() < size * (1.0 - 1e-4 * share)
+            })
     }
 
     /// A sequence of regularised problems, each started at the solution of the previous one, with decreasing
     /// regularisation.
-    fn proximal(&mut self, map: &NaturalMap, start: &DVector<f64>) {
+    fn proximal(&mut self, map: &NaturalMap, start: &DVector<f64>, recent: usize) {
         let mut p = start.clone();
         for decade in 1..=8 {
             let near = map.regularised(0.1_f64.powi(decade), &p);
@@ -109,30 +182,40 @@ impl Search<'_> {
                 if !self.goes_on() || !self.step() {
                     return;
                 }
-                sweep(&near, &mut p);
+                self.sweep(&near, &mut p);
             }
-            self.newton(map, &near, &mut p);
-            self.newton(map, map, &mut p.clone());
+            self.newton(map, &near, &mut p, recent);
+            self.newton(map, map, &mut p.clone(), recent);
         }
     }
-}
 
-/// Solves every constraint once, with the current impulses of the others.
-fn sweep(map: &NaturalMap, p: &mut DVector<f64>) {
-    let without = |p: &DVector<f64>, row: usize| map.offset[row] + map.delassus.row(row).tr_dot(p);
-    let size = |p: &DVector<f64>, row: usize| {
-        map.delassus.row(row).iter().zip(p.iter()).fold(map.offset[row].abs(), |sum, (h, p)| sum + (h * p).abs())
-    };
-    for block in &map.blocks {
-        let i = block.row;
-        if let Constraint::Contact { friction, .. } = block.constraint {
-            p.fixed_rows_mut::<3>(i).fill(0.0);
-            let c = Vector3::new(without(p, i), without(p, i + 1), without(p, i + 2));
-            let size = size(p, i).max(size(p, i + 1)).max(size(p, i + 2));
-            p.fixed_rows_mut::<3>(i).copy_from(&block.solve_contact(friction, c, size));
-        } else {
-            p[i] = 0.0;
-            p[i] = block.solve_one(without(p, i));
+    /// Solves every constraint once, with the current impulses of the others.
+    fn sweep(&mut self, map: &NaturalMap, p: &mut DVector<f64>) {
+        let (response, w, sizes) = (map.response, &mut self.w, &mut self.sizes);
+        response.reduce(p, w);
+        sizes.fill(0.0);
+        for (i, p) in p.iter().enumerate() {
+            response.add_size(i, *p, sizes);
+        }
+        for block in &map.blocks {
+            let i = block.row;
+            let rows = i..i + block.constraint.rows();
+            for k in rows.clone() {
+                response.add(k, -p[k], w);
+            }
+            let without = |k: usize| map.offset[k] + response.velocity(k, w);
+            if let Constraint::Contact { friction, .. } = block.constraint {
+                let c = Vector3::new(without(i), without(i + 1), without(i + 2));
+                let size = |k: usize| map.offset[k].abs() + response.size(k, sizes);
+                let size = size(i).max(size(i + 1)).max(size(i + 2));
+                p.fixed_rows_mut::<3>(i).copy_from(&block.solve_contact(friction, c, size));
+            } else {
+                p[i] = block.solve_one(without(i));
+            }
+            for k in rows {
+                response.add(k, p[k], w);
+                response.add_size(k, p[k], sizes);
+            }
         }
     }
 }
