@@ -1,0 +1,230 @@
+//! Several lasting contacts, event-driven: closed forms, and independent integrations.
+
+use carom::Chain;
+use carom::impact::{Coefficients, Newton};
+use carom::sim::{ContactLaw, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory};
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use nalgebra::{Vector2, Vector3};
+
+const G: f64 = 9.81;
+
+fn half_space(normal: Vector3<f64>) -> Obstacle {
+    Obstacle::half_space(Vector3::zeros(), normal).unwrap()
+}
+
+/// All contacts of the links, under Newton's law without restitution.
+fn simulation(chain: Chain, surfaces: &[(&str, Vector3<f64>)], friction: f64) -> Simulation {
+    let contact = ContactRule::new(Newton { restitution: 0.0, friction });
+    let surface = |(name, normal): &(&str, Vector3<f64>)| Surface {
+        name: (*name).into(),
+        obstacle: half_space(*normal),
+        contact: contact.clone(),
+        motion: None,
+    };
+    let surfaces: Vec<Surface> = surfaces.iter().map(surface).collect();
+    let touches = Touch::all(&chain, &surfaces, 0.0).unwrap().touches;
+    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
+    Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
+}
+
+fn floating_box(size: [f64; 3], mass: f64) -> Chain {
+    let [x, y, z] = size;
+    let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
+    let text = format!(
+        r#"<robot name="box"><link name="box"><inertial><mass value="{mass}"/>
+        <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>
+        <collision><geometry><box size="{x} {y} {z}"/></geometry></collision></link></robot>"#,
+        inertia(y, z),
+        inertia(x, z),
+        inertia(x, y)
+    );
+    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+}
+
+/// A uniform rod of 1 m that moves in the x–z plane: q = (x, z, angle about y), with its ends at ±0.5 along its x axis.
+fn rod(mass: f64) -> Chain {
+    let inertia = mass / 12.0;
+    let text = format!(
+        r#"<robot name="rod"><link name="world"/><link name="a"/><link name="b"/>
+        <link name="rod"><inertial><mass value="{mass}"/>
+          <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>
+          <collision><origin xyz="-0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision>
+          <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision></link>
+        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
+        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
+        <joint name="turn" type="continuous"><parent link="b"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>"#
+    );
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+fn names(run: &Trajectory) -> Vec<(f64, &'static str)> {
+    run.events.iter().map(|event| (event.time, event.kind.name())).collect()
+}
+
+/// The contacts at every sample of a run.
+fn told(sim: &Simulation, q: &[f64], qd: &[f64], duration: f64, every: f64) -> Vec<(f64, Vec<ContactState>)> {
+    let mut all = Vec::new();
+    let sampling = Sampling { every: Some(every), dense: false };
+    sim.stream(q, qd, duration, sampling, &mut |seen| {
+        if let Seen::Contacts(time, states) = seen {
+            all.push((time, states.to_vec()));
+        }
+    })
+    .unwrap();
+    all
+}
+
+/// A box slides to rest on its four corners: at v/(μ g), after v²/(2 μ g). Its friction acts below its centre, so the loads of
+/// the front corners are m g (1 + μ h/a)/4, with half height h and half length a, and those of the rear ones are smaller by as
+/// much. The stop is one event of all four corners.
+#[test]
+fn a_box_slides_to_rest_on_four_corners() {
+    let (mu, v, mass) = (0.3, 1.2, 2.0);
+    let sim = simulation(floating_box([0.3, 0.2, 0.1], mass), &[("floor", Vector3::z())], mu);
+    let (q, qd) = ([0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0], [v, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let run = sim.run(&q, &qd, 1.0).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
+    let stop = v / (mu * G);
+    let sticks: Vec<f64> = run.events.iter().filter(|e| e.kind.name() == "sticking").map(|e| e.time).collect();
+    assert_eq!(sticks.len(), 4, "{:?}", names(&run));
+    for time in sticks {
+        assert!((time - stop).abs() < 1e-9, "{time} for {stop}");
+    }
+    let last = &run.summary.last;
+    assert!((last.q[0] - v * v / (2.0 * mu * G)).abs() < 1e-10, "{last:?}");
+    assert!((last.q[2] - 0.05).abs() < 1e-12 && last.q[3..6].iter().all(|x| x.abs() < 1e-10), "{last:?}");
+    // The balance of the loads.
+    for (time, states) in told(&sim, &q, &qd, 1.0, 0.05) {
+        let share = if time < stop { mu * 0.05 / 0.15 } else { 0.0 };
+        assert_eq!(states.len(), 4);
+        for state in states {
+            let front = (state.point.x - last.q[0].min(v * time - 0.5 * mu * G * time * time)).signum();
+            let load = mass * G / 4.0 * (1.0 + front * share);
+            assert!((state.normal_force - load).abs() < 1e-8 * load, "{time}: {} for {load}", state.normal_force);
+            let friction = if time < stop { -mu * load } else { 0.0 };
+            assert!((state.force.x - friction).abs() < 1e-8 && state.force.y.abs() < 1e-8, "{time}: {:?}", state.force);
+        }
+    }
+}
+
+/// A box on a slope of angle θ > atan(μ) slides; where μ > a/h (half length over half height) and tan θ > a/h it tips about its
+/// lower edge instead, with the angular acceleration m g (h sin θ − a cos θ)/(I + m (a² + h²)).
+#[test]
+fn a_slender_box_on_a_slope_tips_over_its_edge() {
+    let (a, h, mass, mu) = (0.05, 0.15, 1.5, 0.9);
+    for (angle, tips) in [(0.3, false), (0.4_f64, true)] {
+        let normal = Vector3::new(angle.sin(), 0.0, angle.cos());
+        let sim = simulation(floating_box([2.0 * a, 0.1, 2.0 * h], mass), &[("slope", normal)], mu);
+        let half = angle / 2.0;
+        let start = [h * normal.x, 0.0, h * normal.z, 0.0, half.sin(), 0.0, half.cos()];
+        let run = sim.run(&start, &[0.0; 6], 0.01).unwrap();
+        assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
+        let inertia = mass * (a * a + h * h) / 3.0;
+        let alpha = if tips {
+            mass * G * (h * angle.sin() - a * angle.cos()) / (inertia + mass * (a * a + h * h))
+        } else {
+            0.0
+        };
+        // The torque of gravity changes by the order of the angle turned, 1e-4.
+        let spin = run.summary.last.qd[4];
+        assert!((spin - alpha * 0.01).abs() <= 1e-3 * alpha * 0.01, "{angle}: {spin} for {}", alpha * 0.01);
+        assert_eq!(run.summary.contacts.len(), if tips { 2 } else { 4 });
+    }
+}
+
+/// A ladder slides down a smooth wall on a smooth floor, from rest. It leaves the wall where its upper end has fallen to two
+/// thirds of its height, at the angular velocity ω² = 3 g (sin α₀ − sin α)/l with sin α = 2/3 sin α₀.
+#[test]
+fn a_ladder_leaves_its_wall_at_two_thirds_of_its_height() {
+    let sim = simulation(rod(3.0), &[("floor", Vector3::z()), ("wall", Vector3::x())], 0.0);
+    let alpha: f64 = 1.1;
+    // The end at −0.5 is up, at the wall.
+    let (s, c) = alpha.sin_cos();
+    let tiny = 1e-9;
+    let run = sim.run(&[0.5 * c + tiny, 0.5 * s + tiny, alpha], &[0.0; 3], 1.0).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
+    let leaves = run.events.iter().find(|event| matches!(event.kind, EventKind::LiftOff { .. })).unwrap();
+    let sine = 2.0 / 3.0 * s;
+    assert!((leaves.q[2].sin() - sine).abs() < 1e-9, "{} for {sine}", leaves.q[2].sin());
+    let spin = -(3.0 * G * (s - sine)).sqrt();
+    assert!((leaves.qd_plus[2] - spin).abs() < 1e-9, "{} for {spin}", leaves.qd_plus[2]);
+}
+
+/// A box that slides and spins on four corners, against the equations of its plane motion with loads that are affine in the
+/// position of the corner: Σ N = m g, Σ N r = friction's moment about the centre at the height h. Integrated by the classical
+/// method of Runge and Kutta.
+#[test]
+fn a_spinning_box_has_loads_that_are_affine_in_the_position_of_its_corners() {
+    let (size, mass, mu) = ([0.3, 0.2, 0.1], 2.0, 0.25);
+    let h = size[2] / 2.0;
+    let inertia = mass * (size[0] * size[0] + size[1] * size[1]) / 12.0;
+    let corner = |k: usize, turn: f64| {
+        let (x, y) = (if k & 1 == 0 { 0.15 } else { -0.15 }, if k & 2 == 0 { 0.1 } else { -0.1 });
+        let (s, c) = turn.sin_cos();
+        Vector2::new(c * x - s * y, s * x + c * y)
+    };
+    // Loads N = α + β·r with friction −μ N d: a linear system of three equations.
+    let rate = |y: [f64; 6]| {
+        let [_, _, turn, vx, vy, w] = y;
+        let at: Vec<Vector2<f64>> = (0..4).map(|k| corner(k, turn)).collect();
+        let d: Vec<Vector2<f64>> = at.iter().map(|r| Vector2::new(vx - w * r.y, vy + w * r.x).normalize()).collect();
+        let mut a = nalgebra::Matrix3::zeros();
+        for (r, d) in at.iter().zip(&d) {
+            let shape = Vector3::new(1.0, r.x, r.y);
+            // Moments about the horizontal axes: Σ N r − h Σ (force) = 0, as the friction acts at the height −h.
+            let moments = Vector3::new(1.0, r.x - mu * h * d.x, r.y - mu * h * d.y);
+            a += moments * shape.transpose();
+        }
+        let shape = a.lu().solve(&Vector3::new(mass * G, 0.0, 0.0)).unwrap();
+        let (mut force, mut torque) = (Vector2::zeros(), 0.0);
+        for (r, d) in at.iter().zip(&d) {
+            let load = shape.x + shape.y * r.x + shape.z * r.y;
+            let f = -d * (mu * load);
+            force += f;
+            torque += r.x * f.y - r.y * f.x;
+        }
+        [vx, vy, w, force.x / mass, force.y / mass, torque / inertia]
+    };
+    let mut y = [0.0, 0.0, 0.0, 0.8, 0.1, 3.0];
+    let (steps, end) = (2000, 0.2);
+    let step = end / f64::from(steps);
+    let add = |y: [f64; 6], k: [f64; 6], s: f64| std::array::from_fn(|i| y[i] + s * k[i]);
+    for _ in 0..steps {
+        let k1 = rate(y);
+        let k2 = rate(add(y, k1, step / 2.0));
+        let k3 = rate(add(y, k2, step / 2.0));
+        let k4 = rate(add(y, k3, step));
+        y = std::array::from_fn(|i| y[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+    }
+    let sim = simulation(floating_box(size, mass), &[("floor", Vector3::z())], mu);
+    let run = sim.run(&[0.0, 0.0, h, 0.0, 0.0, 0.0, 1.0], &[0.8, 0.1, 0.0, 0.0, 0.0, 3.0], end).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
+    assert_eq!(run.summary.contacts.len(), 4);
+    let q = &run.summary.last.q;
+    let turn = 2.0 * q[5].atan2(q[6]);
+    for (found, expected) in [q[0], q[1], turn].into_iter().zip(y) {
+        // Runge–Kutta's error is of the order of step⁴ = 1e-16.
+        assert!((found - expected).abs() < 1e-9, "{found} for {expected}");
+    }
+}
+
+/// Every contact twice: the motion is the same, although each pair of forces is undetermined.
+#[test]
+fn duplicated_contacts_do_not_change_the_motion() {
+    let contact = ContactLaw::named("newton", Coefficients { friction: 0.3, ..Coefficients::default() }).unwrap();
+    for qd in [[0.7, 0.2, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.5, 0.8, 0.0]] {
+        let once = simulation(floating_box([0.3, 0.2, 0.1], 2.0), &[("floor", Vector3::z())], 0.3);
+        assert_eq!(once.touches[0].contact.law, contact);
+        let mut twice = once.clone();
+        twice.touches.extend(once.touches.iter().cloned());
+        let start = [0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0];
+        let [one, two] = [&once, &twice].map(|sim| sim.run(&start, &qd, 0.15).unwrap().summary);
+        assert_eq!(two.statistics.contact_steps, 0);
+        for (a, b) in one.last.q.iter().zip(&two.last.q) {
+            assert!((a - b).abs() < 1e-9, "{a} {b}");
+        }
+    }
+}
