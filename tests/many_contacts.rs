@@ -2,7 +2,9 @@
 
 use carom::Chain;
 use carom::impact::{Coefficients, Newton};
-use carom::sim::{ContactLaw, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory};
+use carom::sim::{
+    ContactLaw, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory,
+};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::{Vector2, Vector3};

@@ -175,7 +175,7 @@ fn a_tumbling_box_comes_to_rest_on_a_face() {
 
 /// Painlevé's rod, whose lower end slides on the floor. In one direction the acceleration has no solution with a contact that
 /// slides on: an impact without collision stops the slip, with the impulse of `Law::branches` (0.4375, 0.3248 N s for a rod
-/// of 1 kg and 1 m at 60° with 1 m/s). In the other direction it slides on. Either way no time step is needed.
+/// of 1 kg and 1 m at 60° with 1 m/s). In the other direction it slides, until it approaches a jam as well.
 #[test]
 fn a_jammed_rod_has_an_impact_without_collision() {
     let end = r#"<collision><origin xyz="-0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision>
@@ -186,19 +186,20 @@ fn a_jammed_rod_has_an_impact_without_collision() {
     for side in [1.0, -1.0] {
         let run = sim.run(&[0.0, 0.5 * theta.sin() + 1e-9, -theta], &[side, 0.0, 0.0], 2.0).unwrap();
         let names: Vec<_> = run.events.iter().map(|event| (event.time, event.kind.name())).collect();
-        assert_eq!(run.summary.statistics.contact_steps, 0, "{side}: {names:?}");
         if let EventKind::Impact { hit, .. } = &run.events[0].kind {
             assert_eq!(run.events[0].time, 0.0);
             let expected = Vector3::new(-0.4375 * side, 0.0, 0.32475953);
             assert!((hit.impulse - expected).norm() < 1e-7, "{:?}", hit.impulse);
+            assert_eq!(run.summary.statistics.contact_steps, 0, "{side}: {names:?}");
             jammed += 1;
         } else {
-            assert!(names[0].1 == "sliding", "{side}: {names:?}");
+            assert!(names[0] == (0.0, "sliding") && names[1].0 > 0.05, "{side}: {names:?}");
         }
         for k in 0..=400 {
             let moment = run.at(&sim.chain, f64::from(k) * 0.005);
             let low = moment.q[1] - 0.5 * moment.q[2].sin().abs() - 1e-9;
-            assert!(low > -1e-9, "{low} at {}", moment.time);
+            // A time step leaves an overlap of up to 2 g h².
+            assert!(low > -3.0 * G * 1e-6, "{low} at {}", moment.time);
         }
         assert!(run.summary.energy.end < run.summary.energy.start + 1e-9);
     }

@@ -293,8 +293,11 @@ fn robots_without_mass_have_kinematics_and_no_dynamics() {
     let exact = nalgebra::dmatrix![0.0, 0.0, -1.0; 0.5, -0.5, 0.0; 0.0, 0.0, 0.0];
     assert!((at.point_jacobian(tip) - exact).amax() < 1e-15);
     let message = "'r' has no dynamics, because nothing that these links carry has mass: 'c', 'd'. Give them an <inertial>, load the robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints";
-    for error in [chain.check_dynamics().unwrap_err(), at.delassus(tip).unwrap_err(), at.forward_dynamics(&[0.0; 3], &[0.0; 3], Vector3::zeros()).unwrap_err()]
-    {
+    for error in [
+        chain.check_dynamics().unwrap_err(),
+        at.delassus(tip).unwrap_err(),
+        at.forward_dynamics(&[0.0; 3], &[0.0; 3], Vector3::zeros()).unwrap_err(),
+    ] {
         assert!(matches!(error, ChainError::Massless { .. }));
         assert_eq!(error.to_string(), message);
     }

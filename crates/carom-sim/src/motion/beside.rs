@@ -8,7 +8,7 @@
 //!
 //! Dry friction of joints carries no impulse: its force is bounded.
 
-use super::held::{Assembled, Basis};
+use super::assembled::{Assembled, Basis};
 use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;

@@ -1,5 +1,6 @@
 //! Smooth motion: the equations of one contact mode, and the choice of the mode.
 
+mod assembled;
 mod beside;
 mod free_motion;
 mod held;
@@ -10,8 +11,8 @@ mod settle;
 mod smooth;
 mod told;
 
+pub(crate) use assembled::Held;
 pub use free_motion::{free_motion, free_motion_at};
-pub(crate) use held::Held;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;

@@ -14,7 +14,7 @@
 //! with a_n > 0 opens. Where both are zero, or where a force is on the border of its cone at rest, the next derivative decides:
 //! the problem is solved again at a state a short time ahead.
 
-use super::held::Assembled;
+use super::assembled::Assembled;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;

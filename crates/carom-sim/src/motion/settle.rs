@@ -1,7 +1,7 @@
 //! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
 //! those that stick.
 
-use super::held::Basis;
+use super::assembled::Basis;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;

@@ -4,7 +4,7 @@
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
-use super::held::Assembled;
+use super::assembled::Assembled;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{BallOnPlane, ContactMode};
 use crate::error::SimError;

@@ -115,7 +115,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        if matches!(ended, Err(SimError::Integration { .. })) && accuracy.gives_up {
+        if let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (accuracy.gives_up, &ended) {
+            (self.time, self.y) = (*time, y.clone());
             // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
             // integrator, for slip until the explicit one is tried again.
             let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: !presses, ..accuracy };
@@ -124,13 +125,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         let watches = flow.watches;
         match ended {
-            Ok(LegEnd { time, y, fired }) => {
+            Ok(LegEnd { time, y, fired, stalled }) => {
                 (self.time, self.y) = (time, y);
-                fired.map_or(Ok(()), |witness| self.event(watches[witness]))
+                match (fired, stalled) {
+                    (_, Some(_)) if gives_up => self.no_mode(),
+                    (_, Some(reason)) => Err(SimError::Integration { time, reason }),
+                    (Some(witness), _) => self.event(watches[witness]),
+                    (None, _) => Ok(()),
+                }
             }
             Err(SimError::Jam { .. }) => self.no_mode(),
-            // The direction of slip turns ever faster as the slip goes to zero. Time steps have a solution.
-            Err(SimError::Integration { .. }) if gives_up => self.step_on(),
             Err(error) => Err(error),
         }
     }

@@ -84,6 +84,8 @@ pub(crate) struct LegEnd {
     pub y: Vec<f64>,
     /// The witness that fired.
     pub fired: Option<usize>,
+    /// Why the integrator could not go on, if it could not: the state is that of its last step.
+    pub stalled: Option<String>,
 }
 
 /// Settings of the integration.
@@ -162,15 +164,20 @@ pub(crate) fn leg(
         before: now,
         levels,
         y_before: y.to_vec(),
+        reached: start,
         after: Vec::new(),
         buffer: vec![0.0; y.len()],
         found: None,
         sampler: Some(sampler),
     };
-    integrate(&system, start, y, end, accuracy, statistics, &mut observer)?;
-    let Observer { found, y_before, .. } = observer;
+    let stalled = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
+        Err(SimError::Integration { reason, .. }) => Some(reason),
+        done => done.map(|()| None)?,
+    };
+    let Observer { found, y_before, reached, .. } = observer;
+    let time = if stalled.is_some() { reached } else { end };
     match found {
-        None => Ok(LegEnd { time: end, y: y_before, fired: None }),
+        None => Ok(LegEnd { time, y: y_before, fired: None, stalled }),
         Some(found) => refine(&system, found, accuracy, statistics),
     }
 }
@@ -186,6 +193,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
             before: Vec::new(),
             levels: Vec::new(),
             y_before: y.clone(),
+            reached: start,
             after: Vec::new(),
             buffer: Vec::new(),
             found: None,
@@ -209,7 +217,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         }
         time += correction;
     }
-    Ok(LegEnd { time, y: exact, fired: Some(witness) })
+    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None })
 }
 
 fn integrate(
@@ -309,6 +317,8 @@ struct Observer<'a, 'b, 'c> {
     /// The level at which each witness fires; `None` while it is not armed.
     levels: Vec<Option<f64>>,
     y_before: Vec<f64>,
+    /// The time of `y_before`.
+    reached: f64,
     /// Scratch memory.
     after: Vec<Witness>,
     buffer: Vec<f64>,
@@ -358,6 +368,7 @@ impl SolOut for Observer<'_, '_, '_> {
         }
         self.after = std::mem::replace(&mut self.before, after);
         self.y_before.copy_from_slice(y);
+        self.reached = end;
         if settled { ControlFlag::ModifiedSolution } else { ControlFlag::Continue }
     }
 }
