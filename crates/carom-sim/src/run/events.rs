@@ -103,7 +103,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let accuracy = Accuracy { tolerance, max_step, integrator, gives_up: gives_up || presses };
         let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
-        let until = kink.min(self.end);
+        let mut until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // shorter than any integration step
             return Ok(());
@@ -115,6 +115,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        // A step that is tried may reach beyond a jam that the motion only approaches.
+        while matches!(ended, Err(SimError::Jam { .. })) && until - self.time > NEAREST {
+            until = self.time + 0.125 * (until - self.time);
+            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        }
         if let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (accuracy.gives_up, &ended) {
             (self.time, self.y) = (*time, y.clone());
             // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
@@ -385,6 +390,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
 /// Gaps up to this size count as closed when another contact closes, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
+/// A jam within this time counts as reached, s.
+const NEAREST: f64 = 1e-9;
 /// Share of the longest step for which a slip that turns fast is integrated implicitly.
 const TURNING: f64 = 0.1;
 /// With this number of events within one contact step the run continues by time stepping.
