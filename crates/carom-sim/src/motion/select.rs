@@ -24,7 +24,7 @@ use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces.
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// Residuals above this are not a solution.
 const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.

@@ -29,7 +29,7 @@ use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2000 };
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// After this number of steps without contact the motion continues event-driven.
 const OPEN_STEPS: usize = 10;
 /// After this number of steps a consistent mode is looked for.

@@ -19,7 +19,7 @@ struct Answer {
     sub_impacts: usize,
 }
 
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 2_000 };
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5_000 };
 /// A residual above this, relative to the largest velocity, is no solution.
 const UNSOLVED: f64 = 1e-10;
 /// Largest error of a solution in the scenes' own measures: some times the tolerance at which the iteration stops.
