@@ -121,7 +121,6 @@ impl<A: Space> Motion<'_, A> {
             }
             done => done,
         };
-        drop(view);
         (self.dry, self.bristles) = (dry, bristles);
         Ok(done?)
     }

@@ -277,18 +277,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return self.no_mode();
         }
         self.note_changes(&old, before);
-        for k in 0..dry.len() {
+        for (k, old) in dry.iter().enumerate() {
             let holds = |joint: &DryJoint| joint.state == Dry::Holds;
-            if holds(&dry[k]) != holds(&self.motion.dry[k]) && self.events_started() {
+            if holds(old) != holds(&self.motion.dry[k]) && self.time > 0.0 {
                 self.note_joint(k, before);
             }
         }
         self.rest()
-    }
-
-    /// Whether the run is past its start.
-    fn events_started(&self) -> bool {
-        self.time > 0.0
     }
 
     /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them. `false`: no mode

@@ -49,9 +49,9 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let lasting: Vec<usize> =
             self.motion.lasting.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
-        match rigid.as_slice() {
-            &[touch] if lasting.is_empty() && beside.is_empty() => self.impact(touch),
-            &[touch] if beside.is_empty() && self.impact_beside(touch)? => Ok(()),
+        match *rigid.as_slice() {
+            [touch] if lasting.is_empty() && beside.is_empty() => self.impact(touch),
+            [touch] if beside.is_empty() && self.impact_beside(touch)? => Ok(()),
             _ => {
                 rigid.extend(lasting);
                 rigid.extend(beside);
