@@ -31,12 +31,20 @@ impl Law<f64, 3> for Slowing {
 
 /// The impacts of single contacts of a run while no other lasts, each beside that of the law alone at the same state.
 fn beside(sim: &Simulation, events: &[Event], law: &dyn Law<f64, 3>) -> Vec<(ChainImpact, ChainImpact)> {
+    let mut lasting = std::collections::BTreeSet::new();
     let alone = |event: &Event| {
-        let EventKind::Impact { touch, hit } = &event.kind else { return None };
+        match &event.kind {
+            EventKind::Mode { mode } => lasting.extend(mode.touch()),
+            EventKind::LiftOff { touch } => {
+                lasting.remove(touch);
+            }
+            _ => {}
+        }
         // Others that last have impulses too.
-        if event.blows.len() > 1 {
+        if !lasting.is_empty() {
             return None;
         }
+        let EventKind::Impact { touch, hit } = &event.kind else { return None };
         let moment = Moment { time: event.time, q: event.q.clone(), qd: event.qd_minus.clone() };
         let [point, normal] = sim.touching_point(*touch, &moment).unwrap().unwrap();
         let frame = sim.chain.frame(sim.touches[*touch].link().unwrap()).unwrap();
