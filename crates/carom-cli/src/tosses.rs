@@ -53,7 +53,7 @@ pub struct TossesCommand {
     /// Relative tolerance of the integration
     #[arg(long, default_value = "1e-9", allow_hyphen_values = true)]
     tolerance: f64,
-    /// Time step while several contacts last, s
+    /// Length of a time step, where time steps are computed, s
     #[arg(long, value_name = "SECONDS", default_value_t = 5e-4, allow_hyphen_values = true)]
     contact_step: f64,
     /// Print one line of JSON instead of a table

@@ -88,7 +88,7 @@ pub struct FitCommand {
     /// Relative tolerance of the integration of tosses
     #[arg(long, default_value = "1e-6", allow_hyphen_values = true)]
     tolerance: f64,
-    /// Time step of tosses while several contacts last, s
+    /// Length of a time step of tosses, where time steps are computed, s
     #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
     contact_step: f64,
     /// Print one line of JSON, with the error of every impact or toss, instead of a table

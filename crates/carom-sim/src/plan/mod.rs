@@ -198,7 +198,8 @@ impl Plan {
         let (count, search) = (pairs.len(), pairs.len() - plane);
         let names: Vec<&str> = pairs.iter().take(8).map(|touch| touch.name.as_str()).collect();
         let more = if count > 8 { format!(" and {} more", count - 8) } else { String::new() };
-        let several = touches.len() > 1 || pairs.iter().any(|touch| !touch.is_point());
+        let faces = pairs.iter().any(|touch| !touch.is_point());
+        let several = touches.len() > 1 || faces;
         let step = self.simulation.contact_step;
         let choice = match count {
             0 => "none".to_owned(),
@@ -213,7 +214,9 @@ impl Plan {
             self.keep("several", choice, "method = \"steps\"");
         } else if several {
             let law = self.simulation.several.name();
-            let choice = format!("event-driven; time steps of {step} s while several contacts last; law {law}");
+            let steps = if faces { "where a face lies on an obstacle or " } else { "" };
+            let choice =
+                format!("event-driven; law {law}; time steps of {step} s only {steps}where no mode is consistent");
             self.keep("several", choice, "several contacts are possible at the same time");
         } else if !none {
             self.keep("several", "event-driven, one contact at a time", "only one contact point is possible");

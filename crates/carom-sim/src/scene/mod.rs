@@ -144,9 +144,9 @@ use tip_velocity::tip_velocity;
 /// | `max_step` | > 0, s | `0.1` | longest integration step |
 /// | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
 /// | `zeno_time` | > 0, s | `1e-5` | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
-/// | `contact_step` | > 0, s | `1e-3` | length of a time step while several contacts last |
+/// | `contact_step` | > 0, s | `1e-3` | length of a time step, where time steps are computed |
 /// | `max_events` | integer | `100000` | the run stops after this number of events |
-/// | `method` | string | `"events"` | `"events"`: event-driven, with time steps while several contacts last; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
+/// | `method` | string | `"events"` | `"events"`: event-driven, with time steps only where no mode is consistent; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
 /// | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |
 /// | `neglect` | above 0, below 1 | nothing is neglected | relative tolerance for approximations, each with a reported bound: see [`Simulation::neglect`]. Ignored with `model = "full"` |
 /// | `controller` | string | `"off"` | what drives the joints, see below |
