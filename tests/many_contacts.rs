@@ -5,9 +5,11 @@ use carom::impact::{Coefficients, Newton};
 use carom::sim::{
     ContactLaw, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory,
 };
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::{Vector2, Vector3};
+
+mod bodies;
+use bodies::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 
@@ -30,36 +32,12 @@ fn simulation(chain: Chain, surfaces: &[(&str, Vector3<f64>)], friction: f64) ->
     Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
 }
 
-fn floating_box(size: [f64; 3], mass: f64) -> Chain {
-    let [x, y, z] = size;
-    let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
-    let text = format!(
-        r#"<robot name="box"><link name="box"><inertial><mass value="{mass}"/>
-        <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>
-        <collision><geometry><box size="{x} {y} {z}"/></geometry></collision></link></robot>"#,
-        inertia(y, z),
-        inertia(x, z),
-        inertia(x, y)
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
-}
-
-/// A uniform rod of 1 m that moves in the x–z plane: q = (x, z, angle about y), with its ends at ±0.5 along its x axis.
+/// A uniform rod of 1 m in the x–z plane, with its ends at ±0.5 along its x axis.
 fn rod(mass: f64) -> Chain {
-    let inertia = mass / 12.0;
-    let text = format!(
-        r#"<robot name="rod"><link name="world"/><link name="a"/><link name="b"/>
-        <link name="rod"><inertial><mass value="{mass}"/>
-          <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>
-          <collision><origin xyz="-0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision>
-          <collision><origin xyz="0.5 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision></link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    let end = |x: f64| {
+        format!(r#"<collision><origin xyz="{x} 0 0"/><geometry><sphere radius="1e-9"/></geometry></collision>"#)
+    };
+    in_plane(mass, mass / 12.0, &(end(-0.5) + &end(0.5)))
 }
 
 fn names(run: &Trajectory) -> Vec<(f64, &'static str)> {

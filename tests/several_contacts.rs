@@ -3,9 +3,11 @@
 use carom::Chain;
 use carom::impact::Coefficients;
 use carom::sim::{ContactLaw, ContactMode, ContactRule, EventKind, Simulation, Surface, Touch};
-use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use nalgebra::Vector3;
+
+mod bodies;
+use bodies::{floating_box, in_plane};
 
 const G: f64 = 9.81;
 
@@ -21,35 +23,6 @@ fn simulation(chain: Chain, floor: Obstacle, law: &str, restitution: f64, fricti
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
     let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
     Simulation { gravity: Vector3::new(0.0, 0.0, -G), tolerance: 1e-11, ..Simulation::new(chain, touches) }
-}
-
-/// A body that moves in the x–z plane: q = (x, z, angle about y).
-fn in_plane(mass: f64, inertia: f64, shapes: &str) -> Chain {
-    let text = format!(
-        r#"<robot name="body"><link name="world"/><link name="a"/><link name="b"/>
-        <link name="body"><inertial><mass value="{mass}"/>
-          <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>{shapes}</link>
-        <joint name="x" type="prismatic"><parent link="world"/><child link="a"/><axis xyz="1 0 0"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="z" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
-        <joint name="turn" type="continuous"><parent link="b"/><child link="body"/><axis xyz="0 1 0"/></joint></robot>"#
-    );
-    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
-}
-
-fn floating_box(size: [f64; 3], mass: f64) -> Chain {
-    let [x, y, z] = size;
-    let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
-    let text = format!(
-        r#"<robot name="box"><link name="box"><inertial><mass value="{mass}"/>
-        <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>
-        <collision><geometry><box size="{x} {y} {z}"/></geometry></collision></link></robot>"#,
-        inertia(y, z),
-        inertia(x, z),
-        inertia(x, y)
-    );
-    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
 }
 
 /// B9: a uniform rod dropped flat on both ends rebounds without rotation, with e times its speed.
@@ -198,8 +171,9 @@ fn a_jammed_rod_has_an_impact_without_collision() {
         for k in 0..=400 {
             let moment = run.at(&sim.chain, f64::from(k) * 0.005);
             let low = moment.q[1] - 0.5 * moment.q[2].sin().abs() - 1e-9;
-            // A time step leaves an overlap of up to 2 g h².
-            assert!(low > -3.0 * G * 1e-6, "{low} at {}", moment.time);
+            // A time step leaves an overlap of up to 2 g h², exact events leave none.
+            let allowed = if run.summary.statistics.contact_steps > 0 { 3.0 * G * 1e-6 } else { 1e-9 };
+            assert!(low > -allowed, "{low} at {}", moment.time);
         }
         assert!(run.summary.energy.end < run.summary.energy.start + 1e-9);
     }

@@ -109,7 +109,7 @@ struct LoadArgs {
     /// Refuse what is otherwise a warning about the file
     #[arg(long)]
     strict: bool,
-    /// Make the smallest change that gives the robot dynamics, and list it
+    /// Change the robot as little as needed to compute its dynamics, and list every change
     ///
     /// Links that move without mass are welded to the links that carry them; principal moments of
     /// inertia that no body has are raised to the nearest possible ones.

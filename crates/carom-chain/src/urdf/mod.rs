@@ -63,7 +63,7 @@ pub struct LoadOptions {
     pub meshes: Meshes,
     /// Whether warnings ([`LoadReport::warnings`]) are errors.
     pub strict: bool,
-    /// Whether the smallest change is made that gives dynamics: links that move without mass are welded to the links that
+    /// Whether the robot is changed as little as needed to compute its dynamics: links that move without mass are welded to the links that
     /// carry them, and principal moments of inertia are raised to the nearest ones that a body can have.
     /// [`LoadReport::repairs`] lists the changes.
     pub repair: bool,

@@ -14,8 +14,6 @@ pub(crate) struct Held {
     pub joints: Vec<f64>,
     /// Power of the drive, and of all dissipative forces.
     pub power: [f64; 2],
-    /// Whether q̈ does not depend on the distribution of redundant forces.
-    pub unique: bool,
 }
 
 /// The force of one contact.
@@ -127,9 +125,4 @@ impl Basis {
             None => DMatrix::zeros(gram.nrows(), r),
         }
     }
-}
-
-/// Rank of the rows F, from F M⁻¹Fᵀ.
-pub(crate) fn rank_of_rows(forces: &Rows, responses: &Rows) -> usize {
-    Basis::of(&forces.times(responses)).rows.len()
 }

@@ -19,9 +19,9 @@
 //! λ = X η, the forces of equal springs under all rows that a rigid displacement compresses. For F = R these are the
 //! forces of least norm; for normal forces under a face they are affine in the position of the contact point. The motion does
 //! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
-//! different directions: a spinning box. The state is then flagged non-unique.
+//! different directions: a spinning box. Its motion is that of the convention.
 
-use super::assembled::{Assembled, Basis, Force, Held, rank_of_rows};
+use super::assembled::{Assembled, Basis, Force, Held};
 use super::lasting::{Hold, Lasting};
 use super::smooth::Motion;
 use crate::contact::Memory;
@@ -150,7 +150,6 @@ impl<A: Space> Motion<'_, A> {
             contacts: Vec::with_capacity(lasting.len()),
             joints: vec![0.0; self.dry.len()],
             power: *power,
-            unique: true,
         };
         let m = constraints.rows.len();
         let lambda = if m == 0 {
@@ -159,9 +158,7 @@ impl<A: Space> Motion<'_, A> {
             let k = constraints.rows.times(responses);
             let wanted =
                 DVector::from_fn(m, |i, _| -(constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]));
-            let (lambda, unique) = self.forces(time, lasting, found, &k, &wanted)?;
-            held.unique = unique;
-            lambda
+            self.forces(time, lasting, found, &k, &wanted)?
         };
         for (response, force) in responses.iter().zip(lambda.iter()) {
             held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
@@ -186,7 +183,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(held)
     }
 
-    /// λ, and whether the motion is unique.
+    /// λ.
     fn forces(
         &self,
         time: f64,
@@ -194,7 +191,7 @@ impl<A: Space> Motion<'_, A> {
         found: &Assembled,
         k: &DMatrix<f64>,
         wanted: &DVector<f64>,
-    ) -> Result<(DVector<f64>, bool), SimError> {
+    ) -> Result<DVector<f64>, SimError> {
         let Assembled { constraints, responses, own_responses, .. } = found;
         let m = wanted.len();
         let jam = |contact: usize| {
@@ -204,7 +201,7 @@ impl<A: Space> Motion<'_, A> {
         if m == 1 {
             // A unit force must open the gap; NaN does not.
             let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
-            return if opens || constraints.contacts.is_empty() { Ok((wanted / k[(0, 0)], true)) } else { Err(jam(0)) };
+            return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
         }
         let gram =
             if constraints.skew { constraints.rows.times(own_responses) } else { constraints.rows.times(responses) };
@@ -222,15 +219,14 @@ impl<A: Space> Motion<'_, A> {
                     return Err(jam(c));
                 }
             }
-            return Ok((inverse * wanted, true));
+            return Ok(inverse * wanted);
         }
         // λ = X η; the rows B of K X η = wanted.
         let spread = basis.spread(&gram);
         let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
         let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
         let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };
-        let unique = !constraints.skew || rank_of_rows(&constraints.forces, responses) <= rank;
-        Ok((spread * eta, unique))
+        Ok(spread * eta)
     }
 
     /// Whether the response of a single sliding contact is above the rounding of its terms.

@@ -2,7 +2,8 @@
 //!
 //! An impact beside lasting contacts is that of the touch alone, with the inertia that the others leave:
 //! H_cc − H_cl H_ll⁺ H_lc, under the contact's own law, if the impulses of the others are admissible (they push, within their
-//! cones) and the scene's law of several contacts is Moreau's, which keeps them closed as well. Otherwise, and where several touches close at once, it is one problem under the scene's law of several contacts.
+//! cones) and the scene's law of several contacts is Moreau's, which keeps them closed as well. Otherwise, and where several
+//! touches close at once, it is one problem under the scene's law of several contacts.
 //!
 //! **After the impact** each touch with a separation velocity u⁺, r = u⁺/|u⁻| and the acceleration a towards the surface:
 //!
@@ -12,7 +13,7 @@
 //!   hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::events::Run;
+use super::events::{Run, TOUCHING};
 use super::trajectory::EventKind;
 use crate::contact::{Compliance, friction_bound};
 use crate::error::SimError;
@@ -67,7 +68,7 @@ impl<A: Space> Run<'_, '_, A> {
         let view = self.motion.view(&q)?;
         let flat = |touch: &usize| {
             let one = &sim.touches[*touch];
-            !one.is_point() && one.points(&view, &q, time, TOUCHED).len() > 2
+            !one.is_point() && one.points(&view, &q, time, TOUCHING).len() > 2
         };
         Ok(touches.iter().any(flat))
     }
@@ -241,7 +242,8 @@ impl<A: Space> Run<'_, '_, A> {
             let energy = self.motion.energy(&self.y)?;
             let start = self.y.clone();
             still.extend(&ending);
-            if !self.close(&still)? || !self.choose(&still)? {
+            self.close(&still)?;
+            if !self.choose(&still)? {
                 return self.no_mode();
             }
             match self.motion.pass(left, self.time, &mut self.y) {
@@ -265,11 +267,11 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// Sets the normal velocities of these touches to zero: the end of their impacts.
-    fn close(&mut self, touches: &[usize]) -> Result<bool, SimError> {
+    fn close(&mut self, touches: &[usize]) -> Result<(), SimError> {
         let hold = Hold::Slides { toward: nalgebra::Vector3::zeros() };
         let closed: Vec<Lasting> = touches.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&closed, self.time, &mut self.y)?;
-        Ok(true)
+        Ok(())
     }
 
     /// The motion has no consistent mode: an impact without collision, or time steps.
@@ -282,7 +284,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn without_collision(&mut self) -> Result<bool, SimError> {
         let rest = self.motion.rest();
         let closed: Vec<usize> = (self.gaps()?.into_iter().enumerate())
-            .filter(|(_, (gap, rate))| *gap <= TOUCHED && rate.abs() <= rest)
+            .filter(|(_, (gap, rate))| *gap <= TOUCHING && rate.abs() <= rest)
             .map(|(k, _)| k)
             .collect();
         let &[touch] = closed.as_slice() else { return Ok(false) };
@@ -323,6 +325,3 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(true)
     }
 }
-
-/// Gaps up to this size count as closed where a mode is looked for, m.
-const TOUCHED: f64 = 1e-9;

@@ -61,7 +61,7 @@ use tip_velocity::tip_velocity;
 /// | `tip` | link name | `"tip"` | the link whose frame origin is the tip: used by `tip_velocity`, by the controllers `"transition"` and `"impact-invariant"`, and for the path in recordings. A robot without a link named `tip` needs the key for these only |
 /// | `floating` | boolean | `false` | connects the base link to the world by a floating joint |
 /// | `strict` | boolean | `false` | refuses what is otherwise a warning about the URDF |
-/// | `repair` | boolean | `false` | makes the smallest change that gives the robot dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
+/// | `repair` | boolean | `false` | changes the robot as little as needed to compute its dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
 /// | `package_dirs` | list of folders | `[]` | folders in which the packages of mesh names (`package://NAME/…`) are searched for first |
 ///
 /// `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,

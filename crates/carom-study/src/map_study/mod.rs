@@ -39,7 +39,7 @@
 //! | `[robot] point` | `[x, y, z]`, m | `[0, 0, 0]` | contact point, in the axes of the tip's frame, from its origin |
 //! | `[robot] limits` | boolean | `true` | whether position limits of the joints hold: poses beyond them have class `outside-limits` and no numbers |
 //! | `[robot] strict` | boolean | `false` | refuses what is otherwise a warning about the URDF |
-//! | `[robot] repair` | boolean | `false` | makes the smallest change that gives the robot dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
+//! | `[robot] repair` | boolean | `false` | changes the robot as little as needed to compute its dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
 //! | `[robot] package_dirs` | list of folders | `[]` | folders in which packages are searched for first, as in scenes; meshes are not read |
 //! | `[joints] <joint>` | values, rad or m | required for every moving joint | positions; the poses are the grid of all combinations. Fixed and mimic joints are left out. A range may have `unit = "deg"` |
 //! | `[tip] x`, `y`, `z` | values, m | unconstrained | instead of `[joints]`: world position of the contact point; at least one of the three. The poses are computed by inverse kinematics |
