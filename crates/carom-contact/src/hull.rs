@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull {
     vertices: Vec<Vector3<f64>>,
+    triangles: Vec<[u32; 3]>,
     centre: Vector3<f64>,
     radius: f64,
 }
@@ -16,16 +17,22 @@ pub struct Hull {
 impl Hull {
     /// The hull of a mesh. A flat mesh, which has no volume, keeps all its vertices.
     pub fn of(mesh: &Mesh) -> Self {
-        let vertices = parry::hull_vertices(mesh.vertices()).unwrap_or_else(|| mesh.vertices().to_vec());
+        let (vertices, triangles) =
+            parry::convex_hull(mesh.vertices()).unwrap_or_else(|| (mesh.vertices().to_vec(), Vec::new()));
         let (lower, upper) = mesh.bounds();
         let centre = (lower + upper) / 2.0;
         let radius = vertices.iter().map(|v| (v - centre).norm()).fold(0.0, f64::max);
-        Self { vertices, centre, radius }
+        Self { vertices, triangles, centre, radius }
     }
 
     /// Its corners, in the mesh's axes, m.
     pub fn vertices(&self) -> &[Vector3<f64>] {
         &self.vertices
+    }
+
+    /// Its triangles, by their corners, anticlockwise from outside; none for a flat mesh.
+    pub(crate) fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
     }
 
     pub(crate) fn bounding_sphere(&self) -> (Vector3<f64>, f64) {

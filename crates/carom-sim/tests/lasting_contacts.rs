@@ -2,7 +2,7 @@
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
-use carom_contact::Obstacle;
+use carom_contact::{Mesh, Obstacle};
 use carom_impact::Newton;
 use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Surface, Touch};
 use nalgebra::{Isometry3, Vector3};
@@ -56,19 +56,20 @@ fn a_box_that_starts_with_a_flat_impact_rebounds_without_rotation() {
     let table = Isometry3::translation(0.1, -0.2, -0.05);
     let table = Obstacle::cuboid(table, Vector3::new(1.0, 1.0, 0.1)).unwrap();
     let sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), table, 0.5);
-    assert_eq!(sim.touches.len(), 1);
     let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();
     let last = &run.summary.last;
     assert!(last.qd[3..].iter().all(|w| w.abs() < 1e-9), "{last:?}");
     assert!((last.qd[2] - 0.5).abs() < 1e-9, "{last:?}");
-    assert_eq!(run.events[0].kind.name(), "stepping");
+    let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
+    assert_eq!(kinds, ["several"]);
 }
 
-/// After the last closed contact ten time steps pass before the motion is event-driven again.
+/// After the last closed contact ten time steps pass before the motion is event-driven again. Faces on a mesh take time steps.
 #[test]
 fn free_motion_begins_ten_time_steps_after_the_last_contact() {
-    let table = Isometry3::translation(0.1, -0.2, -0.05);
-    let table = Obstacle::cuboid(table, Vector3::new(1.0, 1.0, 0.1)).unwrap();
+    let corners = [[-0.4, -0.7, 0.0], [0.6, -0.7, 0.0], [0.6, 0.3, 0.0], [-0.4, 0.3, 0.0]].map(Vector3::from);
+    let square = Mesh::from_triangles(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+    let table = Obstacle::mesh(square, Isometry3::identity()).unwrap();
     let mut sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), table, 0.5);
     sim.contact_step = 2.0_f64.powi(-10);
     let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();

@@ -1,17 +1,27 @@
 //! Gaps of touches, their rates and rows, at one state.
 
+use super::pair::{Against, Pair};
 use super::touch::{Touch, TouchKind};
 use crate::error::SimError;
 use crate::state::{Felt, Space, View};
 use carom_chain::{FrameId, Point};
-use carom_contact::{gap, gap_between, gap_points};
+use carom_contact::{Gap, Met};
 use nalgebra::{DMatrix, Vector3};
 /// A touch at one state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct At<A: Space> {
     pub gap: f64,
+    /// How far the contact point is inside the faces and edges that touch, m: see [`Met::margin`].
+    pub margin: f64,
     /// Contact point on the robot, and unit normal from the environment to the robot, world; `None` for joint limits.
     pub surface: Option<Place<A>>,
+}
+
+impl<A: Space> At<A> {
+    /// Whether the parts face each other: otherwise the gap means nothing.
+    pub fn counts(&self) -> bool {
+        self.margin >= -Met::OUTSIDE
+    }
 }
 
 /// Contact point and normal of a touch.
@@ -80,6 +90,9 @@ pub(crate) struct BallOnPlane<A: Space> {
     radius: f64,
 }
 
+/// The gap of parts that do not face each other, m.
+pub(crate) const APART: f64 = 1.0;
+
 /// An inverse mass below this share of the largest is rounding.
 const STUCK: f64 = 1e-13;
 
@@ -111,28 +124,18 @@ impl Touch {
                 let position = centre - normal * *radius + shift;
                 let place =
                     Place { point: view.point(shape.frame(), position), against: None, position, normal: *normal };
-                At { gap: height - radius, surface: Some(place) }
+                At { gap: height - radius, margin: f64::INFINITY, surface: Some(place) }
             }
-            TouchKind::Pair { shape, obstacle } => {
-                let found = gap(shape, &self.seen(view, shape.frame(), shift), obstacle);
-                let position = found.on_robot + shift;
-                let place =
-                    Place { point: view.point(shape.frame(), position), against: None, position, normal: found.normal };
-                At { gap: found.distance, surface: Some(place) }
-            }
-            TouchKind::Links { shape, other } => {
-                let [a, b] = [shape, other].map(|shape| view.pose(shape.frame()));
-                let found = gap_between((shape, &a), (other, &b));
-                let place = Place {
-                    point: view.point(shape.frame(), found.on_robot),
-                    against: Some(view.point(other.frame(), found.on_environment)),
-                    position: found.on_robot,
-                    normal: found.normal,
-                };
-                At { gap: found.distance, surface: Some(place) }
-            }
+            TouchKind::Pair { pair, part } => match part {
+                Some(part) => {
+                    let met = pair.met(*part, view, shift);
+                    At { margin: met.margin, ..place(pair, view, met.gap) }
+                }
+                None => place(pair, view, pair.nearest(view, shift)),
+            },
             TouchKind::Limit { q: at, bound, upper, .. } => {
-                At { gap: if *upper { bound - q[*at] } else { q[*at] - bound }, surface: None }
+                let gap = if *upper { bound - q[*at] } else { q[*at] - bound };
+                At { gap, margin: f64::INFINITY, surface: None }
             }
         }
     }
@@ -145,7 +148,7 @@ impl Touch {
         Some(BallOnPlane { centre, normal: A::project(model, *normal), height, radius: *radius })
     }
 
-    /// g and ġ.
+    /// g and ġ; a gap of [`APART`] where the parts do not face each other.
     pub(crate) fn look<A: Space>(
         &self,
         ball: Option<&BallOnPlane<A>>,
@@ -163,34 +166,25 @@ impl Touch {
             }
             _ => {
                 let at = self.at(view, q, time);
+                if !at.counts() {
+                    return Ok((APART, 0.0));
+                }
                 Ok((at.gap, self.rate(&at, view, qd, time)?))
             }
         }
     }
 
-    /// All points of the pair with gaps of at most `within`.
+    /// All points of the pair with gaps of at most `within`; for the nearest points of bodies that can touch at several points
+    /// also their corners.
     pub(crate) fn points<A: Space>(&self, view: &View<A>, q: &[f64], time: f64, within: f64) -> Vec<At<A>> {
         let mut points = match &self.kind {
-            TouchKind::Pair { shape, obstacle } if !self.is_point() => {
+            TouchKind::Pair { pair, part: None } => {
                 let [shift, ..] = self.shift(time);
-                let corners = gap_points(shape, &self.seen(view, shape.frame(), shift), obstacle, f64::INFINITY);
-                let place = |found: carom_contact::Gap| {
-                    let position = found.on_robot + shift;
-                    let place = Place {
-                        point: view.point(shape.frame(), position),
-                        against: None,
-                        position,
-                        normal: found.normal,
-                    };
-                    At { gap: found.distance, surface: Some(place) }
-                };
-                let mut points: Vec<At<A>> = corners.into_iter().map(place).collect();
-                points.push(self.at(view, q, time));
-                points
+                pair.points(view, shift).into_iter().map(|found| place(pair, view, found)).collect()
             }
             _ => vec![self.at(view, q, time)],
         };
-        points.retain(|at| at.gap <= within);
+        points.retain(|at| at.gap <= within && at.counts());
         points
     }
 
@@ -226,10 +220,18 @@ impl Touch {
 
     /// Whether [`Touch::drift`] has a closed form.
     pub(crate) fn has_closed_drift(&self) -> bool {
-        matches!(self.kind, TouchKind::Limit { .. } | TouchKind::Ball { .. })
+        !matches!(self.kind, TouchKind::Pair { part: None, .. })
+    }
+
+    /// Whether its contact point can leave the faces and edges that touch.
+    pub(crate) fn ends(&self) -> bool {
+        matches!(&self.kind, TouchKind::Pair { pair, part: Some(part) } if pair.ends(*part))
     }
 
     /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences.
+    ///
+    /// The contact points of parts move on their bodies by α and β: u̇ is the difference of the accelerations of the material
+    /// points plus ω × α − ω′ × β, and g̈ = n·u̇ + ṅ·u.
     ///
     /// For a ball on a plane with centre c, g̈ = n·(c̈ − s̈). The contact point stays below the centre, so u̇ is without the
     /// term ω × (ω × r) of the material point, r = −n radius.
@@ -251,7 +253,36 @@ impl Touch {
                 };
                 Some(closed())
             }
+            (TouchKind::Pair { pair, part: Some(part) }, Some(place)) => {
+                let mut closed = || {
+                    let [shift, _, acceleration] = self.shift(time);
+                    let turning = pair.turning(view, qd)?;
+                    let u = self.u(&place, view, qd, time)?;
+                    let Some(slide) = pair.slide(*part, view, shift, turning, u) else {
+                        return Ok((0.0, Vector3::zeros()));
+                    };
+                    let own = view.drift(place.point, qd)? + turning[0].cross(&slide.on_robot);
+                    let other = match place.against {
+                        Some(against) => view.drift(against, qd)? + turning[1].cross(&slide.on_environment),
+                        None => acceleration,
+                    };
+                    let drift = own - other;
+                    Ok((place.normal.dot(&drift) + slide.normal_rate.dot(&u), drift))
+                };
+                Some(closed())
+            }
             _ => None,
         }
     }
+}
+
+/// The contact at given points of a pair.
+fn place<A: Space>(pair: &Pair, view: &View<A>, found: Gap) -> At<A> {
+    let against = match &pair.against {
+        Against::Link(other) => Some(view.point(other.frame(), found.on_environment)),
+        Against::Obstacle(_) => None,
+    };
+    let (point, normal) = (view.point(pair.shape.frame(), found.on_robot), found.normal);
+    let place = Place { point, against, position: found.on_robot, normal };
+    At { gap: found.distance, margin: f64::INFINITY, surface: Some(place) }
 }

@@ -9,15 +9,17 @@
 //! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
+use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Oscillation, Surface};
 use crate::error::SimError;
 use carom_chain::{Chain, Coordinates, Reduced, Spatial};
 use carom_contact::{
-    LeftOut, LinkShape, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
+    LeftOut, LinkShape, Meeting, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
 };
 use carom_impact::Frictionless;
 use nalgebra::Vector3;
+use std::sync::Arc;
 
 /// A possible contact: a pair of shapes, or a joint limit.
 #[derive(Debug, Clone)]
@@ -36,10 +38,9 @@ pub struct Touch {
 pub(crate) enum TouchKind {
     /// A ball on a link (a corner is a ball of radius 0), and a half-space.
     Ball { shape: Box<LinkShape>, centre: Vector3<f64>, radius: f64, point: Vector3<f64>, normal: Vector3<f64> },
-    /// Any other pair of a shape and an obstacle, at its nearest points.
-    Pair { shape: Box<LinkShape>, obstacle: Box<Obstacle> },
-    /// Shapes of two links, at their nearest points.
-    Links { shape: Box<LinkShape>, other: Box<LinkShape> },
+    /// Any other pair of bodies: a contact of two of their parts, or (`None`) their nearest points. A pair that is divided
+    /// has touches of both kinds; its nearest points then are a contact only where no contact of parts is as near.
+    Pair { pair: Arc<Pair>, part: Option<Meeting> },
     /// A joint limit.
     Limit { joint: String, q: usize, v: usize, bound: f64, upper: bool },
 }
@@ -49,7 +50,7 @@ fn shapes_at(chain: &Chain, surfaces: &[Surface]) -> Result<Vec<LinkShape>, SimE
     if surfaces.is_empty() { Ok(Vec::new()) } else { Ok(link_shapes(chain)?) }
 }
 
-/// For hulls with more vertices than this only the vertex nearest to a half-space is a contact.
+/// The corners of hulls with more vertices than this are examined together, while none of them touches.
 const MANY_CORNERS: usize = 32;
 
 /// The possible contacts, and the pairs that cannot touch, each with its reason.
@@ -85,21 +86,19 @@ impl Touch {
         };
         let (own, others) = (of(link)?, of(other)?);
         let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (shape, other)));
-        let touch = |(shape, other): (&LinkShape, &LinkShape)| Self {
-            name: format!("{} on {}", shape.link(), other.link()),
-            contact: contact.clone(),
-            surface: Some(other.link().to_owned()),
-            kind: TouchKind::Links { shape: Box::new(shape.clone()), other: Box::new(other.clone()) },
-            motion: None,
-        };
-        Ok(pairs.map(touch).collect())
+        let mut touches = Vec::new();
+        for (shape, other) in pairs {
+            let pair = Pair::new(shape, Against::Link(other.clone()), contact.compliance.is_some());
+            Self::add_pair(&mut touches, pair, other.link(), contact, None);
+        }
+        Ok(touches)
     }
 
     /// The pairs of every collision shape with every surface that it can reach at some configuration, and all joint limits,
     /// with Newton's coefficient of restitution `limit_restitution`. Pairs that are out of reach at every configuration are
     /// left out, which does not change the motion. Moving surfaces are always included.
     ///
-    /// With a half-space, each corner, ball and capsule end is a touch of its own.
+    /// Each contact of a corner, edge, face or rim of the shape with a part of the surface is a touch of its own.
     ///
     /// # Errors
     /// [`SimError::Shape`] for an invalid mesh.
@@ -138,25 +137,41 @@ impl Touch {
 
     fn add(touches: &mut Vec<Self>, shape: &LinkShape, surface: &Surface) {
         let Surface { name, obstacle, contact, motion } = surface;
-        let surface = Some(name.clone());
-        let mut push = |name, kind| {
-            touches.push(Self { name, contact: contact.clone(), kind, surface: surface.clone(), motion: *motion });
-        };
-        let name = format!("{} on {name}", shape.link());
         let corners = shape.corners();
         match obstacle.surface() {
             Form::HalfSpace { point, normal }
                 if corners.len() <= MANY_CORNERS && !matches!(shape.solid(), Solid::Cylinder { .. }) =>
             {
+                let (surface, name) = (Some(name.clone()), format!("{} on {name}", shape.link()));
                 for (k, corner) in corners.iter().enumerate() {
                     let name = if corners.len() == 1 { name.clone() } else { format!("{name}, corner {}", k + 1) };
                     let (shape, centre, radius) = (Box::new(shape.clone()), corner.position, corner.radius);
-                    push(name, TouchKind::Ball { shape, centre, radius, point: *point, normal: *normal });
+                    let kind = TouchKind::Ball { shape, centre, radius, point: *point, normal: *normal };
+                    let (contact, surface) = (contact.clone(), surface.clone());
+                    touches.push(Self { name, contact, kind, surface, motion: *motion });
                 }
             }
             _ => {
-                push(name, TouchKind::Pair { shape: Box::new(shape.clone()), obstacle: Box::new(obstacle.clone()) });
+                let pair = Pair::new(shape, Against::Obstacle(obstacle.clone()), contact.compliance.is_some());
+                Self::add_pair(touches, pair, name, contact, *motion);
             }
+        }
+    }
+
+    /// The contacts of the parts of a pair, and its nearest points.
+    fn add_pair(
+        touches: &mut Vec<Self>,
+        (pair, meetings): (Pair, Vec<Meeting>),
+        surface: &str,
+        contact: &ContactRule,
+        motion: Option<Oscillation>,
+    ) {
+        let pair = Arc::new(pair);
+        let whole = format!("{} on {surface}", pair.shape.link());
+        for part in meetings.into_iter().map(Some).chain([None]) {
+            let name = part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
+            let kind = TouchKind::Pair { pair: pair.clone(), part };
+            touches.push(Self { name, contact: contact.clone(), surface: Some(surface.to_owned()), kind, motion });
         }
     }
 
@@ -175,31 +190,39 @@ impl Touch {
         touches
     }
 
-    /// The touch on a reduced chain; `None` if this chain does not have its link or joint.
-    pub(crate) fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Option<Self> {
-        let mut touch = self.clone();
-        let carry = |shape: &mut Box<LinkShape>| {
-            let frame = less.chain.frame(shape.link()).ok()?;
-            **shape = shape.as_ref().clone().with_frame(frame);
-            Some(())
-        };
-        match &mut touch.kind {
-            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } => carry(shape)?,
-            TouchKind::Links { shape, other } => carry(shape).and(carry(other))?,
-            TouchKind::Limit { q, v, .. } => {
-                *q = less.q.iter().position(|old| old == q)?;
-                *v = less.v.iter().position(|old| old == v)?;
+    /// The touches on a reduced chain, without those whose link or joint this chain does not have.
+    pub(crate) fn reduced(touches: &[Self], less: &Reduced<Spatial<f64>>) -> Vec<Self> {
+        // The touches of a pair share it.
+        let mut last: Option<(*const Pair, Option<Arc<Pair>>)> = None;
+        let reduced = |touch: &Self| {
+            let mut touch = touch.clone();
+            match &mut touch.kind {
+                TouchKind::Ball { shape, .. } => {
+                    let frame = less.chain.frame(shape.link()).ok()?;
+                    **shape = shape.as_ref().clone().with_frame(frame);
+                }
+                TouchKind::Pair { pair, .. } => {
+                    let old = Arc::as_ptr(pair);
+                    let known = last.as_ref().filter(|(known, _)| *known == old).map(|(_, new)| new.clone());
+                    let new = known.unwrap_or_else(|| pair.reduced(less).map(Arc::new));
+                    last = Some((old, new.clone()));
+                    *pair = new?;
+                }
+                TouchKind::Limit { q, v, .. } => {
+                    *q = less.q.iter().position(|old| old == q)?;
+                    *v = less.v.iter().position(|old| old == v)?;
+                }
             }
-        }
-        Some(touch)
+            Some(touch)
+        };
+        touches.iter().filter_map(reduced).collect()
     }
 
     /// Name of the link; `None` for a limit.
     pub fn link(&self) -> Option<&str> {
         match &self.kind {
-            TouchKind::Ball { shape, .. } | TouchKind::Pair { shape, .. } | TouchKind::Links { shape, .. } => {
-                Some(shape.link())
-            }
+            TouchKind::Ball { shape, .. } => Some(shape.link()),
+            TouchKind::Pair { pair, .. } => Some(pair.shape.link()),
             TouchKind::Limit { .. } => None,
         }
     }
@@ -207,7 +230,10 @@ impl Touch {
     /// Name of the second link of a pair of links.
     pub fn other_link(&self) -> Option<&str> {
         match &self.kind {
-            TouchKind::Links { other, .. } => Some(other.link()),
+            TouchKind::Pair { pair, .. } => match &pair.against {
+                Against::Link(other) => Some(other.link()),
+                Against::Obstacle(_) => None,
+            },
             _ => None,
         }
     }
@@ -225,14 +251,18 @@ impl Touch {
         }
     }
 
-    /// Whether this pair can touch at one point only. Pairs with faces or edges can touch at several points.
-    pub(crate) fn is_point(&self) -> bool {
-        let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
+    /// Whether every contact of its bodies is a contact at one point, or is divided into such contacts.
+    pub(crate) fn is_covered(&self) -> bool {
         match &self.kind {
-            TouchKind::Links { shape, other } => round(shape.solid()) || round(other.solid()),
-            TouchKind::Pair { shape, obstacle } => {
-                round(shape.solid()) || matches!(obstacle.surface(), Form::Solid { solid, .. } if round(solid))
-            }
+            TouchKind::Pair { pair, part: None } => pair.is_point() || pair.is_complete(),
+            _ => true,
+        }
+    }
+
+    /// Whether it is a contact at one point: bodies with faces or edges can touch at several.
+    pub(crate) fn is_point(&self) -> bool {
+        match &self.kind {
+            TouchKind::Pair { pair, part: None } => pair.is_point(),
             _ => true,
         }
     }

@@ -3,6 +3,7 @@
 mod assembled;
 mod beside;
 mod free_motion;
+mod groups;
 mod held;
 mod lasting;
 mod rows;
@@ -13,6 +14,7 @@ mod told;
 
 pub(crate) use assembled::Held;
 pub use free_motion::{free_motion, free_motion_at};
+pub(crate) use groups::Gaps;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;

@@ -5,8 +5,9 @@
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
 use super::assembled::Assembled;
+use super::groups::Gaps;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use crate::contact::{BallOnPlane, ContactMode};
+use crate::contact::ContactMode;
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Simulation};
 use crate::state::{Space, View, reach};
@@ -32,8 +33,7 @@ pub(crate) struct Motion<'a, A: Space> {
     impacts: Vec<usize>,
     /// Whether an impact has happened.
     was_hit: bool,
-    /// Precomputed constants of each touch.
-    pub balls: Vec<Option<BallOnPlane<A>>>,
+    pub gaps: Gaps<'a, A>,
     /// The closed form of q̈, if the chain has one.
     row: Option<PlanarRow>,
     /// Viscous damping of every velocity.
@@ -68,7 +68,7 @@ impl<'a, A: Space> Motion<'a, A> {
             speed: 0.0,
             impacts: vec![0; sim.touches.len()],
             was_hit: false,
-            balls: sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect(),
+            gaps: Gaps::new(sim, model),
             row: A::row(model),
             damping: sim.damping(),
             tau: vec![0.0; sim.chain.nv()],
@@ -203,14 +203,13 @@ impl<'a, A: Space> Motion<'a, A> {
     /// Gap and gap rate of a touch at one state.
     pub fn gap(&mut self, touch: usize, q: &[f64], qd: &[f64], time: f64) -> Result<(f64, f64), SimError> {
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-        self.sim.touches[touch].look(self.balls[touch].as_ref(), &view, (q, qd), time)
+        self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches at one state.
-    pub fn gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<(f64, f64)>, SimError> {
+    /// Gaps and gap rates of all touches at one state: see [`Gaps::all`].
+    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<(f64, f64)>, SimError> {
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
-        let looks = self.sim.touches.iter().zip(&self.balls);
-        looks.map(|(touch, ball)| touch.look(ball.as_ref(), &view, (q, qd), time)).collect()
+        self.gaps.all(&self.lasting, &view, (q, qd), time)
     }
 
     /// Gap, its rate and the velocity of the contact point relative to the surface at one state.

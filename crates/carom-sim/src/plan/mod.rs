@@ -143,7 +143,7 @@ impl Plan {
             drive: whole.drive.reduced(&less),
             after_impact: whole.after_impact.as_ref().map(|drive| drive.reduced(&less)),
             chain: less.chain.clone(),
-            touches: whole.touches.iter().filter_map(|touch| touch.reduced(&less)).collect(),
+            touches: Touch::reduced(&whole.touches, &less),
             ..whole.clone()
         };
     }
@@ -194,11 +194,11 @@ impl Plan {
     fn contacts(&mut self, scene: &Scene) {
         let touches = &self.simulation.touches;
         let (limits, pairs): (Vec<&Touch>, Vec<&Touch>) = touches.iter().partition(|touch| touch.limit_of().is_some());
-        let plane = pairs.iter().filter(|touch| matches!(touch.kind, TouchKind::Ball { .. })).count();
-        let (count, search) = (pairs.len(), pairs.len() - plane);
+        let closed = pairs.iter().filter(|touch| touch.has_closed_drift()).count();
+        let (count, search) = (pairs.len(), pairs.len() - closed);
         let names: Vec<&str> = pairs.iter().take(8).map(|touch| touch.name.as_str()).collect();
         let more = if count > 8 { format!(" and {} more", count - 8) } else { String::new() };
-        let faces = pairs.iter().any(|touch| !touch.is_point());
+        let faces = pairs.iter().any(|touch| !touch.is_covered());
         let several = touches.len() > 1 || faces;
         let step = self.simulation.contact_step;
         let choice = match count {
@@ -206,7 +206,7 @@ impl Plan {
             _ => format!("{}{more}", names.join("; ")),
         };
         let none = touches.is_empty();
-        let why = format!("{plane} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
+        let why = format!("{closed} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
         self.keep("contacts", choice, why);
         if self.simulation.stepping {
             let law = self.simulation.several.name();
@@ -311,7 +311,7 @@ impl Plan {
         let sim = &self.simulation;
         let mut workspace = sim.chain.workspace();
         let mut view = View::<Spatial<f64>>::new(&sim.chain, &mut workspace, &self.q)?;
-        let near = sim.touches.iter().map(|touch| touch.at(&view, &self.q, 0.0)).filter(|at| at.surface.is_some());
+        let near = sim.touches.iter().map(|touch| touch.at(&view, &self.q, 0.0)).filter(|at| at.surface.is_some() && at.counts());
         let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
             return Ok(None);
         };

@@ -163,7 +163,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// Gaps and gap rates of all touches now.
     pub fn gaps(&mut self) -> Result<Vec<(f64, f64)>, SimError> {
         let (q, qd) = self.q_qd();
-        self.motion.gaps(&q, &qd, self.time)
+        self.motion.all_gaps(&q, &qd, self.time)
     }
 
     /// The contacts and the mode at the start.
@@ -211,6 +211,17 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         match watch {
             Watch::Gap(touch) => return self.touch(touch),
+            Watch::Pair(group) => {
+                let gaps = self.gaps()?;
+                let touches = self.motion.gaps.touches_of(group);
+                let least = touches.min_by(|a, b| gaps[*a].0.total_cmp(&gaps[*b].0));
+                return least.map_or(Ok(()), |touch| self.touch(touch));
+            }
+            Watch::Leaves(i) => {
+                let touch = self.motion.lasting.remove(i).touch;
+                self.note(EventKind::LiftOff { touch }, &before, Vec::new());
+                return self.resettle_without(Some(touch), &[], &before);
+            }
             Watch::Depth(i) => {
                 let own = self.motion.lasting.remove(i);
                 self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
@@ -260,15 +271,22 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The modes of the contacts that last and of those in `more`, and the events of their changes.
     pub fn resettle(&mut self, more: &[usize], before: &[f64]) -> Result<(), SimError> {
+        self.resettle_without(None, more, before)
+    }
+
+    /// The same without a touch whose contact point has left its faces and edges.
+    fn resettle_without(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
         let old = self.motion.lasting.clone();
         let dry = self.motion.dry.clone();
         let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
         touches.extend(more);
         let rest = self.motion.rest();
         let closed = self.motion.closed();
+        touches.retain(|touch| Some(*touch) != gone);
         for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
             let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
-            if !compliant && gap.abs() <= closed && rate.abs() <= rest && !touches.contains(&touch) {
+            let open = compliant || Some(touch) == gone || touches.contains(&touch);
+            if !open && gap.abs() <= closed && rate.abs() <= rest {
                 touches.push(touch);
             }
         }

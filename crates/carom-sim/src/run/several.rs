@@ -307,7 +307,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
-        let mut view = self.motion.view(&middle)?;
+        let mut view = View::new(self.motion.model, &mut self.motion.workspace, &middle)?;
         let v = DVector::from_column_slice(&qd);
         // Damping and controllers are implicit (velocity at the end of the step), so that stiff ones stay stable:
         // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
@@ -321,7 +321,8 @@ impl<A: Space> Run<'_, '_, A> {
         let free = &v + inertia.solve(&(force * step - &v * (step * step / 2.0 * stiffness)));
 
         let mut rows = Closures::new(sim.chain.nv());
-        for (k, touch) in sim.touches.iter().enumerate() {
+        for k in self.motion.gaps.near(&view, (&middle, &qd), middle_time)? {
+            let touch = &sim.touches[k];
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
                 rows.add(k, touch, &at, &view, middle_time)?;
             }
@@ -387,12 +388,12 @@ impl<A: Space> Run<'_, '_, A> {
     /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
     fn put_back(&mut self, allowed: f64) -> Result<(), SimError> {
         let sim = self.motion.sim;
-        let (q, _) = self.q_qd();
+        let (q, qd) = self.q_qd();
         let time = self.time;
         let mut rows = Closures::new(sim.chain.nv());
-        let mut view = self.motion.view(&q)?;
+        let mut view = View::new(self.motion.model, &mut self.motion.workspace, &q)?;
         let mut gaps = Vec::new();
-        for touch in &sim.touches {
+        for touch in self.motion.gaps.near(&view, (&q, &qd), time)?.into_iter().map(|k| &sim.touches[k]) {
             for at in touch.points(&view, &q, time, 0.0) {
                 touch.row_into(&at, &view, rows.rows.add())?;
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });

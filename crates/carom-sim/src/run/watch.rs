@@ -1,17 +1,21 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leg::{Flow, Witness};
-use crate::contact::BallOnPlane;
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ContactState, Dry, DryJoint, Held, Hold, Lasting, Motion};
+use crate::motion::{ContactState, Dry, DryJoint, Gaps, Held, Hold, Lasting, Motion};
 use crate::state::{Space, View};
+use carom_contact::Met;
 
 /// The kinds of witness functions; those of lasting contacts have their index into the list.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Watch {
     /// The gap of a touch closes.
     Gap(usize),
+    /// The gap of a pair of bodies closes, of which no part touches (index of the group).
+    Pair(usize),
+    /// The contact point reaches the border of a face or the end of an edge.
+    Leaves(usize),
     /// The normal force becomes negative.
     NormalForce(usize),
     /// The slip velocity becomes zero.
@@ -40,10 +44,15 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
     pub fn new(motion: &'m mut Motion<'a, A>, time: f64, y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
-        let mut watches: Vec<Watch> = (0..sim.touches.len()).filter(|&k| !motion.lasts(k)).map(Watch::Gap).collect();
+        let (single, groups) = motion.gaps.watched(&motion.lasting);
+        let mut watches: Vec<Watch> = single.into_iter().map(Watch::Gap).collect();
+        watches.extend(groups.into_iter().map(Watch::Pair));
         let first = watches.len();
         for (i, own) in motion.lasting.iter().enumerate() {
             let rule = &sim.touches[own.touch].contact;
+            if sim.touches[own.touch].ends() {
+                watches.push(Watch::Leaves(i));
+            }
             match own.hold {
                 Hold::Latched => {}
                 Hold::Slides { .. } => {
@@ -159,7 +168,7 @@ fn look<A: Space>(
     let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     for watch in watches {
-        see(watch.at((motion.sim, &motion.balls), &now, &view, (q, qd), time)?);
+        see(watch.at((motion.sim, &motion.gaps), &now, &view, (q, qd), time)?);
     }
     Ok(())
 }
@@ -180,17 +189,25 @@ impl Watch {
     /// The value of the witness at a state.
     fn at<A: Space>(
         self,
-        (sim, balls): (&Simulation, &[Option<BallOnPlane<A>>]),
+        (sim, gaps): (&Simulation, &Gaps<A>),
         now: &Now,
         view: &View<A>,
         (q, qd): (&[f64], &[f64]),
         time: f64,
     ) -> Result<Witness, SimError> {
-        let look = |touch: usize| sim.touches[touch].look(balls[touch].as_ref(), view, (q, qd), time);
+        let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
             (Self::Gap(touch), _) => {
-                let (gap, rate) = look(touch)?;
+                let (gap, rate) = gaps.own(touch, view, (q, qd), time)?;
                 Witness::gap(gap, rate)
+            }
+            (Self::Pair(group), _) => {
+                let (gap, rate) = gaps.of_group(group, view, (q, qd), time)?;
+                Witness::gap(gap, rate)
+            }
+            (Self::Leaves(i), _) => {
+                let at = sim.touches[now.lasting[i].touch].at(view, q, time);
+                Witness::velocity(at.margin, Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;

@@ -1,0 +1,212 @@
+//! A pair of a link's shape and an obstacle or another link's shape: the geometry that its touches share.
+
+use crate::error::SimError;
+use crate::state::{Space, View};
+use carom_chain::{Chain, Reduced, Spatial};
+use carom_chain::algebra::Pose;
+use carom_contact::{Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Slide, Solid, Surface, gap, gap_between, gap_points};
+use nalgebra::Vector3;
+
+/// See the head of this module.
+#[derive(Debug, Clone)]
+pub(crate) struct Pair {
+    pub shape: LinkShape,
+    pub against: Against,
+    /// The parts of both bodies, if their contacts are divided into those of parts.
+    parts: Option<(Parts, Parts)>,
+    /// Whether the contacts of the parts are all contacts of the pair.
+    complete: bool,
+}
+
+/// The second body of a pair.
+#[derive(Debug, Clone)]
+pub(crate) enum Against {
+    Obstacle(Obstacle),
+    Link(LinkShape),
+}
+
+/// Pairs with more contacts of parts than this are not divided.
+const MANY: usize = 2000;
+/// Share of a body's bounding sphere: bodies further apart than this are not examined.
+const FAR: f64 = 0.25;
+
+impl Pair {
+    /// A pair with the contacts of its parts; none if it touches at one point, or where it is not divided. `whole`: it is not
+    /// divided.
+    pub fn new(shape: &LinkShape, against: Against, whole: bool) -> (Self, Vec<Meeting>) {
+        let mut pair = Self { shape: shape.clone(), against, parts: None, complete: false };
+        if whole || pair.is_point() {
+            return (pair, Vec::new());
+        }
+        let both = match &pair.against {
+            Against::Obstacle(obstacle) => {
+                let plane = matches!(obstacle.surface(), Surface::HalfSpace { .. });
+                let own = if plane { Some(Parts::corners_of_shape(shape)) } else { Parts::of_shape(shape) };
+                own.zip(Parts::of_obstacle(obstacle))
+            }
+            Against::Link(other) => Parts::of_shape(shape).zip(Parts::of_shape(other)),
+        };
+        let Some((own, other)) = both else { return (pair, Vec::new()) };
+        let meetings = Meeting::all(&own, &other);
+        if meetings.len() > MANY && !pair.is_on_plane() {
+            return (pair, Vec::new());
+        }
+        pair.complete = Meeting::are_complete(&own, &other);
+        pair.parts = Some((own, other));
+        (pair, meetings)
+    }
+
+    /// The pair on a reduced chain; `None` if this chain does not have its links.
+    pub fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Option<Self> {
+        let carried = |shape: &LinkShape, chain: &Chain| Some(shape.clone().with_frame(chain.frame(shape.link()).ok()?));
+        let shape = carried(&self.shape, &less.chain)?;
+        let against = match &self.against {
+            Against::Link(other) => Against::Link(carried(other, &less.chain)?),
+            obstacle => obstacle.clone(),
+        };
+        Some(Self { shape, against, ..self.clone() })
+    }
+
+    /// Whether it can touch at one point only.
+    pub fn is_point(&self) -> bool {
+        let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
+        round(self.shape.solid())
+            || match &self.against {
+                Against::Link(other) => round(other.solid()),
+                Against::Obstacle(obstacle) => {
+                    matches!(obstacle.surface(), Surface::Solid { solid, .. } if round(solid))
+                }
+            }
+    }
+
+    fn is_on_plane(&self) -> bool {
+        matches!(&self.against, Against::Obstacle(obstacle) if matches!(obstacle.surface(), Surface::HalfSpace { .. }))
+    }
+
+    /// Whether the contacts of its parts are all of its contacts.
+    pub fn is_complete(&self) -> bool {
+        self.complete
+    }
+
+    /// Whether a contact of parts can leave their faces and edges.
+    pub fn ends(&self, meeting: Meeting) -> bool {
+        let rimless = |(own, _): &(Parts, Parts)| !own.has_rims();
+        !(self.is_on_plane() && matches!(meeting.own(), Part::Corner(_)) && self.parts.as_ref().is_some_and(rimless))
+    }
+
+    /// Poses of the axes in which the parts are given, relative to the displaced surface.
+    fn poses<A: Space>(&self, view: &View<A>, shift: Vector3<f64>) -> [Pose<Spatial<f64>>; 2] {
+        let mut own = view.pose(self.shape.frame());
+        match &self.against {
+            Against::Link(other) => [own, view.pose(other.frame())],
+            Against::Obstacle(_) => {
+                own.translation -= shift;
+                [own, Pose::identity()]
+            }
+        }
+    }
+
+    /// The nearest points of the two bodies.
+    pub fn nearest<A: Space>(&self, view: &View<A>, shift: Vector3<f64>) -> Gap {
+        let [own, other] = self.poses(view, shift);
+        match &self.against {
+            Against::Obstacle(obstacle) => moved(gap(&self.shape, &own, obstacle), shift),
+            Against::Link(link) => gap_between((&self.shape, &own), (link, &other)),
+        }
+    }
+
+    /// All corners of the first body, and the nearest points.
+    pub fn points<A: Space>(&self, view: &View<A>, shift: Vector3<f64>) -> Vec<Gap> {
+        let mut points = Vec::new();
+        if let Against::Obstacle(obstacle) = &self.against
+            && !self.is_point()
+        {
+            let [own, _] = self.poses(view, shift);
+            points = gap_points(&self.shape, &own, obstacle, f64::INFINITY);
+            points.iter_mut().for_each(|found| *found = moved(*found, shift));
+        }
+        points.push(self.nearest(view, shift));
+        points
+    }
+
+    /// A contact of parts.
+    pub fn met<A: Space>(&self, meeting: Meeting, view: &View<A>, shift: Vector3<f64>) -> Met {
+        let [own, other] = self.poses(view, shift);
+        match &self.parts {
+            Some((one, two)) => {
+                let met = meeting.at((one, &own), (two, &other));
+                Met { gap: moved(met.gap, shift), ..met }
+            }
+            None => Met { gap: self.nearest(view, shift), margin: f64::INFINITY },
+        }
+    }
+
+    /// Angular velocities of both bodies.
+    pub fn turning<A: Space>(&self, view: &View<A>, qd: &[f64]) -> Result<[Vector3<f64>; 2], SimError> {
+        let own = view.angular_velocity(self.shape.frame(), qd)?;
+        let other = match &self.against {
+            Against::Link(other) => view.angular_velocity(other.frame(), qd)?,
+            Against::Obstacle(_) => Vector3::zeros(),
+        };
+        Ok([own, other])
+    }
+
+    /// The rates of a contact of parts whose gap is closed; `None` for the nearest points of the bodies.
+    pub fn slide<A: Space>(
+        &self,
+        meeting: Meeting,
+        view: &View<A>,
+        shift: Vector3<f64>,
+        [turning, other_turning]: [Vector3<f64>; 2],
+        u: Vector3<f64>,
+    ) -> Option<Slide> {
+        let [own, other] = self.poses(view, shift);
+        let (one, two) = self.parts.as_ref()?;
+        Some(meeting.slide(((one, &own), turning), ((two, &other), other_turning), u))
+    }
+
+    /// A lower bound of the gap from bounding spheres with its rate, where the bodies are far apart.
+    pub fn clearance<A: Space>(
+        &self,
+        view: &View<A>,
+        [shift, speed, _]: [Vector3<f64>; 3],
+        qd: &[f64],
+    ) -> Result<Option<(f64, f64)>, SimError> {
+        let [own, other] = self.poses(view, shift);
+        let sphere = |shape: &LinkShape, pose: &Pose<Spatial<f64>>| {
+            let (centre, radius) = shape.solid().bounding_sphere();
+            (pose.point(shape.origin().point(centre)), radius)
+        };
+        let (centre, radius) = sphere(&self.shape, &own);
+        let (distance, normal, far) = match &self.against {
+            Against::Link(link) => {
+                let (there, size) = sphere(link, &other);
+                let apart = centre - there;
+                (apart.norm() - radius - size, apart.try_normalize(0.0).unwrap_or(Vector3::z()), radius.max(size))
+            }
+            Against::Obstacle(obstacle) => match obstacle.surface() {
+                Surface::HalfSpace { point, normal } => (normal.dot(&(centre - point)) - radius, *normal, radius),
+                Surface::Solid { solid, pose } => {
+                    let (middle, size) = solid.bounding_sphere();
+                    let apart = centre - (pose * nalgebra::Point3::from(middle)).coords;
+                    (apart.norm() - radius - size, apart.try_normalize(0.0).unwrap_or(Vector3::z()), radius)
+                }
+                Surface::Mesh { .. } => return Ok(None),
+            },
+        };
+        if distance <= FAR * far {
+            return Ok(None);
+        }
+        let mut velocity = view.velocity(view.point(self.shape.frame(), centre + shift), qd)? - speed;
+        if let Against::Link(link) = &self.against {
+            velocity -= view.velocity(view.point(link.frame(), centre), qd)?;
+        }
+        Ok(Some((distance, normal.dot(&velocity))))
+    }
+}
+
+fn moved(mut gap: Gap, shift: Vector3<f64>) -> Gap {
+    gap.on_robot += shift;
+    gap.on_environment += shift;
+    gap
+}
