@@ -67,9 +67,10 @@ fn a_box_that_starts_with_a_flat_impact_rebounds_without_rotation() {
 /// After the last closed contact ten time steps pass before the motion is event-driven again. Faces on a mesh take time steps.
 #[test]
 fn free_motion_begins_ten_time_steps_after_the_last_contact() {
-    let corners = [[-0.4, -0.7, 0.0], [0.6, -0.7, 0.0], [0.6, 0.3, 0.0], [-0.4, 0.3, 0.0]].map(Vector3::from);
-    let square = Mesh::from_triangles(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
-    let table = Obstacle::mesh(square, Isometry3::identity()).unwrap();
+    // A tetrahedron with a horizontal face.
+    let corners = [[-3.0, -3.0, 0.0], [3.0, -3.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, -2.0]].map(Vector3::from);
+    let solid = Mesh::from_triangles(corners.to_vec(), vec![[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]]).unwrap();
+    let table = Obstacle::mesh(solid, Isometry3::identity()).unwrap();
     let mut sim = over(body(r#"<box size="0.2 0.2 0.2"/>"#), table, 0.5);
     sim.contact_step = 2.0_f64.powi(-10);
     let run = sim.run(&[0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0], 0.1).unwrap();

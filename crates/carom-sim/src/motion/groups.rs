@@ -77,6 +77,11 @@ impl<'a, A: Space> Gaps<'a, A> {
         lasting.iter().any(|own| self.group_of[own.touch] == Some(group))
     }
 
+    /// Whether another touch of the same pair of bodies lasts.
+    pub fn is_beside(&self, touch: usize, lasting: &[Lasting]) -> bool {
+        self.group_of[touch].is_some_and(|group| self.lasts(group, lasting))
+    }
+
     /// The touches whose gaps are watched one by one while these contacts last, and the groups that are watched as a whole.
     pub fn watched(&self, lasting: &[Lasting]) -> (Vec<usize>, Vec<usize>) {
         let (joined, single): (Vec<usize>, Vec<usize>) =

@@ -220,7 +220,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Watch::Leaves(i) => {
                 let touch = self.motion.lasting.remove(i).touch;
                 self.note(EventKind::LiftOff { touch }, &before, Vec::new());
-                return self.resettle_without(Some(touch), &[], &before);
+                return self.leave(touch, &before);
             }
             Watch::Depth(i) => {
                 let own = self.motion.lasting.remove(i);
@@ -261,6 +261,25 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         Ok(())
+    }
+
+    /// The contact point of a touch has left its faces and edges: others may strike in this instant, such as the far side of
+    /// a rim whose cap comes to lie on a face.
+    fn leave(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
+        self.measure();
+        let (mut hits, mut beside) = (Vec::new(), Vec::new());
+        let rest = self.motion.rest();
+        for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
+                continue;
+            }
+            if rate < -rest {
+                hits.push(other);
+            } else if rate <= rest {
+                beside.push(other);
+            }
+        }
+        if hits.is_empty() { self.resettle_without(Some(touch), &[], before) } else { self.collide(&hits, &beside) }
     }
 
     fn note_joint(&mut self, k: usize, before: &[f64]) {
@@ -387,7 +406,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.measure();
         let (mut together, mut beside) = (vec![touch], Vec::new());
         let rest = self.motion.rest();
-        for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        let gaps = self.gaps()?;
+        if gaps[touch].1 >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
+            // A crossing of edges that begins as a corner leaves its face: no impact.
+            let before = self.y.clone();
+            return self.resettle(&[touch], &before);
+        }
+        for (other, (gap, rate)) in gaps.into_iter().enumerate() {
             if other == touch || self.motion.lasts(other) || gap > TOUCHING {
                 continue;
             }

@@ -1,6 +1,7 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leg::{Flow, Witness};
+use crate::contact::APART;
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ContactState, Dry, DryJoint, Gaps, Held, Hold, Lasting, Motion};
@@ -207,7 +208,7 @@ impl Watch {
             }
             (Self::Leaves(i), _) => {
                 let at = sim.touches[now.lasting[i].touch].at(view, q, time);
-                Witness::velocity(at.margin, Met::OUTSIDE)
+                Witness::velocity(at.margin.min(APART), Met::OUTSIDE)
             }
             (Self::Depth(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
