@@ -7,7 +7,9 @@ use carom::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
-use carom_sim::{ContactMode, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory};
+use carom_sim::{
+    ContactMode, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory,
+};
 use nalgebra::{Isometry3, Vector3};
 
 const G: f64 = 9.81;
@@ -114,7 +116,9 @@ fn crossed_planks_rest_on_the_crossings_of_their_edges() {
         for contact in &last.contacts {
             let share = 0.25 + 0.5 * contact.point.x.signum() * offset / width;
             assert!((contact.normal_force - share * mass * G).abs() < 1e-9, "{contact:?}");
-            assert!((contact.point.x.abs() - width / 2.0).abs() < 1e-12 && (contact.point.y.abs() - 0.03).abs() < 1e-12);
+            assert!(
+                (contact.point.x.abs() - width / 2.0).abs() < 1e-12 && (contact.point.y.abs() - 0.03).abs() < 1e-12
+            );
             assert!(sim.touches[contact.touch].name.contains("edge"));
         }
     }
@@ -147,7 +151,11 @@ fn a_cylinder_rolls_down_a_slope_on_its_rims() {
         let last = &run.summary.last;
         assert!((last.q[0] - a * 0.32).abs() < 1e-9 && (last.qd[2].abs()) < 1e-9, "{last:?}");
         let sticks = |state: &ContactState| matches!(state.mode, ContactMode::Sticking { .. });
-        assert!(run.summary.contacts.len() == 2 && run.summary.contacts.iter().all(sticks), "{:?}", run.summary.contacts);
+        assert!(
+            run.summary.contacts.len() == 2 && run.summary.contacts.iter().all(sticks),
+            "{:?}",
+            run.summary.contacts
+        );
         let load = mass * G * angle.cos() / 2.0;
         assert!(run.summary.contacts.iter().all(|it| (it.normal_force - load).abs() < 1e-9));
     }
@@ -163,10 +171,8 @@ fn a_cylinder_comes_to_rest_on_its_cap() {
         &LoadOptions { floating_base: true, ..LoadOptions::default() },
     )
     .unwrap();
-    let sim = Simulation {
-        tolerance: 1e-9,
-        ..on(chain, Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(), 0.5)
-    };
+    let sim =
+        Simulation { tolerance: 1e-9, ..on(chain, Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(), 0.5) };
     for tilt in [0.0_f64, 0.2] {
         let q = [0.0, 0.0, 0.12, 0.0, (tilt / 2.0).sin(), 0.0, (tilt / 2.0).cos()];
         let run = sim.run(&q, &[0.0; 6], 3.0).unwrap();

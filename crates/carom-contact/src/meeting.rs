@@ -155,10 +155,7 @@ impl Meeting {
 
     /// Whether the environment's part is the first in the table of the module's documentation.
     fn swapped(&self) -> bool {
-        matches!(
-            (self.own, self.other),
-            (Part::Face(_), _) | (Part::Edge(_), Part::Corner(_))
-        )
+        matches!((self.own, self.other), (Part::Face(_), _) | (Part::Edge(_), Part::Corner(_)))
     }
 
     /// Gap, normal and contact points at the poses of both bodies.
@@ -167,12 +164,8 @@ impl Meeting {
         let (local, gap) = if swapped {
             let local = meet((self.other, other), (self.own, own));
             let beyond = local.point - local.normal * local.distance;
-            let gap = Gap {
-                distance: local.distance,
-                normal: -local.normal,
-                on_robot: beyond,
-                on_environment: local.point,
-            };
+            let gap =
+                Gap { distance: local.distance, normal: -local.normal, on_robot: beyond, on_environment: local.point };
             (local, gap)
         } else {
             let local = meet((self.own, own), (self.other, other));
@@ -336,7 +329,10 @@ struct Crossing {
 }
 
 impl Crossing {
-    fn of((one, pose): (&EdgePart, &Pose<Spatial<f64>>), (two, place): (&EdgePart, &Pose<Spatial<f64>>)) -> Option<Self> {
+    fn of(
+        (one, pose): (&EdgePart, &Pose<Spatial<f64>>),
+        (two, place): (&EdgePart, &Pose<Spatial<f64>>),
+    ) -> Option<Self> {
         let (e, f) = (pose.rotation * one.along, place.rotation * two.along);
         let across = e.cross(&f);
         let sine = across.norm();

@@ -156,11 +156,8 @@ impl Parts {
         match solid {
             Solid::Sphere { .. } => None,
             Solid::Capsule { radius, half_length } => {
-                let corner = |z| CornerPart {
-                    position: Vector3::new(0.0, 0.0, z),
-                    radius: *radius,
-                    kind: CornerKind::Ball,
-                };
+                let corner =
+                    |z| CornerPart { position: Vector3::new(0.0, 0.0, z), radius: *radius, kind: CornerKind::Ball };
                 let corners = vec![corner(-half_length), corner(*half_length)];
                 Some(Self { corners, edges: vec![round_side(*radius, *half_length)], ..Self::default() })
             }
@@ -196,8 +193,7 @@ impl Parts {
             let position = side.component_mul(&half);
             parts.corners.push(CornerPart { position, radius: 0.0, kind: CornerKind::Sharp(edges) });
         }
-        let planes: Vec<(Vector3<f64>, f64)> =
-            (0..3).flat_map(|k| [(-axis(k), half[k]), (axis(k), half[k])]).collect();
+        let planes: Vec<(Vector3<f64>, f64)> = (0..3).flat_map(|k| [(-axis(k), half[k]), (axis(k), half[k])]).collect();
         parts.faces = faces(&planes);
         for k in 0..3 {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);

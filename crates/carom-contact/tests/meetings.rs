@@ -133,7 +133,11 @@ fn bodies_touch_where_their_parts_touch() {
                     a.translation += way * left;
                     left = gap(&a);
                     // Points up to `Met::OUTSIDE` beside a face count, too.
-                    assert!(least(&a, &b) > left - 2.0 * Met::OUTSIDE, "{own_name} {other_name}: {} {left}", least(&a, &b));
+                    assert!(
+                        least(&a, &b) > left - 2.0 * Met::OUTSIDE,
+                        "{own_name} {other_name}: {} {left}",
+                        least(&a, &b)
+                    );
                     if left < 1e-11 || (a.translation - b.translation).dot(&way) > 2.0 {
                         break;
                     }
@@ -158,7 +162,8 @@ fn the_lower_rim_of_a_cylinder_has_its_gap() {
     assert!(Meeting::are_complete(&own, &other));
     for _ in 0..200 {
         let a = random_pose(&mut rng);
-        let met = Meeting::all(&own, &other).into_iter().map(|meeting| meeting.at((&own, &a), (&other, &Pose::identity())));
+        let met =
+            Meeting::all(&own, &other).into_iter().map(|meeting| meeting.at((&own, &a), (&other, &Pose::identity())));
         let least = met.filter(Met::counts).map(|met| met.gap.distance).fold(f64::INFINITY, f64::min);
         let whole = carom_contact::gap(&shape, &a, &plane).distance;
         assert!((least - whole).abs() < 1e-15, "{least} {whole}");

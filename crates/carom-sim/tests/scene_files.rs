@@ -186,7 +186,8 @@ fn a_pair_of_links_that_is_listed_twice_is_refused() {
     assert_eq!(said("itself", r#"["tip", "tip"]"#), itself);
     let all = format!("{ARM}[contact]\nlinks = [[\"link1\", \"tip\"], [\"link1\", \"link2\"]]\n[run]\nduration = 1\n");
     let touches = read("different", &all).unwrap().simulation.touches;
-    let pairs: std::collections::BTreeSet<_> = touches.iter().filter_map(|it| Some((it.link()?, it.other_link()?))).collect();
+    let pairs: std::collections::BTreeSet<_> =
+        touches.iter().filter_map(|it| Some((it.link()?, it.other_link()?))).collect();
     assert_eq!(pairs.len(), 2);
 }
 

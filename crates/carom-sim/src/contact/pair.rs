@@ -2,9 +2,11 @@
 
 use crate::error::SimError;
 use crate::state::{Space, View};
-use carom_chain::{Chain, Reduced, Spatial};
 use carom_chain::algebra::Pose;
-use carom_contact::{Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Slide, Solid, Surface, gap, gap_between, gap_points};
+use carom_chain::{Chain, Reduced, Spatial};
+use carom_contact::{
+    Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Slide, Solid, Surface, gap, gap_between, gap_points,
+};
 use nalgebra::Vector3;
 
 /// See the head of this module.
@@ -58,7 +60,8 @@ impl Pair {
 
     /// The pair on a reduced chain; `None` if this chain does not have its links.
     pub fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Option<Self> {
-        let carried = |shape: &LinkShape, chain: &Chain| Some(shape.clone().with_frame(chain.frame(shape.link()).ok()?));
+        let carried =
+            |shape: &LinkShape, chain: &Chain| Some(shape.clone().with_frame(chain.frame(shape.link()).ok()?));
         let shape = carried(&self.shape, &less.chain)?;
         let against = match &self.against {
             Against::Link(other) => Against::Link(carried(other, &less.chain)?),

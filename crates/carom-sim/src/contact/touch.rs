@@ -169,7 +169,8 @@ impl Touch {
         let pair = Arc::new(pair);
         let whole = format!("{} on {surface}", pair.shape.link());
         for part in meetings.into_iter().map(Some).chain([None]) {
-            let name = part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
+            let name =
+                part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
             touches.push(Self { name, contact: contact.clone(), surface: Some(surface.to_owned()), kind, motion });
         }

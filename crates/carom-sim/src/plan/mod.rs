@@ -311,7 +311,11 @@ impl Plan {
         let sim = &self.simulation;
         let mut workspace = sim.chain.workspace();
         let mut view = View::<Spatial<f64>>::new(&sim.chain, &mut workspace, &self.q)?;
-        let near = sim.touches.iter().map(|touch| touch.at(&view, &self.q, 0.0)).filter(|at| at.surface.is_some() && at.counts());
+        let near = sim
+            .touches
+            .iter()
+            .map(|touch| touch.at(&view, &self.q, 0.0))
+            .filter(|at| at.surface.is_some() && at.counts());
         let Some(place) = near.min_by(|a, b| a.gap.total_cmp(&b.gap)).and_then(|at| at.surface) else {
             return Ok(None);
         };

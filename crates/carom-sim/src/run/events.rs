@@ -34,8 +34,8 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub lost: f64,
     /// The contacts of the last time step.
     pub stepped: Vec<ContactState>,
-    /// Times of the last events, to detect too many within a short time.
-    pub recent: std::collections::VecDeque<f64>,
+    /// Times of the last impacts, to detect their accumulation, and too many of them within a short time.
+    pub blows: std::collections::VecDeque<f64>,
 }
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -59,7 +59,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             statistics: Statistics::default(),
             lost: 0.0,
             stepped: Vec::new(),
-            recent: std::collections::VecDeque::new(),
+            blows: std::collections::VecDeque::new(),
         };
         let start = run.motion.energy(&run.y)?;
         run.begin()?;
@@ -204,7 +204,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
+        let crowd = self.blows.len() == CROWD && self.time - self.blows[0] < self.motion.sim.contact_step;
         if crowd {
             return self.step_on();
         }
@@ -386,10 +386,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.events += 1;
-        self.recent.push_back(self.time);
-        if self.recent.len() > CROWD {
-            self.recent.pop_front();
-        }
     }
 
     /// Continues by time steps.
@@ -432,5 +428,5 @@ pub(crate) const TOUCHING: f64 = 1e-9;
 const NEAREST: f64 = 1e-9;
 /// Share of the longest step for which a slip that turns fast is integrated implicitly.
 const TURNING: f64 = 0.1;
-/// With this number of events within one contact step the run continues by time stepping.
-const CROWD: usize = 100;
+/// With this number of impacts within one contact step the run continues by time stepping.
+pub(crate) const CROWD: usize = 300;

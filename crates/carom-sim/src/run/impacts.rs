@@ -13,7 +13,7 @@
 //!   hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::events::{Run, TOUCHING};
+use super::events::{CROWD, Run, TOUCHING};
 use super::trajectory::EventKind;
 use crate::contact::{Compliance, friction_bound};
 use crate::error::SimError;
@@ -24,6 +24,11 @@ use crate::state::{Blow, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
+
+/// With this number of impacts within the Zeno time their rest is replaced by one impact without restitution.
+const SWARM: usize = 6;
+/// Impacts count as slow up to the speed of a fall of this number of Zeno times.
+const SLOW: f64 = 10.0;
 
 /// A touch after an impact.
 pub(crate) struct Struck {
@@ -45,6 +50,9 @@ impl<A: Space> Run<'_, '_, A> {
         if rigid.is_empty() {
             return self.resettle(beside, &before);
         }
+        if let Some(swarm) = self.swarm(&rigid)? {
+            return self.several_impacts(&swarm, true);
+        }
         if self.lies_flat(&rigid)? {
             return self.step_on();
         }
@@ -56,9 +64,34 @@ impl<A: Space> Run<'_, '_, A> {
             _ => {
                 rigid.extend(lasting);
                 rigid.extend(beside);
-                self.several_impacts(&rigid)
+                self.several_impacts(&rigid, false)
             }
         }
+    }
+
+    /// The slow and closed touches, if these are among them and impacts accumulate: those of several touches in turn, which the
+    /// rule for a single one does not end. Their common impact without restitution then replaces the rest of them; it changes
+    /// velocities by less than a fall of some [`zeno_time`](crate::Simulation::zeno_time).
+    fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
+        let sim = self.motion.sim;
+        self.blows.push_back(self.time);
+        if self.blows.len() > CROWD {
+            self.blows.pop_front();
+        }
+        let first = self.blows.len().checked_sub(SWARM + 1).map(|k| self.blows[k]);
+        if first.is_none_or(|first| self.time - first > sim.zeno_time) {
+            return Ok(None);
+        }
+        let slow = SLOW * sim.gravity.norm().max(1.0) * sim.zeno_time;
+        let mut swarm = Vec::new();
+        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            let rigid = sim.touches[touch].contact.compliance.is_none();
+            if rigid && gap <= TOUCHING && rate.abs() <= slow {
+                swarm.push(touch);
+            }
+        }
+
+        Ok((swarm.len() > 1 && hits.iter().all(|hit| swarm.contains(hit))).then_some(swarm))
     }
 
     /// Whether one of these touches is closed at several points.

@@ -116,6 +116,15 @@ impl Closures {
         Ok(())
     }
 
+    fn without_restitution(&mut self) {
+        for constraint in &mut self.constraints {
+            match constraint {
+                Constraint::Stop { restitution } | Constraint::Contact { restitution, .. } => *restitution = 0.0,
+                _ => {}
+            }
+        }
+    }
+
     /// R v − velocity of the surfaces.
     fn velocities(&self, v: &[f64]) -> DVector<f64> {
         DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, v) - self.surface[i])
@@ -179,8 +188,9 @@ impl<A: Space> Run<'_, '_, A> {
         })
     }
 
-    /// The impact of touches that close at the same time, together with a contact that lasts.
-    pub fn several_impacts(&mut self, together: &[usize]) -> Result<(), SimError> {
+    /// The impact of touches that close at the same time, together with a contact that lasts. `ends`: without restitution, as
+    /// the end of an accumulation.
+    pub fn several_impacts(&mut self, together: &[usize], ends: bool) -> Result<(), SimError> {
         let before = self.y.clone();
         let (q, qd) = self.q_qd();
         let (sim, time, nq) = (self.motion.sim, self.time, self.motion.sim.chain.nq());
@@ -193,6 +203,9 @@ impl<A: Space> Run<'_, '_, A> {
             let at = one.at(&view, &q, time);
             approach.push(one.rate(&at, &view, &qd, time)?);
             rows.add(touch, one, &at, &view, time)?;
+        }
+        if ends {
+            rows.without_restitution();
         }
         let mut responses = Rows::default();
         view.kin.respond(&rows.rows, &mut responses)?;
