@@ -16,7 +16,7 @@ pub(crate) use friction::friction_bound;
 pub(crate) use gap::{APART, At, BallOnPlane};
 pub use law::ContactLaw;
 pub use mode::ContactMode;
-pub(crate) use pair::Pair;
+pub(crate) use pair::{Pair, Placed};
 pub use rule::ContactRule;
 pub use surface::{Oscillation, Surface};
 pub(crate) use touch::TouchKind;

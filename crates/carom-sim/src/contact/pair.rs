@@ -1,9 +1,10 @@
 //! A pair of a link's shape and an obstacle or another link's shape: the geometry that its touches share.
 
+use super::gap::APART;
 use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::algebra::Pose;
-use carom_chain::{Chain, Reduced, Spatial};
+use carom_chain::{Chain, FrameId, Reduced, Spatial};
 use carom_contact::{
     Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Slide, Solid, Surface, gap, gap_between, gap_points,
 };
@@ -18,6 +19,14 @@ pub(crate) struct Pair {
     parts: Option<(Parts, Parts)>,
     /// Whether the contacts of the parts are all contacts of the pair.
     complete: bool,
+}
+
+/// Both bodies of a pair at one state: poses relative to the displaced surface, and velocities.
+pub(crate) struct Placed {
+    poses: [Pose<Spatial<f64>>; 2],
+    /// Velocity of the origin, and angular velocity.
+    own: [Vector3<f64>; 2],
+    other: [Vector3<f64>; 2],
 }
 
 /// The second body of a pair.
@@ -82,7 +91,8 @@ impl Pair {
             }
     }
 
-    fn is_on_plane(&self) -> bool {
+    /// Whether the second body is a half-space.
+    pub fn is_on_plane(&self) -> bool {
         matches!(&self.against, Against::Obstacle(obstacle) if matches!(obstacle.surface(), Surface::HalfSpace { .. }))
     }
 
@@ -107,6 +117,40 @@ impl Pair {
                 [own, Pose::identity()]
             }
         }
+    }
+
+    /// Both bodies at a state.
+    pub fn placed<A: Space>(
+        &self,
+        view: &View<A>,
+        [shift, speed, _]: [Vector3<f64>; 3],
+        qd: &[f64],
+    ) -> Result<Placed, SimError> {
+        let twist = |frame: FrameId| {
+            let origin = view.point(frame, view.pose(frame).translation);
+            Ok::<_, SimError>([view.velocity(origin, qd)?, view.angular_velocity(frame, qd)?])
+        };
+        let other = match &self.against {
+            Against::Link(other) => twist(other.frame())?,
+            Against::Obstacle(_) => [speed, Vector3::zeros()],
+        };
+        Ok(Placed { poses: self.poses(view, shift), own: twist(self.shape.frame())?, other })
+    }
+
+    /// Gap and gap rate of a contact of parts, as [`Touch::look`](super::Touch).
+    pub fn look(&self, meeting: Meeting, placed: &Placed) -> (f64, f64) {
+        let Some((one, two)) = &self.parts else { return (APART, 0.0) };
+        let Placed { poses: [own, other], .. } = placed;
+        let met = meeting.at((one, own), (two, other));
+        if !met.counts() {
+            return (APART, 0.0);
+        }
+        let velocity = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>, p: Vector3<f64>| {
+            v + w.cross(&(p - pose.translation))
+        };
+        let Gap { distance, normal, on_robot, on_environment } = met.gap;
+        let u = velocity(placed.own, own, on_robot) - velocity(placed.other, other, on_environment);
+        (distance, normal.dot(&u))
     }
 
     /// The nearest points of the two bodies.

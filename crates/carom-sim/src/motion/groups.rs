@@ -1,7 +1,7 @@
 //! The touches of one pair of bodies as a group: while none of them lasts, the gap of the two bodies stands for all of them.
 
 use super::lasting::Lasting;
-use crate::contact::{APART, BallOnPlane, Pair, Touch, TouchKind};
+use crate::contact::{APART, BallOnPlane, Pair, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::{Space, View};
@@ -17,6 +17,8 @@ pub(crate) struct Group {
     pub whole: Option<usize>,
 }
 
+/// The corners of a hull on a plane are watched together if there are more than this.
+const MANY: usize = 32;
 /// Pairs with a gap above this are open, m: their contacts are not examined one by one.
 const NEAR: f64 = 1e-3;
 /// Gaps of parts up to this above that of the bodies are the same contact, m.
@@ -42,10 +44,27 @@ impl Group {
         groups
     }
 
+    /// Whether its contacts are watched by the least gap of those that do not last: of many corners on a plane, some of which
+    /// last, the others are watched together.
+    fn is_hull_on_plane(&self) -> bool {
+        self.parts.len() > MANY && self.pair.is_complete() && self.pair.is_on_plane()
+    }
+
     /// All touches of the pair.
     pub fn touches(&self) -> impl Iterator<Item = usize> {
         self.parts.iter().copied().chain(self.whole)
     }
+}
+
+/// What is watched while some contacts last.
+#[derive(Debug, Default)]
+pub(crate) struct Watched {
+    /// Touches.
+    pub single: Vec<usize>,
+    /// Groups without a contact that lasts.
+    pub groups: Vec<usize>,
+    /// Groups with one.
+    pub rests: Vec<usize>,
 }
 
 /// The gaps of all touches of a simulation.
@@ -82,17 +101,23 @@ impl<'a, A: Space> Gaps<'a, A> {
         self.group_of[touch].is_some_and(|group| self.lasts(group, lasting))
     }
 
-    /// The touches whose gaps are watched one by one while these contacts last, and the groups that are watched as a whole.
-    pub fn watched(&self, lasting: &[Lasting]) -> (Vec<usize>, Vec<usize>) {
-        let (joined, single): (Vec<usize>, Vec<usize>) =
-            (0..self.groups.len()).partition(|&group| self.lasts(group, lasting));
-        let alone = |k: &usize| match self.group_of[*k] {
-            None => true,
-            Some(group) if !joined.contains(&group) => false,
-            Some(group) => self.groups[group].whole != Some(*k) || !self.groups[group].pair.is_complete(),
-        };
+    /// What is watched while these contacts last: gaps one by one, groups as a whole, and the rest of groups whose other contacts
+    /// last.
+    pub fn watched(&self, lasting: &[Lasting]) -> Watched {
+        let mut watched = Watched::default();
         let open = |k: &usize| !lasting.iter().any(|own| own.touch == *k);
-        ((0..self.sim.touches.len()).filter(open).filter(alone).collect(), single)
+        watched.single = (0..self.sim.touches.len()).filter(|k| self.group_of[*k].is_none()).filter(open).collect();
+        for (g, group) in self.groups.iter().enumerate() {
+            if !self.lasts(g, lasting) {
+                watched.groups.push(g);
+            } else if group.is_hull_on_plane() {
+                watched.rests.push(g);
+            } else {
+                watched.single.extend(group.parts.iter().filter(|k| open(k)));
+                watched.single.extend(group.whole.filter(|_| !group.pair.is_complete()).filter(open));
+            }
+        }
+        watched
     }
 
     /// All touches of a group.
@@ -105,19 +130,68 @@ impl<'a, A: Space> Gaps<'a, A> {
         self.sim.touches[touch].look(self.balls[touch].as_ref(), view, state, time)
     }
 
-    /// Gap and gap rate of a touch; the nearest points of bodies are apart where a contact of their parts is as near.
-    pub fn own(&self, touch: usize, view: &View<A>, state: (&[f64], &[f64]), time: f64) -> Look {
-        let found = self.look(touch, view, state, time)?;
-        if let Some(group) = self.group_of[touch].map(|group| &self.groups[group])
-            && group.whole == Some(touch)
-        {
-            for &part in &group.parts {
-                if self.look(part, view, state, time)?.0 <= found.0 + SAME {
-                    return Ok((APART, 0.0));
-                }
+    /// Both bodies of a group at a state.
+    fn placed(&self, group: usize, view: &View<A>, qd: &[f64], time: f64) -> Result<Placed, SimError> {
+        let group = &self.groups[group];
+        group.pair.placed(view, self.sim.touches[group.parts[0]].shift(time), qd)
+    }
+
+    /// Gap and gap rate of a touch; the nearest points of bodies are apart where a contact of their parts is as near. `last`: the
+    /// group of the touch before and its bodies, which touches of one group share.
+    pub fn own(
+        &self,
+        touch: usize,
+        view: &View<A>,
+        state: (&[f64], &[f64]),
+        time: f64,
+        last: &mut Option<(usize, Placed)>,
+    ) -> Look {
+        let Some(group) = self.group_of[touch] else { return self.look(touch, view, state, time) };
+        let placed = match last.take() {
+            Some((known, placed)) if known == group => placed,
+            _ => self.placed(group, view, state.1, time)?,
+        };
+        let found = self.of_part(touch, &placed);
+        let found = match found {
+            Some(found) => found,
+            None => {
+                let whole = self.look(touch, view, state, time)?;
+                let mut parts = self.groups[group].parts.iter().filter_map(|&part| self.of_part(part, &placed));
+                if parts.any(|part| part.0 <= whole.0 + SAME) { (APART, 0.0) } else { whole }
+            }
+        };
+        *last = Some((group, placed));
+        Ok(found)
+    }
+
+    /// Gap and gap rate of a contact of parts; `None` for the nearest points of bodies.
+    fn of_part(&self, touch: usize, placed: &Placed) -> Option<(f64, f64)> {
+        match &self.sim.touches[touch].kind {
+            TouchKind::Pair { pair, part: Some(part) } => Some(pair.look(*part, placed)),
+            _ => None,
+        }
+    }
+
+    /// The least gap, with its rate, of the contacts of a group that do not last.
+    pub fn rest(
+        &self,
+        group: usize,
+        lasting: &[Lasting],
+        view: &View<A>,
+        (_, qd): (&[f64], &[f64]),
+        time: f64,
+    ) -> Look {
+        let placed = self.placed(group, view, qd, time)?;
+        let mut least = (APART, 0.0);
+        for &part in &self.groups[group].parts {
+            if let Some(found) = self.of_part(part, &placed)
+                && found.0 < least.0
+                && !lasting.iter().any(|own| own.touch == part)
+            {
+                least = found;
             }
         }
-        Ok(found)
+        Ok(least)
     }
 
     /// Gap and gap rate of a group.
@@ -158,8 +232,9 @@ impl<'a, A: Space> Gaps<'a, A> {
             if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > NEAR {
                 continue;
             }
+            let mut last = None;
             for k in group.touches() {
-                gaps[k] = self.own(k, view, state, time)?;
+                gaps[k] = self.own(k, view, state, time, &mut last)?;
             }
         }
         Ok(gaps)
@@ -175,7 +250,7 @@ impl<'a, A: Space> Gaps<'a, A> {
             }
             near.extend(&group.parts);
             if let Some(whole) = group.whole
-                && self.own(whole, view, state, time)?.0 != APART
+                && self.own(whole, view, state, time, &mut None)?.0 != APART
             {
                 near.push(whole);
             }

@@ -211,9 +211,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         match watch {
             Watch::Gap(touch) => return self.touch(touch),
-            Watch::Pair(group) => {
+            Watch::Pair(group) | Watch::Rest(group) => {
                 let gaps = self.gaps()?;
-                let touches = self.motion.gaps.touches_of(group);
+                let touches = self.motion.gaps.touches_of(group).filter(|&k| !self.motion.lasts(k));
                 let least = touches.min_by(|a, b| gaps[*a].0.total_cmp(&gaps[*b].0));
                 return least.map_or(Ok(()), |touch| self.touch(touch));
             }

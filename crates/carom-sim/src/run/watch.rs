@@ -1,7 +1,7 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leg::{Flow, Witness};
-use crate::contact::APART;
+use crate::contact::{APART, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ContactState, Dry, DryJoint, Gaps, Held, Hold, Lasting, Motion};
@@ -15,6 +15,8 @@ pub(crate) enum Watch {
     Gap(usize),
     /// The gap of a pair of bodies closes, of which no part touches (index of the group).
     Pair(usize),
+    /// The gap of one of the other parts of a pair of bodies closes (index of the group).
+    Rest(usize),
     /// The contact point reaches the border of a face or the end of an edge.
     Leaves(usize),
     /// The normal force becomes negative.
@@ -45,9 +47,10 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
     pub fn new(motion: &'m mut Motion<'a, A>, time: f64, y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
-        let (single, groups) = motion.gaps.watched(&motion.lasting);
-        let mut watches: Vec<Watch> = single.into_iter().map(Watch::Gap).collect();
-        watches.extend(groups.into_iter().map(Watch::Pair));
+        let watched = motion.gaps.watched(&motion.lasting);
+        let mut watches: Vec<Watch> = watched.single.into_iter().map(Watch::Gap).collect();
+        watches.extend(watched.groups.into_iter().map(Watch::Pair));
+        watches.extend(watched.rests.into_iter().map(Watch::Rest));
         let first = watches.len();
         for (i, own) in motion.lasting.iter().enumerate() {
             let rule = &sim.touches[own.touch].contact;
@@ -168,8 +171,9 @@ fn look<A: Space>(
     let (q, qd) = motion.split(y);
     let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
+    let mut last = None;
     for watch in watches {
-        see(watch.at((motion.sim, &motion.gaps), &now, &view, (q, qd), time)?);
+        see(watch.at((motion.sim, &motion.gaps), &now, &view, (q, qd), time, &mut last)?);
     }
     Ok(())
 }
@@ -195,11 +199,16 @@ impl Watch {
         view: &View<A>,
         (q, qd): (&[f64], &[f64]),
         time: f64,
+        last: &mut Option<(usize, Placed)>,
     ) -> Result<Witness, SimError> {
         let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
+            (Self::Rest(group), _) => {
+                let (gap, rate) = gaps.rest(group, now.lasting, view, (q, qd), time)?;
+                Witness::gap(gap, rate)
+            }
             (Self::Gap(touch), _) => {
-                let (gap, rate) = gaps.own(touch, view, (q, qd), time)?;
+                let (gap, rate) = gaps.own(touch, view, (q, qd), time, last)?;
                 Witness::gap(gap, rate)
             }
             (Self::Pair(group), _) => {
