@@ -57,6 +57,7 @@ mod parry;
 mod parts;
 mod polish;
 mod reach;
+mod separation;
 mod shape;
 mod solid;
 
@@ -68,5 +69,6 @@ pub use mesh::Mesh;
 pub use obstacle::{Obstacle, Surface};
 pub use parts::{Part, Parts};
 pub use reach::{LeftOut, Pair, Reachable, reachable_pairs};
+pub use separation::Separation;
 pub use shape::{LinkShape, contact_point, found_shapes, gap_rate, link_shapes, shapes_of_link};
 pub use solid::{Corner, Solid};

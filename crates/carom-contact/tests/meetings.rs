@@ -5,7 +5,7 @@ mod common;
 use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
 use carom_chain::urdf::Shape;
-use carom_contact::{LinkShape, Meeting, Met, Parts, gap_between};
+use carom_contact::{LinkShape, Meeting, Met, Parts, Separation, gap_between};
 use common::*;
 use nalgebra::{Rotation3, Vector3};
 
@@ -175,4 +175,34 @@ fn the_lower_rim_of_a_cylinder_has_its_gap() {
         met.counts() && met.gap.distance.abs() < 1e-15
     });
     assert_eq!(counted.count(), 8);
+}
+
+/// The separation along normals of faces is never above the gap, and equal to it where a corner or rim is nearest to a face.
+#[test]
+fn the_separation_along_normals_of_faces_is_a_lower_bound_of_the_gap() {
+    let mut rng = fastrand::Rng::with_seed(15);
+    let mut equal = 0;
+    for (own_name, own_shape) in bodies() {
+        for (other_name, other_shape) in bodies() {
+            let (own, other) = (Parts::of_shape(&own_shape).unwrap(), Parts::of_shape(&other_shape).unwrap());
+            for _ in 0..200 {
+                let (mut a, b) = (random_pose(&mut rng), random_pose(&mut rng));
+                a.translation += unit(&mut rng) * rng.f64();
+                let Some(bound) = Separation::of((&own, &a), (&other, &b)) else {
+                    assert_eq!((own_name, other_name), ("capsule", "capsule"));
+                    continue;
+                };
+                let whole = gap_between((&own_shape, &a), (&other_shape, &b));
+                // The search for round bodies is exact to 1e-14 of their size.
+                assert!(bound.gap.distance <= whole.distance + 1e-13, "{own_name} {other_name}");
+                if whole.distance - bound.gap.distance < 1e-13 {
+                    equal += 1;
+                    assert!((bound.gap.normal - whole.normal).norm() < 1e-6, "{own_name} {other_name}");
+                }
+                let along = bound.gap.normal.dot(&(bound.gap.on_robot - bound.gap.on_environment));
+                assert!((along - bound.gap.distance).abs() < 1e-14);
+            }
+        }
+    }
+    assert!(equal > 300, "{equal}");
 }

@@ -6,7 +6,8 @@ use crate::state::{Space, View};
 use carom_chain::algebra::Pose;
 use carom_chain::{Chain, FrameId, Reduced, Spatial};
 use carom_contact::{
-    Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Slide, Solid, Surface, gap, gap_between, gap_points,
+    Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Separation, Slide, Solid, Surface, gap, gap_between,
+    gap_points,
 };
 use nalgebra::Vector3;
 
@@ -142,15 +143,22 @@ impl Pair {
         let Some((one, two)) = &self.parts else { return (APART, 0.0) };
         let Placed { poses: [own, other], .. } = placed;
         let met = meeting.at((one, own), (two, other));
-        if !met.counts() {
-            return (APART, 0.0);
-        }
-        let velocity = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>, p: Vector3<f64>| {
-            v + w.cross(&(p - pose.translation))
-        };
-        let Gap { distance, normal, on_robot, on_environment } = met.gap;
-        let u = velocity(placed.own, own, on_robot) - velocity(placed.other, other, on_environment);
-        (distance, normal.dot(&u))
+        if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { (APART, 0.0) }
+    }
+
+    /// A lower bound of the gap with its rate: see [`Separation`]. `None` if the pair is not divided or has no face.
+    pub fn separation(&self, placed: &Placed) -> Option<(f64, f64)> {
+        let (one, two) = self.parts.as_ref()?;
+        let [own, other] = &placed.poses;
+        let Separation { gap, is_own } = Separation::of((one, own), (two, other))?;
+        let turning = if is_own { placed.own[1] } else { placed.other[1] };
+        let turned = turning.cross(&gap.normal).dot(&(gap.on_robot - gap.on_environment));
+        Some((gap.distance, gap.normal.dot(&placed.slip(&gap)) + turned))
+    }
+
+    /// Radius of a sphere about the first body, m.
+    pub fn size(&self) -> f64 {
+        self.shape.solid().bounding_sphere().1
     }
 
     /// The nearest points of the two bodies.
@@ -249,6 +257,17 @@ impl Pair {
             velocity -= view.velocity(view.point(link.frame(), centre), qd)?;
         }
         Ok(Some((distance, normal.dot(&velocity))))
+    }
+}
+
+impl Placed {
+    /// Velocity of the first body relative to the second at their points of a gap.
+    fn slip(&self, gap: &Gap) -> Vector3<f64> {
+        let velocity = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>, p: Vector3<f64>| {
+            v + w.cross(&(p - pose.translation))
+        };
+        let [own, other] = &self.poses;
+        velocity(self.own, own, gap.on_robot) - velocity(self.other, other, gap.on_environment)
     }
 }
 

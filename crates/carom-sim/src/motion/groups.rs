@@ -56,6 +56,11 @@ impl Group {
     }
 }
 
+/// A gap that exceeds its lower bound by less is equal to it, m.
+const EQUAL: f64 = 1e-12;
+/// Share of a body's size: of bodies that are separated by more, the lower bound stands for the gap.
+const FAR: f64 = 0.02;
+
 /// What is watched while some contacts last.
 #[derive(Debug, Default)]
 pub(crate) struct Watched {
@@ -155,9 +160,14 @@ impl<'a, A: Space> Gaps<'a, A> {
         let found = match found {
             Some(found) => found,
             None => {
-                let whole = self.look(touch, view, state, time)?;
-                let mut parts = self.groups[group].parts.iter().filter_map(|&part| self.of_part(part, &placed));
-                if parts.any(|part| part.0 <= whole.0 + SAME) { (APART, 0.0) } else { whole }
+                let least = self.least(group, &placed, |_| true).0;
+                let bound = self.groups[group].pair.separation(&placed);
+                if bound.is_some_and(|bound| least - bound.0 <= EQUAL) {
+                    (APART, 0.0)
+                } else {
+                    let whole = self.look(touch, view, state, time)?;
+                    if least <= whole.0 + SAME { (APART, 0.0) } else { whole }
+                }
             }
         };
         *last = Some((group, placed));
@@ -172,46 +182,38 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
     }
 
-    /// The least gap, with its rate, of the contacts of a group that do not last.
-    pub fn rest(
-        &self,
-        group: usize,
-        lasting: &[Lasting],
-        view: &View<A>,
-        (_, qd): (&[f64], &[f64]),
-        time: f64,
-    ) -> Look {
-        let placed = self.placed(group, view, qd, time)?;
+    /// The least gap of some contacts of parts of a group, with its rate.
+    fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> (f64, f64) {
         let mut least = (APART, 0.0);
-        for &part in &self.groups[group].parts {
-            if let Some(found) = self.of_part(part, &placed)
-                && found.0 < least.0
-                && !lasting.iter().any(|own| own.touch == part)
-            {
-                least = found;
-            }
+        for &part in self.groups[group].parts.iter().filter(|&&part| wanted(part)) {
+            let found = self.of_part(part, placed).unwrap_or(least);
+            least = if found.0 < least.0 { found } else { least };
         }
-        Ok(least)
+        least
     }
 
-    /// Gap and gap rate of a group.
+    /// The least gap, with its rate, of the contacts of a group that do not last.
+    pub fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
+        let placed = self.placed(group, view, qd, time)?;
+        Ok(self.least(group, &placed, |part| !lasting.iter().any(|own| own.touch == part)))
+    }
+
+    /// Gap and gap rate of a group; lower bounds where the bodies are far apart.
     pub fn of_group(&self, group: usize, view: &View<A>, (q, qd): (&[f64], &[f64]), time: f64) -> Look {
         let Group { pair, parts, whole } = &self.groups[group];
         let touch = &self.sim.touches[whole.unwrap_or(parts[0])];
         if let Some(far) = pair.clearance(view, touch.shift(time), qd)? {
             return Ok(far);
         }
-        match whole {
-            Some(whole) => self.look(*whole, view, (q, qd), time),
-            // A list of touches from which the nearest points were removed.
-            None => {
-                let mut least = (APART, 0.0);
-                for &part in parts {
-                    let found = self.look(part, view, (q, qd), time)?;
-                    least = if found.0 < least.0 { found } else { least };
-                }
-                Ok(least)
-            }
+        let placed = self.placed(group, view, qd, time)?;
+        let least = self.least(group, &placed, |_| true);
+        if whole.is_none() || (pair.is_complete() && least.0 < APART) {
+            return Ok(least);
+        }
+        match pair.separation(&placed) {
+            Some(bound) if least.0 - bound.0 <= EQUAL => Ok(least),
+            Some(bound) if bound.0 > FAR * pair.size() => Ok(bound),
+            _ => self.look(whole.unwrap_or(parts[0]), view, (q, qd), time),
         }
     }
 

@@ -204,7 +204,7 @@ impl Watch {
         let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
         Ok(match (self, now.held) {
             (Self::Rest(group), _) => {
-                let (gap, rate) = gaps.rest(group, now.lasting, view, (q, qd), time)?;
+                let (gap, rate) = gaps.rest(group, now.lasting, view, qd, time)?;
                 Witness::gap(gap, rate)
             }
             (Self::Gap(touch), _) => {
