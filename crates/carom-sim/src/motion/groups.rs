@@ -206,6 +206,10 @@ impl<'a, A: Space> Gaps<'a, A> {
             return Ok(far);
         }
         let placed = self.placed(group, view, qd, time)?;
+        // The lowest point over a plane.
+        if pair.is_complete() && pair.is_on_plane() {
+            return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
+        }
         let least = self.least(group, &placed, |_| true);
         if whole.is_none() || (pair.is_complete() && least.0 < APART) {
             return Ok(least);
@@ -242,21 +246,16 @@ impl<'a, A: Space> Gaps<'a, A> {
         Ok(gaps)
     }
 
-    /// The touches that can be closed, for time steps: not those of bodies that are far apart, and the nearest points of bodies
-    /// only where no contact of their parts is as near.
-    pub fn near(&self, view: &View<A>, state: (&[f64], &[f64]), time: f64) -> Result<Vec<usize>, SimError> {
-        let mut near: Vec<usize> = (0..self.sim.touches.len()).filter(|k| self.group_of[*k].is_none()).collect();
-        for (g, group) in self.groups.iter().enumerate() {
-            if self.of_group(g, view, state, time)?.0 > NEAR {
-                continue;
-            }
-            near.extend(&group.parts);
-            if let Some(whole) = group.whole
-                && self.own(whole, view, state, time, &mut None)?.0 != APART
-            {
-                near.push(whole);
-            }
-        }
-        Ok(near)
+    /// The touches with gaps of at most `within`, for time steps: the nearest points of bodies only where no contact of their
+    /// parts is as near.
+    pub fn near(
+        &self,
+        view: &View<A>,
+        state: (&[f64], &[f64]),
+        time: f64,
+        within: f64,
+    ) -> Result<Vec<usize>, SimError> {
+        let gaps = self.all(&[], view, state, time)?;
+        Ok((0..gaps.len()).filter(|&k| gaps[k].0 <= within).collect())
     }
 }

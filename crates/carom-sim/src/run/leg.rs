@@ -30,7 +30,7 @@ const HYSTERESIS: f64 = 1e-14;
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
 /// Maximal ratio of the number of steps to the number of steps of maximal length, for legs that have a fallback.
-const PATIENCE: usize = 500;
+const PATIENCE: usize = 60;
 
 /// A smooth vector field with witness functions: one contact mode of one chain.
 pub(crate) trait Flow {

@@ -334,7 +334,7 @@ impl<A: Space> Run<'_, '_, A> {
         let free = &v + inertia.solve(&(force * step - &v * (step * step / 2.0 * stiffness)));
 
         let mut rows = Closures::new(sim.chain.nv());
-        for k in self.motion.gaps.near(&view, (&middle, &qd), middle_time)? {
+        for k in self.motion.gaps.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
             let touch = &sim.touches[k];
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
                 rows.add(k, touch, &at, &view, middle_time)?;
@@ -406,7 +406,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut rows = Closures::new(sim.chain.nv());
         let mut view = View::new(self.motion.model, &mut self.motion.workspace, &q)?;
         let mut gaps = Vec::new();
-        for touch in self.motion.gaps.near(&view, (&q, &qd), time)?.into_iter().map(|k| &sim.touches[k]) {
+        for touch in self.motion.gaps.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]) {
             for at in touch.points(&view, &q, time, 0.0) {
                 touch.row_into(&at, &view, rows.rows.add())?;
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });
