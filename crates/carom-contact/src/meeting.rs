@@ -177,6 +177,18 @@ impl Meeting {
         Met { gap, margin: local.margin }
     }
 
+    /// The gap of a corner and a half-space, for many corners of one body: `down` is the normal of the half-space in the axes of
+    /// the parts, `height` that of their origin. `None` for other parts.
+    pub fn over_plane(&self, own: &Parts, down: &Vector3<f64>, height: f64) -> Option<f64> {
+        match (self.own, self.other) {
+            (Part::Corner(k), Part::Face(_)) => match &own.corners[k] {
+                CornerPart { kind: CornerKind::OfRim(_), .. } => None,
+                corner => Some(height + down.dot(&corner.position) - corner.radius),
+            },
+            _ => None,
+        }
+    }
+
     /// The rates at the poses and angular velocities of both bodies, for a closed gap with ġ = 0. `u`: velocity of the robot's
     /// material point relative to the environment's, m/s.
     pub fn slide(

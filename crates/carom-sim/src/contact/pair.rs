@@ -28,6 +28,8 @@ pub(crate) struct Placed {
     /// Velocity of the origin, and angular velocity.
     own: [Vector3<f64>; 2],
     other: [Vector3<f64>; 2],
+    /// For a half-space: its normal in the axes of the first body, and the height of their origin.
+    plane: Option<(Vector3<f64>, f64)>,
 }
 
 /// The second body of a pair.
@@ -135,7 +137,17 @@ impl Pair {
             Against::Link(other) => twist(other.frame())?,
             Against::Obstacle(_) => [speed, Vector3::zeros()],
         };
-        Ok(Placed { poses: self.poses(view, shift), own: twist(self.shape.frame())?, other })
+        let poses = self.poses(view, shift);
+        let plane = match &self.against {
+            Against::Obstacle(obstacle) => match obstacle.surface() {
+                Surface::HalfSpace { point, normal } => {
+                    Some((poses[0].rotation.tr_mul(normal), normal.dot(&(poses[0].translation - point))))
+                }
+                _ => None,
+            },
+            Against::Link(_) => None,
+        };
+        Ok(Placed { poses, own: twist(self.shape.frame())?, other, plane })
     }
 
     /// Gap and gap rate of a contact of parts, as [`Touch::look`](super::Touch).
@@ -144,6 +156,12 @@ impl Pair {
         let Placed { poses: [own, other], .. } = placed;
         let met = meeting.at((one, own), (two, other));
         if met.counts() { (met.gap.distance, met.gap.normal.dot(&placed.slip(&met.gap))) } else { (APART, 0.0) }
+    }
+
+    /// The gap of a corner over a half-space without its rate; `None` for other parts.
+    pub fn height(&self, meeting: Meeting, placed: &Placed) -> Option<f64> {
+        let (down, height) = placed.plane.as_ref()?;
+        meeting.over_plane(&self.parts.as_ref()?.0, down, *height)
     }
 
     /// A lower bound of the gap with its rate: see [`Separation`]. `None` if the pair is not divided or has no face.

@@ -185,11 +185,22 @@ impl<'a, A: Space> Gaps<'a, A> {
     /// The least gap of some contacts of parts of a group, with its rate.
     fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> (f64, f64) {
         let mut least = (APART, 0.0);
-        for &part in self.groups[group].parts.iter().filter(|&&part| wanted(part)) {
+        for &part in self.groups[group].parts.iter() {
+            if self.is_above(part, placed, least.0) || !wanted(part) {
+                continue;
+            }
             let found = self.of_part(part, placed).unwrap_or(least);
             least = if found.0 < least.0 { found } else { least };
         }
         least
+    }
+
+    /// Whether a touch is a corner over a half-space with a larger gap than this.
+    fn is_above(&self, touch: usize, placed: &Placed, gap: f64) -> bool {
+        match &self.sim.touches[touch].kind {
+            TouchKind::Pair { pair, part: Some(part) } => pair.height(*part, placed).is_some_and(|height| height > gap),
+            _ => false,
+        }
     }
 
     /// The least gap, with its rate, of the contacts of a group that do not last.
@@ -238,8 +249,11 @@ impl<'a, A: Space> Gaps<'a, A> {
             if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > NEAR {
                 continue;
             }
-            let mut last = None;
+            let mut last = Some((g, self.placed(g, view, state.1, time)?));
             for k in group.touches() {
+                if last.as_ref().is_some_and(|(_, placed)| self.is_above(k, placed, NEAR)) {
+                    continue;
+                }
                 gaps[k] = self.own(k, view, state, time, &mut last)?;
             }
         }
