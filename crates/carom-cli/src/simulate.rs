@@ -26,7 +26,7 @@ const SAMPLE: f64 = 0.004;
 /// (N s) and the mode; the final q and qd; the energy balance (J); the work of the integrator.
 /// JSON keys:
 ///   joints, stop_reason (duration, events), mode (of contact at the end);
-///   events [{time, kind, contact, q, qd_minus, qd_plus, impact, impulses}];
+///   events [{time, kind, contact, reason, q, qd_minus, qd_plus, impact, impulses}];
 ///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
@@ -84,6 +84,8 @@ struct Happened<'a> {
     q: &'a [f64],
     qd_minus: &'a [f64],
     qd_plus: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reason: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     impact: Option<Impact>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -223,6 +225,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
         q: &e.q,
         qd_minus: &e.qd_minus,
         qd_plus: &e.qd_plus,
+        reason: reason(&e.kind),
         impact: match &e.kind {
             EventKind::Impact { touch, hit } => Some(Impact {
                 law: sim.touches[*touch].contact.law.name(),
@@ -290,6 +293,14 @@ fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
     }
 }
 
+/// Why time steps begin.
+fn reason(kind: &EventKind) -> Option<&'static str> {
+    match kind {
+        EventKind::Steps { reason } => Some(reason.name()),
+        _ => None,
+    }
+}
+
 fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out: &mut dyn Write) -> io::Result<()> {
     for event in events {
         write!(
@@ -297,7 +308,7 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
             "{:>14} s  {:10} {}",
             short(event.time),
             event.kind.name(),
-            contact(sim, &event.kind).unwrap_or("")
+            contact(sim, &event.kind).or(reason(&event.kind)).unwrap_or("")
         )?;
         if let EventKind::Several { touches, .. } = &event.kind {
             let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();

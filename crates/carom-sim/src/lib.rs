@@ -49,7 +49,9 @@ pub use impact::{
 pub use model::{Drive, ImpactInvariant, Integrator, SeveralLaw, Simulation, Transition};
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
-pub use run::{EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory};
+pub use run::{
+    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,
+};
 pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;

@@ -252,6 +252,12 @@ impl Touch {
         }
     }
 
+    /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
+    /// nearest points. Compliant contacts have that one only.
+    pub fn is_part(&self) -> bool {
+        matches!(self.kind, TouchKind::Pair { part: Some(_), .. })
+    }
+
     /// Whether every contact of its bodies is a contact at one point, or is divided into such contacts.
     pub(crate) fn is_covered(&self) -> bool {
         match &self.kind {

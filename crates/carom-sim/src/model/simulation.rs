@@ -88,7 +88,9 @@ impl Simulation {
     pub fn smallest_gap(&self, q: &[f64]) -> Result<f64, SimError> {
         let mut workspace = self.chain.workspace();
         let view = View::<Spatial<f64>>::new(&self.chain, &mut workspace, q)?;
-        Ok(self.touches.iter().map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
+        // The nearest points of two bodies stand for the contacts of their parts.
+        let whole = self.touches.iter().filter(|touch| !touch.is_part());
+        Ok(whole.map(|touch| touch.at(&view, q, 0.0).gap).fold(f64::INFINITY, f64::min))
     }
 
     /// Contact point and normal of a touch, whether it is open or closed: the point of the link nearest to the surface, m, and

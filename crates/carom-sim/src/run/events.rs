@@ -14,9 +14,9 @@
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
 use super::leg::{Accuracy, LegEnd, Sampler, leg};
-use super::trajectory::{EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StopReason, Summary};
+use super::trajectory::{EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StepReason, StopReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::{Compliance, ContactMode};
+use crate::contact::Compliance;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, bristles};
@@ -34,7 +34,9 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub lost: f64,
     /// The contacts of the last time step.
     pub stepped: Vec<ContactState>,
-    /// Times of the last impacts, to detect their accumulation, and too many of them within a short time.
+    /// Times of the last events, to detect too many within a short time.
+    pub recent: std::collections::VecDeque<f64>,
+    /// Times of the last impacts, to detect their accumulation.
     pub blows: std::collections::VecDeque<f64>,
 }
 
@@ -59,6 +61,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             statistics: Statistics::default(),
             lost: 0.0,
             stepped: Vec::new(),
+            recent: std::collections::VecDeque::new(),
             blows: std::collections::VecDeque::new(),
         };
         let start = run.motion.energy(&run.y)?;
@@ -110,7 +113,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         self.measure();
         let mut flow = match Watched::new(&mut self.motion, self.time, &self.y) {
-            Err(SimError::Jam { .. }) => return self.no_mode(),
+            Err(SimError::Jam { .. }) => return self.no_mode(StepReason::NoMode),
             flow => flow?,
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
@@ -133,13 +136,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Ok(LegEnd { time, y, fired, stalled }) => {
                 (self.time, self.y) = (time, y);
                 match (fired, stalled) {
-                    (_, Some(_)) if gives_up => self.no_mode(),
+                    (_, Some(_)) if gives_up => self.no_mode(StepReason::Stiff),
                     (_, Some(reason)) => Err(SimError::Integration { time, reason }),
                     (Some(witness), _) => self.event(watches[witness]),
                     (None, _) => Ok(()),
                 }
             }
-            Err(SimError::Jam { .. }) => self.no_mode(),
+            Err(SimError::Jam { .. }) => self.no_mode(StepReason::NoMode),
             Err(error) => Err(error),
         }
     }
@@ -197,16 +200,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             self.press(touch, damping);
         }
         if sim.stepping {
-            return self.step_on();
+            return self.step_on(StepReason::Asked);
         }
         let before = self.y.clone();
         if hits.is_empty() { self.resettle(&rests, &before) } else { self.collide(&hits, &rests) }
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        let crowd = self.blows.len() == CROWD && self.time - self.blows[0] < self.motion.sim.contact_step;
+        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
         if crowd {
-            return self.step_on();
+            return self.step_on(StepReason::Crowd);
         }
         let before = self.y.clone();
         match watch {
@@ -310,8 +313,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
         }
         touches.sort_unstable();
-        if !self.choose(&touches)? {
-            return self.no_mode();
+        if let Some(reason) = self.choose(&touches)? {
+            return self.no_mode(reason);
         }
         self.note_changes(&old, before);
         for (k, old) in dry.iter().enumerate() {
@@ -323,9 +326,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.rest()
     }
 
-    /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them. `false`: no mode
-    /// is consistent.
-    pub fn choose(&mut self, touches: &[usize]) -> Result<bool, SimError> {
+    /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them; or the reason why
+    /// their motion needs time steps.
+    pub fn choose(&mut self, touches: &[usize]) -> Result<Option<StepReason>, SimError> {
         let kept = self.motion.lasting.iter().filter(|own| !own.is_rigid());
         let mut candidates: Vec<Candidate> =
             kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
@@ -333,10 +336,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
         }
         if !self.motion.select(&candidates, self.time, &mut self.y)? {
-            return Ok(false);
+            return Ok(Some(StepReason::NoMode));
         }
         let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
-        Ok(!faces)
+        Ok(faces.then_some(StepReason::Face))
     }
 
     /// The events of the contacts whose mode has changed.
@@ -386,14 +389,18 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.events += 1;
+        self.recent.push_back(self.time);
+        if self.recent.len() > CROWD {
+            self.recent.pop_front();
+        }
     }
 
     /// Continues by time steps.
-    pub fn step_on(&mut self) -> Result<(), SimError> {
+    pub fn step_on(&mut self, reason: StepReason) -> Result<(), SimError> {
         self.motion.stepping = true;
         self.motion.lasting.retain(|own| !own.is_rigid());
         let before = self.y.clone();
-        self.note(EventKind::Mode { mode: ContactMode::Stepping }, &before, Vec::new());
+        self.note(EventKind::Steps { reason }, &before, Vec::new());
         Ok(())
     }
 
@@ -428,5 +435,5 @@ pub(crate) const TOUCHING: f64 = 1e-9;
 const NEAREST: f64 = 1e-9;
 /// Share of the longest step for which a slip that turns fast is integrated implicitly.
 const TURNING: f64 = 0.1;
-/// With this number of impacts within one contact step the run continues by time stepping.
-pub(crate) const CROWD: usize = 300;
+/// With this number of events within one contact step the run continues by time stepping.
+const CROWD: usize = 300;

@@ -13,8 +13,8 @@
 //!   hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
-use super::events::{CROWD, Run, TOUCHING};
-use super::trajectory::EventKind;
+use super::events::{Run, TOUCHING};
+use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
@@ -54,7 +54,7 @@ impl<A: Space> Run<'_, '_, A> {
             return self.several_impacts(&swarm, true);
         }
         if self.lies_flat(&rigid)? {
-            return self.step_on();
+            return self.step_on(StepReason::Face);
         }
         let lasting: Vec<usize> =
             self.motion.lasting.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
@@ -75,10 +75,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
         self.blows.push_back(self.time);
-        if self.blows.len() > CROWD {
-            self.blows.pop_front();
-        }
-        let first = self.blows.len().checked_sub(SWARM + 1).map(|k| self.blows[k]);
+        let first = if self.blows.len() > SWARM { self.blows.pop_front() } else { None };
         if first.is_none_or(|first| self.time - first > sim.zeno_time) {
             return Ok(None);
         }
@@ -257,8 +254,8 @@ impl<A: Space> Run<'_, '_, A> {
             let (_, rebound) = self.gap(one.touch)?;
             if rebound <= slack { still.push(one.touch) } else { leaving.push((one, rebound)) }
         }
-        if !self.choose(&still)? {
-            return self.no_mode();
+        if let Some(reason) = self.choose(&still)? {
+            return self.no_mode(reason);
         }
         let mut left = 0.0_f64;
         let mut ending = Vec::new();
@@ -276,11 +273,11 @@ impl<A: Space> Run<'_, '_, A> {
             let start = self.y.clone();
             still.extend(&ending);
             self.close(&still)?;
-            if !self.choose(&still)? {
-                return self.no_mode();
+            if let Some(reason) = self.choose(&still)? {
+                return self.no_mode(reason);
             }
             match self.motion.pass(left, self.time, &mut self.y) {
-                Err(SimError::Jam { .. }) => return self.no_mode(),
+                Err(SimError::Jam { .. }) => return self.no_mode(StepReason::NoMode),
                 done => done?,
             }
             self.lost += energy - self.motion.energy(&self.y)?;
@@ -291,8 +288,8 @@ impl<A: Space> Run<'_, '_, A> {
             for &touch in &ending {
                 self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &start, Vec::new());
             }
-            if !self.choose(&still)? {
-                return self.no_mode();
+            if let Some(reason) = self.choose(&still)? {
+                return self.no_mode(reason);
             }
         }
         self.note_changes(&old, before);
@@ -308,8 +305,8 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// The motion has no consistent mode: an impact without collision, or time steps.
-    pub fn no_mode(&mut self) -> Result<(), SimError> {
-        if self.without_collision()? { Ok(()) } else { self.step_on() }
+    pub fn no_mode(&mut self, reason: StepReason) -> Result<(), SimError> {
+        if self.without_collision()? { Ok(()) } else { self.step_on(reason) }
     }
 
     /// An impact without collision (Painlevé): the limit of the law's outcome for a vanishing approach velocity, for a single

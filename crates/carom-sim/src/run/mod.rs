@@ -10,5 +10,5 @@ mod trajectory;
 mod watch;
 
 pub use trajectory::{
-    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StopReason, Summary, Trajectory,
+    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,
 };

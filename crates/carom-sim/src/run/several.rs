@@ -286,7 +286,7 @@ impl<A: Space> Run<'_, '_, A> {
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
         let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
-        if !clear || !self.choose(&closed)? || self.motion.in_mode(self.time, &self.y).is_err() {
+        if !clear || self.choose(&closed)?.is_some() || self.motion.in_mode(self.time, &self.y).is_err() {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
             return Ok(false);

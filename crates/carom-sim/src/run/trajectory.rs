@@ -64,13 +64,47 @@ pub enum EventKind {
         /// `true`: it sticks from now on; `false`: it slips.
         holds: bool,
     },
+    /// Time steps begin.
+    Steps {
+        /// Why.
+        reason: StepReason,
+    },
     /// The chain is at rest and stays at rest to the end.
     Rest,
 }
 
+/// Why a motion is computed by time steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StepReason {
+    /// The scene asks for them.
+    Asked,
+    /// A face lies on a mesh, or a rim on an edge: contacts that are not divided into points.
+    Face,
+    /// Too many impacts within one time step.
+    Crowd,
+    /// No mode of the contacts is consistent with the equations of motion and the laws of contact.
+    NoMode,
+    /// The motion with these contacts is too stiff for the integrators.
+    Stiff,
+}
+
+impl StepReason {
+    /// The reason in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Asked => "the scene asks for time steps",
+            Self::Face => "a face lies on a mesh, or a rim on an edge",
+            Self::Crowd => "too many events within one time step",
+            Self::NoMode => "no mode of the contacts is consistent",
+            Self::Stiff => "the motion is too stiff for the integrators",
+        }
+    }
+}
+
 impl EventKind {
-    /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves` or `rest`.
-    /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`, `stepping`).
+    /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves`,
+    /// `stepping` or `rest`.
+    /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`).
     pub fn name(&self) -> &'static str {
         match self {
             Self::Impact { .. } => "impact",
@@ -79,6 +113,7 @@ impl EventKind {
             Self::Joint { holds: true, .. } => "joint-stops",
             Self::Joint { holds: false, .. } => "joint-moves",
             Self::Rest => "rest",
+            Self::Steps { .. } => "stepping",
             Self::Limit { .. } => "limit",
             Self::Zeno { .. } => "zeno",
             Self::Mode { mode } => mode.name(),
@@ -95,7 +130,7 @@ impl EventKind {
             | Self::Zeno { touch, .. }
             | Self::LiftOff { touch } => Some(*touch),
             Self::Mode { mode } => mode.touch(),
-            Self::Several { .. } | Self::Joint { .. } | Self::Rest => None,
+            Self::Several { .. } | Self::Joint { .. } | Self::Steps { .. } | Self::Rest => None,
         }
     }
 }

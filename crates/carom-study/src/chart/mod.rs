@@ -190,6 +190,7 @@ impl Chart {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
             let knob = |stiffness| {
                 let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
+                soft.touches.retain(|touch| !touch.is_part());
                 for touch in soft.touches.iter_mut().filter(|touch| touch.link().is_some()) {
                     touch.contact.compliance = Some(Compliance { normal, ..Compliance::new(stiffness) });
                 }
