@@ -1,7 +1,8 @@
 //! A lower bound of the gap of two bodies: their separation along the normals of their faces.
 //!
 //! The gap is the greatest separation over all directions, so that along any direction is a lower bound. Where a face is
-//! nearest, the separation along its normal is the gap.
+//! nearest, the separation along its normal is the gap; where the separation along the normal of a contact of parts is its gap, so is
+//! that.
 
 use crate::gap::Gap;
 use crate::meeting::Placed;
@@ -18,6 +19,14 @@ pub struct Separation {
 }
 
 impl Separation {
+    /// The separation along a unit vector `n` from the environment to the robot: height of the robot's lowest point minus that of
+    /// the environment's highest point, m.
+    pub fn along(n: Vector3<f64>, (own, pose): Placed, (other, place): Placed) -> f64 {
+        let (low, _) = own.lowest(pose.rotation.tr_mul(&n));
+        let (high, _) = other.lowest(-place.rotation.tr_mul(&n));
+        n.dot(&(pose.translation - place.translation)) + low + high
+    }
+
     /// `None` if neither body has a face.
     pub fn of((own, pose): Placed, (other, place): Placed) -> Option<Self> {
         let theirs = other.faces.iter().map(|face| {

@@ -41,6 +41,8 @@ pub(crate) enum Against {
 
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
+/// A gap that exceeds its lower bound by less is equal to it, m.
+const EQUAL: f64 = 1e-12;
 /// Share of a body's bounding sphere: bodies further apart than this are not examined.
 const FAR: f64 = 0.25;
 
@@ -172,6 +174,14 @@ impl Pair {
         let turning = if is_own { placed.own[1] } else { placed.other[1] };
         let turned = turning.cross(&gap.normal).dot(&(gap.on_robot - gap.on_environment));
         Some((gap.distance, gap.normal.dot(&placed.slip(&gap)) + turned))
+    }
+
+    /// Whether the gap of a contact of parts is that of the bodies: the separation along its normal is as large.
+    pub fn is_nearest(&self, meeting: Meeting, placed: &Placed) -> bool {
+        let Some((one, two)) = &self.parts else { return false };
+        let [own, other] = &placed.poses;
+        let Gap { distance, normal, .. } = meeting.at((one, own), (two, other)).gap;
+        distance - Separation::along(normal, (one, own), (two, other)) <= EQUAL
     }
 
     /// Radius of a sphere about the first body, m.

@@ -56,8 +56,6 @@ impl Group {
     }
 }
 
-/// A gap that exceeds its lower bound by less is equal to it, m.
-const EQUAL: f64 = 1e-12;
 /// Share of a body's size: of bodies that are separated by more, the lower bound stands for the gap.
 const FAR: f64 = 0.02;
 
@@ -160,13 +158,12 @@ impl<'a, A: Space> Gaps<'a, A> {
         let found = match found {
             Some(found) => found,
             None => {
-                let least = self.least(group, &placed, |_| true).0;
-                let bound = self.groups[group].pair.separation(&placed);
-                if bound.is_some_and(|bound| least - bound.0 <= EQUAL) {
+                let (least, part) = self.least(group, &placed, |_| true);
+                if part.is_some_and(|part| self.is_nearest(part, &placed)) {
                     (APART, 0.0)
                 } else {
                     let whole = self.look(touch, view, state, time)?;
-                    if least <= whole.0 + SAME { (APART, 0.0) } else { whole }
+                    if least.0 <= whole.0 + SAME { (APART, 0.0) } else { whole }
                 }
             }
         };
@@ -182,17 +179,28 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
     }
 
-    /// The least gap of some contacts of parts of a group, with its rate.
-    fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> (f64, f64) {
-        let mut least = (APART, 0.0);
+    /// The least gap of some contacts of parts of a group, with its rate, and the contact.
+    fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> ((f64, f64), Option<usize>) {
+        let (mut least, mut nearest) = ((APART, 0.0), None);
         for &part in self.groups[group].parts.iter() {
             if self.is_above(part, placed, least.0) || !wanted(part) {
                 continue;
             }
-            let found = self.of_part(part, placed).unwrap_or(least);
-            least = if found.0 < least.0 { found } else { least };
+            if let Some(found) = self.of_part(part, placed)
+                && found.0 < least.0
+            {
+                (least, nearest) = (found, Some(part));
+            }
         }
-        least
+        (least, nearest)
+    }
+
+    /// Whether the gap of a contact of parts is that of its bodies.
+    fn is_nearest(&self, touch: usize, placed: &Placed) -> bool {
+        match &self.sim.touches[touch].kind {
+            TouchKind::Pair { pair, part: Some(part) } => pair.is_nearest(*part, placed),
+            _ => false,
+        }
     }
 
     /// Whether a touch is a corner over a half-space with a larger gap than this.
@@ -206,7 +214,7 @@ impl<'a, A: Space> Gaps<'a, A> {
     /// The least gap, with its rate, of the contacts of a group that do not last.
     pub fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
         let placed = self.placed(group, view, qd, time)?;
-        Ok(self.least(group, &placed, |part| !lasting.iter().any(|own| own.touch == part)))
+        Ok(self.least(group, &placed, |part| !lasting.iter().any(|own| own.touch == part)).0)
     }
 
     /// Gap and gap rate of a group; lower bounds where the bodies are far apart.
@@ -221,12 +229,14 @@ impl<'a, A: Space> Gaps<'a, A> {
         if pair.is_complete() && pair.is_on_plane() {
             return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
         }
-        let least = self.least(group, &placed, |_| true);
+        let (least, part) = self.least(group, &placed, |_| true);
         if whole.is_none() || (pair.is_complete() && least.0 < APART) {
             return Ok(least);
         }
+        if part.is_some_and(|part| self.is_nearest(part, &placed)) {
+            return Ok(least);
+        }
         match pair.separation(&placed) {
-            Some(bound) if least.0 - bound.0 <= EQUAL => Ok(least),
             Some(bound) if bound.0 > FAR * pair.size() => Ok(bound),
             _ => self.look(whole.unwrap_or(parts[0]), view, (q, qd), time),
         }

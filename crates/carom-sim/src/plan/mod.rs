@@ -195,7 +195,10 @@ impl Plan {
         let touches = &self.simulation.touches;
         let (limits, pairs): (Vec<&Touch>, Vec<&Touch>) = touches.iter().partition(|touch| touch.limit_of().is_some());
         let closed = pairs.iter().filter(|touch| touch.has_closed_drift()).count();
-        let (count, search) = (pairs.len(), pairs.len() - closed);
+        let search = pairs.len() - closed;
+        // The contacts of parts stand behind their pair.
+        let pairs: Vec<&Touch> = pairs.into_iter().filter(|touch| !touch.is_part()).collect();
+        let count = pairs.len();
         let names: Vec<&str> = pairs.iter().take(8).map(|touch| touch.name.as_str()).collect();
         let more = if count > 8 { format!(" and {} more", count - 8) } else { String::new() };
         let faces = pairs.iter().any(|touch| !touch.is_covered());
@@ -214,7 +217,7 @@ impl Plan {
             self.keep("several", choice, "method = \"steps\"");
         } else if several {
             let law = self.simulation.several.name();
-            let steps = if faces { "where a face lies on an obstacle or " } else { "" };
+            let steps = if faces { "where a face lies on a mesh, a rim on an edge, or " } else { "" };
             let choice =
                 format!("event-driven; law {law}; time steps of {step} s only {steps}where no mode is consistent");
             self.keep("several", choice, "several contacts are possible at the same time");
