@@ -81,6 +81,7 @@ fn a_damped_velocity_decays_exponentially() {
 }
 
 fn touching(chain: &Chain, obstacle: Obstacle, contact: ContactRule, motion: Option<Oscillation>) -> Vec<Touch> {
+    let motion = motion.map(Into::into);
     let surface = Surface { name: "surface".into(), obstacle, contact, motion };
     Touch::all(chain, &[surface], 0.0).unwrap().touches.into_iter().filter(|touch| touch.link().is_some()).collect()
 }
@@ -225,12 +226,12 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
     let controller = ImpactInvariant {
         tip: "tip".into(),
         normal: -Vector3::x(),
-        kp: 0.0,
-        kd: 0.3,
+        kp: 0.0.into(),
+        kd: 0.3.into(),
         target: vec![PI / 4.0, -PI / 2.0],
         velocity: vec![0.0, 0.0],
     };
-    let pd = Drive::Pd { kp: 0.0, kd: 0.3, target: controller.target.clone() };
+    let pd = Drive::Pd { kp: 0.0.into(), kd: 0.3.into(), target: controller.target.clone() };
     // The jump of the joint forces, Δτ = (M q̈ + bias)⁺ − (M q̈ + bias)⁻, with q̈ from differences of the dense output.
     let jump = |drive: Drive| {
         let (sim, q, qd) = wall_arm(drive, None, 0.35);

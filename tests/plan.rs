@@ -301,7 +301,7 @@ fn straightening_axes_displaces_no_point_beyond_the_bound() {
 fn moving_surfaces_are_never_excluded_as_unreachable() {
     let chain = Chain::from_urdf_str(&planar2(), &LoadOptions::default()).unwrap();
     let obstacle = Obstacle::half_space(Vector3::new(2.0, 0.0, 0.0), -Vector3::x()).unwrap();
-    let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 });
+    let motion = Some(Oscillation { amplitude: Vector3::x() * 2.0, frequency: 1.0, phase: 0.0 }.into());
     let surface =
         |motion| Surface { name: "piston".into(), obstacle: obstacle.clone(), contact: Default::default(), motion };
     let count = |motion| {

@@ -1,4 +1,4 @@
-//! Fixed obstacles: half-spaces, boxes, spheres and meshes.
+//! Fixed obstacles: half-spaces, boxes, spheres, cylinders, capsules and meshes.
 
 use crate::error::{ContactError, MeshFault};
 use crate::mesh::Mesh;
@@ -93,6 +93,28 @@ impl Obstacle {
             Isometry3::from_parts(centre.into(), nalgebra::UnitQuaternion::identity()),
             Solid::Sphere { radius },
         )
+    }
+
+    /// A cylinder of full `length` along the z-axis of `pose`, centred there; m.
+    ///
+    /// # Errors
+    /// [`ContactError::Size`] for a radius or length that is not positive and finite; [`ContactError::Vector`] for a pose
+    /// that is not finite.
+    pub fn cylinder(pose: Isometry3<f64>, radius: f64, length: f64) -> Result<Self, ContactError> {
+        positive(OWNER, "radius", radius)?;
+        positive(OWNER, "length", length)?;
+        Self::solid(pose, Solid::Cylinder { radius, half_length: length / 2.0 })
+    }
+
+    /// A capsule at `pose`: all points within `radius` of a segment of `length` along its z-axis, centred there; m. Its
+    /// whole length is `length + 2 radius`.
+    ///
+    /// # Errors
+    /// As [`Obstacle::cylinder`].
+    pub fn capsule(pose: Isometry3<f64>, radius: f64, length: f64) -> Result<Self, ContactError> {
+        positive(OWNER, "radius", radius)?;
+        positive(OWNER, "length", length)?;
+        Self::solid(pose, Solid::Capsule { radius, half_length: length / 2.0 })
     }
 
     /// A mesh at `pose`, read from an STL, DAE or OBJ file. `scale`: see [`Mesh::read`].

@@ -131,7 +131,7 @@ impl Measures {
     fn gap(&self, kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, surface: &Surface, time: f64) -> f64 {
         let mut pose = kin.pose(shape.frame());
         // The gap is computed in the axes of the surface, which may have moved.
-        pose.translation -= surface.motion.map_or(Vector3::zeros(), |motion| motion.at(time)[0]);
+        pose.translation -= surface.motion.as_ref().map_or_else(Vector3::zeros, |motion| motion.at(time)[0]);
         gap(shape, &pose, &surface.obstacle).distance
     }
 }

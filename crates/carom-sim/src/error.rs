@@ -118,6 +118,14 @@ pub enum SimError {
         /// The problem and what to do.
         problem: &'static str,
     },
+    /// An invalid request about a joint.
+    #[error("joint '{joint}' {problem}")]
+    Joint {
+        /// The joint.
+        joint: String,
+        /// The problem and what to do.
+        problem: String,
+    },
     /// The force of a rigid contact was requested.
     #[error("{touch} is a rigid contact, which has impulses and no force: give it a compliance")]
     Rigid {

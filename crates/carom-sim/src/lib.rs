@@ -38,7 +38,8 @@ mod scene;
 mod state;
 
 pub use contact::{
-    Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, Surface, Touch, Touches, Yielding,
+    Belt, Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, Surface, SurfaceMotion, Touch,
+    Touches, Yielding,
 };
 pub use error::SimError;
 pub use impact::{
@@ -46,13 +47,17 @@ pub use impact::{
     Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
     frictionless_jump_into, saltation,
 };
-pub use model::{Drive, ImpactInvariant, Integrator, SeveralLaw, Simulation, Transition};
+pub use model::{
+    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Observed, Reference, SeveralLaw, Simulation, Spring,
+    Tracking, Transition, UserController, Wrench, WrenchAxes,
+};
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,
+    Advance, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Session, SessionState, Statistics, StepReason,
+    StopReason, Summary, Trajectory,
 };
-pub use scene::Scene;
 #[doc(hidden)]
 pub use scene::from_toml;
-pub use state::{Blow, Moment};
+pub use scene::{Distribution, Perturbation, Scene};
+pub use state::{Blow, Moment, Profile};

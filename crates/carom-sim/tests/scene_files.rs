@@ -31,7 +31,7 @@ const WALL: &str = "[[surface]]\nshape = { halfspace = { point = [0.65, 0, 0], n
 fn the_frequency_of_a_moving_surface_is_in_hertz() {
     let motion = "motion = { amplitude = [0.02, 0, 0], frequency = 2.5, phase = 0.3 }\n";
     let scene = read("hertz", &format!("{ARM}{WALL}{motion}[run]\nduration = 1\n")).unwrap();
-    let motion = scene.surfaces[0].motion.unwrap();
+    let motion = scene.surfaces[0].motion.as_ref().unwrap();
     let mut largest = 0.0_f64;
     for time in [0.0, 0.05, 0.1, 0.33] {
         let angle = 2.0 * std::f64::consts::PI * 2.5 * time + 0.3;

@@ -181,10 +181,14 @@ fn invalid_contact_rules_are_refused() {
             ),
             (
                 "motion = { amplitude = [0.001, 0, 0], frequenzy = 2 }",
-                "line 7: unknown field `frequenzy`, expected one of `amplitude`, `frequency`, `phase`; did you mean \
+                "line 7: unknown field `frequenzy`, expected one of `amplitude`, `frequency`, `phase`, \
+                 `velocity`, `file`; did you mean \
                  `frequency`?",
             ),
-            ("motion = { amplitude = [0.001, 0, 0] }", "line 7: missing field `frequency`"),
+            (
+                "motion = { amplitude = [0.001, 0, 0] }",
+                "[[surface]] 'surface 1': motion needs the key frequency (or else velocity, or file)",
+            ),
             (
                 "motion = { amplitude = [nan, 0, 0], frequency = 2 }",
                 "[[surface]] 'surface 1': every number of motion must be finite",
@@ -265,7 +269,7 @@ fn controllers_without_their_parameters_are_refused() {
     let desk = Desk::new("scene-drives");
     let gains = "kd = 1\ntarget = [0, 0]";
     let known = "expected one of `off`, `pd`, `constant`, `gravity-compensation`, `transition`, `impact-invariant`, \
-                 `torque-file`";
+                 `torque-file`, `tracking`";
     desk.refuses_all(
         "#run",
         &[
@@ -322,15 +326,23 @@ fn invalid_torque_files_are_refused_with_their_line() {
     let scene = at("#run", "controller = \"torque-file\"\ntorque_file = \"t.csv\"");
     desk.refuses(&scene, "[run] torque_file t.csv: No such file or directory (os error 2)");
     for (text, why) in [
-        ("", "it has no row of numbers: give the time and one joint force for each joint"),
-        ("time,a,b\n", "it has no row of numbers: give the time and one joint force for each joint"),
-        ("time,a,b\n0,0,0\n1,x,1\n", &format!("line 3: {cells}")),
+        ("", "it has no row of numbers: give the time and one joint force for each column"),
+        ("time,elbow,shoulder\n", "it has no row of numbers: give the time and one joint force for each column"),
+        ("time,elbow,shoulder\n0,0,0\n1,x,1\n", &format!("line 3: {cells}")),
+        (
+            "time,elbow,sholder\n0,0,0\n",
+            "column sholder is not known: the columns are time, shoulder, elbow; did you mean shoulder? Remove it or correct \
+             its name",
+        ),
+        ("elbow,shoulder\n0,0\n", "column time is missing: add it, in s"),
+        ("time,elbow\n0,0\n", "column shoulder is missing: add it (the columns are time, shoulder, elbow)"),
+        ("time,elbow,time,shoulder\n0,0,0,0\n", "column time occurs twice: remove one"),
         ("0,x,0\n1,0,0\n", &format!("line 1: {cells}")),
         ("0,0,0\n1,nan,0\n", &format!("line 2: {cells}")),
         ("0,0\n1,1\n", "line 1: 2 columns, but 3 are needed: the time and 2 joint forces"),
         ("0,0,0\n1,1,1,1\n", "line 2: 4 columns, but 3 are needed: the time and 2 joint forces"),
         ("0,0,0\n2,0,0\n1,0,0\n", "line 3: time 1 is not above that of the previous row: times must ascend"),
-        ("0,0,0\n0,1,1\n", "line 2: time 0 is not above that of the previous row: times must ascend"),
+        ("0,0,0\n0,1,1\n", "row 2: time 0 is not above that of the previous row: times must ascend"),
     ] {
         desk.write("t.csv", text);
         desk.refuses(&scene, &format!("[run] torque_file t.csv: {why}"));
@@ -373,8 +385,8 @@ fn invalid_settings_are_refused() {
                 "contact_stp = 1",
                 "line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, \
                  `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `controller`, \
-                 `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `gain`, `press`, `compensate`; did you \
-                 mean `contact_step`?",
+                 `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, `feed_forward`, \
+                 `effort_limits`, `perturb`, `gain`, `press`, `compensate`; did you mean `contact_step`?",
             ),
         ],
     );
@@ -422,7 +434,7 @@ fn invalid_shapes_are_refused() {
     desk.refuses(
         &shaped("msh = { file = \"m.stl\" }"),
         "line 6, shape = { msh = { file = \"m.stl\" } }: unknown variant `msh`, expected one of `halfspace`, `box`, \
-         `sphere`, `mesh`; did you mean `mesh`?",
+         `sphere`, `cylinder`, `capsule`, `mesh`; did you mean `mesh`?",
     );
 }
 

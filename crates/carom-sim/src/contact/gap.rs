@@ -99,7 +99,19 @@ const STUCK: f64 = 1e-13;
 impl Touch {
     /// Displacement, velocity and acceleration of the surface.
     pub(crate) fn shift(&self, time: f64) -> [Vector3<f64>; 3] {
-        self.motion.map_or([Vector3::zeros(); 3], |motion| motion.at(time))
+        self.motion.as_ref().map_or([Vector3::zeros(); 3], |motion| motion.shift(time))
+    }
+
+    /// Velocity of the material of the surface at a contact point.
+    pub(crate) fn surface_velocity<A: Space>(&self, place: &Place<A>, time: f64) -> Vector3<f64> {
+        let moving = self.motion.as_ref();
+        moving.map_or_else(Vector3::zeros, |motion| motion.velocity(time, place.position, place.normal))
+    }
+
+    /// The touch with a surface whose motion is continued smoothly near a time; `None` if its motion has no table.
+    pub(crate) fn near(&self, time: f64) -> Option<Self> {
+        let motion = self.motion.as_ref()?.near(time)?;
+        Some(Self { motion: Some(motion), ..self.clone() })
     }
 
     /// The pose of a link frame relative to the displaced surface.
@@ -205,7 +217,7 @@ impl Touch {
         qd: &[f64],
         time: f64,
     ) -> Result<Vector3<f64>, SimError> {
-        Ok(place.velocity(view, qd)? - self.shift(time)[1])
+        Ok(place.velocity(view, qd)? - self.surface_velocity(place, time))
     }
 
     /// Adds the row j to `row`.
@@ -248,16 +260,22 @@ impl Touch {
                 let mut closed = || {
                     let turning = view.angular_velocity(shape.frame(), qd)?;
                     let arm = -normal * *radius;
-                    let u = view.drift(place.point, qd)? - turning.cross(&turning.cross(&arm)) - self.shift(time)[2];
+                    let mut u = view.drift(place.point, qd)? - turning.cross(&turning.cross(&arm));
+                    if let Some(motion) = &self.motion {
+                        let rate = view.velocity(place.point, qd)? - turning.cross(&arm);
+                        u -= motion.acceleration(time, (place.position, rate), *normal);
+                    }
                     Ok((normal.dot(&u), u))
                 };
                 Some(closed())
             }
             (TouchKind::Pair { pair, part: Some(part) }, Some(place)) => {
                 let mut closed = || {
-                    let [shift, _, acceleration] = self.shift(time);
+                    let [shift, speed, acceleration] = self.shift(time);
                     let turning = pair.turning(view, qd)?;
-                    let u = self.u(&place, view, qd, time)?;
+                    let own_velocity = place.velocity(view, qd)?;
+                    // Relative to the shape of the surface, which a belt does not move.
+                    let u = own_velocity - speed;
                     let Some(slide) = pair.slide(*part, view, shift, turning, u) else {
                         return Ok((0.0, Vector3::zeros()));
                     };
@@ -266,8 +284,12 @@ impl Touch {
                         Some(against) => view.drift(against, qd)? + turning[1].cross(&slide.on_environment),
                         None => acceleration,
                     };
-                    let drift = own - other;
-                    Ok((place.normal.dot(&drift) + slide.normal_rate.dot(&u), drift))
+                    let gap_drift = place.normal.dot(&(own - other)) + slide.normal_rate.dot(&u);
+                    let material = self.motion.as_ref().map_or(other, |motion| {
+                        let rate = own_velocity + slide.on_robot;
+                        motion.acceleration(time, (place.position, rate), place.normal)
+                    });
+                    Ok((gap_drift, own - material))
                 };
                 Some(closed())
             }

@@ -18,6 +18,7 @@ pub use law::ContactLaw;
 pub use mode::ContactMode;
 pub(crate) use pair::{Pair, Placed};
 pub use rule::ContactRule;
-pub use surface::{Oscillation, Surface};
+pub(crate) use surface::Moving;
+pub use surface::{Belt, Oscillation, Surface, SurfaceMotion};
 pub(crate) use touch::TouchKind;
 pub use touch::{Touch, Touches};

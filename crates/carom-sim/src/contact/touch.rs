@@ -5,13 +5,13 @@
 //! | --- | --- | --- | --- |
 //! | g, ġ | 1 | gap (> 0 open) and its rate | `gap`, `rate` |
 //! | j | nv | ġ = j·qd − n·ṡ | `row` |
-//! | s | 3 | displacement of a moving surface | [`Oscillation`] |
+//! | s | 3 | displacement of a moving surface | [`SurfaceMotion`](super::SurfaceMotion) |
 //! | u | 3 | velocity of the contact point relative to the surface, J qd − ṡ | `u` |
 //! | J | 3×nv | Jacobian of the contact point; between two links, that of the first minus that of the second | `jacobian` |
 
 use super::pair::{Against, Pair};
 use super::rule::ContactRule;
-use super::surface::{Oscillation, Surface};
+use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::SimError;
 use carom_chain::{Chain, Coordinates, Reduced, Spatial};
 use carom_contact::{
@@ -31,7 +31,7 @@ pub struct Touch {
     pub(crate) kind: TouchKind,
     /// Name of the surface, or of the other link; `None` for a limit.
     pub(crate) surface: Option<String>,
-    pub(crate) motion: Option<Oscillation>,
+    pub(crate) motion: Option<Moving>,
 }
 
 #[derive(Debug, Clone)]
@@ -96,7 +96,7 @@ impl Touch {
 
     /// The pairs of every collision shape with every surface that it can reach at some configuration, and all joint limits,
     /// with Newton's coefficient of restitution `limit_restitution`. Pairs that are out of reach at every configuration are
-    /// left out, which does not change the motion. Moving surfaces are always included.
+    /// left out, which does not change the motion. Surfaces whose shape moves are always included.
     ///
     /// Each contact of a corner, edge, face or rim of the shape with a part of the surface is a touch of its own.
     ///
@@ -105,7 +105,8 @@ impl Touch {
     pub fn all(chain: &Chain, surfaces: &[Surface], limit_restitution: f64) -> Result<Touches, SimError> {
         let shapes = shapes_at(chain, surfaces)?;
         // The reach of moving surfaces is not computed.
-        let (moving, still): (Vec<_>, Vec<_>) = surfaces.iter().partition(|surface| surface.motion.is_some());
+        let (moving, still): (Vec<_>, Vec<_>) =
+            surfaces.iter().partition(|surface| surface.motion.as_ref().is_some_and(SurfaceMotion::moves_shape));
         let obstacles: Vec<Obstacle> = still.iter().map(|surface| surface.obstacle.clone()).collect();
         let found = reachable_pairs(chain, &shapes, &obstacles);
         let name = |shape: &LinkShape, surface: &Surface| format!("{} on {}", shape.link(), surface.name);
@@ -148,12 +149,13 @@ impl Touch {
                     let (shape, centre, radius) = (Box::new(shape.clone()), corner.position, corner.radius);
                     let kind = TouchKind::Ball { shape, centre, radius, point: *point, normal: *normal };
                     let (contact, surface) = (contact.clone(), surface.clone());
-                    touches.push(Self { name, contact, kind, surface, motion: *motion });
+                    let motion = motion.clone().map(Moving::Given);
+                    touches.push(Self { name, contact, kind, surface, motion });
                 }
             }
             _ => {
                 let pair = Pair::new(shape, Against::Obstacle(obstacle.clone()), contact.compliance.is_some());
-                Self::add_pair(touches, pair, name, contact, *motion);
+                Self::add_pair(touches, pair, name, contact, motion.clone().map(Moving::Given));
             }
         }
     }
@@ -164,7 +166,7 @@ impl Touch {
         (pair, meetings): (Pair, Vec<Meeting>),
         surface: &str,
         contact: &ContactRule,
-        motion: Option<Oscillation>,
+        motion: Option<Moving>,
     ) {
         let pair = Arc::new(pair);
         let whole = format!("{} on {surface}", pair.shape.link());
@@ -172,7 +174,7 @@ impl Touch {
             let name =
                 part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
-            touches.push(Self { name, contact: contact.clone(), surface: Some(surface.to_owned()), kind, motion });
+            touches.push(Self { name, contact: contact.clone(), surface: Some(surface.to_owned()), kind, motion: motion.clone() });
         }
     }
 

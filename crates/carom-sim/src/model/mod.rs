@@ -1,10 +1,27 @@
-//! What is simulated: a chain, its possible contacts, its motors and the settings.
+//! What is simulated: a chain, its possible contacts, its motors, springs and outer forces, and the settings.
 
+mod asked;
+mod controller;
 mod drive;
+mod gains;
+mod impact_controllers;
+mod reference;
 mod several_law;
 mod simulation;
+mod spring;
+mod tracking;
+mod wrench;
 
-pub(crate) use drive::Asked;
-pub use drive::{Drive, ImpactInvariant, Transition};
+pub(crate) use asked::Asked;
+pub use controller::{Controller, Observed, UserController};
+pub use drive::Drive;
+pub use gains::Gains;
+pub(crate) use gains::{Motor, motors};
+pub use impact_controllers::{ImpactInvariant, Transition};
+pub use reference::Reference;
 pub use several_law::SeveralLaw;
 pub use simulation::{Integrator, Simulation};
+pub use spring::Spring;
+pub(crate) use spring::SpringAt;
+pub use tracking::Tracking;
+pub use wrench::{Load, Wrench, WrenchAxes};

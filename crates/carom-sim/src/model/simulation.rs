@@ -1,8 +1,11 @@
 //! The description of a simulation: a chain with its contacts, and the settings. It runs in `run/stream.rs`.
 
 use super::drive::Drive;
+use super::gains::motors;
 use super::several_law::SeveralLaw;
-use crate::contact::{Memory, Touch};
+use super::spring::{Spring, SpringAt};
+use super::wrench::Wrench;
+use crate::contact::{Memory, Moving, Touch};
 use crate::error::SimError;
 use crate::state::{Moment, View};
 use carom_chain::{Chain, Coordinates, PlanarChain, Spatial};
@@ -21,6 +24,14 @@ pub struct Simulation {
     pub drive: Drive,
     /// The drive from the first impact on; `None`: the same drive.
     pub after_impact: Option<Drive>,
+    /// Passive springs of joints.
+    pub springs: Vec<Spring>,
+    /// Forces and torques on links from outside.
+    pub wrenches: Vec<Wrench>,
+    /// Whether the motors obey the effort limits of the URDF. A joint without a limit there has none.
+    pub effort_limits: bool,
+    /// Time at the start, s: tables, references and moving surfaces are those of this time then.
+    pub start_time: f64,
     /// Relative tolerance of each integration step; the absolute tolerance is 1e-3 of it.
     pub tolerance: f64,
     /// Longest integration step, s.
@@ -67,6 +78,10 @@ impl Simulation {
             gravity: Vector3::zeros(),
             drive: Drive::Off,
             after_impact: None,
+            springs: Vec::new(),
+            wrenches: Vec::new(),
+            effort_limits: false,
+            start_time: 0.0,
             tolerance: 1e-9,
             max_step: 0.1,
             zeno_time: 1e-5,
@@ -175,6 +190,13 @@ impl Simulation {
                 });
             }
         }
+        let moments = self.start_time.is_finite() && (self.start_time + duration).is_finite();
+        if !moments {
+            let rule = "it must be finite, and so must be the end of the run";
+            return Err(SimError::Setting { what: "time at the start", value: self.start_time, rule });
+        }
+        self.wrenches.iter().try_for_each(|wrench| wrench.check(&self.chain))?;
+        self.springs.iter().try_for_each(|spring| spring.on(&self.chain).map(|_| ()))?;
         self.drive.check(&self.chain)?;
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
     }
@@ -188,6 +210,41 @@ impl Simulation {
             }
         }
         damping
+    }
+
+    /// The springs at their numbers of q and qd; those that fit the chain, which [`Simulation::check`] asks of all.
+    pub(crate) fn springs_at(&self) -> Vec<SpringAt> {
+        self.springs.iter().filter_map(|spring| spring.on(&self.chain).ok()).collect()
+    }
+
+    /// Largest force of the motors for each number of qd; empty: no limits.
+    pub(crate) fn force_limits(&self) -> Vec<f64> {
+        if !self.effort_limits {
+            return Vec::new();
+        }
+        let mut limits = vec![f64::INFINITY; self.chain.nv()];
+        motors(&self.chain).iter().for_each(|motor| limits[motor.v] = motor.effort);
+        limits
+    }
+
+    /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
+    pub(crate) fn next_kink(&self, time: f64) -> f64 {
+        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        let kinks = drives.filter_map(|drive| drive.next_kink(time));
+        let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
+        let surfaces = self.touches.iter().filter_map(|touch| match &touch.motion {
+            Some(Moving::Given(motion)) => motion.next_kink(time),
+            _ => None,
+        });
+        kinks.chain(surfaces).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Whether a chain at rest at `time` stays at rest: no drive, outer force or surface depends on time.
+    pub(crate) fn is_steady(&self, time: f64) -> bool {
+        let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        drives.all(Drive::is_steady)
+            && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
+            && self.touches.iter().all(|touch| touch.motion.is_none())
     }
 
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.

@@ -39,8 +39,9 @@ impl<A: Space> Motion<'_, A> {
         (q, qd, time): (&[f64], &[f64], f64),
     ) -> Result<(f64, Vector3<f64>), SimError> {
         let sim = self.sim;
-        let shake = sim.touches[touch].motion.map_or(0.0, |motion| motion.frequency);
-        let speed = qd.iter().fold(shake.abs(), |m, x| m.max(x.abs()));
+        let one = &sim.touches[touch];
+        let shake = one.motion.as_ref().map_or(0.0, |motion| motion.frequency());
+        let speed = qd.iter().fold(shake, |m, x| m.max(x.abs()));
         if speed == 0.0 {
             return Ok((0.0, Vector3::zeros()));
         }
@@ -48,9 +49,12 @@ impl<A: Space> Motion<'_, A> {
         let (mut rate, mut u) = (0.0, Vector3::zeros());
         let mut unit = q.to_vec();
         sim.normalise(&mut unit);
+        // The differences do not see beyond the rows of a table.
+        let near = one.near(time);
+        let one = near.as_ref().unwrap_or(one);
         for (steps, weight) in [(1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)] {
             let moved = sim.chain.integrate(&unit, qd, steps * h)?;
-            let (_, rate_there, u_there) = self.closing(touch, &moved, qd, time + steps * h)?;
+            let (_, rate_there, u_there) = self.closing_of(one, &moved, qd, time + steps * h)?;
             rate += weight * rate_there;
             u += u_there * weight;
         }

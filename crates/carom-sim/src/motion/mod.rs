@@ -18,5 +18,5 @@ pub(crate) use groups::Gaps;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;
-pub(crate) use smooth::{Motion, bristles};
+pub(crate) use smooth::{Kept, Motion, bristles};
 pub use told::ContactState;

@@ -97,7 +97,7 @@ impl Constraints {
         };
         let normal = place.normal;
         let velocity = place.velocity(view, qd)?;
-        let u = velocity - touch.shift(time)[1];
+        let u = velocity - touch.surface_velocity(&place, time);
         let mut directions = z_onto(normal);
         if let Hold::Slides { toward } = own.hold {
             let mu = touch.contact.law.friction();

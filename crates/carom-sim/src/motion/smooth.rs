@@ -7,11 +7,11 @@
 use super::assembled::Assembled;
 use super::groups::Gaps;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use crate::contact::ContactMode;
+use crate::contact::{ContactMode, Touch};
 use crate::error::SimError;
-use crate::model::{Asked, Drive, Simulation};
+use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
 use crate::state::{Space, View, reach};
-use carom_chain::{Coordinates, PlanarRow, Rows, Workspace};
+use carom_chain::{Coordinates, FrameId, PlanarRow, Rows, Workspace};
 use nalgebra::Vector3;
 
 /// A chain in motion.
@@ -38,12 +38,51 @@ pub(crate) struct Motion<'a, A: Space> {
     row: Option<PlanarRow>,
     /// Viscous damping of every velocity.
     damping: Vec<f64>,
+    /// Passive springs.
+    springs: Vec<SpringAt>,
+    /// The joints that motors can drive, and the limits of their forces.
+    motors: Vec<Motor>,
+    limits: Vec<f64>,
+    /// The frames on which the outer forces act.
+    pushed: Vec<FrameId>,
     /// Joint forces: scratch memory.
     tau: Vec<f64>,
     /// Scratch memory of the constraints.
     pub assembled: Assembled,
     /// Reach of the chain, m.
     pub reach: f64,
+}
+
+/// What a motion remembers beside its state: closed contacts, joints held by dry friction, impacts so far.
+#[derive(Debug, Clone)]
+pub(crate) struct Kept {
+    lasting: Vec<Lasting>,
+    stepping: bool,
+    dry: Vec<DryJoint>,
+    impacts: Vec<usize>,
+    was_hit: bool,
+    speed: f64,
+}
+
+impl Kept {
+    /// Whether both are of simulations with the same number of touches.
+    pub fn fits(&self, other: &Self) -> bool {
+        self.impacts.len() == other.impacts.len()
+    }
+
+    /// The contact mode, in one word.
+    pub fn mode(&self) -> ContactMode {
+        mode(&self.lasting, self.stepping)
+    }
+}
+
+fn mode(lasting: &[Lasting], stepping: bool) -> ContactMode {
+    match lasting {
+        _ if stepping => ContactMode::Stepping,
+        [] => ContactMode::Free,
+        [only] => only.mode(),
+        _ => ContactMode::Several,
+    }
 }
 
 impl<'a, A: Space> Motion<'a, A> {
@@ -71,6 +110,10 @@ impl<'a, A: Space> Motion<'a, A> {
             gaps: Gaps::new(sim, model),
             row: A::row(model),
             damping: sim.damping(),
+            springs: sim.springs_at(),
+            motors: motors(&sim.chain),
+            limits: sim.force_limits(),
+            pushed: sim.wrenches.iter().filter_map(|wrench| sim.chain.frame(&wrench.link).ok()).collect(),
             tau: vec![0.0; sim.chain.nv()],
             assembled: Assembled::new(sim.chain.nv()),
             reach: reach(&sim.chain),
@@ -89,7 +132,8 @@ impl<'a, A: Space> Motion<'a, A> {
     pub fn energy(&mut self, y: &[f64]) -> Result<f64, SimError> {
         let (q, qd) = self.split(y);
         let gravity = self.sim.gravity;
-        self.view(q)?.energy(qd, gravity)
+        let elastic: f64 = self.springs.iter().map(|spring| spring.energy(q[spring.q])).sum();
+        Ok(self.view(q)?.energy(qd, gravity)? + elastic)
     }
 
     /// Effective mass 1/(nᵀHn) of a touch, kg; infinite if no joint moves it along its normal.
@@ -112,18 +156,42 @@ impl<'a, A: Space> Motion<'a, A> {
 
     /// [`Motion::applied`], into `tau`.
     pub fn apply(&mut self, time: f64, q: &[f64], qd: &[f64], tau: &mut [f64]) -> Result<[f64; 2], SimError> {
-        let resisted = self.resist(qd, tau);
-        let (drive, asked) = (self.drive(), self.asked(time));
-        let driven = drive.push(asked, (self.model, &mut self.workspace), (q, qd), tau)?;
+        let resisted = self.resist(q, qd, tau);
+        let (sim, drive) = (self.sim, self.drive());
+        let asked = Asked {
+            chain: &sim.chain,
+            time,
+            gravity: sim.gravity,
+            hit: self.was_hit,
+            motors: &self.motors,
+            limits: &self.limits,
+            damping: &self.damping,
+            springs: &self.springs,
+        };
+        let mut driven = drive.push(&asked, (self.model, &mut self.workspace), (q, qd), tau)?;
+        if !self.pushed.is_empty() {
+            let mut pushed = vec![0.0; qd.len()];
+            let view = View::<A>::new(self.model, &mut self.workspace, q)?;
+            for (wrench, frame) in sim.wrenches.iter().zip(&self.pushed) {
+                wrench.push(*frame, &view, time, &mut pushed)?;
+            }
+            driven += pushed.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
+            tau.iter_mut().zip(&pushed).for_each(|(tau, f)| *tau += f);
+        }
         Ok([driven, resisted])
     }
 
-    /// Writes the forces of damping and of slipping dry friction into `tau`; returns their power.
-    fn resist(&self, qd: &[f64], tau: &mut [f64]) -> f64 {
+    /// Writes the forces of damping, springs and slipping dry friction into `tau`; returns the power of those that dissipate.
+    fn resist(&self, q: &[f64], qd: &[f64], tau: &mut [f64]) -> f64 {
         let mut power = 0.0;
         for ((tau, damping), v) in tau.iter_mut().zip(&self.damping).zip(qd) {
             *tau = -damping * v;
             power -= damping * v * v;
+        }
+        for spring in &self.springs {
+            let v = qd[spring.v];
+            tau[spring.v] += spring.force(q[spring.q], v);
+            power -= spring.damping * v * v;
         }
         for joint in &self.dry {
             if let Dry::Brakes(direction) = joint.state {
@@ -134,9 +202,24 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// The inputs of the drive.
-    fn asked(&self, time: f64) -> Asked<'a> {
-        Asked { chain: &self.sim.chain, time, gravity: self.sim.gravity, hit: self.was_hit }
+    /// What the motion remembers.
+    pub fn kept(&self) -> Kept {
+        let Self { lasting, stepping, dry, impacts, was_hit, speed, .. } = self;
+        Kept {
+            lasting: lasting.clone(),
+            stepping: *stepping,
+            dry: dry.clone(),
+            impacts: impacts.clone(),
+            was_hit: *was_hit,
+            speed: *speed,
+        }
+    }
+
+    /// Remembers what another motion of the same simulation did.
+    pub fn keep(&mut self, kept: Kept) {
+        let Kept { lasting, stepping, dry, impacts, was_hit, speed } = kept;
+        (self.lasting, self.stepping, self.dry) = (lasting, stepping, dry);
+        (self.impacts, self.was_hit, self.speed) = (impacts, was_hit, speed);
     }
 
     /// Counts an impact of a touch.
@@ -158,12 +241,7 @@ impl<'a, A: Space> Motion<'a, A> {
 
     /// The contact mode, in one word.
     pub fn mode(&self) -> ContactMode {
-        match self.lasting.as_slice() {
-            _ if self.stepping => ContactMode::Stepping,
-            [] => ContactMode::Free,
-            [only] => only.mode(),
-            _ => ContactMode::Several,
-        }
+        mode(&self.lasting, self.stepping)
     }
 
     /// Whether a touch is among the lasting contacts.
@@ -194,10 +272,17 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// Stiffness of the drive, and total damping of every velocity coordinate.
-    pub fn regulation(&self) -> (f64, Vec<f64>) {
-        let (stiffness, damping) = self.drive().gains();
-        (stiffness, self.damping.iter().map(|own| own + damping).collect())
+    /// Stiffness and damping of drive, springs and joints for every velocity coordinate.
+    pub fn regulation(&self) -> (Vec<f64>, Vec<f64>) {
+        let (mut stiffness, mut damping) = (vec![0.0; self.damping.len()], self.damping.clone());
+        let drive = self.drive();
+        let gains = self.motors.iter().map(|motor| (motor.v, drive.gains(motor.v)));
+        let springs = self.springs.iter().map(|spring| (spring.v, (spring.stiffness, spring.damping)));
+        for (v, (p, d)) in gains.chain(springs) {
+            stiffness[v] += p;
+            damping[v] += d;
+        }
+        (stiffness, damping)
     }
 
     /// Gap and gap rate of a touch at one state.
@@ -220,7 +305,17 @@ impl<'a, A: Space> Motion<'a, A> {
         qd: &[f64],
         time: f64,
     ) -> Result<(f64, f64, Vector3<f64>), SimError> {
-        let touch = &self.sim.touches[touch];
+        self.closing_of(&self.sim.touches[touch], q, qd, time)
+    }
+
+    /// [`Motion::closing`] of any touch.
+    pub fn closing_of(
+        &mut self,
+        touch: &Touch,
+        q: &[f64],
+        qd: &[f64],
+        time: f64,
+    ) -> Result<(f64, f64, Vector3<f64>), SimError> {
         let view = self.view(q)?;
         let at = touch.at(&view, q, time);
         let u = at.surface.map_or(Ok(Vector3::zeros()), |place| touch.u(&place, &view, qd, time))?;

@@ -13,14 +13,14 @@
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
 
-use crate::contact::{Compliance, Touch, TouchKind, friction_bound};
+use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
-use crate::model::{Drive, Integrator, Simulation};
+use crate::model::{Drive, Integrator, Simulation, motors};
 use crate::motion::Motion;
 use crate::scene::Scene;
 use crate::state::{View, beyond};
 use carom_chain::urdf::JointType;
-use carom_chain::{Coordinates, PlanarChain, Spatial};
+use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// The reduced simulation of a scene, and the list of its reductions.
@@ -97,6 +97,7 @@ impl Scene {
         plan.contacts(self);
         plan.friction()?;
         plan.gravity();
+        plan.drive();
         plan.integrator(self.duration)?;
         Ok(plan)
     }
@@ -120,12 +121,15 @@ impl Plan {
     fn prune(&mut self, scene: &Scene) {
         let whole = &scene.simulation;
         let both = |touch: &'_ Touch| [touch.link().map(str::to_owned), touch.other_link().map(str::to_owned)];
-        let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone());
+        let pushed = whole.wrenches.iter().map(|wrench| wrench.link.clone());
+        let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone()).chain(pushed);
         let frames = links.filter_map(|link| whole.chain.frame(&link).ok());
         let points: Vec<_> = frames.map(|frame| whole.chain.point(frame, Vector3::zeros())).collect();
         let touched = whole.touches.iter().any(|touch| touch.link().is_some());
         let less = whole.chain.prune(&points);
-        if !touched || less.v.is_empty() || less.v.len() == whole.chain.nv() {
+        let mut drives = [Some(&whole.drive), whole.after_impact.as_ref()].into_iter().flatten();
+        let users = drives.any(|drive| matches!(drive, Drive::User(_))); // it may read and drive any joint
+        if !touched || users || less.v.is_empty() || less.v.len() == whole.chain.nv() {
             return;
         }
         let moves = |joint: &&carom_chain::JointInfo| !matches!(joint.coordinates, Coordinates::None);
@@ -140,8 +144,9 @@ impl Plan {
         let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
         (self.q, self.qd) = (pick(&self.q, &less.q), pick(&self.qd, &less.v));
         self.simulation = Simulation {
-            drive: whole.drive.reduced(&less),
-            after_impact: whole.after_impact.as_ref().map(|drive| drive.reduced(&less)),
+            drive: whole.drive.reduced(&whole.chain, &less),
+            after_impact: whole.after_impact.as_ref().map(|drive| drive.reduced(&whole.chain, &less)),
+            springs: whole.springs.iter().filter(|spring| spring.on(&less.chain).is_ok()).cloned().collect(),
             chain: less.chain.clone(),
             touches: Touch::reduced(&whole.touches, &less),
             ..whole.clone()
@@ -350,6 +355,35 @@ impl Plan {
         }
     }
 
+    /// What drives the joints, and what does not.
+    fn drive(&mut self) {
+        let sim = &self.simulation;
+        let first = sim.drive.name().to_owned();
+        let choice = match &sim.after_impact {
+            Some(after) => format!("{first}, {} from the first impact on", after.name()),
+            None => first,
+        };
+        let free = without_motor(&sim.chain);
+        let (springs, wrenches) = (sim.springs.len(), sim.wrenches.len());
+        let limited = sim.effort_limits;
+        if choice != "off" && (!free.is_empty() || limited) {
+            let limits =
+                if limited { "forces stay within the effort limits of the URDF" } else { "without effort limits" };
+            let base = if free.is_empty() {
+                String::new()
+            } else {
+                format!("; nothing drives {}: only contacts hold it against gravity", free.join(", "))
+            };
+            self.keep("drive", choice, format!("{limits}{base}"));
+        }
+        if springs > 0 {
+            self.keep("springs", format!("{springs} passive springs of joints"), "set by the scene");
+        }
+        if wrenches > 0 {
+            self.keep("forces", format!("{wrenches} forces from outside"), "set by the scene");
+        }
+    }
+
     /// Estimates the stiffness and chooses the integrator.
     fn integrator(&mut self, duration: f64) -> Result<(), SimError> {
         let rate = fastest_rate(&self.simulation, &self.q)?;
@@ -371,6 +405,12 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// The floating and planar joints, which no motor drives.
+fn without_motor(chain: &Chain) -> Vec<&str> {
+    let free = |joint: &&JointInfo| matches!(&joint.coordinates, Coordinates::Own { v, .. } if v.len() > 1);
+    chain.joints().iter().filter(free).map(|joint| joint.name.as_str()).collect()
 }
 
 /// Formats a number without the rounding errors of a rotation.
@@ -398,6 +438,7 @@ fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
                 && (a.1 - b.1).norm() < 1e-12
                 && a.2 == b.2
                 && other.surface == touch.surface
+                && !touch.motion.as_ref().is_some_and(Moving::turns)
                 && other.contact == touch.contact
         };
         if !kept.iter().any(twin) {
@@ -416,11 +457,18 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
         _ => 0.0,
     };
     let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let stiffness = drives().map(|drive| drive.gains().0).fold(0.0, f64::max);
-    let regulated = drives().map(|drive| drive.gains().1).fold(0.0, f64::max);
     let tracked = drives().map(rate_of).fold(0.0, f64::max);
-    let damping: Vec<f64> = simulation.damping().into_iter().map(|own| own + regulated).collect();
-    if stiffness == 0.0 && damping.iter().all(|d| *d == 0.0) {
+    let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
+    for motor in motors(chain) {
+        let gains = |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.gains(motor.v))).fold(0.0, f64::max);
+        stiffness[motor.v] += gains(|(p, _)| p);
+        damping[motor.v] += gains(|(_, d)| d);
+    }
+    for spring in simulation.springs_at() {
+        stiffness[spring.v] += spring.stiffness;
+        damping[spring.v] += spring.damping;
+    }
+    if stiffness.iter().chain(&damping).all(|x| *x == 0.0) {
         return Ok(tracked);
     }
     let mut workspace = chain.workspace();
@@ -434,5 +482,5 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
         let Some(inverse) = mass.clone().cholesky().map(|cholesky| cholesky.inverse()) else { return 0.0 };
         (&root * inverse * &root).symmetric_eigenvalues().max().max(0.0)
     };
-    Ok(largest(&damping).max(largest(&vec![stiffness; chain.nv()]).sqrt()).max(tracked))
+    Ok(largest(&damping).max(largest(&stiffness).sqrt()).max(tracked))
 }

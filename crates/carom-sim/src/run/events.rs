@@ -14,13 +14,14 @@
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
 use super::leg::{Accuracy, LegEnd, Sampler, leg};
-use super::trajectory::{EnergyBooks, Event, EventKind, Sampling, Seen, Statistics, StepReason, StopReason, Summary};
+use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
 use crate::contact::Compliance;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, bristles};
+use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion};
 use crate::state::{Blow, Moment, Space};
+use std::collections::VecDeque;
 
 /// The state of a run.
 pub(crate) struct Run<'a, 'w, A: Space> {
@@ -35,9 +36,11 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     /// The contacts of the last time step.
     pub stepped: Vec<ContactState>,
     /// Times of the last events, to detect too many within a short time.
-    pub recent: std::collections::VecDeque<f64>,
+    pub recent: VecDeque<f64>,
     /// Times of the last impacts, to detect their accumulation.
-    pub blows: std::collections::VecDeque<f64>,
+    pub blows: VecDeque<f64>,
+    /// Whether the chain is at rest and stays so.
+    pub resting: bool,
 }
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -45,74 +48,43 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         sim: &'a Simulation,
         model: &'a A::Model,
         (q, qd): (&[f64], &[f64]),
-        end: f64,
+        duration: f64,
         sampling: Sampling,
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
-        let sizes = (sim.chain.nq(), sim.chain.nv());
-        let deflections = vec![0.0; 3 * bristles(sim).len()];
-        let mut run = Self {
-            motion: Motion::new(sim, model),
-            time: 0.0,
-            y: [q, qd, &[0.0, 0.0], &deflections].concat(),
-            end,
-            sampler: Sampler { sampling, sizes, count: 0, until: 0.0, watch },
-            events: 0,
-            statistics: Statistics::default(),
-            lost: 0.0,
-            stepped: Vec::new(),
-            recent: std::collections::VecDeque::new(),
-            blows: std::collections::VecDeque::new(),
-        };
+        let mut run = Self::at_start(sim, model, (q, qd), sampling, watch);
+        run.end = sim.start_time + duration;
         let start = run.motion.energy(&run.y)?;
         run.begin()?;
-        let mut stop = StopReason::Duration;
-        while run.time < end {
-            if run.events >= sim.max_events {
-                stop = StopReason::Events;
-                break;
-            }
-            if run.motion.stepping {
-                run.several_contacts()?;
-            } else {
-                run.one_leg()?;
-            }
-        }
-        let energy = run.motion.energy(&run.y)?;
-        let (nq, nv) = sizes;
-        let contacts = if run.motion.stepping { run.stepped } else { run.motion.told(run.time, &run.y)? };
+        let stop = run.until_end(false)?;
+        let contacts = run.contacts()?;
+        let energy = run.books(start)?;
+        let (q, qd) = run.q_qd();
         Ok(Summary {
-            last: Moment { time: run.time, q: run.y[..nq].to_vec(), qd: run.y[nq..nq + nv].to_vec() },
+            last: Moment { time: run.time, q, qd },
             mode: run.motion.mode(),
             contacts,
             stop,
             events: run.events,
             statistics: run.statistics,
-            energy: EnergyBooks {
-                start,
-                end: energy,
-                drive: run.y[nq + nv],
-                resistance: run.y[nq + nv + 1],
-                impacts: run.lost,
-            },
+            energy,
         })
     }
 
-    fn one_leg(&mut self) -> Result<(), SimError> {
+    pub fn one_leg(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
         let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
         let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
         let accuracy = Accuracy { tolerance, max_step, integrator, gives_up: gives_up || presses };
-        let kinks = [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
-        let kink = kinks.filter_map(|drive| drive.next_kink(self.time)).fold(f64::INFINITY, f64::min);
+        let kink = sim.next_kink(self.time);
         let mut until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // shorter than any integration step
             return Ok(());
         }
         self.measure();
-        let mut flow = match Watched::new(&mut self.motion, self.time, &self.y) {
+        let mut flow = match Watched::new(&mut self.motion, (self.time, kink), &self.y) {
             Err(SimError::Jam { .. }) => return self.no_mode(StepReason::NoMode),
             flow => flow?,
         };
@@ -139,6 +111,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     (_, Some(_)) if gives_up => self.no_mode(StepReason::Stiff),
                     (_, Some(reason)) => Err(SimError::Integration { time, reason }),
                     (Some(witness), _) => self.event(watches[witness]),
+                    (None, _) if time == kink && !self.motion.moves_freely() => {
+                        // The forces may jump here, and with them the modes.
+                        let before = self.y.clone();
+                        self.resettle(&[], &before)
+                    }
                     (None, _) => Ok(()),
                 }
             }
@@ -149,7 +126,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The velocity scale of the next decisions.
     pub fn measure(&mut self) {
-        self.motion.speed = self.motion.split(&self.y).1.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let moving = self.motion.sim.touches.iter().filter_map(|touch| touch.motion.as_ref());
+        let surfaces = moving.map(|motion| motion.speed(self.time)).fold(0.0, f64::max);
+        self.motion.speed = self.motion.split(&self.y).1.iter().fold(surfaces, |m: f64, v| m.max(v.abs()));
     }
 
     pub fn q_qd(&self) -> (Vec<f64>, Vec<f64>) {
@@ -170,7 +149,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     /// The contacts and the mode at the start.
-    fn begin(&mut self) -> Result<(), SimError> {
+    pub fn begin(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
@@ -317,9 +296,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return self.no_mode(reason);
         }
         self.note_changes(&old, before);
+        let sim_start = self.motion.sim.start_time;
         for (k, old) in dry.iter().enumerate() {
             let holds = |joint: &DryJoint| joint.state == Dry::Holds;
-            if holds(old) != holds(&self.motion.dry[k]) && self.time > 0.0 {
+            if holds(old) != holds(&self.motion.dry[k]) && self.time > sim_start {
                 self.note_joint(k, before);
             }
         }
@@ -358,6 +338,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Ends the run if the chain is at rest and stays so.
     pub fn rest(&mut self) -> Result<(), SimError> {
+        let rested = std::mem::replace(&mut self.resting, false);
         let rest = self.motion.rest();
         let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
         let held =
@@ -376,7 +357,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
         self.y[nq..nq + nv].fill(0.0);
-        self.note(EventKind::Rest, &before, Vec::new());
+        self.resting = true;
+        if !rested {
+            self.note(EventKind::Rest, &before, Vec::new());
+        }
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
         let told = self.motion.told(start, &y)?;
         self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());

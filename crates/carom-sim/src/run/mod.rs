@@ -4,11 +4,14 @@ mod events;
 mod impacts;
 mod leg;
 mod root;
+mod session;
 mod several;
+mod stand;
 mod stream;
 mod trajectory;
 mod watch;
 
+pub use session::{Advance, Session, SessionState};
 pub use trajectory::{
     EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,
 };

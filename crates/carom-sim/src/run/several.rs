@@ -96,7 +96,7 @@ impl Closures {
             self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1, gap: at.gap });
             return Ok(());
         };
-        let velocity = touch.shift(time)[1];
+        let velocity = touch.surface_velocity(&place, time);
         let axes = z_onto(place.normal);
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
         for axis in directions {
@@ -244,7 +244,9 @@ impl<A: Space> Run<'_, '_, A> {
                 self.put_back(0.0)?;
                 self.lost += energy - self.motion.energy(&self.y)?;
                 let y = self.y.clone();
-                self.note(EventKind::Rest, &y, Vec::new());
+                if !std::mem::replace(&mut self.resting, true) {
+                    self.note(EventKind::Rest, &y, Vec::new());
+                }
                 let start = std::mem::replace(&mut self.time, self.end);
                 let told = self.stepped.clone();
                 self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
@@ -300,16 +302,14 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Whether a chain at rest stays at rest: no drive or surface depends on time.
     pub fn is_steady(&self) -> bool {
-        let sim = self.motion.sim;
-        let drive = sim.after_impact.as_ref().unwrap_or(&sim.drive);
-        drive.is_steady() && sim.drive.is_steady() && sim.touches.iter().all(|touch| touch.motion.is_none())
+        self.motion.sim.is_steady(self.time)
     }
 
     /// One time step; returns whether all contacts were open, and whether all velocities are zero.
     fn contact_step(&mut self) -> Result<(bool, bool), SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
-        let step = sim.contact_step.min(self.end - self.time);
+        let step = sim.contact_step.min(self.end - self.time).min(sim.next_kink(self.time) - self.time);
         let (q, qd) = self.q_qd();
         let (start, middle_time) = (self.time, self.time + step / 2.0);
         let energy = self.motion.energy(&self.y)?;
@@ -326,12 +326,13 @@ impl<A: Space> Run<'_, '_, A> {
         // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
         let mut inertia = view.kin.mass_matrix();
         for i in 0..nv {
-            inertia[(i, i)] += step * damping[i] + step * step / 2.0 * stiffness;
+            inertia[(i, i)] += step * damping[i] + step * step / 2.0 * stiffness[i];
         }
         let inertia = inertia.cholesky().ok_or(ChainError::NoInertia { joint: sim.chain.name().to_owned() });
         let inertia = inertia.map_err(SimError::from)?;
         let force = DVector::from_vec(tau) - view.bias(&qd, sim.gravity)?;
-        let free = &v + inertia.solve(&(force * step - &v * (step * step / 2.0 * stiffness)));
+        let carried = DVector::from_fn(nv, |i, _| v[i] * (step * step / 2.0 * stiffness[i]));
+        let free = &v + inertia.solve(&(force * step - carried));
 
         let mut rows = Closures::new(sim.chain.nv());
         for k in self.motion.gaps.near(&view, (&middle, &qd), middle_time, TOUCHING)? {

@@ -42,10 +42,12 @@ pub(crate) enum Watch {
 pub(crate) struct Watched<'m, 'a, A: Space> {
     motion: &'m mut Motion<'a, A>,
     pub watches: Vec<Watch>,
+    /// The latest time before the next jump of forces or surfaces: what the leg sees at its end is the limit from before.
+    latest: f64,
 }
 
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
-    pub fn new(motion: &'m mut Motion<'a, A>, time: f64, y: &[f64]) -> Result<Self, SimError> {
+    pub fn new(motion: &'m mut Motion<'a, A>, (time, kink): (f64, f64), y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
         let watched = motion.gaps.watched(&motion.lasting);
         let mut watches: Vec<Watch> = watched.single.into_iter().map(Watch::Gap).collect();
@@ -94,7 +96,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
             Dry::Holds => Watch::JointBreaksLoose(k),
             Dry::Brakes(_) => Watch::JointStops(k),
         }));
-        Ok(Self { motion, watches })
+        Ok(Self { motion, watches, latest: kink.next_down() })
     }
 }
 
@@ -107,6 +109,7 @@ impl Watch {
 
 impl<A: Space> Flow for Watched<'_, '_, A> {
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        let time = time.min(self.latest);
         let motion = &mut *self.motion;
         let (q, qd) = motion.split(y);
         let (nq, nv) = (q.len(), qd.len());
@@ -134,21 +137,25 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     }
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
+        let time = time.min(self.latest);
         out.clear();
         look(self.motion, &self.watches, time, y, |witness| out.push(witness))
     }
 
     fn witness(&mut self, k: usize, time: f64, y: &[f64]) -> Result<Witness, SimError> {
+        let time = time.min(self.latest);
         let mut found = Witness::default();
         look(self.motion, &self.watches[k..=k], time, y, |witness| found = witness)?;
         Ok(found)
     }
 
     fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+        let time = time.min(self.latest);
         self.motion.told(time, y)
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        let time = time.min(self.latest);
         let motion = &mut *self.motion;
         let changed = motion.sim.normalise(y);
         let moved = motion.settle(time, y)?;

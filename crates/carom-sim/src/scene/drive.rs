@@ -1,9 +1,10 @@
 //! The controllers of `[run]` in a scene file, and the keys that each of them reads.
 
-use super::file::{Controller, File, Run};
+use super::file::{Controller, File, PerJoint, Run, Target};
 use super::surface::half_space;
+use super::table::Columns;
 use crate::contact::Surface;
-use crate::model::{Drive, ImpactInvariant, Transition};
+use crate::model::{Drive, Gains, ImpactInvariant, Reference, Tracking, Transition, motors};
 use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;
@@ -23,25 +24,40 @@ impl Drives<'_> {
         let run = &self.file.run;
         let needs = |key: &str| format!("[run] {asks} = \"{}\" needs the key {key}", controller.name());
         let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
+        let gains = |key: &str, given: &Option<PerJoint>| match given {
+            None => Err(needs(key)),
+            Some(PerJoint::Same(gain)) => Ok(Gains::Same(*gain)),
+            Some(given) => per_joint(key, given, self.chain).map(Gains::Each).map_err(|why| format!("[run] {why}")),
+        };
+        let wanted = || {
+            let given = run.target.as_ref().ok_or_else(|| needs("target"))?;
+            target(given, self.chain, &self.file.robot.q).map_err(|why| format!("[run] {why}"))
+        };
         Ok(match controller {
             Controller::Off => Drive::Off,
             Controller::GravityCompensation => Drive::GravityCompensation,
             Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
             Controller::TorqueFile => {
                 let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
-                torque_table(&self.folder.join(file), self.chain.nv())?
+                torque_table(&self.folder.join(file), self.chain)?
             }
-            Controller::Pd => Drive::Pd {
-                kp: number("kp", run.kp)?,
-                kd: number("kd", run.kd)?,
-                target: run.target.clone().ok_or_else(|| needs("target"))?,
-            },
+            Controller::Pd => Drive::Pd { kp: gains("kp", &run.kp)?, kd: gains("kd", &run.kd)?, target: wanted()? },
+            Controller::Tracking => {
+                let file = run.reference.as_ref().ok_or_else(|| needs("reference"))?;
+                let driven = motors(self.chain).len() == self.chain.nv();
+                Drive::Tracking(Tracking {
+                    kp: gains("kp", &run.kp)?,
+                    kd: gains("kd", &run.kd)?,
+                    reference: reference(&self.folder.join(file), self.chain)?,
+                    feed_forward: run.feed_forward.unwrap_or(driven),
+                })
+            }
             Controller::ImpactInvariant => Drive::ImpactInvariant(ImpactInvariant {
                 tip: self.file.robot.tip.clone(),
                 normal: self.normal("impact-invariant")?,
-                kp: number("kp", run.kp)?,
-                kd: number("kd", run.kd)?,
-                target: run.target.clone().ok_or_else(|| needs("target"))?,
+                kp: gains("kp", &run.kp)?,
+                kd: gains("kd", &run.kd)?,
+                target: wanted()?,
                 velocity: vec![0.0; self.chain.nv()],
             }),
             Controller::Transition => Drive::Transition(Transition {
@@ -59,11 +75,13 @@ impl Drives<'_> {
     /// Refuses keys that no chosen controller reads.
     pub fn check_unused(&self) -> Result<(), String> {
         let run: &Run = &self.file.run;
-        use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Transition};
-        let readers: [(&str, bool, &[Controller], &str); 8] = [
+        use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Tracking, Transition};
+        let readers: [(&str, bool, &[Controller], &str); 10] = [
             ("target", run.target.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("kp", run.kp.is_some(), &[Pd, ImpactInvariant], "pd"),
-            ("kd", run.kd.is_some(), &[Pd, ImpactInvariant], "pd"),
+            ("kp", run.kp.is_some(), &[Pd, Tracking, ImpactInvariant], "pd"),
+            ("kd", run.kd.is_some(), &[Pd, Tracking, ImpactInvariant], "pd"),
+            ("reference", run.reference.is_some(), &[Tracking], "tracking"),
+            ("feed_forward", run.feed_forward.is_some(), &[Tracking], "tracking"),
             ("torque", run.torque.is_some(), &[Constant], "constant"),
             ("torque_file", run.torque_file.is_some(), &[TorqueFile], "torque-file"),
             ("gain", run.gain.is_some(), &[Transition], "transition"),
@@ -94,38 +112,109 @@ impl Drives<'_> {
     }
 }
 
-/// Times in the first column, joint forces in the others; the first line may be a header.
-fn torque_table(path: &Path, joints: usize) -> Result<Drive, String> {
-    let refuse = |why: String| format!("[run] torque_file {}: {why}", path.display());
-    let text = std::fs::read_to_string(path).map_err(|e| refuse(e.to_string()))?;
-    let text = text.trim_start_matches('\u{feff}');
-    let (mut times, mut forces): (Vec<f64>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
-    for (k, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let cells = || line.split(',').map(|cell| cell.trim().parse::<f64>());
-        let refuse = |why: String| refuse(format!("line {}: {why}", k + 1));
-        match cells().collect::<Result<Vec<f64>, _>>() {
-            Ok(numbers) if numbers.len() != joints + 1 => {
-                let (columns, needed) = (numbers.len(), joints + 1);
-                return Err(refuse(format!(
-                    "{columns} columns, but {needed} are needed: the time and {joints} joint forces"
-                )));
+/// The joints with one coordinate: their names and numbers of q and qd, in the order of qd.
+fn hinges(chain: &Chain) -> Vec<(String, usize, usize)> {
+    let name = |v: usize| chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
+    motors(chain).iter().map(|motor| (name(motor.v), motor.q, motor.v)).collect()
+}
+
+/// One number for each number of qd; those of floating and planar joints are zero.
+pub(crate) fn per_joint(key: &str, given: &PerJoint, chain: &Chain) -> Result<Vec<f64>, String> {
+    let mut each = vec![0.0; chain.nv()];
+    let hinges = hinges(chain);
+    match given {
+        PerJoint::Same(value) => hinges.iter().for_each(|(_, _, v)| each[*v] = *value),
+        PerJoint::Each(values) if values.len() == chain.nv() => each.copy_from_slice(values),
+        PerJoint::Each(values) if values.len() == hinges.len() => {
+            hinges.iter().zip(values).for_each(|((_, _, v), value)| each[*v] = *value);
+        }
+        PerJoint::Each(values) => {
+            let (have, nv, joints) = (values.len(), chain.nv(), hinges.len());
+            return Err(format!(
+                "{key} has {have} numbers: give one number, {joints} (one for each joint with one coordinate), {nv} (one for \
+                 each number of qd), or a table by joint name"
+            ));
+        }
+        PerJoint::Named(values) => {
+            for (name, value) in values {
+                each[named(key, name, &hinges)?.2] = *value;
             }
-            Ok(numbers) if times.last().is_some_and(|last| numbers[0] <= *last) => {
-                return Err(refuse(format!(
-                    "time {} is not above that of the previous row: times must ascend",
-                    numbers[0]
-                )));
-            }
-            Ok(numbers) if numbers.iter().all(|x| x.is_finite()) => {
-                times.push(numbers[0]);
-                forces.push(numbers[1..].to_vec());
-            }
-            Err(_) if k == 0 && cells().all(|cell| cell.is_err()) => {}
-            _ => return Err(refuse("every cell must be a finite number, separated by commas".into())),
         }
     }
-    if times.is_empty() {
-        return Err(refuse("it has no row of numbers: give the time and one joint force for each joint".into()));
+    Ok(each)
+}
+
+fn named<'h>(
+    key: &str,
+    name: &str,
+    hinges: &'h [(String, usize, usize)],
+) -> Result<&'h (String, usize, usize), String> {
+    hinges.iter().find(|(own, ..)| own == name).ok_or_else(|| {
+        let known: Vec<&str> = hinges.iter().map(|(own, ..)| own.as_str()).collect();
+        format!("{key} names the joint '{name}': the joints with one coordinate are {}", known.join(", "))
+    })
+}
+
+/// nq numbers; joints that a table does not name keep their position at the start.
+fn target(given: &Target, chain: &Chain, start: &[f64]) -> Result<Vec<f64>, String> {
+    match given {
+        Target::Each(values) => Ok(values.clone()),
+        Target::Named(values) => {
+            let (mut target, hinges) = (start.to_vec(), hinges(chain));
+            for (name, value) in values {
+                target[named("target", name, &hinges)?.1] = *value;
+            }
+            Ok(target)
+        }
     }
+}
+
+/// Joint forces over time: by joint name, or without names in the order of qd.
+fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
+    let read = || {
+        let table = Columns::read(path)?;
+        let hinges = hinges(chain);
+        let names: Vec<String> = hinges.iter().map(|(name, ..)| name.clone()).collect();
+        if !table.has_names() {
+            let wanted: Vec<String> = (0..chain.nv()).map(|v| v.to_string()).collect();
+            return table.pick(&wanted, false, "joint force");
+        }
+        let (times, rows) = table.pick(&names, false, "joint force")?;
+        let spread = |row: Vec<f64>| {
+            let mut all = vec![0.0; chain.nv()];
+            hinges.iter().zip(row).for_each(|((_, _, v), force)| all[*v] = force);
+            all
+        };
+        Ok((times, rows.into_iter().map(spread).collect()))
+    };
+    let done: Result<(Vec<f64>, Vec<Vec<f64>>), String> = read();
+    let (times, forces) =
+        done.and_then(ascending).map_err(|why| format!("[run] torque_file {}: {why}", path.display()))?;
     Ok(Drive::Table { times, forces })
+}
+
+/// Refuses rows of the same time.
+fn ascending<T>((times, rows): (Vec<f64>, T)) -> Result<(Vec<f64>, T), String> {
+    match times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        Some(k) => Err(format!(
+            "row {}: time {} is not above that of the previous row: times must ascend",
+            k + 2,
+            times[k + 1]
+        )),
+        None => Ok((times, rows)),
+    }
+}
+
+/// Positions over time, by joint name.
+fn reference(path: &Path, chain: &Chain) -> Result<Reference, String> {
+    let read = || {
+        let table = Columns::read(path)?;
+        let names: Vec<String> = hinges(chain).into_iter().map(|(name, ..)| name).collect();
+        if !table.has_names() {
+            return Err(format!("the first line must name the columns: time, {}", names.join(", ")));
+        }
+        let (times, rows) = ascending(table.pick(&names, false, "position")?)?;
+        Reference::new(times, &rows).map_err(|e| e.to_string())
+    };
+    read().map_err(|why| format!("[run] reference {}: {why}", path.display()))
 }

@@ -1,7 +1,9 @@
 //! The keys of a scene file for serde; they are documented in `mod.rs`.
 
+use super::perturb::Distribution;
 use crate::model::SeveralLaw;
 use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 #[derive(Deserialize)]
@@ -12,7 +14,60 @@ pub(crate) struct File {
     pub surface: Vec<Surface>,
     #[serde(default)]
     pub contact: Contact,
+    #[serde(default)]
+    pub spring: Vec<Spring>,
+    #[serde(default)]
+    pub force: Vec<Force>,
     pub run: Run,
+}
+
+/// One number for all joints, one for each number of qd (or of the joints that motors can drive), or by joint name.
+#[derive(Deserialize, Clone, Debug)]
+#[serde(untagged, expecting = "a number, a list of numbers, or a table of numbers by joint name")]
+pub(crate) enum PerJoint {
+    Same(f64),
+    Each(Vec<f64>),
+    Named(BTreeMap<String, f64>),
+}
+
+/// nq numbers, or a table of numbers by joint name.
+#[derive(Deserialize, Clone, Debug)]
+#[serde(untagged, expecting = "a list of numbers, or a table of numbers by joint name")]
+pub(crate) enum Target {
+    Each(Vec<f64>),
+    Named(BTreeMap<String, f64>),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Spring {
+    pub joint: String,
+    #[serde(default)]
+    pub rest: f64,
+    pub stiffness: f64,
+    #[serde(default)]
+    pub damping: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Force {
+    pub link: String,
+    #[serde(default)]
+    pub point: [f64; 3],
+    #[serde(default)]
+    pub axes: Axes,
+    pub force: Option<[f64; 3]>,
+    pub torque: Option<[f64; 3]>,
+    pub file: Option<PathBuf>,
+}
+
+#[derive(Deserialize, Default, PartialEq, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Axes {
+    #[default]
+    World,
+    Body,
 }
 
 #[derive(Deserialize)]
@@ -50,6 +105,7 @@ pub(crate) struct Surface {
     #[serde(default)]
     pub contact: Override,
     pub motion: Option<Motion>,
+    pub belt: Option<Belt>,
 }
 
 #[derive(Deserialize)]
@@ -69,6 +125,20 @@ pub(crate) enum Shape {
         centre: [f64; 3],
         radius: f64,
     },
+    Cylinder {
+        centre: [f64; 3],
+        radius: f64,
+        length: f64,
+        #[serde(default)]
+        rpy: [f64; 3],
+    },
+    Capsule {
+        centre: [f64; 3],
+        radius: f64,
+        length: f64,
+        #[serde(default)]
+        rpy: [f64; 3],
+    },
     Mesh {
         file: PathBuf,
         #[serde(default = "unscaled")]
@@ -83,11 +153,22 @@ pub(crate) enum Shape {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Motion {
-    pub amplitude: [f64; 3],
+    pub amplitude: Option<[f64; 3]>,
     /// Hz.
-    pub frequency: f64,
+    pub frequency: Option<f64>,
+    pub phase: Option<f64>,
+    pub velocity: Option<[f64; 3]>,
+    pub file: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Belt {
+    pub velocity: Option<[f64; 3]>,
+    pub angular_velocity: Option<[f64; 3]>,
     #[serde(default)]
-    pub phase: f64,
+    pub centre: [f64; 3],
+    pub file: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -197,14 +278,30 @@ pub(crate) struct Run {
     #[serde(default)]
     pub controller: Controller,
     pub after_impact: Option<Controller>,
-    pub target: Option<Vec<f64>>,
-    pub kp: Option<f64>,
-    pub kd: Option<f64>,
+    pub target: Option<Target>,
+    pub kp: Option<PerJoint>,
+    pub kd: Option<PerJoint>,
     pub torque: Option<Vec<f64>>,
     pub torque_file: Option<PathBuf>,
+    pub reference: Option<PathBuf>,
+    pub feed_forward: Option<bool>,
+    #[serde(default)]
+    pub effort_limits: bool,
+    pub perturb: Option<Perturb>,
     pub gain: Option<f64>,
     pub press: Option<f64>,
     pub compensate: Option<bool>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Perturb {
+    pub q: Option<PerJoint>,
+    pub qd: Option<PerJoint>,
+    #[serde(default)]
+    pub seed: u64,
+    #[serde(default)]
+    pub distribution: Distribution,
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]
@@ -238,6 +335,7 @@ pub(crate) enum Controller {
     Transition,
     ImpactInvariant,
     TorqueFile,
+    Tracking,
 }
 
 impl Controller {
@@ -251,6 +349,7 @@ impl Controller {
             Self::Transition => "transition",
             Self::ImpactInvariant => "impact-invariant",
             Self::TorqueFile => "torque-file",
+            Self::Tracking => "tracking",
         }
     }
 }

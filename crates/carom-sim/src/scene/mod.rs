@@ -4,22 +4,27 @@
 mod contact;
 mod drive;
 mod file;
+mod force;
+mod perturb;
 mod surface;
+mod table;
 mod tip_velocity;
 mod toml;
 
+pub use perturb::{Distribution, Perturbation};
 #[doc(hidden)]
 pub use toml::from_toml;
 
 use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::model::Simulation;
+use crate::model::{Drive, Simulation};
 use carom_chain::Chain;
-use carom_chain::urdf::LoadOptions;
+use carom_chain::urdf::{JointType, LoadOptions};
 use carom_contact::LeftOut;
 use contact::{apply, rule, unused};
-use drive::Drives;
+use drive::{Drives, per_joint};
 use file::{File, Method, Model, Shape};
+use force::{spring, wrench};
 use std::path::{Path, PathBuf};
 use surface::{Places, surface};
 use tip_velocity::tip_velocity;
@@ -80,18 +85,30 @@ use tip_velocity::tip_velocity;
 /// | key | type, unit | default | meaning |
 /// | --- | --- | --- | --- |
 /// | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
-/// | `shape` | one of the four shapes below | required | shape and pose |
+/// | `shape` | one of the shapes below | required | shape and pose |
 /// | `contact` | table of `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
-/// | `motion` | table of `amplitude`, `frequency`, `phase` | at rest | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
-/// | `motion.amplitude` | 3 numbers, m | required in `motion` | direction and size of the displacement |
-/// | `motion.frequency` | Hz | required in `motion` | |
-/// | `motion.phase` | rad | `0` | |
+/// | `motion` | table, see below | at rest | motion of the shape |
+/// | `belt` | table, see below | – | motion of the material along a surface whose shape stays. Not together with `motion` |
+///
+/// | key of `motion` | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `amplitude`, `frequency`, `phase` | 3 numbers, m; Hz; rad | –, –, `0` | harmonic motion: displacement `amplitude · sin(2π · frequency · t + phase)` |
+/// | `velocity` | 3 numbers, m/s | – | constant velocity, instead |
+/// | `file` | file name | – | table of velocities, instead: columns `time`, `vx`, `vy`, `vz`; missing ones are 0 |
+///
+/// | key of `belt` | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `velocity`, `angular_velocity` | 3 numbers each, m/s, rad/s | zero | v and ω: the velocity of a point x is `v + ω × (x − centre)`, without its part normal to the surface |
+/// | `centre` | 3 numbers, m | `[0, 0, 0]` | a point of the axis of ω |
+/// | `file` | file name | – | table instead: columns `time`, `vx`, `vy`, `vz`, `wx`, `wy`, `wz`; missing ones are 0 |
 ///
 /// | shape | keys | defaults |
 /// | --- | --- | --- |
 /// | `halfspace` | `point` (m) on its boundary, `normal` (any length) out of it, towards the robot | – |
 /// | `box` | `centre` (m), `size` (m, full side lengths), `rpy` (rad) | `rpy = [0, 0, 0]` |
 /// | `sphere` | `centre` (m), `radius` (m) | – |
+/// | `cylinder` | `centre` (m), `radius` (m), `length` (m) along its z-axis, `rpy` (rad) | `rpy = [0, 0, 0]` |
+/// | `capsule` | as `cylinder`; `length` is that of the segment | `rpy = [0, 0, 0]` |
 /// | `mesh` | `file` (STL, DAE or OBJ; a path, `file://…` or `package://NAME/…`), `scale` (one factor for each axis), `position` (m), `rpy` (rad) | `scale = [1, 1, 1]`, `position = [0, 0, 0]`, `rpy = [0, 0, 0]` |
 ///
 /// `rpy` are roll, pitch and yaw about the fixed x, y and z axes, as in URDF.
@@ -134,6 +151,20 @@ use tip_velocity::tip_velocity;
 /// At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
 /// value decides.
 ///
+/// ## `[[spring]]` (one table for each passive spring)
+///
+/// `joint` (a hinge or slider), `rest` (rad, m; default 0), `stiffness` (N m/rad, N/m; required), `damping` (N m s/rad, N s/m;
+/// default 0): see [`Spring`](crate::Spring).
+///
+/// ## `[[force]]` (one table for each force from outside)
+///
+/// `link`, `point` (m, in the axes of the link; default its origin), `axes` (`"world"` or `"body"`; default `"world"`), and
+/// either `force` (N), `torque` (N m) or both, or `file`: a table with the columns `time`, `fx`, `fy`, `fz`, `tx`, `ty`, `tz`,
+/// of which missing ones are 0. See [`Wrench`](crate::Wrench).
+///
+/// Tables are CSV or (by the ending `.parquet`) Parquet files, with columns by name in any order. They are linear between
+/// rows; the integration stops and starts again at every row.
+///
 /// ## `[run]`
 ///
 /// | key | type, unit | default | meaning |
@@ -156,11 +187,19 @@ use tip_velocity::tip_velocity;
 /// | --- | --- | --- |
 /// | `"off"` | – | zero |
 /// | `"constant"` | `torque` (nv numbers; N m, N; required) | constant |
-/// | `"torque-file"` | `torque_file` (CSV file, required) | interpolated linearly over time, constant before the first and after the last row. Columns: time (s, ascending), then nv joint forces (N m, N) in the order of qd. A first line without numbers is skipped |
-/// | `"pd"` | `kp` (N m/rad, N/m), `kd` (N m s/rad, N s/m), `target` (nq numbers); all required | `kp (target − q) − kd qd`, with the same gains at all joints. No floating joints |
-/// | `"gravity-compensation"` | – | those that balance gravity, on all coordinates, also on those of a floating base |
+/// | `"torque-file"` | `torque_file` (required) | interpolated linearly over time, constant before the first and after the last row. Columns: `time` (s, ascending), and the name of every joint with one coordinate (N m, N). A CSV file whose first line has no names has the time, then nv joint forces in the order of qd |
+/// | `"pd"` | `kp` (N m/rad, N/m), `kd` (N m s/rad, N s/m), `target`; all required | `kp (target − q) − kd qd` at the joints with one coordinate |
+/// | `"tracking"` | `reference` (table of positions: `time` and the name of every joint with one coordinate), `kp`, `kd`; all required; `feed_forward` (boolean; default `true` if every joint has one coordinate) | [`Tracking`](crate::Tracking) of cubic splines through the positions |
+/// | `"gravity-compensation"` | – | those that balance gravity, at the joints with one coordinate. A floating base falls |
 /// | `"transition"` | `gain` (1/s, required), `press` (m/s², default `0`), `compensate` (boolean, default `true`) | transition from free motion to contact, see [`Transition`](crate::Transition). The desired tip velocity is that at the start. The first surface must be a half-space |
 /// | `"impact-invariant"` | `kp`, `kd`, `target` as for `"pd"`; all required | [`ImpactInvariant`](crate::ImpactInvariant) feedback with the desired velocity zero. The first surface must be a half-space. No floating joints |
+///
+/// `kp` and `kd` are one number, a list (nv numbers, or one for each joint with one coordinate), or a table by joint name, in
+/// which joints that are not named have 0. `target` is nq numbers, or a table by joint name, in which joints that are not named
+/// keep their position at the start. With `effort_limits = true` the motors obey the effort limits of the URDF.
+///
+/// `perturb = { q, qd, seed, distribution }`: random disturbances of the start for many runs ([`Perturbation`]). `q` and `qd`
+/// are sizes as `kp`, `distribution` is `"normal"` (default) or `"uniform"`.
 ///
 /// A key that neither `controller` nor `after_impact` reads is refused. The damping and the dry friction of the URDF's
 /// `<dynamics>` act in addition to every controller.
@@ -176,6 +215,8 @@ pub struct Scene {
     pub duration: f64,
     /// Interval between samples, s; `None` if the file has no `sample`.
     pub sample: Option<f64>,
+    /// Random disturbances of the start; `None` if the file has no `perturb`.
+    pub perturbation: Option<Perturbation>,
     /// The surfaces, in the order of the file.
     pub surfaces: Vec<Surface>,
     /// The link that is the tip; `None` if the file names none and the robot has no link `tip`.
@@ -184,7 +225,7 @@ pub struct Scene {
     pub out_of_reach: Vec<(String, LeftOut)>,
     /// `model = "full"`: [`Scene::plan`] makes no reductions.
     pub full: bool,
-    /// Every file that was read: scene, robot, meshes of robot and surfaces, torque table.
+    /// Every file that was read: scene, robot, meshes of robot and surfaces, tables.
     pub files: Vec<PathBuf>,
     /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
     /// [`Chain::report`].
@@ -269,6 +310,32 @@ impl Scene {
         let after_impact = file.run.after_impact.map(|c| drives.drive("after_impact", c));
         let after_impact = after_impact.transpose().map_err(&refuse)?;
         drives.check_unused().map_err(&refuse)?;
+        let springs = file.spring.iter().enumerate().map(|(k, it)| spring(&chain, k, it));
+        let springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
+        let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let perturbation = file.run.perturb.as_ref().map(|given| {
+            let size = |key: &str, given: &Option<file::PerJoint>| match given {
+                Some(file::PerJoint::Same(size)) => Ok(vec![*size; chain.nv()]),
+                Some(given) => per_joint(key, given, &chain),
+                None => Ok(vec![0.0; chain.nv()]),
+            };
+            let (q, qd) = (size("perturb.q", &given.q)?, size("perturb.qd", &given.qd)?);
+            match q.iter().chain(&qd).find(|x| !(x.is_finite() && **x >= 0.0)) {
+                Some(x) => Err(format!("perturb has the size {x}: it must be finite and not negative")),
+                None => Ok(Perturbation { q, qd, seed: given.seed, distribution: given.distribution }),
+            }
+        });
+        let perturbation = perturbation.transpose().map_err(|why| refuse(format!("[run] {why}")))?;
+        let holds = [Some(&drive), after_impact.as_ref()].into_iter().flatten();
+        if holds.into_iter().any(|drive| matches!(drive, Drive::GravityCompensation)) && chain.nq() != chain.nv() {
+            let base = chain.joints().iter().find(|joint| joint.kind == JointType::Floating);
+            warnings.push(format!(
+                "[run] controller = \"gravity-compensation\" drives joints only: nothing but contacts holds the floating \
+                 joint '{}', so the robot falls",
+                base.map_or("", |joint| &joint.name)
+            ));
+        }
         if file.run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = file.run.neglect.unwrap_or_default();
             return Err(refuse(format!("[run] neglect = {share}: it must be above 0 and below 1")));
@@ -285,6 +352,9 @@ impl Scene {
             gravity: file.run.gravity.into(),
             drive,
             after_impact,
+            springs,
+            wrenches,
+            effort_limits: file.run.effort_limits,
             tolerance: file.run.tolerance,
             max_step: file.run.max_step.unwrap_or(0.1),
             zeno_time: file.run.zeno_time,
@@ -296,7 +366,13 @@ impl Scene {
             neglect: if full { None } else { file.run.neglect },
             ..Simulation::new(chain, touches)
         };
-        let named = [Some(&file.robot.urdf), file.run.torque_file.as_ref()].into_iter().flatten();
+        let named = [Some(&file.robot.urdf), file.run.torque_file.as_ref(), file.run.reference.as_ref()];
+        let named = named.into_iter().flatten().chain(file.force.iter().filter_map(|it| it.file.as_ref()));
+        let moved = file.surface.iter().flat_map(|it| {
+            let motion = it.motion.as_ref().and_then(|motion| motion.file.as_ref());
+            [motion, it.belt.as_ref().and_then(|belt| belt.file.as_ref())]
+        });
+        let named = named.chain(moved.flatten());
         let meshes = file.surface.iter().filter_map(|it| match &it.shape {
             Shape::Mesh { file, .. } => Some(file),
             _ => None,
@@ -310,6 +386,19 @@ impl Scene {
         });
         let files = std::iter::once(path.to_owned()).chain(named).chain(meshes).collect();
         let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
-        Ok(Self { simulation, q, qd, duration, sample, surfaces, tip, out_of_reach: left_out, full, files, warnings })
+        Ok(Self {
+            simulation,
+            q,
+            qd,
+            duration,
+            sample,
+            perturbation,
+            surfaces,
+            tip,
+            out_of_reach: left_out,
+            full,
+            files,
+            warnings,
+        })
     }
 }

@@ -1,0 +1,90 @@
+//! Tracking of a reference trajectory.
+//!
+//! | symbol | size | meaning |
+//! | --- | --- | --- |
+//! | r, ṙ, r̈ | nv | reference |
+//! | τ_p | nv | passive joint forces: damping and springs |
+
+use super::asked::Asked;
+use super::gains::{Gains, Motor};
+use super::reference::Reference;
+use crate::error::SimError;
+use crate::state::{Space, View};
+use carom_chain::{Chain, Workspace};
+
+/// Feedback and feed-forward along a reference: `τ = τ_r + kp (r − q) + kd (ṙ − q̇)` at the joints with one coordinate.
+///
+/// The feed-forward τ_r is the inverse dynamics of the reference, `M(r) r̈ + c(r, ṙ) − τ_p(r, ṙ)`: without contacts, dry
+/// friction and effort limits a robot that starts on the reference stays on it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tracking {
+    /// The positions of the joints with one coordinate, in the order of qd.
+    pub reference: Reference,
+    /// Stiffness, N m/rad or N/m.
+    pub kp: Gains,
+    /// Damping, N m s/rad or N s/m.
+    pub kd: Gains,
+    /// Whether to add τ_r. It needs a motor at every number of qd: not with floating or planar joints.
+    pub feed_forward: bool,
+}
+
+impl Tracking {
+    /// # Errors
+    /// [`SimError`]: invalid gains, a reference with another number of joints, feed-forward for a base without motors.
+    pub(super) fn check(&self, chain: &Chain, motors: &[Motor]) -> Result<(), SimError> {
+        self.kp.check("kp", chain)?;
+        self.kd.check("kd", chain)?;
+        let refuse = |what, value, rule| Err(SimError::Setting { what, value: value as f64, rule });
+        if self.reference.joints() != motors.len() {
+            let rule = "it must be the number of joints with one coordinate";
+            return refuse("number of joints of the reference", self.reference.joints(), rule);
+        }
+        if self.feed_forward && motors.len() != chain.nv() {
+            let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
+                        planar joint";
+            return refuse("number of velocities of the robot", chain.nv(), rule);
+        }
+        Ok(())
+    }
+
+    /// The tracking of the joints that a reduced chain keeps.
+    pub(super) fn reduced(&mut self, motors: &[Motor], v: &[usize]) {
+        let mut kept = motors.iter().map(|motor| v.contains(&motor.v));
+        self.reference.curves.retain(|_| kept.next().unwrap_or(false));
+        self.kp.pick(v);
+        self.kd.pick(v);
+    }
+
+    /// Passes the force of every motor to `add`.
+    pub(super) fn push<A: Space>(
+        &self,
+        asked: &Asked,
+        (model, workspace): (&A::Model, &mut Workspace<A>),
+        (q, qd): (&[f64], &[f64]),
+        mut add: impl FnMut(usize, f64),
+    ) -> Result<(), SimError> {
+        let wanted = |k: usize| self.reference.at(k, asked.time);
+        for (k, motor) in asked.motors.iter().enumerate() {
+            let [r, rate, _] = wanted(k);
+            let (p, d) = (self.kp.at(motor.v), self.kd.at(motor.v));
+            add(motor.v, p * (r - q[motor.q]) + d * (rate - qd[motor.v]));
+        }
+        if !self.feed_forward {
+            return Ok(());
+        }
+        let (mut r, mut rate, mut acceleration) = (q.to_vec(), vec![0.0; qd.len()], vec![0.0; qd.len()]);
+        for (k, motor) in asked.motors.iter().enumerate() {
+            [r[motor.q], rate[motor.v], acceleration[motor.v]] = wanted(k);
+        }
+        let mut view = View::<A>::new(model, workspace, &r)?;
+        let mut forces = view.inverse_dynamics(&rate, &acceleration, asked.gravity)?;
+        for (v, damping) in asked.damping.iter().enumerate() {
+            forces[v] += damping * rate[v];
+        }
+        for spring in asked.springs {
+            forces[spring.v] -= spring.force(r[spring.q], rate[spring.v]);
+        }
+        forces.iter().enumerate().for_each(|(v, force)| add(v, *force));
+        Ok(())
+    }
+}

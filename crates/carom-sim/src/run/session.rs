@@ -1,0 +1,279 @@
+//! A simulation as an object that a control loop drives.
+
+use super::events::Run;
+use super::stand::Stand;
+use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason};
+use crate::contact::ContactMode;
+use crate::error::SimError;
+use crate::model::{Drive, Simulation};
+use crate::motion::{ContactState, Motion};
+use crate::plan::Plan;
+use crate::state::{Moment, Space};
+use carom_chain::{Chain, Planar, PlanarChain, Spatial};
+
+/// A simulation that is advanced piece by piece: a control loop reads state and contacts, sets joint forces and advances.
+///
+/// ```
+/// use carom_chain::Chain;
+/// use carom_sim::Simulation;
+///
+/// let arm = Chain::from_urdf_str(
+///     r#"<robot name="arm"><link name="base"/><link name="tip"><inertial><mass value="1"/>
+///        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+///        <joint name="hinge" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>"#,
+///     &Default::default(),
+/// )?;
+/// let mut session = Simulation::new(arm, Vec::new()).start(&[0.0], &[1.0])?;
+/// while session.time() < 1.0 {
+///     let rate = session.moment().qd[0];
+///     session.set_forces(&[-2.0 * rate])?; // a brake, sampled at 100 Hz
+///     session.advance(0.01)?;
+/// }
+/// assert!(session.moment().qd[0] < 0.2);
+/// # Ok::<(), carom_sim::SimError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Session {
+    simulation: Simulation,
+    flat: Option<PlanarChain>,
+    state: SessionState,
+}
+
+/// The whole state of a [`Session`]: time, positions and velocities, modes of the contacts, what they remember, counts. A
+/// session that continues from it repeats its motion.
+#[derive(Debug, Clone)]
+pub struct SessionState {
+    stand: Stand,
+    /// Energy at the start, J.
+    start: f64,
+    /// Events that no advance has returned yet.
+    pending: Vec<Event>,
+    /// Whether the forces were set since the last advance.
+    changed: bool,
+}
+
+/// What happened during an advance.
+#[derive(Debug, Clone)]
+pub struct Advance {
+    /// The events, in the order of time.
+    pub events: Vec<Event>,
+    /// Why it ended: [`StopReason::Events`] after [`Simulation::max_events`] events of this session.
+    pub stop: StopReason,
+}
+
+impl Simulation {
+    /// Starts a session at `(q, qd)`. An impact at the start is among the events of the first advance.
+    ///
+    /// # Errors
+    /// [`SimError`]: an invalid state or setting, an overlap at the start, errors of the impact laws.
+    pub fn start(self, q: &[f64], qd: &[f64]) -> Result<Session, SimError> {
+        let flat = self.in_plane();
+        Session::new(self, flat, q, qd)
+    }
+}
+
+impl Plan {
+    /// Starts a session of the plan at its start, in the plane that the plan has decided on.
+    ///
+    /// # Errors
+    /// As [`Simulation::start`].
+    pub fn start(&self) -> Result<Session, SimError> {
+        Session::new(self.simulation.clone(), self.in_plane().cloned(), &self.q, &self.qd)
+    }
+}
+
+impl Session {
+    fn new(simulation: Simulation, flat: Option<PlanarChain>, q: &[f64], qd: &[f64]) -> Result<Self, SimError> {
+        let state = begin(&simulation, flat.as_ref(), q, qd)?;
+        Ok(Self { simulation, flat, state })
+    }
+
+    /// The simulation. Its drive is the one that was set last.
+    pub fn simulation(&self) -> &Simulation {
+        &self.simulation
+    }
+
+    /// The chain.
+    pub fn chain(&self) -> &Chain {
+        &self.simulation.chain
+    }
+
+    /// Time, s.
+    pub fn time(&self) -> f64 {
+        self.state.stand.time
+    }
+
+    /// Time and state now.
+    pub fn moment(&self) -> Moment {
+        let (nq, nv) = (self.chain().nq(), self.chain().nv());
+        let Stand { time, y, .. } = &self.state.stand;
+        Moment { time: *time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }
+    }
+
+    /// The contact mode now.
+    pub fn mode(&self) -> ContactMode {
+        self.state.stand.kept.mode()
+    }
+
+    /// The lasting contacts now, with their forces under the drive that was set last.
+    ///
+    /// # Errors
+    /// [`SimError`] of the computation of forces.
+    pub fn contacts(&self) -> Result<Vec<ContactState>, SimError> {
+        self.ask(|run| run.contacts(), |run| run.contacts())
+    }
+
+    /// The energy balance since the start of the session.
+    ///
+    /// # Errors
+    /// [`SimError`] of the computation of energies.
+    pub fn energy(&self) -> Result<EnergyBooks, SimError> {
+        let start = self.state.start;
+        self.ask(|run| run.books(start), |run| run.books(start))
+    }
+
+    /// Replaces the drive, also that after an impact, by constant joint forces (length nv; N m, N).
+    ///
+    /// # Errors
+    /// [`SimError::Chain`]: a wrong length, numbers that are not finite.
+    pub fn set_forces(&mut self, forces: &[f64]) -> Result<(), SimError> {
+        self.set_drive(Drive::Constant(forces.to_vec()))
+    }
+
+    /// Replaces the drive, also that after an impact.
+    ///
+    /// # Errors
+    /// [`SimError`]: a drive that does not fit the chain.
+    pub fn set_drive(&mut self, drive: Drive) -> Result<(), SimError> {
+        drive.check(self.chain())?;
+        self.state.changed |= drive != self.simulation.drive || self.simulation.after_impact.is_some();
+        (self.simulation.drive, self.simulation.after_impact) = (drive, None);
+        Ok(())
+    }
+
+    /// Advances by `duration` seconds.
+    ///
+    /// # Errors
+    /// As [`Simulation::stream`]; the session then stays where it was.
+    pub fn advance(&mut self, duration: f64) -> Result<Advance, SimError> {
+        self.go(duration, false)
+    }
+
+    /// Advances to the next event, by `longest` seconds at most. Events of the same cause have the same time: an impact and
+    /// the mode that follows it. Without an event the list is empty.
+    ///
+    /// # Errors
+    /// As [`Session::advance`].
+    pub fn advance_to_event(&mut self, longest: f64) -> Result<Advance, SimError> {
+        self.go(longest, true)
+    }
+
+    /// The state, for [`Session::restore`].
+    pub fn save(&self) -> SessionState {
+        self.state.clone()
+    }
+
+    /// Returns to a state of this session, or of another one of the same simulation. The drive stays as it is.
+    ///
+    /// # Errors
+    /// [`SimError::Setting`] if the state belongs to a simulation with another number of coordinates or of possible contacts.
+    pub fn restore(&mut self, state: &SessionState) -> Result<(), SimError> {
+        let (own, other) = (&self.state.stand, &state.stand);
+        if own.y.len() != other.y.len() || !own.kept.fits(&other.kept) {
+            let (what, value) = ("length of the state", other.y.len() as f64);
+            return Err(SimError::Setting {
+                what,
+                value,
+                rule: "it belongs to another simulation: save it in this one",
+            });
+        }
+        self.state = SessionState { changed: true, ..state.clone() };
+        Ok(())
+    }
+
+    /// Starts again from another state, at the present time: contacts, counts and energies begin anew.
+    ///
+    /// # Errors
+    /// As [`Simulation::start`].
+    pub fn restart(&mut self, q: &[f64], qd: &[f64]) -> Result<(), SimError> {
+        let simulation = Simulation { start_time: self.time(), ..self.simulation.clone() };
+        self.state = begin(&simulation, self.flat.as_ref(), q, qd)?;
+        self.simulation = simulation;
+        Ok(())
+    }
+
+    fn go(&mut self, duration: f64, to_event: bool) -> Result<Advance, SimError> {
+        let moment = self.moment();
+        self.simulation.check(&moment.q, &moment.qd, duration, None)?;
+        let mut events = self.state.pending.clone();
+        if to_event && !events.is_empty() {
+            self.state.pending.clear();
+            return Ok(Advance { events, stop: StopReason::Duration });
+        }
+        let end = self.time() + duration;
+        let (changed, stand) = (self.state.changed, self.state.stand.clone());
+        let watch = &mut |seen: Seen| {
+            if let Seen::Event(event) = seen {
+                events.push(event.clone());
+            }
+        };
+        let sim = &self.simulation;
+        let (stop, stand) = match &self.flat {
+            Some(model) => advance::<Planar<f64>>(sim, model, stand, (end, changed, to_event), watch)?,
+            None => advance::<Spatial<f64>>(sim, &sim.chain, stand, (end, changed, to_event), watch)?,
+        };
+        self.state = SessionState { stand, start: self.state.start, pending: Vec::new(), changed: false };
+        Ok(Advance { events, stop })
+    }
+
+    /// Asks a run that stands where the session does.
+    fn ask<T>(
+        &self,
+        planar: impl FnOnce(&mut Run<Planar<f64>>) -> Result<T, SimError>,
+        spatial: impl FnOnce(&mut Run<Spatial<f64>>) -> Result<T, SimError>,
+    ) -> Result<T, SimError> {
+        let (sim, stand, ignore) = (&self.simulation, self.state.stand.clone(), &mut |_: Seen| {});
+        match &self.flat {
+            Some(model) => planar(&mut Run::resume(Motion::new(sim, model), stand, Sampling::default(), ignore)),
+            None => spatial(&mut Run::resume(Motion::new(sim, &sim.chain), stand, Sampling::default(), ignore)),
+        }
+    }
+}
+
+fn begin(simulation: &Simulation, flat: Option<&PlanarChain>, q: &[f64], qd: &[f64]) -> Result<SessionState, SimError> {
+    simulation.check(q, qd, 1.0, None)?;
+    match flat {
+        Some(model) => start::<Planar<f64>>(simulation, model, q, qd),
+        None => start::<Spatial<f64>>(simulation, &simulation.chain, q, qd),
+    }
+}
+
+fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) -> Result<SessionState, SimError> {
+    let mut pending = Vec::new();
+    let watch = &mut |seen: Seen| {
+        if let Seen::Event(event) = seen {
+            pending.push(event.clone());
+        }
+    };
+    let mut run = Run::<A>::at_start(sim, model, (q, qd), Sampling::default(), watch);
+    let start = run.motion.energy(&run.y)?;
+    run.end = run.time;
+    run.begin()?;
+    let stand = run.stand();
+    Ok(SessionState { stand, start, pending, changed: false })
+}
+
+/// Runs on from `stand`; returns why it ended, and where.
+fn advance<A: Space>(
+    sim: &Simulation,
+    model: &A::Model,
+    stand: Stand,
+    (end, changed, to_event): (f64, bool, bool),
+    watch: &mut dyn FnMut(Seen),
+) -> Result<(StopReason, Stand), SimError> {
+    let mut run = Run::<A>::resume(Motion::new(sim, model), stand, Sampling::default(), watch);
+    run.end = end;
+    run.wake(changed)?;
+    let stop = run.until_end(to_event)?;
+    Ok((stop, run.stand()))
+}

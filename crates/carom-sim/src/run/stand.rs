@@ -1,0 +1,111 @@
+//! Beginning, pausing and continuing a run.
+
+use super::events::Run;
+use super::leg::Sampler;
+use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason};
+use crate::error::SimError;
+use crate::model::Simulation;
+use crate::motion::{ContactState, Kept, Motion, bristles};
+use crate::state::Space;
+use std::collections::VecDeque;
+
+/// Where a run stands: all that its further motion depends on, beside the simulation.
+#[derive(Debug, Clone)]
+pub(crate) struct Stand {
+    pub time: f64,
+    pub y: Vec<f64>,
+    pub kept: Kept,
+    events: usize,
+    statistics: Statistics,
+    lost: f64,
+    stepped: Vec<ContactState>,
+    recent: VecDeque<f64>,
+    blows: VecDeque<f64>,
+    resting: bool,
+}
+
+impl<'a, 'w, A: Space> Run<'a, 'w, A> {
+    /// A run at its start, before the first contacts are looked for.
+    pub fn at_start(
+        sim: &'a Simulation,
+        model: &'a A::Model,
+        (q, qd): (&[f64], &[f64]),
+        sampling: Sampling,
+        watch: &'w mut dyn FnMut(Seen),
+    ) -> Self {
+        let motion = Motion::new(sim, model);
+        let deflections = vec![0.0; 3 * bristles(sim).len()];
+        let stand = Stand {
+            time: sim.start_time,
+            y: [q, qd, &[0.0, 0.0], &deflections].concat(),
+            kept: motion.kept(),
+            events: 0,
+            statistics: Statistics::default(),
+            lost: 0.0,
+            stepped: Vec::new(),
+            recent: VecDeque::new(),
+            blows: VecDeque::new(),
+            resting: false,
+        };
+        Self::resume(motion, stand, sampling, watch)
+    }
+
+    /// A run that goes on from where another one stood.
+    pub fn resume(mut motion: Motion<'a, A>, stand: Stand, sampling: Sampling, watch: &'w mut dyn FnMut(Seen)) -> Self {
+        let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
+        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting } = stand;
+        motion.keep(kept);
+        let count = sampling.every.map_or(0, |every| (time / every).ceil().max(0.0) as usize);
+        let sampler = Sampler { sampling, sizes, count, until: time, watch };
+        Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting }
+    }
+
+    /// Where the run stands.
+    pub fn stand(self) -> Stand {
+        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, .. } = self;
+        Stand { time, y, kept: motion.kept(), events, statistics, lost, stepped, recent, blows, resting }
+    }
+
+    /// Runs to the end, or with `to_event` to the next event.
+    pub fn until_end(&mut self, to_event: bool) -> Result<StopReason, SimError> {
+        let first = self.events;
+        while self.time < self.end && !(to_event && self.events > first) {
+            if self.events >= self.motion.sim.max_events {
+                return Ok(StopReason::Events);
+            }
+            if self.motion.stepping {
+                self.several_contacts()?;
+            } else {
+                self.one_leg()?;
+            }
+        }
+        Ok(StopReason::Duration)
+    }
+
+    /// The modes after a pause, in which the drive may have `changed`.
+    pub fn wake(&mut self, changed: bool) -> Result<(), SimError> {
+        if changed && !self.motion.stepping && !self.motion.moves_freely() {
+            let before = self.y.clone();
+            self.measure();
+            return self.resettle(&[], &before);
+        }
+        if changed {
+            self.resting = false;
+        } else if self.resting && self.is_steady() {
+            self.time = self.end;
+        }
+        Ok(())
+    }
+
+    /// The lasting contacts now.
+    pub fn contacts(&mut self) -> Result<Vec<ContactState>, SimError> {
+        if self.motion.stepping { Ok(self.stepped.clone()) } else { self.motion.told(self.time, &self.y) }
+    }
+
+    /// The energy balance from a start with this energy.
+    pub fn books(&mut self, start: f64) -> Result<EnergyBooks, SimError> {
+        let end = self.motion.energy(&self.y)?;
+        let work = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
+        Ok(EnergyBooks { start, end, drive: self.y[work], resistance: self.y[work + 1], impacts: self.lost })
+    }
+}

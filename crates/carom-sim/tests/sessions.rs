@@ -1,0 +1,131 @@
+//! Simulations as objects that a control loop drives.
+
+use carom_chain::Chain;
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use carom_impact::Newton;
+use carom_sim::{ContactRule, EventKind, Scene, Session, Simulation, Surface, Touch};
+use nalgebra::Vector3;
+
+const G: f64 = 9.81;
+
+fn scene(name: &str) -> Scene {
+    Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+/// A ball of 2 kg and 5 cm that moves along x and z above the ground, without turning.
+fn ball(restitution: f64, friction: f64) -> Simulation {
+    let inertial = "<inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+    let limit = "<limit lower='-100' upper='100' effort='0' velocity='0'/>";
+    let text = format!(
+        "<robot name='ball'><link name='world'/><link name='rail'/><link name='ball'>{inertial}
+         <collision><geometry><sphere radius='0.05'/></geometry></collision></link>
+         <joint name='x' type='prismatic'><parent link='world'/><child link='rail'/><axis xyz='1 0 0'/>{limit}</joint>
+         <joint name='z' type='prismatic'><parent link='rail'/><child link='ball'/><axis xyz='0 0 1'/>{limit}</joint></robot>"
+    );
+    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let contact = ContactRule::new(Newton { restitution, friction });
+    let surface = Surface { name: "ground".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    Simulation { tolerance: 1e-11, gravity: Vector3::new(0.0, 0.0, -G), ..Simulation::new(chain, touches) }
+}
+
+/// A run in pieces has the events, the end and the energies of the run in one piece.
+#[test]
+fn a_run_in_pieces_is_the_whole_run() {
+    for name in ["planar2", "bounce", "box"] {
+        let scene = scene(name);
+        let plan = scene.plan().unwrap();
+        let duration = scene.duration.min(0.6);
+        let whole = plan.run(duration).unwrap();
+        let mut session = plan.start().unwrap();
+        let mut events = Vec::new();
+        for k in 1..=37 {
+            let until = duration * f64::from(k) / 37.0;
+            events.extend(session.advance(until - session.time()).unwrap().events);
+        }
+        let names = |events: &[carom_sim::Event]| events.iter().map(|e| e.kind.name()).collect::<Vec<_>>();
+        assert_eq!(names(&events), names(&whole.events), "{name}");
+        for (a, b) in events.iter().zip(&whole.events) {
+            // Both integrate with this tolerance, with other steps; a bounce amplifies an error by up to its 1/e.
+            assert!((a.time - b.time).abs() < 1e4 * plan.simulation.tolerance, "{name}: {} {}", a.time, b.time);
+        }
+        let last = session.moment();
+        for (a, b) in last.q.iter().chain(&last.qd).zip(whole.summary.last.q.iter().chain(&whole.summary.last.qd)) {
+            assert!((a - b).abs() < 1e5 * plan.simulation.tolerance, "{name}: {a} {b}");
+        }
+        let (a, b) = (session.energy().unwrap(), whole.summary.energy);
+        assert!((a.impacts - b.impacts).abs() < 1e-6 * b.start.abs().max(1.0), "{name}: {a:?} {b:?}");
+    }
+}
+
+fn to(session: &mut Session, time: f64) {
+    session.advance(time - session.time()).unwrap();
+}
+
+/// From a saved state the motion is repeated bit for bit, in this session and in another one.
+#[test]
+fn a_restored_session_repeats_its_motion() {
+    let plan = scene("planar2").plan().unwrap();
+    let mut session = plan.start().unwrap();
+    to(&mut session, 0.2);
+    let saved = session.save();
+    let mut other = plan.start().unwrap();
+    to(&mut session, 0.35);
+    to(&mut session, 0.5);
+    let end = session.moment();
+    for session in [&mut session, &mut other] {
+        session.restore(&saved).unwrap();
+        assert_eq!(session.time(), 0.2);
+        to(session, 0.35);
+        to(session, 0.5);
+        assert_eq!(session.moment(), end);
+    }
+    assert!(
+        ball(0.0, 0.0)
+            .start(&[0.0, 1.0], &[0.0, 0.0])
+            .unwrap()
+            .restore(&scene("box").plan().unwrap().start().unwrap().save())
+            .is_err()
+    );
+}
+
+/// A bouncing ball, event by event: tₖ = √(2h/g)(1 + 2e + 2e² + …); between events nothing is returned.
+#[test]
+fn advance_to_event_stops_at_each_bounce() {
+    let (h, e): (f64, f64) = (0.8, 0.7);
+    let mut session = ball(e, 0.0).start(&[0.0, 0.05 + h], &[0.3, 0.0]).unwrap();
+    let fall = (2.0 * h / G).sqrt();
+    assert!(session.advance_to_event(0.5 * fall).unwrap().events.is_empty());
+    let mut time = fall;
+    for k in 0..6 {
+        let events = session.advance_to_event(10.0).unwrap().events;
+        assert!(matches!(events[0].kind, EventKind::Impact { .. }), "{events:?}");
+        assert!((events[0].time - time).abs() < 1e-11 && session.time() == events[0].time, "bounce {k}");
+        time += 2.0 * fall * e.powi(k + 1);
+    }
+}
+
+/// A body at rest stays at rest under a force below μ m g and slides with (F − μ m g)/m above it, when a loop sets the force.
+#[test]
+fn forces_set_by_a_loop_move_a_resting_body_when_friction_is_spent() {
+    let mu = 0.4;
+    let mut session = ball(0.0, mu).start(&[0.0, 0.05], &[0.0, 0.0]).unwrap();
+    let (mut rests, most) = (0, mu * 2.0 * G);
+    for force in [0.0, 0.5 * most, 0.9 * most, 1.5 * most, 1.5 * most] {
+        session.set_forces(&[force, 0.0]).unwrap();
+        rests += session.advance(0.1).unwrap().events.iter().filter(|e| e.kind.name() == "rest").count();
+        let contacts = session.contacts().unwrap();
+        assert!((contacts[0].normal_force - 2.0 * G).abs() < 1e-9, "{contacts:?}");
+    }
+    assert_eq!(rests, 1, "rest is told once");
+    assert_eq!(session.mode().name(), "sliding");
+    let a = 0.5 * most / 2.0;
+    let last = session.moment();
+    assert!((last.qd[0] - a * 0.2).abs() < 1e-9 && (last.q[0] - 0.5 * a * 0.04).abs() < 1e-9, "{last:?} {a}");
+    assert!((session.energy().unwrap().error()).abs() < 1e-9);
+    session.restart(&[0.0, 1.0], &[0.0, 0.0]).unwrap();
+    assert_eq!((session.time(), session.moment().q), (0.5, vec![0.0, 1.0]));
+    assert!(session.set_forces(&[1.0]).is_err() && session.advance(-1.0).is_err());
+}
