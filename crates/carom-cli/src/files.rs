@@ -2,6 +2,7 @@
 //! output, and every output has an existing folder.
 
 use crate::error::CliError;
+use crate::output::say;
 use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -66,4 +67,25 @@ fn place(path: &Path, name: &OsStr) -> io::Result<PathBuf> {
 
 fn unwritable(path: &Path, reason: io::Error) -> CliError {
     CliError::Unwritable { file: path.display().to_string(), reason }
+}
+
+/// When the command is interrupted or terminated, removes the temporary files beside these outputs, says so, and exits with
+/// status 1. The outputs themselves are not touched: they are complete or not there.
+pub fn clear_when_interrupted<'a>(writes: impl Iterator<Item = &'a Path>) {
+    let parts: Vec<PathBuf> = writes
+        .map(|path| {
+            let mut name = path.file_name().unwrap_or_default().to_owned();
+            name.push(".part");
+            path.with_file_name(name)
+        })
+        .collect();
+    let handler = ctrlc::set_handler(move || {
+        for part in &parts {
+            let _ = std::fs::remove_file(part);
+        }
+        say("error: interrupted: nothing is written");
+        std::process::exit(1);
+    });
+    // Without a handler an interruption ends the command at once, and the temporary files stay.
+    let _ = handler;
 }

@@ -2,9 +2,11 @@
 
 use crate::error::CliError;
 use crate::files;
+use crate::from_state;
 use crate::output::{answer, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
+use crate::runs;
 use crate::scene::load;
 use carom_chain::{Chain, Coordinates};
 use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
@@ -32,7 +34,9 @@ const SAMPLE: f64 = 0.004;
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
 ///     neglected_frictions, neglected_bound, neglected_depth}.
-/// If the run fails, nothing is printed, and no table and no recording is written.
+/// JSON keys with --runs: runs, refused, first_refusal; impacts, first_impact, lost_in_impacts, each
+///   {count, mean, deviation (of the sample), least, most} over the runs.
+/// If the run fails or is interrupted, nothing is printed, and no table and no recording is written.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct Simulate {
@@ -57,6 +61,26 @@ pub struct Simulate {
     /// the vectors are zero).
     #[arg(long, value_name = "X.csv|X.parquet", verbatim_doc_comment)]
     contacts: Option<PathBuf>,
+    /// Start from this state instead of that of the scene
+    ///
+    /// A JSON file: {"q": […], "qd": […]} and, if wanted, "time" (s), at which tables and moving
+    /// surfaces begin; or the answer of `carom simulate --json`, whose `final` state and time are
+    /// taken. The duration counts from there.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    from_state: Option<PathBuf>,
+    /// Run N times from starts that `[run] perturb` disturbs; the table has a row for each run
+    ///
+    /// Columns of --csv or --parquet: run (0: the start itself), outcome (duration, events,
+    /// refused), impacts, first_impact (s), events; start.q.<joint>, start.qd.<joint>; end.time,
+    /// end.q.<joint>, end.qd.<joint>; energy_start, energy_end, lost_in_impacts, energy_error (J).
+    /// The runs use all processors; the table does not depend on their number.
+    #[arg(
+        long,
+        value_name = "N",
+        verbatim_doc_comment,
+        value_parser = clap::value_parser!(u64).range(1..)
+    )]
+    runs: Option<u64>,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -161,7 +185,11 @@ impl Simulate {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
         let refuse = |e| CliError::scene(&self.scene, e);
         self.record.check()?;
-        let scene = load(&self.scene)?;
+        let mut scene = load(&self.scene)?;
+        if let Some(file) = &self.from_state {
+            from_state::apply(file, &mut scene)?;
+            scene.files.push(file.clone());
+        }
         let (csv, parquet) = (self.csv.as_deref(), self.parquet.as_deref());
         files::check(
             &scene.files,
@@ -172,7 +200,16 @@ impl Simulate {
                 ("--out", self.record.file()),
             ],
         )?;
+        let outputs = [csv, parquet, self.contacts.as_deref(), self.record.file()];
+        files::clear_when_interrupted(outputs.into_iter().flatten());
         let plan = scene.plan().map_err(refuse)?;
+        if let Some(runs) = self.runs {
+            if self.contacts.is_some() || self.record.is_asked() || (csv.is_some() && parquet.is_some()) {
+                let why = "--runs: write one table, with --csv or --parquet, without --contacts and recordings";
+                return Err(CliError::Option(why.into()));
+            }
+            return runs::run((&self.scene, &scene, &plan), runs, csv.or(parquet), self.json, out);
+        }
         let sim = &plan.simulation;
         let mut tables = Tables::begin([csv, parquet], &sim.chain)?;
         let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim)?;
@@ -358,7 +395,7 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
 }
 
 /// The columns of a table: time, q and qd by joint.
-fn columns(chain: &Chain) -> Vec<String> {
+pub fn columns(chain: &Chain) -> Vec<String> {
     let names = |letter: &str, range: fn(&Coordinates) -> usize| -> Vec<String> {
         let numbered = |name: &str, n: usize| -> Vec<String> {
             if n == 1 {

@@ -3,6 +3,7 @@
 //! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
 //! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements;
+//! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`chart`]: work–precision diagrams; [`stress`]: the stress table of impact laws and methods;
 //! - [`hodograph`], [`routh_diagram`], [`impulse_space`]: diagrams of one impact that compare laws;
 //! - [`self_motion()`], [`tangential_map`]: maps of three-link and two-link arms; [`Table`]: CSV and Parquet tables.
@@ -13,6 +14,7 @@
 pub mod chart;
 pub mod consistency;
 mod diagram;
+mod ensemble;
 pub mod fit;
 mod impact_map;
 mod line_chart;
@@ -24,6 +26,7 @@ mod table;
 mod tosses;
 
 pub use diagram::{Diagram, LawPoint, Mark, Shape, Stroke, Symbol, hodograph, impulse_space, routh_diagram};
+pub use ensemble::{Run, ensemble};
 pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use map_study::{Study, StudyError};
 pub use self_motion::{SelfMotionPoint, self_motion};

@@ -11,6 +11,7 @@ mod people;
 mod refused_input;
 mod refused_robots;
 mod rough_handling;
+mod runs;
 mod scenes;
 mod simulate;
 mod studies;

@@ -1,0 +1,65 @@
+//! `carom simulate --from-state`: the start of a scene from a file.
+
+use crate::error::CliError;
+use carom_chain::Coordinates;
+use carom_sim::Scene;
+use serde::Deserialize;
+use std::path::Path;
+
+/// A state, or the answer of `carom simulate --json`, whose last state it is.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "an object with q and qd, or the answer of carom simulate --json")]
+enum Given {
+    Summary { joints: Vec<String>, r#final: State },
+    State(State),
+}
+
+#[derive(Deserialize)]
+struct State {
+    time: Option<f64>,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+}
+
+/// Replaces the start of a scene, and its time if the file gives one.
+pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
+    let refuse = |why: String| CliError::Option(format!("--from-state {}: {why}", path.display()));
+    let text = std::fs::read_to_string(path)
+        .map_err(|reason| CliError::Unreadable { file: path.display().to_string(), reason })?;
+    let given: Given = serde_json::from_str(text.trim()).map_err(|e| refuse(e.to_string()))?;
+    let chain = &scene.simulation.chain;
+    let (mut q, mut qd) = (scene.q.clone(), scene.qd.clone());
+    let time = match given {
+        Given::State(state) => {
+            (q, qd) = (state.q, state.qd);
+            state.time
+        }
+        // The plan of the run may have left joints out; they start as the scene says.
+        Given::Summary { joints, r#final: last } => {
+            let (mut from_q, mut from_qd) = (last.q.iter(), last.qd.iter());
+            for name in &joints {
+                let joint = chain.joint(name).map_err(|e| refuse(e.to_string()))?;
+                let Coordinates::Own { q: own_q, v: own_v } = &joint.coordinates else { continue };
+                let short = || refuse(format!("final has fewer numbers than the joints {} need", joints.join(", ")));
+                for k in own_q.clone() {
+                    q[k] = *from_q.next().ok_or_else(short)?;
+                }
+                for k in own_v.clone() {
+                    qd[k] = *from_qd.next().ok_or_else(short)?;
+                }
+            }
+            if from_q.next().is_some() || from_qd.next().is_some() {
+                return Err(refuse(format!("final has more numbers than the joints {} need", joints.join(", "))));
+            }
+            last.time
+        }
+    };
+    chain.check_state(&q, &qd).map_err(|e| refuse(e.to_string()))?;
+    if let Some(time) = time.filter(|time| !time.is_finite()) {
+        return Err(refuse(format!("time is {time}: it must be finite")));
+    }
+    let start = time.unwrap_or(0.0);
+    scene.simulation.start_time = start;
+    (scene.q, scene.qd) = (q, qd);
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! `carom simulate --runs`: many runs of a scene from disturbed starts, as one table.
+
+use crate::error::CliError;
+use crate::output::{answer, short};
+use crate::simulate::columns;
+use carom_sim::{Plan, Scene, StopReason};
+use carom_study::{Column, Table, TableError, ensemble};
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+
+#[derive(Serialize)]
+struct Report {
+    runs: u64,
+    refused: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_refusal: Option<String>,
+    impacts: Spread,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    first_impact: Option<Spread>,
+    lost_in_impacts: Spread,
+}
+
+/// A number over the runs that have one.
+#[derive(Serialize, Clone, Copy)]
+struct Spread {
+    count: u64,
+    mean: f64,
+    /// Standard deviation of the sample.
+    deviation: f64,
+    least: f64,
+    most: f64,
+}
+
+/// Mean and variance by Welford's update.
+#[derive(Default)]
+struct Sample {
+    count: u64,
+    mean: f64,
+    squares: f64,
+    ends: Option<(f64, f64)>,
+}
+
+impl Sample {
+    fn add(&mut self, x: f64) {
+        self.count += 1;
+        let off = x - self.mean;
+        self.mean += off / self.count as f64;
+        self.squares += off * (x - self.mean);
+        let (least, most) = self.ends.unwrap_or((x, x));
+        self.ends = Some((least.min(x), most.max(x)));
+    }
+
+    fn spread(&self) -> Option<Spread> {
+        let (least, most) = self.ends?;
+        let deviation = (self.squares / (self.count.max(2) - 1) as f64).sqrt();
+        Some(Spread { count: self.count, mean: self.mean, deviation, least, most })
+    }
+}
+
+/// How runs end, in the column `outcome`.
+const OUTCOMES: [&str; 3] = ["duration", "events", "refused"];
+
+/// Runs a scene `runs` times; one row of the table for each run.
+pub fn run(
+    (file, scene, plan): (&Path, &Scene, &Plan),
+    runs: u64,
+    table: Option<&Path>,
+    json: bool,
+    out: &mut dyn Write,
+) -> Result<(), CliError> {
+    if scene.perturbation.is_none() {
+        let why = "--runs: the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = … }";
+        return Err(CliError::Scene(format!("{}: {why}", file.display())));
+    }
+    let (whole, kept) = (columns(&scene.simulation.chain), columns(&plan.simulation.chain));
+    let mut names = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
+    names.extend(["impacts", "first_impact", "events"].map(Column::number));
+    names.extend(whole[1..].iter().map(|name| Column::number(format!("start.{name}"))));
+    names.extend(kept.iter().map(|name| Column::number(format!("end.{name}"))));
+    names.extend(["energy_start", "energy_end", "lost_in_impacts", "energy_error"].map(Column::number));
+    let mut table = table.map(|path| Table::create_with(path, &names)).transpose()?;
+    let (mut refused, mut first_refusal) = (0, None);
+    let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
+    ensemble(scene, runs, |run| {
+        let mut row = vec![run.number as f64];
+        match &run.result {
+            Ok(summary) => {
+                impacts.add(run.impacts as f64);
+                run.first_impact.iter().for_each(|time| first_impact.add(*time));
+                lost.add(summary.energy.impacts);
+                let stop = f64::from(u8::from(summary.stop == StopReason::Events));
+                let first = run.first_impact.unwrap_or(f64::NAN);
+                row.extend([stop, run.impacts as f64, first, summary.events as f64]);
+                row.extend(run.start.q.iter().chain(&run.start.qd));
+                row.push(summary.last.time);
+                row.extend(summary.last.q.iter().chain(&summary.last.qd));
+                let energy = summary.energy;
+                row.extend([energy.start, energy.end, energy.impacts, energy.error()]);
+            }
+            Err(error) => {
+                refused += 1;
+                first_refusal.get_or_insert(format!("run {}: {error}", run.number));
+                row.extend([2.0, f64::NAN, f64::NAN, f64::NAN]);
+                row.extend(run.start.q.iter().chain(&run.start.qd));
+                row.resize(names.len(), f64::NAN);
+            }
+        }
+        table.as_mut().map_or(Ok::<(), TableError>(()), |table| table.row(&row))
+    })?;
+    let (Some(impacts), Some(lost_in_impacts)) = (impacts.spread(), lost.spread()) else {
+        let why = first_refusal.unwrap_or_default();
+        return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
+    };
+    if let Some(table) = table {
+        table.finish()?;
+    }
+    let first_impact = first_impact.spread();
+    let report = Report { runs, refused, first_refusal, impacts, first_impact, lost_in_impacts };
+    let written = answer(out, &report, json, |report, out| {
+        writeln!(out, "{} runs, {} refused", report.runs, report.refused)?;
+        if let Some(why) = &report.first_refusal {
+            writeln!(out, "the first refusal: {why}")?;
+        }
+        let mut line = |name: &str, it: Spread| {
+            writeln!(
+                out,
+                "{name:>22}: mean {}, standard deviation {}, from {} to {} ({} runs)",
+                short(it.mean),
+                short(it.deviation),
+                short(it.least),
+                short(it.most),
+                it.count
+            )
+        };
+        line("impacts", report.impacts)?;
+        report.first_impact.map_or(Ok(()), |it| line("first impact, s", it))?;
+        line("lost in impacts, J", report.lost_in_impacts)
+    });
+    written.map_err(|refused| CliError::refused(file, refused))
+}

@@ -1,0 +1,140 @@
+//! `carom simulate`: starts from files, many runs from disturbed starts, interruption.
+
+use crate::desk::*;
+use serde_json::Value;
+use std::time::{Duration, Instant};
+
+/// An arm without motors, beside a wall.
+const SCENE: &str = r#"[robot]
+urdf = "planar2.urdf"
+q = [0.7854, -1.5708]
+qd = [-0.2, 0.3]
+[[surface]]
+shape = { halfspace = { point = [0.7, 0, 0], normal = [-1, 0, 0] } }
+[contact]
+law = "newton"
+restitution = 0.5
+friction = 0.1
+[run]
+gravity = [0, -9.81, 0]
+duration = 0.6
+"#;
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+/// A run from the last state of another one continues it: the end is that of the run in one piece, and so is its time.
+#[test]
+fn a_run_continues_from_the_answer_of_another_one() {
+    let desk = Desk::new("from-state");
+    desk.write("s.toml", SCENE);
+    desk.write("half.toml", SCENE.replace("duration = 0.6", "duration = 0.3"));
+    let whole = &desk.answers("simulate s.toml --json", "")[0]["final"];
+    let half = desk.run("simulate half.toml --json");
+    desk.write("half.json", &half.out);
+    let state = &serde_json::from_str::<Value>(&half.out).unwrap()["final"];
+    desk.write("state.json", state.to_string());
+    for file in ["half.json", "state.json"] {
+        let rest = &desk.answers(&format!("simulate half.toml --from-state {file} --json"), "")[0]["final"];
+        assert_eq!(rest["time"].as_f64(), Some(0.6));
+        for key in ["q", "qd"] {
+            for (a, b) in numbers(&rest[key]).iter().zip(numbers(&whole[key])) {
+                // The tolerance of both is 1e-9; an impact amplifies little.
+                assert!((a - b).abs() < 1e-6, "{key}: {a} {b}");
+            }
+        }
+    }
+    desk.write("bad.json", r#"{"q": [0], "qd": [0, 0]}"#);
+    refused(
+        desk.run("simulate s.toml --from-state bad.json"),
+        "--from-state bad.json: q has 1 numbers, 2 are needed (shoulder, elbow)",
+    );
+    desk.write("bad.json", "{}");
+    refused(
+        desk.run("simulate s.toml --from-state bad.json"),
+        "--from-state bad.json: an object with q and qd, or the answer of carom simulate --json",
+    );
+    let missing = desk.run("simulate s.toml --from-state none.json");
+    assert!(missing.code == Some(1) && missing.err.starts_with("error: none.json: cannot be read"), "{missing:?}");
+}
+
+/// The table of many runs: the same bytes from one thread and from several, run 0 from the start itself, the sizes of the
+/// others those that the scene asks for.
+#[test]
+fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
+    let desk = Desk::new("runs");
+    desk.write("s.toml", format!("{SCENE}perturb = {{ q = {{ elbow = 0.02 }}, qd = [0.1, 0], seed = 7 }}\n"));
+    let mut tables = Vec::new();
+    for threads in ["1", "2"] {
+        let mut command = desk.command("simulate s.toml --runs 400 --csv t.csv --json");
+        let ran = finish(command.env("RAYON_NUM_THREADS", threads).spawn().unwrap(), b"");
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        let report: Value = serde_json::from_str(&ran.out).unwrap();
+        assert_eq!((report["runs"].as_u64(), report["refused"].as_u64()), (Some(400), Some(0)));
+        tables.push(std::fs::read_to_string(desk.0.join("t.csv")).unwrap());
+    }
+    assert_eq!(tables[0], tables[1]);
+    let mut lines = tables[0].lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let column = |name: &str| -> Vec<f64> {
+        let k = names.iter().position(|own| *own == name).unwrap_or_else(|| panic!("{name} in {names:?}"));
+        rows.iter().map(|row| row[k].parse().unwrap()).collect()
+    };
+    assert_eq!(rows.len(), 400);
+    let alone = &desk.answers("simulate s.toml --json", "")[0];
+    assert_eq!((column("end.q.elbow")[0], column("start.q.elbow")[0]), (numbers(&alone["final"]["q"])[1], -1.5708));
+    for (name, mean, size) in
+        [("start.q.shoulder", 0.7854, 0.0), ("start.q.elbow", -1.5708, 0.02), ("start.qd.shoulder", -0.2, 0.1)]
+    {
+        let values = &column(name)[1..];
+        let n = values.len() as f64;
+        let found = values.iter().sum::<f64>() / n;
+        let deviation = (values.iter().map(|x| (x - found).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+        // Five standard errors of the mean, s/√n, and of the deviation, s/√(2n).
+        assert!((found - mean).abs() <= 5.0 * size / n.sqrt() + 1e-12, "{name}: mean {found}");
+        assert!((deviation - size).abs() <= 5.0 * size / (2.0 * n).sqrt() + 1e-12, "{name}: deviation {deviation}");
+    }
+    refused(
+        {
+            desk.write("s.toml", SCENE);
+            desk.run("simulate s.toml --runs 3")
+        },
+        "s.toml: --runs: the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = … }",
+    );
+}
+
+/// Runs that start inside the wall are counted, told and marked in the table; the others are computed.
+#[test]
+fn runs_that_are_refused_are_counted() {
+    let desk = Desk::new("runs-refused");
+    let near = SCENE.replace("point = [0.7,", "point = [0.637,");
+    desk.write("s.toml", format!("{near}perturb = {{ q = 0.05, distribution = \"uniform\" }}\n"));
+    let report = &desk.answers("simulate s.toml --runs 60 --csv t.csv --json", "")[0];
+    let table = std::fs::read_to_string(desk.0.join("t.csv")).unwrap();
+    let marked = table.lines().filter(|line| line.contains(",refused,")).count() as u64;
+    assert!(marked > 5 && marked < 55, "{marked}");
+    assert_eq!(report["refused"].as_u64(), Some(marked));
+    assert!(report["first_refusal"].as_str().unwrap().contains("overlaps by"), "{report}");
+}
+
+/// An interrupted run says so, exits with status 1, and leaves no file.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_leaves_no_file() {
+    let desk = Desk::new("interrupt");
+    desk.write("s.toml", SCENE.replace("duration = 0.6", "duration = 1e5\nmax_step = 1e-3"));
+    let before = desk.files("");
+    let child = desk.command("simulate s.toml --csv t.csv --contacts c.parquet").spawn().unwrap();
+    let begun = Instant::now();
+    while !desk.files("").contains(&"t.csv.part".to_owned()) {
+        assert!(begun.elapsed() < Duration::from_secs(60), "the run does not begin");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let ran = finish(child, b"");
+    refused(ran, "interrupted: nothing is written");
+    assert_eq!(desk.files(""), before);
+}
