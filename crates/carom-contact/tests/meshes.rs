@@ -61,3 +61,36 @@ fn sphere_centred_in_a_closed_box_mesh_has_the_gap_to_the_solid_box() {
         assert!((found.on_environment - exact.on_environment).norm() < 1e-9, "{found:?} against {exact:?}");
     }
 }
+
+/// An L of three unit squares, as one polygon of six corners that begins at each of them: the triangles cover its area once, and
+/// a ball in the notch does not touch it.
+#[test]
+fn concave_faces_are_split_inside_their_outline() {
+    let outline = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]];
+    let folder = std::env::temp_dir().join(format!("carom-concave-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    for first in 0..6 {
+        let corners = (0..6).map(|k| outline[(first + k) % 6]);
+        let vertices: String = corners.map(|[x, y]| format!("v {x} {y} 0\n")).collect();
+        for face in ["f 1 2 3 4 5 6\n", "f 6 5 4 3 2 1\n"] {
+            let file = folder.join(format!("l{first}.obj"));
+            std::fs::write(&file, format!("{vertices}{face}")).unwrap();
+            let mesh = Mesh::read(&file, Vector3::repeat(1.0), "l").unwrap();
+            let area: f64 = mesh
+                .triangles()
+                .iter()
+                .map(|t| {
+                    let [a, b, c] = t.map(|k| mesh.vertices()[k as usize]);
+                    0.5 * (b - a).cross(&(c - a)).norm()
+                })
+                .sum();
+            assert!((area - 3.0).abs() < 1e-15, "corner {first}: area {area}");
+            let obstacle = Obstacle::mesh(mesh, Isometry3::identity()).unwrap();
+            let ball = link_shape(Shape::Sphere { radius: 0.1 });
+            // The nearest points are the two edges of the notch.
+            let found = gap(&ball, &pose(&Isometry3::translation(1.5, 1.5, 0.0)), &obstacle).distance;
+            assert!((found - 0.4).abs() < 1e-15, "corner {first}: {found}");
+        }
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}

@@ -100,7 +100,9 @@ impl<'a> File<'a> {
             let vertex = inputs.iter().find(|input| input.attribute("semantic") == Some("VERTEX"));
             let vertex = vertex.ok_or_else(|| format!("<{kind}> has no <input> with the semantic VERTEX"))?;
             let offsets: Result<Vec<_>, _> = inputs.iter().map(offset).collect();
-            let stride = offsets.map_err(|error| error.to_string())?.into_iter().max().unwrap_or(0) + 1;
+            let last = offsets.map_err(|error| error.to_string())?.into_iter().max().unwrap_or(0);
+            let stride =
+                last.checked_add(1).ok_or_else(|| format!("<{kind}> has an <input> with the offset {last}"))?;
             let own = offset(vertex).map_err(|error| error.to_string())?;
 
             let base = soup.vertices.len() as u32;
@@ -129,8 +131,9 @@ impl<'a> File<'a> {
                         }
                     }
                     "tristrips" => corners.windows(3).enumerate().for_each(|(k, t)| {
-                        soup.add_polygon(&if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] });
+                        soup.add_fan(&if k % 2 == 0 { [t[0], t[1], t[2]] } else { [t[0], t[2], t[1]] });
                     }),
+                    "trifans" => soup.add_fan(&corners),
                     _ => soup.add_polygon(&corners),
                 }
             }

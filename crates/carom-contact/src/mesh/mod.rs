@@ -2,6 +2,7 @@
 
 mod dae;
 mod obj;
+mod polygon;
 
 use crate::error::{ContactError, MeshFault};
 use nalgebra::Vector3;
@@ -25,11 +26,14 @@ struct Soup {
 }
 
 impl Soup {
-    /// A polygon as a fan of triangles about its first corner.
+    /// The triangles of a polygon, convex or not.
     fn add_polygon(&mut self, corners: &[u32]) {
-        for k in 2..corners.len() {
-            self.triangles.push([corners[0], corners[k - 1], corners[k]]);
-        }
+        self.triangles.extend(polygon::triangles(&self.vertices, corners));
+    }
+
+    /// A fan of triangles about its first corner.
+    fn add_fan(&mut self, corners: &[u32]) {
+        self.triangles.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
     }
 }
 
