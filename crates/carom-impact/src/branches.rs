@@ -31,7 +31,11 @@ impl<T: RealField + Copy, const D: usize> Answers<T, D> {
     ) -> Result<Self, ImpactError> {
         if problem.approach_speed() > T::zero() {
             problem.check_normal()?;
-            return Ok(Self { first: strike()?, others: Vec::new() });
+            // Both are properties of the problem and μ: one rule for all laws.
+            let (mut first, contact) = (strike()?, Contact::of(problem));
+            first.flags |= Flags::JAM.when(contact.jams(mu));
+            first.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
+            return Ok(Self { first, others: Vec::new() });
         }
         let slides = problem.approach_speed() == T::zero() && problem.check_normal().is_ok();
         let mut others = if slides { from_rest().unwrap_or_default() } else { Vec::new() };

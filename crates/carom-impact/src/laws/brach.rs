@@ -4,6 +4,7 @@ use super::{AnyLaw, Kind, Law, check_friction, check_impulse_ratio, check_restit
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
+use crate::problem::{NULL_PIVOT, rounding};
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the
@@ -34,6 +35,10 @@ use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 ///
 /// **Fails** to predict r: the ratio is a result of an impact, not a property of a surface. In space friction across
 /// the initial slip is neglected, though the slip may turn.
+///
+/// **Singular H.** Where H is singular in the plane (t, n), impulses along its null direction change no velocity, so no
+/// ratio stops the slip; the prescribed one is taken, or 0 if the slip ends without friction. A ratio with
+/// `C + r B <= 0` wedges.
 ///
 /// **Works** are those of the straight path from u⁻ to u⁺, see [`Whittaker`](crate::Whittaker).
 ///
@@ -96,16 +101,22 @@ impl<T: RealField + Copy> Brach<T> {
         let contact = Contact::of(problem);
         let t = direction(&contact);
         let plane = Plane::of(&contact, &t, e);
-        let (ratio, rests) = plane.clipped(self.impulse_ratio);
         let det = plane.determinant();
+        // Where H is singular in the plane, all ratios give the same velocity, and rest is no bound of theirs.
+        let singular = plane.a > T::zero() && contact.is_locked(det / plane.a);
+        let (ratio, rests) =
+            if singular { plane.unbounded(self.impulse_ratio) } else { plane.clipped(self.impulse_ratio) };
         // At rest P_n stays finite as approach and `push` vanish together, if the sticking contact has an inverse mass.
-        let push =
-            if rests { (plane.gain * det / plane.stops()).max(det / plane.a) } else { plane.c + ratio * plane.b };
+        let push = if rests && !singular {
+            (plane.gain * det / plane.stops()).max(det / plane.a)
+        } else {
+            plane.c + ratio * plane.b
+        };
         if contact.is_locked(push) {
             return Err(contact.wedged(ratio.abs(), contact.v_n, push));
         }
         // At rest the impulse is the one that sticks in the plane (t, n): no difference C + r B to round.
-        let (p_t, p_n) = if rests {
+        let (p_t, p_n) = if rests && !singular {
             (-plane.slides() / det, plane.stops() / det)
         } else {
             (ratio * plane.gain / push, plane.gain / push)
@@ -237,6 +248,13 @@ impl<T: RealField + Copy> Plane<T> {
         }
         let bounded = self.within_energy(ratio);
         (bounded, rests && bounded == ratio)
+    }
+
+    /// The ratio where H is singular, and whether the slip ends: if it does so without friction, 0; else the prescribed one.
+    fn unbounded(&self, asked: T) -> (T, bool) {
+        let terms = (self.c * self.v_t).abs() + (self.b * self.gain).abs();
+        let ends = self.slides().abs() <= terms * rounding(NULL_PIVOT);
+        if ends { (T::zero(), true) } else { (asked, false) }
     }
 
     /// The ratio between 0 and `r` nearest to `r` that gains no energy.

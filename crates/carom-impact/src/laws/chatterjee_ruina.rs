@@ -1,9 +1,10 @@
-use nalgebra::RealField;
+use nalgebra::{RealField, Vector2};
 
 use super::{AnyLaw, Kind, Law, check_friction, check_restitution, check_tangential_restitution};
 use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode};
+use crate::problem::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A combination of two plastic impulses, one without friction (P₁) and one that sticks (P₂), with a normal and a
@@ -99,6 +100,10 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
         // P₂ - P₁ = (stop, lift): it stops the slip that P₁ leaves.
         let slip = contact.slip + h * smooth;
         let stop = -mobility.least_solution(&slip);
+        // What no tangential impulse changes: the impulse that would stop it is infinite, so friction slides along it.
+        let lasting = slip - mobility.moved(&slip);
+        let terms = length(&contact.slip) + length(&h) * smooth;
+        let slides = length(&lasting) > terms * rounding(NULL_PIVOT);
         let lift = -h.dot(&stop) / c;
 
         let rebound = (T::one() + e) * smooth;
@@ -108,8 +113,15 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
         // Outside the cone the denominator is positive: whole (size - mu lift) > mu rebound >= 0.
         let share = if sticks { whole } else { mu * rebound / (size - mu * lift) };
 
-        let tangent = stop * share;
-        let p_n = rebound + lift * share;
+        let against = if slides { -lasting / length(&lasting) } else { Vector2::zeros() };
+        let resisted = T::one() + mu * h.dot(&against) / c;
+        let sticks = sticks && !(slides && mu > T::zero());
+        let (tangent, p_n) = if slides && whole > T::zero() && resisted > T::zero() {
+            let p_n = rebound / resisted;
+            (against * (mu * p_n), p_n)
+        } else {
+            (stop * share, rebound + lift * share)
+        };
         let impulse = Contact::lift(&tangent, p_n);
         let mut v_t = contact.slip + contact.tangents * tangent + h * p_n;
         if sticks && mu > T::zero() && contact.rests(&v_t, &tangent, p_n) {

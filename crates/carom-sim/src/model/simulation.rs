@@ -179,6 +179,15 @@ impl Simulation {
             countable("sampling interval", every)?;
         }
         countable("contact step", self.contact_step)?;
+        countable("longest step", self.max_step)?;
+        if self.tolerance < f64::EPSILON {
+            let rule = "no integration reaches it: numbers are rounded to 2.2e-16 of their size";
+            return Err(SimError::Setting { what: "tolerance", value: self.tolerance, rule });
+        }
+        if let Some(&value) = self.gravity.iter().find(|x| x.abs() > STRONGEST) {
+            let rule = "it must stay below 1e100 m/s²: squares of larger numbers overflow";
+            return Err(SimError::Setting { what: "gravity", value, rule });
+        }
         for touch in &self.touches {
             touch.contact.check(&touch.name)?;
             if let Some(compliance) = touch.contact.compliance.filter(|_| self.stepping) {
@@ -266,6 +275,9 @@ impl Simulation {
         changed
     }
 }
+
+/// Largest component of gravity, m/s².
+const STRONGEST: f64 = 1e100;
 
 #[cfg(test)]
 mod tests {
