@@ -14,7 +14,8 @@ use crate::Table;
 use crate::table::{CHUNK, Rows};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::io;
+use std::fs::File;
+use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,6 +63,8 @@ struct Note {
     rows: u64,
     /// Length of the partial table, bytes.
     bytes: u64,
+    /// CRC-32 of its bytes.
+    checksum: u32,
 }
 
 impl MapFile {
@@ -184,7 +187,7 @@ impl Study {
         }
     }
 
-    fn note(&self, file: &MapFile, rows: u64, bytes: u64) -> Note {
+    fn note(&self, file: &MapFile, rows: u64, (bytes, checksum): (u64, u32)) -> Note {
         Note {
             carom: env!("CARGO_PKG_VERSION").into(),
             study: self.text.clone(),
@@ -193,6 +196,7 @@ impl Study {
             end: file.rows.end,
             rows,
             bytes,
+            checksum,
         }
     }
 
@@ -201,8 +205,8 @@ impl Study {
         let (partial, beside) = (file.partial(), file.note());
         table.finish_at(&partial)?;
         let trouble = |reason| StudyError::Beside { file: beside.clone(), reason };
-        let bytes = std::fs::metadata(&partial).map_err(trouble)?.len();
-        let text = serde_json::to_string_pretty(&self.note(file, rows, bytes)).map_err(|e| trouble(e.into()))?;
+        let sum = sum(&partial).map_err(trouble)?;
+        let text = serde_json::to_string_pretty(&self.note(file, rows, sum)).map_err(|e| trouble(e.into()))?;
         write_beside(&beside, text.as_bytes()).map_err(trouble)?;
         Ok(Written::Interrupted { rows, partial })
     }
@@ -217,7 +221,7 @@ impl Study {
         let again = "run without --resume to start again";
         let text = std::fs::read_to_string(&beside).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
         let left: Note = serde_json::from_str(&text).map_err(|e| refuse(&beside, format!("{e}; {again}")))?;
-        let ours = self.note(file, left.rows, left.bytes);
+        let ours = self.note(file, left.rows, (left.bytes, left.checksum));
         if left != ours {
             let what = if left.study != ours.study {
                 "the study file"
@@ -230,10 +234,13 @@ impl Study {
             };
             return Err(refuse(&beside, format!("{what} has changed since; {again}")));
         }
-        let length = std::fs::metadata(&partial).map_err(|e| refuse(&partial, e.to_string()))?.len();
+        let (length, checksum) = sum(&partial).map_err(|e| refuse(&partial, e.to_string()))?;
         if length != left.bytes {
             let reason = format!("it has {length} bytes instead of the {} that were written; {again}", left.bytes);
             return Err(refuse(&partial, reason));
+        }
+        if checksum != left.checksum {
+            return Err(refuse(&partial, format!("its bytes are not those that were written; {again}")));
         }
         match table.take_over(&partial) {
             Err(error) => Err(refuse(&partial, format!("{error}; {again}"))),
@@ -243,6 +250,20 @@ impl Study {
             )),
             Ok(_) => Ok(left.rows),
         }
+    }
+}
+
+/// Length and CRC-32 of a file.
+fn sum(path: &Path) -> io::Result<(u64, u32)> {
+    let (mut file, mut hasher) = (File::open(path)?, crc32fast::Hasher::new());
+    let (mut length, mut buffer) = (0, vec![0; 1 << 16]);
+    loop {
+        let count = file.read(&mut buffer)?;
+        if count == 0 {
+            return Ok((length, hasher.finalize()));
+        }
+        hasher.update(&buffer[..count]);
+        length += count as u64;
     }
 }
 

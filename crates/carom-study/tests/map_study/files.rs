@@ -169,6 +169,14 @@ fn a_truncated_or_foreign_partial_table_is_not_resumed() {
         let refused = |file: &MapFile| study.write(file, &|_| (), &AtomicBool::new(false)).unwrap_err().to_string();
         let message = refused(&file);
         assert!(message.contains("bytes instead of the") && message.contains("without --resume"), "{message}");
+        // the same length, with one bit changed
+        for at in [0, left.len() / 2, left.len() - 1] {
+            let mut altered = left.clone();
+            altered[at] ^= 1;
+            std::fs::write(file.partial(), &altered).unwrap();
+            let message = refused(&file);
+            assert!(message.contains("its bytes are not those that were written"), "byte {at}: {message}");
+        }
         // the same length, but not a table with these columns
         spoilt.resize(left.len(), b'x');
         spoilt[..20].fill(b'x');
