@@ -1,6 +1,6 @@
 //! Gaps of touches, their rates and rows, at one state.
 
-use super::pair::{Against, Pair};
+use super::pair::{APART, Against, Pair};
 use super::touch::{Touch, TouchKind};
 use crate::error::SimError;
 use crate::state::{Felt, Space, View};
@@ -89,9 +89,6 @@ pub(crate) struct BallOnPlane<A: Space> {
     /// r: stored apart from h, so that it is not rounded with h.
     radius: f64,
 }
-
-/// The gap of parts that do not face each other, m.
-pub(crate) const APART: f64 = 1.0;
 
 /// An inverse mass below this share of the largest is rounding.
 const STUCK: f64 = 1e-13;

@@ -1,6 +1,5 @@
 //! A pair of a link's shape and an obstacle or another link's shape: the geometry that its touches share.
 
-use super::gap::APART;
 use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::algebra::Pose;
@@ -39,6 +38,8 @@ pub(crate) enum Against {
     Link(LinkShape),
 }
 
+/// The gap of parts that do not face each other, m.
+pub(crate) const APART: f64 = 1.0;
 /// Pairs with more contacts of parts than this are not divided.
 const MANY: usize = 2000;
 /// A gap that exceeds its lower bound by less is equal to it, m.

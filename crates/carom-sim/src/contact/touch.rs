@@ -174,7 +174,13 @@ impl Touch {
             let name =
                 part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
-            touches.push(Self { name, contact: contact.clone(), surface: Some(surface.to_owned()), kind, motion: motion.clone() });
+            touches.push(Self {
+                name,
+                contact: contact.clone(),
+                surface: Some(surface.to_owned()),
+                kind,
+                motion: motion.clone(),
+            });
         }
     }
 
