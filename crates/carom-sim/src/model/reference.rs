@@ -143,7 +143,7 @@ mod tests {
     /// Through four points and more of a cubic polynomial goes this polynomial; through three of a parabola the parabola.
     #[test]
     fn a_spline_through_points_of_a_cubic_polynomial_is_this_polynomial() {
-        let times = vec![-0.3, 0.1, 0.2, 0.9, 1.4, 1.5];
+        let times = [-0.3, 0.1, 0.2, 0.9, 1.4, 1.5];
         for (degree, points) in [(3, 6), (3, 5), (3, 4), (2, 3), (1, 2), (0, 1)] {
             let coefficients = [0.7, -2.0, 1.3, 0.9];
             let exact = |x: f64| {
