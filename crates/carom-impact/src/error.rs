@@ -26,6 +26,15 @@ pub enum ImpactError {
         known: String,
     },
 
+    /// A user-defined law has failed.
+    #[error("the law {law} has failed: {reason}")]
+    UsersLaw {
+        /// Name of the law.
+        law: &'static str,
+        /// Its reason.
+        reason: String,
+    },
+
     /// A NaN or an infinity in the input.
     #[error(
         "{entry} is {value}: every number of an impact problem must be finite; \

@@ -59,6 +59,50 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         if self.energy_before == T::zero() { T::one() } else { self.energy_after / self.energy_before }
     }
 
+    /// The outcome of a user's own law that returns an impulse: velocity after, energies, mode and flags follow from it. The
+    /// works and the realised coefficients are those of the straight path of the velocity from u⁻ to u⁺.
+    ///
+    /// ```
+    /// use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law, Mode};
+    /// use nalgebra::{matrix, vector};
+    ///
+    /// /// The contact stops: u⁺ = 0.
+    /// struct Sticky;
+    /// impl Law<f64, 2> for Sticky {
+    ///     fn name(&self) -> &'static str {
+    ///         "sticky"
+    ///     }
+    ///     fn resolve(&self, problem: &ImpactProblem<f64, 2>) -> Result<ImpactOutcome<f64, 2>, ImpactError> {
+    ///         let inverse = problem.delassus().try_inverse().unwrap_or_default();
+    ///         ImpactOutcome::of_impulse(self.name(), problem, -inverse * problem.u_minus())
+    ///     }
+    /// }
+    ///
+    /// let problem = ImpactProblem::new(matrix![2.0, 0.0; 0.0, 1.0], vector![1.0_f64, -2.0])?;
+    /// let hit = Sticky.resolve(&problem)?;
+    /// assert_eq!((hit.mode, hit.energy_after), (Mode::Stick, 0.0));
+    /// assert_eq!((hit.normal_work, hit.friction_work), (-2.0, -0.25));
+    /// # Ok::<(), ImpactError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ImpactError::NotFinite`]: the impulse, or the velocity after it, is not finite.
+    pub fn of_impulse(
+        law: &'static str,
+        problem: &ImpactProblem<T, D>,
+        impulse: SVector<T, D>,
+    ) -> Result<Self, ImpactError> {
+        let (n, u_minus) = (D - 1, *problem.u_minus());
+        if impulse.iter().all(|p| *p == T::zero()) {
+            let approaches = problem.approach_speed() > T::zero();
+            let none = Self::none(law, problem, Flags::NONE);
+            return Ok(if approaches { Self { flags: Flags::NONE, ..none } } else { none });
+        }
+        let u_plus = u_minus + problem.delassus() * impulse;
+        let account = Account::straight(-u_plus[n] / u_minus[n], &impulse, &u_minus, &u_plus);
+        Self::of(law, problem, impulse, u_plus, &account).if_finite()
+    }
+
     /// Fails if the impulse or the velocity after is not finite.
     pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
         match self.impulse.iter().chain(self.u_plus.iter()).find(|value| !value.is_finite()) {

@@ -1,6 +1,9 @@
 //! Error messages of invalid input, in full: each contains the value, the rule it breaks and a remedy.
 
-use carom_impact::{Brach, ChatterjeeRuina, Energetic, ImpactProblem, Law, Poisson, Whittaker};
+use carom_impact::{
+    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Poisson,
+    Whittaker,
+};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn refused(h: Matrix2<f64>, u: Vector2<f64>) -> String {
@@ -109,4 +112,42 @@ fn wedged_contact() {
          sticks its normal direction is singular (inverse mass 0 1/kg, H_nn = 1 1/kg), so no finite impulse ends the \
          impact; lower the friction or leave the singular pose"
     );
+}
+
+/// A user's own law may return any impulse; an outcome is made of it only if its numbers are finite.
+#[test]
+fn impulse_of_a_users_law() {
+    let problem = ImpactProblem::new(H, U).unwrap();
+    let of = |impulse| ImpactOutcome::of_impulse("mine", &problem, impulse);
+    // Without friction the path is straight, and the law's own outcome is that of its impulse.
+    let hit = Frictionless { restitution: 0.5 }.resolve(&problem).unwrap();
+    let own = of(hit.impulse).unwrap();
+    assert_eq!((own.mode, own.flags, own.newton), (hit.mode, hit.flags, hit.newton));
+    for (found, expected) in [
+        (own.energy_before, hit.energy_before),
+        (own.energy_after, hit.energy_after),
+        (own.normal_work, hit.normal_work),
+        (own.friction_work, 0.0),
+        (own.u_plus[0], hit.u_plus[0]),
+        (own.u_plus[1], hit.u_plus[1]),
+    ] {
+        // Sums of a few terms of size one.
+        assert!((found - expected).abs() < 16.0 * f64::EPSILON, "{found} {expected}");
+    }
+    // No impulse is no impact, whether the contact approaches or not.
+    assert_eq!(of(vector![0.0, 0.0]).unwrap().mode, Mode::Open);
+    assert!(of(vector![0.0, 0.0]).unwrap().flags.is_empty());
+    let open = ImpactProblem::new(H, -U).unwrap();
+    let none = ImpactOutcome::of_impulse("mine", &open, vector![0.0, 0.0]).unwrap();
+    assert_eq!(
+        none,
+        Frictionless { restitution: 0.5 }.resolve(&open).map(|hit| ImpactOutcome { law: "mine", ..hit }).unwrap()
+    );
+    assert_eq!(
+        of(vector![f64::NAN, 1.0]).unwrap_err().to_string(),
+        "the impulse is NaN: every number of an impact problem must be finite; check the pose, the velocity and the \
+         inertias it was built from"
+    );
+    let failed = ImpactError::UsersLaw { law: "mine", reason: "the table has no row for 3 m/s".into() };
+    assert_eq!(failed.to_string(), "the law mine has failed: the table has no row for 3 m/s");
 }

@@ -232,3 +232,19 @@ fn the_plan_bounds_neglected_friction_as_the_run_does() {
         assert!(bounds[0] > 0.1 * friction && off.abs() < 1e-7, "{bounds:?} {statistics:?}");
     }
 }
+
+/// The text of a scene file gives the scene of the file; its name in messages is `<scene>`.
+#[test]
+fn a_scene_from_text_is_that_of_its_file() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes");
+    let path = format!("{folder}/planar2.toml");
+    let file = Scene::from_file(&path).unwrap();
+    let own = Scene::from_toml(&std::fs::read_to_string(&path).unwrap(), folder).unwrap();
+    assert_eq!((&file.q, &file.qd, file.duration), (&own.q, &own.qd, own.duration));
+    assert_eq!(file.files[0], PathBuf::from(path));
+    assert_eq!(file.files[1..], own.files[..]);
+    let (file, own) = [&file, &own].map(|scene| scene.plan().unwrap().run(scene.duration).unwrap()).into();
+    assert_eq!(file.segments, own.segments);
+    let refused = Scene::from_toml("[robot]\nurdf = 3", folder).unwrap_err().to_string();
+    assert!(refused.starts_with("<scene>: line 2, urdf = 3: "), "{refused}");
+}

@@ -239,10 +239,25 @@ impl Scene {
     /// [`SimError::Scene`] with file, key, value and rule; [`SimError::Chain`] for an invalid robot or start state.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SimError> {
         let path = path.as_ref();
-        let refuse = |rule: String| SimError::Scene { file: path.display().to_string(), rule };
-        let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
-        let file: File = from_toml(&text).map_err(refuse)?;
-        let folder = path.parent().unwrap_or(Path::new("."));
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| SimError::Scene { file: name.clone(), rule: format!("cannot be read: {e}") })?;
+        let mut scene = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
+        scene.files.insert(0, path.to_owned());
+        Ok(scene)
+    }
+
+    /// Reads a scene from the text of a scene file. File names in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Scene::from_file`]; the file of the messages is `<scene>`.
+    pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, SimError> {
+        Self::read(text, "<scene>".into(), folder.as_ref())
+    }
+
+    fn read(text: &str, name: String, folder: &Path) -> Result<Self, SimError> {
+        let refuse = |rule: String| SimError::Scene { file: name.clone(), rule };
+        let file: File = from_toml(text).map_err(refuse)?;
 
         let package_dirs: Vec<PathBuf> = file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect();
         let options = LoadOptions {
@@ -384,7 +399,7 @@ impl Scene {
             carom_chain::urdf::Shape::Mesh { file, .. } => Some(file.clone()),
             _ => None,
         });
-        let files = std::iter::once(path.to_owned()).chain(named).chain(meshes).collect();
+        let files = named.chain(meshes).collect();
         let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
         Ok(Self {
             simulation,

@@ -24,10 +24,24 @@ impl Study {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, StudyError> {
         let path = path.as_ref();
         let name = path.display().to_string();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| StudyError::File { file: name.clone(), rule: format!("cannot be read: {e}") })?;
+        let mut study = Self::read(text, name, path.parent().unwrap_or(Path::new(".")))?;
+        study.files.insert(0, path.to_owned());
+        Ok(study)
+    }
+
+    /// Reads a study from the text of a study file. File names in it are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Study::from_file`]; the file of the messages is `<study>`.
+    pub fn from_toml(text: &str, folder: impl AsRef<Path>) -> Result<Self, StudyError> {
+        Self::read(text.to_owned(), "<study>".into(), folder.as_ref())
+    }
+
+    fn read(text: String, name: String, folder: &Path) -> Result<Self, StudyError> {
         let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
-        let text = std::fs::read_to_string(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
-        let folder = path.parent().unwrap_or(Path::new("."));
         let urdf = folder.join(&file.robot.urdf);
         let options = LoadOptions {
             meshes: Meshes::Ignored, // collision shapes are not used
@@ -38,7 +52,7 @@ impl Study {
         };
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
         chain.check_dynamics().map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
-        let files = vec![path.to_owned(), urdf.clone()];
+        let files = vec![urdf.clone()];
         let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
         let (engine, columns, mut warnings) = read.all().map_err(refuse)?;

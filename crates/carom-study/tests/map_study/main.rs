@@ -26,3 +26,22 @@ fn study(robot_name: &str, poses: &str, impact: &str, quantities: &str) -> Study
     let folder = tempfile::tempdir().unwrap();
     Study::from_file(study_in(folder.path(), "study", robot_name, poses, impact, quantities)).unwrap()
 }
+
+/// The text of a study file gives the rows of the file; its name in messages is `<study>`.
+#[test]
+fn a_study_from_text_is_that_of_its_file() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies");
+    let path = format!("{folder}/self_motion.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (file, own) = (Study::from_file(&path).unwrap(), Study::from_toml(&text, folder).unwrap());
+    assert_eq!((file.columns(), file.rows()), (own.columns(), own.rows()));
+    assert_eq!((&file.files[0], &file.files[1..]), (&PathBuf::from(path), &own.files[..]));
+    let row = |study: &Study, index| {
+        let mut out = vec![0.0; study.columns().len()];
+        study.evaluator().row(index, &mut out);
+        out.into_iter().map(f64::to_bits).collect::<Vec<_>>()
+    };
+    assert!((0..file.rows()).all(|index| row(&file, index) == row(&own, index)));
+    let refused = Study::from_toml("[robot]\nurdf = 3", folder).err().unwrap().to_string();
+    assert!(refused.starts_with("<study>: line 2, urdf = 3: "), "{refused}");
+}

@@ -1,0 +1,187 @@
+"""Impacts of kinematic chains: impact laws, event-driven simulation, impact maps and fits on NumPy arrays.
+
+Start with ``Chain.from_urdf`` and ``Chain.impact``. Units are SI and radians; the contact normal points from the environment to
+the robot; q and qd list the joints in the order of the URDF, a floating base first. Every computation is done by the Rust crates
+of carom.
+"""
+
+import enum as _enum
+import importlib.metadata as _metadata
+
+from . import _carom
+from ._carom import (
+    Brach,
+    Chain,
+    ChatterjeeRuina,
+    Energetic,
+    Event,
+    Fit,
+    Frictionless,
+    Impact,
+    Impacts,
+    Law,
+    Newton,
+    Outcome,
+    Poisson,
+    PythonLaw,
+    Run,
+    Scene,
+    Smith,
+    Study,
+    Table,
+    Whittaker,
+    can_record,
+    diagram,
+    law,
+    map,
+    record,
+)
+from ._errors import (
+    CaromError,
+    ChainError,
+    FitError,
+    ImpactError,
+    RecordError,
+    SimulationError,
+    StateError,
+    StudyError,
+    UrdfError,
+)
+
+__version__ = _metadata.version("carom")
+
+
+class Flags(_enum.IntFlag):
+    """The bits of ``Impacts.flags``."""
+
+    ENERGY_GAIN = 1
+    JAM = 2
+    SINGULAR = 4
+    GRAZING = 8
+    NON_UNIQUE = 16
+    NO_APPROACH = 32
+
+
+def fit(
+    *,
+    delassus=None,
+    u_minus=None,
+    u_plus=None,
+    chain=None,
+    q=None,
+    qd_minus=None,
+    qd_plus=None,
+    frame=None,
+    point=None,
+    normal=None,
+    tosses=None,
+    robot=None,
+    tolerance=1e-6,
+    contact_step=1e-3,
+    length=0.0524,
+    law="energetic",
+    loss="huber",
+    inertia=False,
+    max_friction=1.0,
+    train=0.5,
+    seed=0,
+    confidence=0.95,
+):
+    """Fits restitution and friction to measured impacts. One of three kinds of data is given:
+
+    - velocities at the contact: ``delassus`` (N, D, D), 1/kg, ``u_minus`` and ``u_plus`` (N, D), m/s, in contact axes, tangents
+      first, normal last; D is 2 or 3;
+    - velocities of the joints of a ``chain``: ``q`` (N, nq), ``qd_minus`` and ``qd_plus`` (N, nv), with ``frame``, ``point`` and
+      ``normal`` of the contact as in ``Chain.impact``;
+    - whole tosses: ``tosses``, a folder with tosses.csv and a URDF (``robot`` names it if there are several), with the
+      ``tolerance`` and ``contact_step`` (s) of the simulations and the ``length`` (m) of the pose error.
+
+    Args:
+        law: name of the law, any but "frictionless".
+        loss: "huber" or "squares".
+        inertia: fits the scale of rotational inertia too; needs a robot.
+        max_friction: largest friction of the search.
+        train: share of the measurements that is fitted; the rest is the test.
+        seed: of the split into both, and of the bootstrap.
+        confidence: level of the intervals.
+
+    Returns:
+        A Fit.
+
+    Raises:
+        FitError: too few measurements, an option out of its range, a contact that does not approach.
+        TypeError: data of no or of several kinds.
+    """
+    options = {
+        "law": law,
+        "loss": loss,
+        "inertia": inertia,
+        "max_friction": max_friction,
+        "train": train,
+        "seed": seed,
+        "confidence": confidence,
+    }
+    kinds = {
+        "contact": {"delassus": delassus, "u_minus": u_minus, "u_plus": u_plus},
+        "joints": {
+            "chain": chain,
+            "q": q,
+            "qd_minus": qd_minus,
+            "qd_plus": qd_plus,
+            "frame": frame,
+            "normal": normal,
+        },
+        "tosses": {"tosses": tosses},
+    }
+    given = [kind for kind, data in kinds.items() if any(value is not None for value in data.values())]
+    if len(given) != 1:
+        found = " and ".join(given) or "nothing"
+        raise TypeError(f"{found} is given: give velocities at the contact, velocities of joints, or tosses")
+    missing = [name for name, value in kinds[given[0]].items() if value is None]
+    if missing:
+        raise TypeError(f"{', '.join(missing)} is missing beside {', '.join(k for k in kinds[given[0]] if k not in missing)}")
+    if given[0] == "contact":
+        return _carom.fit_contacts(delassus, u_minus, u_plus, options)
+    if given[0] == "joints":
+        return _carom.fit_joints(chain, q, qd_minus, qd_plus, frame, point, normal, options)
+    return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, options)
+
+
+__all__ = [
+    "Brach",
+    "CaromError",
+    "Chain",
+    "ChainError",
+    "ChatterjeeRuina",
+    "Energetic",
+    "Event",
+    "Fit",
+    "FitError",
+    "Flags",
+    "Frictionless",
+    "Impact",
+    "ImpactError",
+    "Impacts",
+    "Law",
+    "Newton",
+    "Outcome",
+    "Poisson",
+    "PythonLaw",
+    "RecordError",
+    "Run",
+    "Scene",
+    "SimulationError",
+    "Smith",
+    "StateError",
+    "Study",
+    "StudyError",
+    "Table",
+    "UrdfError",
+    "Whittaker",
+    "can_record",
+    "diagram",
+    "fit",
+    "law",
+    "map",
+    "record",
+]

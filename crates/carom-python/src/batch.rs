@@ -1,0 +1,56 @@
+//! Loops over states: a single state on the calling thread, a batch without the GIL and on all cores.
+
+use crate::error::{InBatch, Raise};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+/// Number of states that are computed together on one core.
+pub const CHUNK: usize = 256;
+
+/// Computes the result of each state into its `width` entries of `out`. `make` makes the memory of a thread. The error is that
+/// of the first state that has one.
+///
+/// # Errors
+/// The exception of the error.
+pub fn each_row<M, E: Raise + Send>(
+    py: Python<'_>,
+    count: Option<usize>,
+    out: &mut [f64],
+    width: usize,
+    make: impl Fn() -> M + Sync + Send,
+    work: impl Fn(&mut M, usize, &mut [f64]) -> Result<(), E> + Sync + Send,
+) -> PyResult<()> {
+    let Some(count) = count else {
+        return Ok(work(&mut make(), 0, out).map_err(|error| InBatch { error, state: None })?);
+    };
+    if width == 0 {
+        return Ok(());
+    }
+    let chunk = |memory: &mut M, first: usize, out: &mut [f64]| {
+        for (k, row) in out.chunks_exact_mut(width).enumerate() {
+            let state = first + k;
+            work(memory, state, row).map_err(|error| InBatch { error, state: Some(state) })?;
+        }
+        Ok(())
+    };
+    debug_assert_eq!(out.len(), count * width);
+    let done: Result<(), InBatch<E>> = py.detach(|| {
+        if alone(count) {
+            return chunk(&mut make(), 0, out);
+        }
+        let chunks = out.par_chunks_mut(CHUNK * width).enumerate();
+        first_error(chunks.map_init(&make, |memory, (c, out)| chunk(memory, c * CHUNK, out)))
+    });
+    Ok(done?)
+}
+
+/// Whether a batch is computed on the calling thread: there is one thread anyway, or the batch is short.
+pub fn alone(count: usize) -> bool {
+    count <= CHUNK || rayon::current_num_threads() == 1
+}
+
+/// The error of the first state that has one, whichever thread has found it.
+pub fn first_error<E: Send>(results: impl ParallelIterator<Item = Result<(), InBatch<E>>>) -> Result<(), InBatch<E>> {
+    let errors = results.filter_map(Result::err);
+    errors.min_by_key(|error| error.state).map_or(Ok(()), Err)
+}

@@ -1,0 +1,465 @@
+//! The class `Chain`: loading, names, limits, and the geometry of configurations.
+
+use crate::array::{Numbers, Rows, Target, array, numpy, together};
+use crate::batch::each_row;
+use crate::error::raise;
+use crate::order;
+use carom_chain::urdf::{JointType, LoadOptions, Meshes};
+use carom_chain::{Coordinates, FrameId, Spatial, Workspace};
+use pyo3::exceptions::{PyImportError, PyTypeError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+
+/// A kinematic chain (a tree of links and joints) read from a URDF; immutable.
+///
+/// Make one with `Chain.from_urdf` or `Chain.from_robot_description`.
+///
+/// A state is an array q of shape (nq,) with joint velocities qd of shape (nv,); a batch has the shapes (B, nq) and (B, nv).
+/// q and qd list the joints in the order of the file, an added floating base first. A floating joint has
+/// q = x y z qx qy qz qw, and its qd is the linear, then the angular velocity of the child in child axes. Units are SI and
+/// radians. Vectors and matrices of points are in world axes.
+///
+/// Batches are computed without the GIL and on all cores.
+#[pyclass(frozen, module = "carom")]
+pub struct Chain {
+    pub chain: Arc<carom_chain::Chain>,
+    /// Memory for single states, one for each thread that computes at the same time.
+    pool: Mutex<Vec<Workspace<Spatial<f64>>>>,
+}
+
+impl From<carom_chain::Chain> for Chain {
+    fn from(chain: carom_chain::Chain) -> Self {
+        Self { chain: Arc::new(chain), pool: Mutex::default() }
+    }
+}
+
+impl Chain {
+    /// The frame of this name.
+    pub fn frame(&self, name: &str) -> PyResult<FrameId> {
+        self.chain.frame(name).map_err(raise)
+    }
+
+    /// Calls `work` with memory for one state.
+    pub fn with_workspace<R>(&self, work: impl FnOnce(&mut Workspace<Spatial<f64>>) -> R) -> R {
+        let free = self.pool.lock().ok().and_then(|mut pool| pool.pop());
+        let mut workspace = free.unwrap_or_else(|| self.chain.workspace());
+        let result = work(&mut workspace);
+        if let Ok(mut pool) = self.pool.lock() {
+            pool.push(workspace);
+        }
+        result
+    }
+
+    /// Configurations: arrays (nq,) or (B, nq).
+    pub fn q<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+        self.named_q("q", given)
+    }
+
+    fn named_q<'py>(&self, what: &str, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+        Numbers::read(what, given)?.rows(what, self.chain.nq(), || self.layout())
+    }
+
+    /// Vectors of length nv: arrays (nv,) or (B, nv).
+    pub fn v<'py>(&self, what: &str, given: &Bound<'py, PyAny>) -> PyResult<Rows<'py>> {
+        Numbers::read(what, given)?.rows(what, self.chain.nv(), || self.layout())
+    }
+
+    /// The joints with coordinates, for messages.
+    fn layout(&self) -> String {
+        let names = self.joint_names();
+        match names.as_slice() {
+            [first @ .., last] if first.len() > 20 => format!("joints {}, …, {last}", first[..20].join(", ")),
+            names => format!("joints {}", names.join(", ")),
+        }
+    }
+
+    /// Names of the joints with entries in q and qd.
+    pub fn joint_names(&self) -> Vec<&str> {
+        self.moving().map(|joint| joint.name.as_str()).collect()
+    }
+
+    /// Names of the entries of q or of qd: the joint, with a number if it has several.
+    pub fn coordinate_names(&self, positions: bool) -> Vec<String> {
+        let mut names = Vec::new();
+        for joint in self.moving() {
+            let Coordinates::Own { q, v } = &joint.coordinates else { continue };
+            match if positions { q.len() } else { v.len() } {
+                1 => names.push(joint.name.clone()),
+                n => names.extend((0..n).map(|k| format!("{}.{k}", joint.name))),
+            }
+        }
+        names
+    }
+
+    fn moving(&self) -> impl Iterator<Item = &carom_chain::JointInfo> {
+        self.chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
+    }
+
+    /// One number for each entry of qd, of the joints of one degree of freedom; `other` for the others.
+    fn limit(&self, of: impl Fn(&carom_chain::JointInfo) -> Option<f64>, other: f64) -> Vec<f64> {
+        let mut limits = vec![other; self.chain.nv()];
+        for joint in self.moving() {
+            if let Coordinates::Own { v, .. } = &joint.coordinates
+                && v.len() == 1
+            {
+                limits[v.start] = of(joint).unwrap_or(other);
+            }
+        }
+        limits
+    }
+}
+
+#[pymethods]
+impl Chain {
+    /// Reads a URDF: the path of a file, or the text of one.
+    ///
+    /// Args:
+    ///     source: path of a file, or a string that begins with "<".
+    ///     floating: connects the root link to the world by a floating joint.
+    ///     meshes: False leaves missing collision meshes out; True warns of them, and raises an error where one is used.
+    ///     repair: changes the robot as little as needed to compute its dynamics; `repairs` lists the changes.
+    ///     strict: raises an error for what is otherwise a warning.
+    ///     package_dirs: folders in which packages (package://NAME/…) are searched for first.
+    ///
+    /// Raises:
+    ///     UrdfError: the file cannot be read or breaks a rule; the message names line, element, value and rule.
+    #[staticmethod]
+    #[pyo3(signature = (source, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new()))]
+    fn from_urdf(
+        py: Python<'_>,
+        source: &Bound<'_, PyAny>,
+        floating: bool,
+        meshes: bool,
+        repair: bool,
+        strict: bool,
+        package_dirs: Vec<PathBuf>,
+    ) -> PyResult<Self> {
+        let meshes = if meshes { Meshes::WhenUsed } else { Meshes::Ignored };
+        let options = LoadOptions { floating_base: floating, meshes, strict, repair, package_dirs };
+        let text = source
+            .extract::<String>()
+            .ok()
+            .filter(|text| text.trim_start_matches('\u{feff}').trim_start().starts_with('<'));
+        let chain = if let Some(text) = text {
+            py.detach(|| carom_chain::Chain::from_urdf_str(&text, &options))
+        } else {
+            let Ok(path) = source.extract::<PathBuf>() else {
+                return Err(PyTypeError::new_err(
+                    "source is neither a path nor a string: give the file or the text of a URDF",
+                ));
+            };
+            py.detach(|| carom_chain::Chain::from_urdf_file_with(path, &options))
+        };
+        Ok(chain.map_err(raise)?.into())
+    }
+
+    /// Reads a robot of the package `robot_descriptions`, for example "panda_description". The other arguments are those of
+    /// `from_urdf`.
+    ///
+    /// Raises:
+    ///     ImportError: the package is not installed, or has no robot of this name, or cannot download it.
+    #[staticmethod]
+    #[pyo3(signature = (name, *, floating=false, meshes=true, repair=false, strict=false, package_dirs=Vec::new()))]
+    fn from_robot_description(
+        py: Python<'_>,
+        name: &str,
+        floating: bool,
+        meshes: bool,
+        repair: bool,
+        strict: bool,
+        mut package_dirs: Vec<PathBuf>,
+    ) -> PyResult<Self> {
+        let refuse = |why: &str| PyImportError::new_err(format!("robot_descriptions.{name}: {why}"));
+        py.import("robot_descriptions").map_err(|_| {
+            refuse("the package robot_descriptions is not installed: pip install robot_descriptions, or give the file to from_urdf")
+        })?;
+        let module = py.import(format!("robot_descriptions.{name}")).map_err(|e| refuse(&e.to_string()))?;
+        let path = module.getattr("URDF_PATH").map_err(|_| refuse("it has no URDF: choose one with URDF_PATH"))?;
+        if let Ok(package) = module.getattr("PACKAGE_PATH").and_then(|path| path.extract()) {
+            package_dirs.push(package);
+        }
+        Self::from_urdf(py, &path, floating, meshes, repair, strict, package_dirs)
+    }
+
+    /// A chain of equal uniform rods on hinges about z, straight along x at q = 0, with the frame "tip" at its end.
+    ///
+    /// Args:
+    ///     links: number of rods, 1 or more.
+    ///     length: of the whole chain, m.
+    ///     mass: of the whole chain, kg.
+    ///
+    /// Raises:
+    ///     ChainError: a number that is not positive.
+    #[staticmethod]
+    fn uniform(links: usize, length: f64, mass: f64) -> PyResult<Self> {
+        Ok(carom_chain::uniform_chain(links, length, mass).map_err(raise)?.into())
+    }
+
+    /// Name of the robot.
+    #[getter]
+    fn name(&self) -> &str {
+        self.chain.name()
+    }
+
+    /// Length of q.
+    #[getter]
+    fn nq(&self) -> usize {
+        self.chain.nq()
+    }
+
+    /// Length of qd: the degrees of freedom.
+    #[getter]
+    fn nv(&self) -> usize {
+        self.chain.nv()
+    }
+
+    /// Names of the joints that have entries in q and qd, in their order.
+    #[getter]
+    fn joints(&self) -> Vec<&str> {
+        self.joint_names()
+    }
+
+    /// Names of the frames, one for each link, in the order of the file.
+    #[getter]
+    fn frames(&self) -> Vec<&str> {
+        self.chain.frames().iter().map(|frame| frame.name.as_str()).collect()
+    }
+
+    /// Sum of the masses of all links, kg.
+    #[getter]
+    fn total_mass(&self) -> f64 {
+        self.chain.total_mass()
+    }
+
+    /// Names of the links that move without mass. Dynamics are refused if there are any.
+    #[getter]
+    fn massless_links(&self) -> Vec<&str> {
+        self.chain.massless_links()
+    }
+
+    /// What loading has found odd in the file, one sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.chain.report().warnings.clone()
+    }
+
+    /// The changes that `repair` has made, one sentence each.
+    #[getter]
+    fn repairs(&self) -> Vec<String> {
+        self.chain.report().repairs.iter().map(ToString::to_string).collect()
+    }
+
+    /// The joints of the file: a list of dicts with name, type, parent, child, the slices q and v of its entries (None for
+    /// fixed and mimic joints), mimic (None, or joint, multiplier and offset), lower, upper, velocity, effort (None without a
+    /// limit), damping and friction.
+    #[getter]
+    fn joint_table<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let slice =
+            |range: &std::ops::Range<usize>| pyo3::types::PySlice::new(py, range.start as isize, range.end as isize, 1);
+        let row = |joint: &carom_chain::JointInfo| {
+            let row = PyDict::new(py);
+            row.set_item("name", &joint.name)?;
+            row.set_item("type", joint.kind.name())?;
+            row.set_item("parent", &joint.parent)?;
+            row.set_item("child", &joint.child)?;
+            let (q, v, mimic) = match &joint.coordinates {
+                Coordinates::Own { q, v } => (Some(slice(q)), Some(slice(v)), None),
+                Coordinates::Follows { joint, multiplier, offset } => (None, None, Some((joint, *multiplier, *offset))),
+                Coordinates::None => (None, None, None),
+            };
+            row.set_item("q", q)?;
+            row.set_item("v", v)?;
+            row.set_item("mimic", mimic)?;
+            let limits = &joint.limits;
+            row.set_item("lower", limits.lower)?;
+            row.set_item("upper", limits.upper)?;
+            row.set_item("velocity", limits.velocity)?;
+            row.set_item("effort", limits.effort)?;
+            row.set_item("damping", joint.damping)?;
+            row.set_item("friction", joint.friction)?;
+            Ok(row)
+        };
+        self.chain.joints().iter().map(row).collect()
+    }
+
+    /// Lower limits of the positions, shape (nv,), rad or m; -inf without a limit and for floating and planar joints.
+    #[getter]
+    fn lower<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.limit(|joint| joint.limits.lower, f64::NEG_INFINITY), &[self.chain.nv()])
+    }
+
+    /// Upper limits of the positions, shape (nv,), rad or m; inf without a limit and for floating and planar joints.
+    #[getter]
+    fn upper<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.limit(|joint| joint.limits.upper, f64::INFINITY), &[self.chain.nv()])
+    }
+
+    /// Limits of the speeds, shape (nv,), rad/s or m/s; inf without a limit.
+    #[getter]
+    fn velocity_limit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.limit(|joint| joint.limits.velocity, f64::INFINITY), &[self.chain.nv()])
+    }
+
+    /// Limits of the efforts, shape (nv,), N m or N; inf without a limit.
+    #[getter]
+    fn effort_limit<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.limit(|joint| joint.limits.effort, f64::INFINITY), &[self.chain.nv()])
+    }
+
+    /// The configuration in which all coordinates are zero and quaternions are the identity, shape (nq,).
+    fn neutral<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.chain.zero_configuration(), &[self.chain.nq()])
+    }
+
+    /// Random configurations: uniform within the position limits of the joints, within ±π rad or ±1 m without limits;
+    /// floating joints within ±1 m and with a uniform rotation.
+    ///
+    /// Args:
+    ///     rng: a numpy.random.Generator, or a seed of one.
+    ///     size: None for one configuration of shape (nq,), or their number B for the shape (B, nq).
+    #[pyo3(signature = (rng=None, size=None))]
+    fn random_configuration<'py>(
+        &self,
+        py: Python<'py>,
+        rng: Option<&Bound<'py, PyAny>>,
+        size: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (nq, rows) = (self.chain.nq(), size.unwrap_or(1));
+        let rng = numpy(py)?.getattr("random")?.call_method1("default_rng", (rng,))?;
+        let draw = |name: &str| Numbers::read(name, &rng.call_method1(name, ((rows, nq),))?);
+        let (uniform, normal) = (draw("random")?, draw("standard_normal")?);
+        let mut out = vec![0.0; rows * nq];
+        let within = |share: f64, lower: f64, upper: f64| lower + share * (upper - lower);
+        for (k, row) in out.chunks_exact_mut(nq.max(1)).enumerate() {
+            let (uniform, normal) = (&uniform.slice()[k * nq..], &normal.slice()[k * nq..]);
+            for joint in self.moving() {
+                let Coordinates::Own { q, .. } = &joint.coordinates else { continue };
+                let half = if matches!(joint.kind, JointType::Prismatic) { 1.0 } else { std::f64::consts::PI };
+                let ends = match (joint.limits.lower, joint.limits.upper) {
+                    (Some(lower), Some(upper)) => (lower, upper),
+                    (Some(lower), None) => (lower, lower + 2.0 * half),
+                    (None, Some(upper)) => (upper - 2.0 * half, upper),
+                    (None, None) => (-half, half),
+                };
+                match q.len() {
+                    1 => row[q.start] = within(uniform[q.start], ends.0, ends.1),
+                    3 => {
+                        let half = [1.0, 1.0, std::f64::consts::PI];
+                        q.clone().zip(half).for_each(|(i, half)| row[i] = within(uniform[i], -half, half));
+                    }
+                    _ => {
+                        let turn = q.start + 3..q.end;
+                        let norm = normal[turn.clone()].iter().map(|x| x * x).sum::<f64>().sqrt();
+                        (q.start..q.start + 3).for_each(|i| row[i] = within(uniform[i], -1.0, 1.0));
+                        turn.for_each(|i| row[i] = normal[i] / norm);
+                    }
+                }
+            }
+        }
+        let shape: Vec<usize> = size.into_iter().chain([nq]).collect();
+        array(py, out, &shape)
+    }
+
+    /// The configuration after moving from q with the constant velocity qd for dt seconds; shape of q.
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+    #[pyo3(signature = (q, qd, dt=1.0, *, out=None))]
+    fn integrate<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        dt: f64,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (q, qd) = (self.q(q)?, self.v("qd", qd)?);
+        let count = together(&[("q", &q), ("qd", &qd)])?;
+        let mut target = Target::new(out, count, &[self.chain.nq()])?;
+        let (chain, nq, slice) = (&self.chain, self.chain.nq(), target.slice());
+        let (q, qd) = (q.plain(), qd.plain());
+        let done = each_row(
+            py,
+            count,
+            slice,
+            nq,
+            || (),
+            |(), k, out| chain.integrate(q.row(k), qd.row(k), dt).map(|moved| out.copy_from_slice(&moved)),
+        );
+        done?;
+        target.finish(py)
+    }
+
+    /// The constant velocity that moves the chain from q_from to q_to in one second; shape (nv,) or (B, nv).
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+    #[pyo3(signature = (q_from, q_to, *, out=None))]
+    fn difference<'py>(
+        &self,
+        py: Python<'py>,
+        q_from: &Bound<'py, PyAny>,
+        q_to: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (from, to) = (self.named_q("q_from", q_from)?, self.named_q("q_to", q_to)?);
+        let count = together(&[("q_from", &from), ("q_to", &to)])?;
+        let mut target = Target::new(out, count, &[self.chain.nv()])?;
+        let (chain, nv, slice) = (&self.chain, self.chain.nv(), target.slice());
+        let (from, to) = (from.plain(), to.plain());
+        let done = each_row(
+            py,
+            count,
+            slice,
+            nv,
+            || (),
+            |(), k, out| chain.difference(from.row(k), to.row(k)).map(|moved| out.copy_from_slice(&moved)),
+        );
+        done?;
+        target.finish(py)
+    }
+
+    /// The positions of joints of one degree of freedom that are outside their limits at q (shape (nq,)), one sentence each.
+    fn outside_limits(&self, q: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+        let q = self.q(q)?;
+        Ok(self.chain.outside_limits(q.plain().row(0)).iter().map(ToString::to_string).collect())
+    }
+
+    /// q, or the pair (q, v), in the order and the coordinates of a Pinocchio model of the same file: children sorted by the
+    /// names of their joints, continuous joints as (cos, sin), planar joints with (x, y, cos, sin) and velocities in child
+    /// axes, mimic joints with coordinates of their own.
+    ///
+    /// Raises:
+    ///     ChainError: a planar joint about another axis than z, which Pinocchio does not read.
+    #[pyo3(signature = (q, v=None))]
+    fn to_pinocchio<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        order::to_pinocchio(py, self, q, v)
+    }
+
+    /// The inverse of `to_pinocchio`; the positions of mimic joints are ignored.
+    #[pyo3(name = "from_pinocchio", signature = (q, v=None))]
+    fn of_pinocchio<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        order::from_pinocchio(py, self, q, v)
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, nq, nv, links) = (self.name(), self.nq(), self.nv(), self.chain.frames().len());
+        format!("<carom.Chain '{name}': nq {nq}, nv {nv}, {links} links, {} kg>", self.total_mass())
+    }
+
+    fn __reduce__(&self) -> PyResult<Py<PyAny>> {
+        Err(PyTypeError::new_err("a carom.Chain cannot be pickled: read it again with from_urdf in the other process"))
+    }
+}

@@ -1,0 +1,107 @@
+//! Errors of the crates as Python exceptions; the message is that of the error.
+
+use carom_chain::ChainError;
+use carom_impact::ImpactError;
+use carom_sim::SimError;
+use carom_study::fit::FitError;
+use carom_study::{StudyError, TableError, TossError};
+use pyo3::PyErr;
+
+/// The exceptions, defined in `python/carom/_errors.py`.
+pub mod exceptions {
+    pyo3::import_exception!(carom._errors, ChainError);
+    pyo3::import_exception!(carom._errors, UrdfError);
+    pyo3::import_exception!(carom._errors, StateError);
+    pyo3::import_exception!(carom._errors, ImpactError);
+    pyo3::import_exception!(carom._errors, SimulationError);
+    pyo3::import_exception!(carom._errors, StudyError);
+    pyo3::import_exception!(carom._errors, FitError);
+    pyo3::import_exception!(carom._errors, RecordError);
+}
+
+/// An error of a crate, as the exception that it becomes.
+pub trait Raise {
+    /// The exception. `at` is put before the message: the place in a batch, or nothing.
+    fn raise(&self, at: &str) -> PyErr;
+}
+
+impl Raise for ChainError {
+    fn raise(&self, at: &str) -> PyErr {
+        let message = format!("{at}{self}");
+        match self {
+            Self::Unreadable { .. } | Self::Urdf { .. } | Self::MeshNotFound { .. } => {
+                exceptions::UrdfError::new_err(message)
+            }
+            Self::WrongLength { .. } | Self::NotFinite { .. } | Self::NotUnitQuaternion { .. } => {
+                exceptions::StateError::new_err(message)
+            }
+            _ => exceptions::ChainError::new_err(message),
+        }
+    }
+}
+
+impl Raise for ImpactError {
+    fn raise(&self, at: &str) -> PyErr {
+        exceptions::ImpactError::new_err(format!("{at}{self}"))
+    }
+}
+
+impl Raise for SimError {
+    fn raise(&self, at: &str) -> PyErr {
+        match self {
+            Self::Chain(error) => error.raise(at),
+            Self::Impact(error) => error.raise(at),
+            Self::Incomplete { .. } | Self::FixedPoint { .. } | Self::SingularNormal { .. } | Self::Locked { .. } => {
+                exceptions::ImpactError::new_err(format!("{at}{self}"))
+            }
+            _ => exceptions::SimulationError::new_err(format!("{at}{self}")),
+        }
+    }
+}
+
+impl Raise for StudyError {
+    fn raise(&self, at: &str) -> PyErr {
+        match self {
+            Self::Robot(error) => error.raise(at),
+            _ => exceptions::StudyError::new_err(format!("{at}{self}")),
+        }
+    }
+}
+
+impl Raise for TableError {
+    fn raise(&self, at: &str) -> PyErr {
+        exceptions::StudyError::new_err(format!("{at}{self}"))
+    }
+}
+
+impl Raise for FitError {
+    fn raise(&self, at: &str) -> PyErr {
+        exceptions::FitError::new_err(format!("{at}{self}"))
+    }
+}
+
+impl Raise for TossError {
+    fn raise(&self, at: &str) -> PyErr {
+        exceptions::FitError::new_err(format!("{at}{self}"))
+    }
+}
+
+/// An error with the number of its state in a batch.
+pub struct InBatch<E> {
+    /// The error.
+    pub error: E,
+    /// Number of the state, from 0; `None` for a single state.
+    pub state: Option<usize>,
+}
+
+impl<E: Raise> From<InBatch<E>> for PyErr {
+    fn from(it: InBatch<E>) -> Self {
+        let at = it.state.map_or_else(String::new, |k| format!("state {k}: "));
+        it.error.raise(&at)
+    }
+}
+
+/// The exception of an error that has no place in a batch.
+pub fn raise<E: Raise>(error: E) -> PyErr {
+    error.raise("")
+}

@@ -1,0 +1,243 @@
+//! Fits of coefficients to measured impacts.
+
+use crate::array::{Numbers, array, shown, vector};
+use crate::chain::Chain;
+use crate::dynamics::offset;
+use crate::error::{exceptions, raise};
+use carom_chain::urdf::LoadOptions;
+use carom_study::Tosses;
+use carom_study::fit::{
+    ChainJump, Fit, FitError, FitOptions, Loss, MeasuredImpact, RollOutOptions, Score, fit_trajectories, fit_velocities,
+};
+use nalgebra::{SMatrix, SVector};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+
+/// The result of a fit.
+#[pyclass(frozen, module = "carom", name = "Fit")]
+pub struct FitResult {
+    fit: Fit,
+}
+
+#[pymethods]
+impl FitResult {
+    /// What was fitted to: "velocities" or "trajectories".
+    #[getter]
+    fn fitted_to(&self) -> &'static str {
+        self.fit.to.name()
+    }
+
+    /// Name of the law.
+    #[getter]
+    fn law(&self) -> &str {
+        &self.fit.law
+    }
+
+    /// The coefficients: a dict from "restitution", "friction" and, if asked for, "inertia scale" to dicts of "value", "low" and
+    /// "high" (confidence interval) and "interval" (its method).
+    #[getter]
+    fn coefficients<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for it in &self.fit.coefficients {
+            let one = PyDict::new(py);
+            one.set_item("value", it.value)?;
+            one.set_item("low", it.low)?;
+            one.set_item("high", it.high)?;
+            one.set_item("interval", it.interval.name())?;
+            all.set_item(it.name, one)?;
+        }
+        Ok(all)
+    }
+
+    /// Errors of the part that was fitted: a dict of "count", "mean", "median" (m/s for velocities), "below_half", "least" and
+    /// "least_in_cone".
+    #[getter]
+    fn train<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        score(py, &self.fit.train)
+    }
+
+    /// Errors of the rest, as `train`; None if nothing is left.
+    #[getter]
+    fn test<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.fit.test.as_ref().map(|test| score(py, test)).transpose()
+    }
+
+    /// Error of each measurement, shape (N,).
+    #[getter]
+    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.fit.each.iter().map(|one| one.error).collect(), &[self.fit.each.len()])
+    }
+
+    /// Whether each measurement was fitted, a list of booleans.
+    #[getter]
+    fn trained(&self) -> Vec<bool> {
+        self.fit.each.iter().map(|one| one.trained).collect()
+    }
+
+    /// Notes for the reader, one sentence each.
+    #[getter]
+    fn notes(&self) -> Vec<String> {
+        self.fit.notes.clone()
+    }
+
+    /// Number of sets of coefficients that were evaluated.
+    #[getter]
+    fn trials(&self) -> usize {
+        self.fit.trials
+    }
+
+    fn __repr__(&self) -> String {
+        let one = |it: &carom_study::fit::Coefficient| format!("{} {} [{}, {}]", it.name, it.value, it.low, it.high);
+        let all: Vec<String> = self.fit.coefficients.iter().map(one).collect();
+        format!("<carom.Fit of {} to {}: {}>", self.fit.law, self.fitted_to(), all.join(", "))
+    }
+}
+
+fn score<'py>(py: Python<'py>, score: &Score) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("count", score.count)?;
+    dict.set_item("mean", score.mean)?;
+    dict.set_item("median", score.median)?;
+    dict.set_item("below_half", score.below_half)?;
+    dict.set_item("least", score.least)?;
+    dict.set_item("least_in_cone", score.least_in_cone)?;
+    Ok(dict)
+}
+
+/// Options of a fit as keywords.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct Options {
+    law: String,
+    loss: String,
+    inertia: bool,
+    max_friction: f64,
+    train: f64,
+    seed: u64,
+    confidence: f64,
+}
+
+impl Options {
+    fn all(&self) -> PyResult<FitOptions<'_>> {
+        let loss = match self.loss.as_str() {
+            "huber" => Loss::Huber,
+            "squares" => Loss::Squares,
+            other => {
+                let message = format!("loss is '{other}': it must be 'huber' or 'squares'");
+                return Err(exceptions::FitError::new_err(message));
+            }
+        };
+        let Self { law, inertia, max_friction, train, seed, confidence, .. } = self;
+        Ok(FitOptions {
+            law,
+            loss,
+            inertia: *inertia,
+            max_friction: *max_friction,
+            train: *train,
+            seed: *seed,
+            confidence: *confidence,
+        })
+    }
+}
+
+/// Makes an impact of D axes from H, u⁻ and u⁺.
+type Make<const D: usize> =
+    fn(SMatrix<f64, D, D>, SVector<f64, D>, SVector<f64, D>) -> Result<MeasuredImpact, FitError>;
+
+fn of_numbers<const D: usize>(given: [&Numbers; 3], of: Make<D>) -> PyResult<Vec<MeasuredImpact>> {
+    let [h, before, after] = given.map(Numbers::slice);
+    let one = |k: usize| {
+        let matrix = SMatrix::from_row_slice(&h[k * D * D..(k + 1) * D * D]);
+        let vector = |all: &[f64]| SVector::from_column_slice(&all[k * D..(k + 1) * D]);
+        of(matrix, vector(before), vector(after)).map_err(|e| crate::error::Raise::raise(&e, &format!("impact {k}: ")))
+    };
+    (0..before.len() / D).map(one).collect()
+}
+
+/// Fits to velocities at the contact: see `carom.fit`.
+#[pyfunction]
+pub fn fit_contacts(
+    py: Python<'_>,
+    delassus: &Bound<'_, PyAny>,
+    u_minus: &Bound<'_, PyAny>,
+    u_plus: &Bound<'_, PyAny>,
+    options: &Bound<'_, PyDict>,
+) -> PyResult<FitResult> {
+    let options: Options = options.extract()?;
+    let h = Numbers::read("delassus", delassus)?;
+    let (before, after) = (Numbers::read("u_minus", u_minus)?, Numbers::read("u_plus", u_plus)?);
+    let given = [&h, &before, &after];
+    let impacts = match (h.shape(), before.shape(), after.shape()) {
+        ([n, 2, 2], [a, 2], [b, 2]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_plane)?,
+        ([n, 3, 3], [a, 3], [b, 3]) if n == a && n == b => of_numbers(given, MeasuredImpact::in_space)?,
+        shapes => {
+            let (h, before, after) = (shown(shapes.0), shown(shapes.1), shown(shapes.2));
+            let message = format!(
+                "delassus, u_minus and u_plus have the shapes {h}, {before} and {after}: (N, D, D), (N, D) and (N, D) with D = 2 or 3 \
+                 are needed"
+            );
+            return Err(exceptions::StateError::new_err(message));
+        }
+    };
+    let options = options.all()?;
+    let fit = py.detach(|| fit_velocities(&impacts, None, &options, &|_, _| {})).map_err(raise)?;
+    Ok(FitResult { fit })
+}
+
+/// Fits to joint velocities of a robot: see `carom.fit`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
+pub fn fit_joints(
+    py: Python<'_>,
+    chain: &Bound<'_, Chain>,
+    q: &Bound<'_, PyAny>,
+    qd_minus: &Bound<'_, PyAny>,
+    qd_plus: &Bound<'_, PyAny>,
+    frame: &str,
+    point: Option<&Bound<'_, PyAny>>,
+    normal: &Bound<'_, PyAny>,
+    options: &Bound<'_, PyDict>,
+) -> PyResult<FitResult> {
+    let options: Options = options.extract()?;
+    let own = chain.get();
+    let (q, before, after) = (own.q(q)?, own.v("qd_minus", qd_minus)?, own.v("qd_plus", qd_plus)?);
+    let (frame, offset, normal) = (own.frame(frame)?, offset(point)?, vector("normal", normal)?);
+    let count = crate::array::together(&[("q", &q), ("qd_minus", &before), ("qd_plus", &after)])?;
+    let Some(count) = count else {
+        return Err(PyTypeError::new_err(
+            "q, qd_minus and qd_plus are one impact: give batches (N, nq), (N, nv), (N, nv)",
+        ));
+    };
+    let (q, before, after) = (q.plain(), before.plain(), after.plain());
+    let one = |k: usize| {
+        let (q, qd_minus, qd_plus) = (q.row(k).to_vec(), before.row(k).to_vec(), after.row(k).to_vec());
+        let measured = ChainJump { q, qd_minus, qd_plus, frame, offset: offset.into(), normal };
+        let found = MeasuredImpact::of_chain(&own.chain, &measured);
+        found.map_err(|e| crate::error::Raise::raise(&e, &format!("impact {k}: ")))
+    };
+    let impacts: Vec<MeasuredImpact> = (0..count).map(one).collect::<PyResult<_>>()?;
+    let options = options.all()?;
+    let fit = py.detach(|| fit_velocities(&impacts, Some(&own.chain), &options, &|_, _| {})).map_err(raise)?;
+    Ok(FitResult { fit })
+}
+
+/// Fits to whole tosses: see `carom.fit`.
+#[pyfunction]
+pub fn fit_tosses(
+    py: Python<'_>,
+    folder: PathBuf,
+    robot: Option<&str>,
+    tolerance: f64,
+    contact_step: f64,
+    length: f64,
+    options: &Bound<'_, PyDict>,
+) -> PyResult<FitResult> {
+    let options: Options = options.extract()?;
+    let options = options.all()?;
+    let roll = RollOutOptions { tolerance, contact_step, length };
+    let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
+    let fit = py.detach(|| fit_trajectories(&tosses, &options, &roll, &|_, _| {})).map_err(raise)?;
+    Ok(FitResult { fit })
+}

@@ -1,0 +1,359 @@
+//! One impact: `Chain.impact`, and its result at a single state.
+
+use crate::array::{array, vector};
+use crate::chain::Chain;
+use crate::dynamics::{free_fall, offset};
+use crate::error::{InBatch, exceptions, raise};
+use crate::impacts::{self, Impacts};
+use crate::laws::{GivenLaw, each_law};
+use carom_impact::{CoefficientRanges, Flags};
+use carom_sim::{ChainImpact, ImpactBand, ImpactDerivative, Impacts as _, JointModel, Saltation, Strike};
+use nalgebra::DMatrix;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+/// The action of the drives, from Python.
+pub enum Joints {
+    Free,
+    AllLocked,
+    Locked(Vec<String>),
+    Impedance { stiffness: Vec<f64>, damping: Vec<f64>, contact_time: f64 },
+}
+
+impl Joints {
+    fn read(chain: &Chain, given: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let Some(given) = given else { return Ok(Self::Free) };
+        if let Ok(word) = given.extract::<String>() {
+            return match word.as_str() {
+                "free" => Ok(Self::Free),
+                "locked" => Ok(Self::AllLocked),
+                _ => Err(exceptions::ImpactError::new_err(format!(
+                    "joints is '{word}': give 'free', 'locked', a list of names of locked joints, or a dict of stiffness, damping \
+                     and contact_time"
+                ))),
+            };
+        }
+        if let Ok(dict) = given.cast::<PyDict>() {
+            let need = |key: &str| {
+                let missing =
+                    || PyTypeError::new_err(format!("joints has no '{key}': give stiffness, damping and contact_time"));
+                dict.get_item(key)?.ok_or_else(missing)
+            };
+            let diagonal = |key: &'static str| -> PyResult<Vec<f64>> {
+                let given = need(key)?;
+                match given.extract::<f64>() {
+                    Ok(all) => Ok(vec![all; chain.chain.nv()]),
+                    Err(_) => Ok(chain.v(key, &given)?.plain().row(0).to_vec()),
+                }
+            };
+            let (stiffness, damping) = (diagonal("stiffness")?, diagonal("damping")?);
+            return Ok(Self::Impedance { stiffness, damping, contact_time: need("contact_time")?.extract()? });
+        }
+        Ok(Self::Locked(given.extract()?))
+    }
+
+    /// Calls `work` with the joint model.
+    pub fn with<R>(&self, work: impl FnOnce(JointModel) -> R) -> R {
+        match self {
+            Self::Free => work(JointModel::Free),
+            Self::AllLocked => work(JointModel::AllLocked),
+            Self::Locked(names) => {
+                let names: Vec<&str> = names.iter().map(String::as_str).collect();
+                work(JointModel::Locked(&names))
+            }
+            Self::Impedance { stiffness, damping, contact_time } => {
+                work(JointModel::Impedance { stiffness, damping, contact_time: *contact_time })
+            }
+        }
+    }
+}
+
+/// What is computed beside the impact.
+#[derive(Clone, Copy)]
+pub struct Wanted {
+    pub derivatives: bool,
+    pub band: Option<CoefficientRanges>,
+    /// Gravity of the saltation matrix, m/s².
+    pub saltation: Option<[f64; 3]>,
+}
+
+/// An impact of a chain at one state.
+#[pyclass(frozen, module = "carom")]
+pub struct Impact {
+    pub hit: ChainImpact,
+    derivatives: Option<Derivatives>,
+    band: Option<ImpactBand>,
+    saltation: Option<Saltation>,
+}
+
+/// Derivatives of qd⁺, without the impact.
+pub struct Derivatives {
+    pub q: DMatrix<f64>,
+    pub qd: DMatrix<f64>,
+    pub restitution: Vec<f64>,
+    pub friction: Vec<f64>,
+}
+
+impl Impact {
+    pub fn of_event(hit: ChainImpact) -> Self {
+        Self { hit, derivatives: None, band: None, saltation: None }
+    }
+
+    /// Computes what is wanted at one state.
+    pub fn compute(strike: &Strike<'_>, law: &GivenLaw, wanted: &Wanted) -> Result<Self, carom_sim::SimError> {
+        let law = law.in_space();
+        let (hit, derivatives) = if wanted.derivatives {
+            let ImpactDerivative { hit, q, qd, restitution, friction } = strike.clone().derivative(law)?;
+            let vector = |v: nalgebra::DVector<f64>| v.as_slice().to_vec();
+            let own = Derivatives { q, qd, restitution: vector(restitution), friction: vector(friction) };
+            (hit, Some(own))
+        } else {
+            (strike.clone().resolve(law)?, None)
+        };
+        let band = wanted.band.map(|ranges| strike.clone().band(law, &ranges)).transpose()?;
+        let saltation = wanted.saltation.map(|gravity| strike.clone().saltation(law, gravity)).transpose()?;
+        Ok(Self { hit, derivatives, band, saltation })
+    }
+
+    pub fn by(&self) -> Option<&Derivatives> {
+        self.derivatives.as_ref()
+    }
+}
+
+/// A matrix as an array.
+pub fn matrix<'py>(py: Python<'py>, m: &DMatrix<f64>) -> PyResult<Bound<'py, PyAny>> {
+    array(py, m.transpose().as_slice().to_vec(), &[m.nrows(), m.ncols()])
+}
+
+/// The flags as bits, in the order of `Flags.names`.
+pub fn bits(flags: Flags) -> u8 {
+    FLAGS.iter().enumerate().map(|(k, (_, flag))| u8::from(flags.contains(*flag)) << k).sum()
+}
+
+/// Names of the flags, bit by bit.
+pub const FLAGS: [(&str, Flags); 6] = [
+    ("energy-gain", Flags::ENERGY_GAIN),
+    ("jam", Flags::JAM),
+    ("singular", Flags::SINGULAR),
+    ("grazing", Flags::GRAZING),
+    ("non-unique", Flags::NON_UNIQUE),
+    ("no-approach", Flags::NO_APPROACH),
+];
+
+#[pymethods]
+impl Impact {
+    /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
+    #[getter]
+    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.hit.qd_plus.clone(), &[self.hit.qd_plus.len()])
+    }
+
+    /// Impulse on the robot, shape (3,), world axes, N s.
+    #[getter]
+    fn impulse<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.hit.impulse.as_slice().to_vec(), &[3])
+    }
+
+    /// Velocity of the contact point before the impact, shape (3,), world axes, m/s.
+    #[getter]
+    fn u_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.hit.u_minus.as_slice().to_vec(), &[3])
+    }
+
+    /// Velocity of the contact point after the impact, shape (3,), world axes, m/s.
+    #[getter]
+    fn u_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.hit.u_plus.as_slice().to_vec(), &[3])
+    }
+
+    /// Kinetic energy of the robot before the impact, J.
+    #[getter]
+    fn energy_before(&self) -> f64 {
+        self.hit.energy_before
+    }
+
+    /// Kinetic energy of the robot after the impact, J.
+    #[getter]
+    fn energy_after(&self) -> f64 {
+        self.hit.energy_after
+    }
+
+    /// T⁺/T⁻ of the robot; 1 at rest.
+    #[getter]
+    fn energy_ratio(&self) -> f64 {
+        self.hit.energy_ratio()
+    }
+
+    /// Contact mode at the end of the impact: "open", "stick", "slip" or "reverse-slip".
+    #[getter]
+    fn mode(&self) -> &'static str {
+        self.hit.mode.name()
+    }
+
+    /// Name of the law.
+    #[getter]
+    fn law(&self) -> &'static str {
+        self.hit.contact.law
+    }
+
+    /// Names of the flags that are set, of "energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach".
+    #[getter]
+    fn flags(&self) -> Vec<&'static str> {
+        self.hit.flags.names().collect()
+    }
+
+    /// Work of the normal impulse, J.
+    #[getter]
+    fn normal_work(&self) -> f64 {
+        self.hit.contact.normal_work
+    }
+
+    /// Work of the tangential impulse, J.
+    #[getter]
+    fn friction_work(&self) -> f64 {
+        self.hit.contact.friction_work
+    }
+
+    /// Impulse of the drives on each joint, shape (nv,), N m s or N s; zeros with free joints.
+    #[getter]
+    fn drive_impulse<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.hit.drive_impulse.clone(), &[self.hit.drive_impulse.len()])
+    }
+
+    /// Work of the drives, J.
+    #[getter]
+    fn drive_work(&self) -> f64 {
+        self.hit.drive_work
+    }
+
+    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (nv, nv), "restitution" and "friction"
+    /// of shape (nv,). Column k of "q" is the derivative along the motion with unit qd[k]. Else None.
+    #[getter]
+    fn derivatives<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(by) = &self.derivatives else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("q", matrix(py, &by.q)?)?;
+        dict.set_item("qd", matrix(py, &by.qd)?)?;
+        dict.set_item("restitution", array(py, by.restitution.clone(), &[by.restitution.len()])?)?;
+        dict.set_item("friction", array(py, by.friction.clone(), &[by.friction.len()])?)?;
+        Ok(Some(dict))
+    }
+
+    /// With band=… a dict of bounds over the ranges of the coefficients: "qd_plus" of shape (nv, 2), "u_plus" and "impulse" of
+    /// shape (3, 2), "exact" (False: sampled, possibly too narrow) and "evaluations". Else None.
+    #[getter]
+    fn band<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(band) = &self.band else { return Ok(None) };
+        let pairs = |pairs: &[[f64; 2]]| array(py, pairs.concat(), &[pairs.len(), 2]);
+        let dict = PyDict::new(py);
+        dict.set_item("qd_plus", pairs(&band.qd_plus)?)?;
+        dict.set_item("u_plus", pairs(&band.u_plus)?)?;
+        dict.set_item("impulse", pairs(&band.impulse)?)?;
+        dict.set_item("exact", band.exact)?;
+        dict.set_item("evaluations", band.evaluations)?;
+        Ok(Some(dict))
+    }
+
+    /// With saltation=True a dict: "matrix" of shape (2nv, 2nv), which maps small changes of (q, qd) before the impact to those
+    /// after it; "closing", the rate of the gap before, m/s; "time", the derivative of the time of the impact, shape (2nv,).
+    /// Else None.
+    #[getter]
+    fn saltation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(found) = &self.saltation else { return Ok(None) };
+        let dict = PyDict::new(py);
+        dict.set_item("matrix", matrix(py, &found.matrix)?)?;
+        dict.set_item("closing", found.closing)?;
+        dict.set_item("time", array(py, found.time.as_slice().to_vec(), &[found.time.len()])?)?;
+        Ok(Some(dict))
+    }
+
+    fn __repr__(&self) -> String {
+        let ChainImpact { qd_plus, impulse, mode, flags, contact, .. } = &self.hit;
+        let flags = if flags.is_empty() { String::new() } else { format!(", flags {flags}") };
+        let (law, size, ratio) = (contact.law, impulse.norm(), self.hit.energy_ratio());
+        format!("<carom.Impact {law}: {mode}, qd_plus {qd_plus:?}, impulse {size} N s, energy ratio {ratio}{flags}>")
+    }
+}
+
+#[pymethods]
+impl Chain {
+    /// The impact of one point of the robot.
+    ///
+    /// Args:
+    ///     q, qd: state before the impact, shapes (nq,) and (nv,), or a batch (B, nq) and (B, nv).
+    ///     frame: name of the link that is hit.
+    ///     point: contact point in the axes of the frame, from its origin, m; the origin by default.
+    ///     normal: contact normal in world axes, from the environment to the robot, of any length but zero.
+    ///     law: an impact law like carom.Energetic(0.5, 0.2), a function of H and u, or a list of them.
+    ///     joints: "free", "locked", a list of names of locked joints, or a dict of stiffness, damping (numbers or shape (nv,))
+    ///         and contact_time (s) of drives that act during the impact.
+    ///     derivatives: also computes the derivatives of qd_plus by q, qd, restitution and friction.
+    ///     saltation: also computes the saltation matrix for an impact with a plane at rest.
+    ///     gravity: acceleration of free fall for the saltation matrix, world axes, m/s²; zero by default.
+    ///     band: ((e_low, e_high), (mu_low, mu_high)): also computes bounds over these ranges of the coefficients.
+    ///
+    /// Returns:
+    ///     An Impact for one state, Impacts for a batch; a list of them for a list of laws. saltation and band need one state.
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, or numbers that are not finite.
+    ///     ImpactError: a fixed point, a singular direction, a law without a solution; derivatives of a law in Python.
+    #[pyo3(signature = (q, qd, frame, normal, law, *, point=None, joints=None, derivatives=false, saltation=false, gravity=None, band=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn impact<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        qd: &Bound<'py, PyAny>,
+        frame: &str,
+        normal: &Bound<'py, PyAny>,
+        law: &Bound<'py, PyAny>,
+        point: Option<&Bound<'py, PyAny>>,
+        joints: Option<&Bound<'py, PyAny>>,
+        derivatives: bool,
+        saltation: bool,
+        gravity: Option<&Bound<'py, PyAny>>,
+        band: Option<([f64; 2], [f64; 2])>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (laws, several) = each_law(law)?;
+        let (frame, normal, point) = (self.frame(frame)?, vector("normal", normal)?, offset(point)?);
+        let (q, qd, joints) = (self.q(q)?, self.v("qd", qd)?, Joints::read(self, joints)?);
+        if gravity.is_some() && !saltation {
+            return Err(PyTypeError::new_err(
+                "gravity acts on the saltation matrix only: give saltation=True, or leave it out",
+            ));
+        }
+        let saltation = if saltation { Some(free_fall(gravity)?.into()) } else { None };
+        let band = band.map(|(restitution, friction)| CoefficientRanges { restitution, friction });
+        let wanted = Wanted { derivatives, band, saltation };
+        let count = crate::array::together(&[("q", &q), ("qd", &qd)])?;
+        if count.is_some() && (wanted.band.is_some() || wanted.saltation.is_some()) {
+            return Err(PyTypeError::new_err(
+                "band and saltation need one state: call impact for each state of the batch",
+            ));
+        }
+        let (states, still) = ((q.plain(), qd.plain()), count.is_none());
+        joints.with(|model| {
+            let strike = |k: usize| {
+                let described = self.chain.impact(states.0.row(k), states.1.row(k)).at(frame);
+                described.offset(point.into()).normal(normal).joints(model)
+            };
+            let one = |law: &GivenLaw| -> PyResult<Bound<'py, PyAny>> {
+                if still {
+                    let hit = Impact::compute(&strike(0), law, &wanted).map_err(|e| law.raise(raise(e)))?;
+                    return Ok(Bound::new(py, hit)?.into_any());
+                }
+                let found =
+                    impacts::compute(py, &self.chain, (states, count.unwrap_or(0)), &strike, law, wanted.derivatives);
+                let found = found.map_err(|e: InBatch<carom_sim::SimError>| law.raise(e.into()))?;
+                Ok(Bound::new(py, Impacts::new(py, found, self.chain.nv())?)?.into_any())
+            };
+            if several {
+                let all: Vec<_> = laws.iter().map(one).collect::<PyResult<_>>()?;
+                return Ok(PyList::new(py, all)?.into_any());
+            }
+            one(&laws[0])
+        })
+    }
+}

@@ -1,0 +1,310 @@
+//! A batch of impacts.
+
+use crate::array::{Plain, array, bytes};
+use crate::batch::{CHUNK, alone, first_error};
+use crate::error::InBatch;
+use crate::impact::{FLAGS, Impact, Wanted, bits};
+use crate::laws::{GivenLaw, texts};
+use carom_impact::Mode;
+use carom_sim::{ChainImpact, PreparedStrike, SimError, Strike};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+/// The modes by their numbers.
+const MODES: [Mode; 4] = [Mode::Open, Mode::Stick, Mode::Slip, Mode::ReverseSlip];
+
+/// The results, one row for each state.
+pub struct Columns {
+    count: usize,
+    qd_plus: Vec<f64>,
+    impulse: Vec<f64>,
+    u_minus: Vec<f64>,
+    u_plus: Vec<f64>,
+    /// Energies before and after, works of the normal and the tangential impulse, work of the drives.
+    energies: Vec<f64>,
+    drive_impulse: Vec<f64>,
+    /// Mode and flags.
+    codes: Vec<u8>,
+    /// Rows of ∂qd⁺/∂q and ∂qd⁺/∂qd, ∂qd⁺/∂e and ∂qd⁺/∂μ; empty if they are not wanted.
+    by: Vec<f64>,
+}
+
+const ENERGIES: usize = 5;
+
+impl Columns {
+    fn new(count: usize, nv: usize, derivatives: bool) -> Self {
+        let zeros = |width: usize| vec![0.0; count * width];
+        let by = if derivatives { zeros(2 * nv * (nv + 1)) } else { Vec::new() };
+        Self {
+            count,
+            qd_plus: zeros(nv),
+            impulse: zeros(3),
+            u_minus: zeros(3),
+            u_plus: zeros(3),
+            energies: zeros(ENERGIES),
+            drive_impulse: zeros(nv),
+            codes: vec![0; 2 * count],
+            by,
+        }
+    }
+
+    /// Pieces of `length` states, to be written at the same time.
+    fn pieces(&mut self, length: usize, nv: usize) -> Vec<Piece<'_>> {
+        let mut by = self.by.chunks_mut(length * 2 * nv * (nv + 1));
+        let pieces = self.qd_plus.chunks_mut(length * nv).zip(self.impulse.chunks_mut(3 * length));
+        let pieces = pieces.zip(self.u_minus.chunks_mut(3 * length)).zip(self.u_plus.chunks_mut(3 * length));
+        let pieces = pieces.zip(self.energies.chunks_mut(ENERGIES * length)).zip(self.codes.chunks_mut(2 * length));
+        let pieces = pieces.zip(self.drive_impulse.chunks_mut(length * nv));
+        pieces
+            .map(|((((((qd_plus, impulse), u_minus), u_plus), energies), codes), drive_impulse)| {
+                let by = by.next().unwrap_or_default();
+                Piece { qd_plus, impulse, u_minus, u_plus, energies, drive_impulse, codes, by }
+            })
+            .collect()
+    }
+}
+
+/// Consecutive rows of the results.
+struct Piece<'a> {
+    qd_plus: &'a mut [f64],
+    impulse: &'a mut [f64],
+    u_minus: &'a mut [f64],
+    u_plus: &'a mut [f64],
+    energies: &'a mut [f64],
+    drive_impulse: &'a mut [f64],
+    codes: &'a mut [u8],
+    by: &'a mut [f64],
+}
+
+impl Piece<'_> {
+    fn write(&mut self, k: usize, hit: &ChainImpact) {
+        let nv = hit.qd_plus.len();
+        self.qd_plus[k * nv..][..nv].copy_from_slice(&hit.qd_plus);
+        self.impulse[3 * k..][..3].copy_from_slice(hit.impulse.as_slice());
+        self.u_minus[3 * k..][..3].copy_from_slice(hit.u_minus.as_slice());
+        self.u_plus[3 * k..][..3].copy_from_slice(hit.u_plus.as_slice());
+        let works = [hit.contact.normal_work, hit.contact.friction_work, hit.drive_work];
+        self.energies[ENERGIES * k..][..2].copy_from_slice(&[hit.energy_before, hit.energy_after]);
+        self.energies[ENERGIES * k + 2..][..3].copy_from_slice(&works);
+        self.drive_impulse[k * nv..][..nv].copy_from_slice(&hit.drive_impulse);
+        let mode = MODES.iter().position(|mode| *mode == hit.mode).unwrap_or(0);
+        self.codes[2 * k..][..2].copy_from_slice(&[mode as u8, bits(hit.flags)]);
+    }
+
+    fn write_derivatives(&mut self, k: usize, impact: &Impact) {
+        let Some(by) = impact.by() else { return };
+        let nv = by.restitution.len();
+        let row = &mut self.by[k * 2 * nv * (nv + 1)..][..2 * nv * (nv + 1)];
+        for (out, m) in row.chunks_exact_mut(nv * nv).zip([&by.q, &by.qd]) {
+            out.iter_mut().enumerate().for_each(|(i, x)| *x = m[(i / nv, i % nv)]);
+        }
+        row[2 * nv * nv..][..nv].copy_from_slice(&by.restitution);
+        row[2 * nv * nv + nv..].copy_from_slice(&by.friction);
+    }
+}
+
+/// Computes a batch: without the GIL and on all cores, or one after another for a law in Python.
+pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
+    py: Python<'_>,
+    chain: &carom_chain::Chain,
+    ((q, qd), count): ((Plain, Plain), usize),
+    strike: &F,
+    law: &GivenLaw,
+    derivatives: bool,
+) -> Result<Columns, InBatch<SimError>> {
+    let nv = chain.nv();
+    let mut all = Columns::new(count, nv, derivatives);
+    if count == 0 || nv == 0 {
+        return Ok(all);
+    }
+    let own = |state: usize| move |error: SimError| InBatch { error, state: Some(state) };
+    let prepared = strike(0).prepare().map_err(|error| InBatch { error, state: None })?;
+    let wanted = Wanted { derivatives, band: None, saltation: None };
+    let piece = |(prepared, hit): &mut (PreparedStrike<'a>, ChainImpact), first: usize, piece: &mut Piece| {
+        for k in 0..piece.codes.len() / 2 {
+            let state = first + k;
+            if derivatives {
+                let found = Impact::compute(&strike(state), law, &wanted).map_err(own(state))?;
+                piece.write(k, &found.hit);
+                piece.write_derivatives(k, &found);
+                continue;
+            }
+            let (q, qd) = (q.row(state), qd.row(state));
+            chain.check_state(q, qd).map_err(|e| own(state)(e.into()))?;
+            prepared.resolve_into(q, qd, law.in_space(), hit).map_err(own(state))?;
+            piece.write(k, hit);
+        }
+        Ok(())
+    };
+    let memory = || (prepared.clone(), prepared.outcome());
+    if law.is_python() {
+        // The law needs the GIL; a signal stops the batch through the exception that the law then raises.
+        piece(&mut memory(), 0, &mut all.pieces(count, nv)[0])?;
+        return Ok(all);
+    }
+    py.detach(|| {
+        if alone(count) {
+            return piece(&mut memory(), 0, &mut all.pieces(count, nv)[0]);
+        }
+        let pieces = all.pieces(CHUNK, nv).into_par_iter().enumerate();
+        first_error(pieces.map_init(memory, |memory, (c, mut rows)| piece(memory, c * CHUNK, &mut rows)))
+    })?;
+    Ok(all)
+}
+
+/// Impacts of a batch of B states.
+#[pyclass(frozen, module = "carom")]
+pub struct Impacts {
+    count: usize,
+    qd_plus: Py<PyAny>,
+    impulse: Py<PyAny>,
+    u_minus: Py<PyAny>,
+    u_plus: Py<PyAny>,
+    energies: Py<PyAny>,
+    drive_impulse: Py<PyAny>,
+    codes: Py<PyAny>,
+    derivatives: Option<Py<PyDict>>,
+}
+
+impl Impacts {
+    pub fn new(py: Python<'_>, all: Columns, nv: usize) -> PyResult<Self> {
+        let b = all.count;
+        let derivatives = if all.by.is_empty() { None } else { Some(derivatives(py, all.by, b, nv)?) };
+        let array = |numbers, width| Ok::<_, PyErr>(array(py, numbers, &[b, width])?.unbind());
+        Ok(Self {
+            count: b,
+            qd_plus: array(all.qd_plus, nv)?,
+            impulse: array(all.impulse, 3)?,
+            u_minus: array(all.u_minus, 3)?,
+            u_plus: array(all.u_plus, 3)?,
+            energies: array(all.energies, ENERGIES)?,
+            drive_impulse: array(all.drive_impulse, nv)?,
+            codes: bytes(py, all.codes).call_method1("reshape", (b, 2))?.unbind(),
+            derivatives,
+        })
+    }
+
+    /// Column k of an array.
+    fn column<'py>(py: Python<'py>, of: &Py<PyAny>, k: usize) -> PyResult<Bound<'py, PyAny>> {
+        of.bind(py).get_item((pyo3::types::PySlice::full(py), k))
+    }
+}
+
+fn derivatives(py: Python<'_>, by: Vec<f64>, b: usize, nv: usize) -> PyResult<Py<PyDict>> {
+    let all = array(py, by, &[b, 2 * nv * (nv + 1)])?;
+    let part = |from: usize, to: usize| {
+        let columns = pyo3::types::PySlice::new(py, from as isize, to as isize, 1);
+        all.get_item((pyo3::types::PySlice::full(py), columns))
+    };
+    let dict = PyDict::new(py);
+    let n = nv * nv;
+    dict.set_item("q", part(0, n)?.call_method1("reshape", (b, nv, nv))?)?;
+    dict.set_item("qd", part(n, 2 * n)?.call_method1("reshape", (b, nv, nv))?)?;
+    dict.set_item("restitution", part(2 * n, 2 * n + nv)?)?;
+    dict.set_item("friction", part(2 * n + nv, 2 * n + 2 * nv)?)?;
+    Ok(dict.unbind())
+}
+
+#[pymethods]
+impl Impacts {
+    fn __len__(&self) -> usize {
+        self.count
+    }
+
+    /// Joint velocities after the impacts, shape (B, nv); rad/s, m/s.
+    #[getter]
+    fn qd_plus(&self, py: Python<'_>) -> Py<PyAny> {
+        self.qd_plus.clone_ref(py)
+    }
+
+    /// Impulses on the robot, shape (B, 3), world axes, N s.
+    #[getter]
+    fn impulse(&self, py: Python<'_>) -> Py<PyAny> {
+        self.impulse.clone_ref(py)
+    }
+
+    /// Velocities of the contact point before, shape (B, 3), world axes, m/s.
+    #[getter]
+    fn u_minus(&self, py: Python<'_>) -> Py<PyAny> {
+        self.u_minus.clone_ref(py)
+    }
+
+    /// Velocities of the contact point after, shape (B, 3), world axes, m/s.
+    #[getter]
+    fn u_plus(&self, py: Python<'_>) -> Py<PyAny> {
+        self.u_plus.clone_ref(py)
+    }
+
+    /// Kinetic energies of the robot before, shape (B,), J.
+    #[getter]
+    fn energy_before<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.energies, 0)
+    }
+
+    /// Kinetic energies of the robot after, shape (B,), J.
+    #[getter]
+    fn energy_after<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.energies, 1)
+    }
+
+    /// Works of the normal impulses, shape (B,), J.
+    #[getter]
+    fn normal_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.energies, 2)
+    }
+
+    /// Works of the tangential impulses, shape (B,), J.
+    #[getter]
+    fn friction_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.energies, 3)
+    }
+
+    /// Works of the drives, shape (B,), J.
+    #[getter]
+    fn drive_work<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.energies, 4)
+    }
+
+    /// Impulses of the drives on each joint, shape (B, nv), N m s or N s.
+    #[getter]
+    fn drive_impulse(&self, py: Python<'_>) -> Py<PyAny> {
+        self.drive_impulse.clone_ref(py)
+    }
+
+    /// Contact modes at the end of the impacts, an array of texts of shape (B,): "open", "stick", "slip", "reverse-slip".
+    #[getter]
+    fn mode<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        texts(py, &MODES.map(Mode::name))?.get_item(Self::column(py, &self.codes, 0)?)
+    }
+
+    /// Flags as an array of uint8 of shape (B,), with bits as in carom.Flags; 0 for an ordinary impact.
+    #[getter]
+    fn flags<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::column(py, &self.codes, 1)
+    }
+
+    /// The states at which a flag is set, an array of booleans of shape (B,).
+    ///
+    /// Args:
+    ///     name: "energy-gain", "jam", "singular", "grazing", "non-unique" or "no-approach".
+    fn flagged<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let Some(bit) = FLAGS.iter().position(|(flag, _)| *flag == name) else {
+            let names = FLAGS.map(|(flag, _)| flag).join(", ");
+            return Err(PyValueError::new_err(format!("no flag is named '{name}': the flags are {names}")));
+        };
+        Self::column(py, &self.codes, 1)?.bitand(1u8 << bit)?.call_method1("astype", ("bool",))
+    }
+
+    /// With derivatives=True a dict of the derivatives of qd_plus: "q" and "qd" of shape (B, nv, nv), "restitution" and
+    /// "friction" of shape (B, nv). Else None.
+    #[getter]
+    fn derivatives(&self, py: Python<'_>) -> Option<Py<PyDict>> {
+        self.derivatives.as_ref().map(|dict| dict.clone_ref(py))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<carom.Impacts of {} states>", self.count)
+    }
+}

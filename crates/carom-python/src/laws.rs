@@ -1,0 +1,456 @@
+//! Impact laws: the eight laws of carom as classes, and laws written in Python.
+
+use crate::array::{Numbers, array, numpy};
+use crate::error::{Raise, exceptions};
+use carom_impact::{AnyLaw, Brach, Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law};
+use carom_sim::ContactLaw;
+use nalgebra::{SMatrix, SVector};
+use pyo3::PyClassInitializer;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyList, PyTuple};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex};
+
+/// An impact law of carom with its coefficients; the base class of the eight laws. Immutable.
+#[pyclass(frozen, subclass, module = "carom", name = "Law")]
+pub struct KnownLaw {
+    pub law: AnyLaw,
+    shown: String,
+}
+
+#[pymethods]
+impl KnownLaw {
+    /// Name of the law, as on the command line and in scenes.
+    #[getter]
+    fn name(&self) -> &'static str {
+        name(&self.law)
+    }
+
+    /// Coefficient of restitution, as the law defines it.
+    #[getter]
+    fn restitution(&self) -> f64 {
+        self.law.coefficients().restitution
+    }
+
+    /// Coulomb's coefficient of friction; 0 for a law without one. For Brach's law the size of its impulse ratio.
+    #[getter]
+    fn friction(&self) -> f64 {
+        self.law.coefficients().friction
+    }
+
+    /// Coefficient of tangential restitution; 0 for a law without one.
+    #[getter]
+    fn tangential_restitution(&self) -> f64 {
+        self.law.coefficients().tangential_restitution
+    }
+
+    fn __repr__(&self) -> String {
+        format!("carom.{}", self.shown)
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| other.get().law == self.law)
+    }
+
+    fn __hash__(&self) -> u64 {
+        use std::hash::{DefaultHasher, Hash, Hasher};
+        let mut hasher = DefaultHasher::new();
+        self.shown.hash(&mut hasher);
+        hasher.finish()
+    }
+}
+
+fn name(law: &AnyLaw) -> &'static str {
+    Law::<f64, 3>::name(law)
+}
+
+/// A law with its coefficients, checked.
+fn known(class: &str, law: AnyLaw, given: &[(&str, f64)]) -> PyResult<KnownLaw> {
+    // The coefficients are checked by an impact.
+    let problem = ImpactProblem::new(SMatrix::<f64, 3, 3>::identity(), SVector::from([0.0, 0.0, -1.0]));
+    problem.and_then(|problem| law.resolve(&problem)).map_err(|e| e.raise(""))?;
+    let given: Vec<String> = given.iter().map(|(name, value)| format!("{name}={value}")).collect();
+    Ok(KnownLaw { law, shown: format!("{class}({})", given.join(", ")) })
+}
+
+macro_rules! laws_with_friction {
+    ($($(#[doc = $doc:literal])* $class:ident $name:literal;)*) => {
+        $(
+            $(#[doc = $doc])*
+            ///
+            /// Args:
+            ///     restitution: 0 to 1.
+            ///     friction: Coulomb's coefficient, 0 or more.
+            ///
+            /// Raises:
+            ///     ImpactError: a coefficient out of its range.
+            #[pyclass(frozen, extends = KnownLaw, module = "carom")]
+            pub struct $class;
+
+            #[pymethods]
+            impl $class {
+                #[new]
+                #[pyo3(signature = (restitution, friction=0.0))]
+                fn new(restitution: f64, friction: f64) -> PyResult<PyClassInitializer<Self>> {
+                    let coefficients = Coefficients { restitution, friction, ..Default::default() };
+                    let law = AnyLaw::named($name, coefficients).ok_or_else(|| PyTypeError::new_err($name))?;
+                    let given = [("restitution", restitution), ("friction", friction)];
+                    Ok(PyClassInitializer::from(known(stringify!($class), law, &given)?).add_subclass(Self))
+                }
+
+                fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64)) {
+                    let own = this.as_super().get();
+                    (this.get_type().into_any().unbind(), (own.restitution(), own.friction()))
+                }
+            }
+        )*
+    };
+}
+
+laws_with_friction! {
+    /// Whittaker's law: the ratio of normal velocities is `restitution`, and Coulomb's friction acts against the slip after the
+    /// impact. Can gain energy.
+    Whittaker "whittaker";
+    /// Newton's law along the path of the slip: the ratio of normal velocities is `restitution`. Can gain energy.
+    Newton "newton";
+    /// Poisson's law along the path of the slip: the ratio of normal impulses is `restitution`.
+    Poisson "poisson";
+    /// Stronge's law along the path of the slip: the ratio of normal works is the square of `restitution`. Never gains energy.
+    Energetic "energetic";
+    /// Smith's law: friction against a mean of the slips before and after.
+    Smith "smith";
+}
+
+/// The frictionless law; Newton's, Poisson's and Stronge's coefficients are equal without friction.
+///
+/// Args:
+///     restitution: 0 to 1.
+///
+/// Raises:
+///     ImpactError: a coefficient out of its range.
+#[pyclass(frozen, extends = KnownLaw, module = "carom")]
+pub struct Frictionless;
+
+#[pymethods]
+impl Frictionless {
+    #[new]
+    fn new(restitution: f64) -> PyResult<PyClassInitializer<Self>> {
+        let law = AnyLaw::from(carom_impact::Frictionless { restitution });
+        Ok(PyClassInitializer::from(known("Frictionless", law, &[("restitution", restitution)])?).add_subclass(Self))
+    }
+
+    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64,)) {
+        (this.get_type().into_any().unbind(), (this.as_super().get().restitution(),))
+    }
+}
+
+/// Chatterjee and Ruina's law: an algebraic law with a coefficient of tangential restitution. Never gains energy.
+///
+/// Args:
+///     restitution: 0 to 1.
+///     friction: Coulomb's coefficient, 0 or more.
+///     tangential_restitution: -1 (no tangential impulse) to 1 (one that reverses the slip).
+///
+/// Raises:
+///     ImpactError: a coefficient out of its range.
+#[pyclass(frozen, extends = KnownLaw, module = "carom")]
+pub struct ChatterjeeRuina;
+
+#[pymethods]
+impl ChatterjeeRuina {
+    #[new]
+    #[pyo3(signature = (restitution, friction=0.0, tangential_restitution=0.0))]
+    fn new(restitution: f64, friction: f64, tangential_restitution: f64) -> PyResult<PyClassInitializer<Self>> {
+        let law = AnyLaw::from(carom_impact::ChatterjeeRuina { restitution, tangential_restitution, friction });
+        let given =
+            [("restitution", restitution), ("friction", friction), ("tangential_restitution", tangential_restitution)];
+        Ok(PyClassInitializer::from(known("ChatterjeeRuina", law, &given)?).add_subclass(Self))
+    }
+
+    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, f64, f64)) {
+        let own = this.as_super().get();
+        let coefficients = (own.restitution(), own.friction(), own.tangential_restitution());
+        (this.get_type().into_any().unbind(), coefficients)
+    }
+}
+
+/// Brach's law: an impulse ratio, limited so that no energy is gained.
+///
+/// Args:
+///     restitution: 0 to 1.
+///     friction: size of the impulse ratio, which is directed towards rest; 0 or more.
+///     impulse_ratio: instead of friction, tangential over normal impulse, negative against the initial slip.
+///
+/// Raises:
+///     ImpactError: a coefficient out of its range.
+#[pyclass(frozen, extends = KnownLaw, module = "carom", name = "Brach")]
+pub struct BrachLaw {
+    friction: Option<f64>,
+    impulse_ratio: Option<f64>,
+}
+
+#[pymethods]
+impl BrachLaw {
+    #[new]
+    #[pyo3(signature = (restitution, friction=None, impulse_ratio=None))]
+    fn new(restitution: f64, friction: Option<f64>, impulse_ratio: Option<f64>) -> PyResult<PyClassInitializer<Self>> {
+        let own = Self { friction, impulse_ratio };
+        let given = [Some(("restitution", restitution)), friction.map(|x| ("friction", x))];
+        let given: Vec<_> = given.into_iter().chain([impulse_ratio.map(|x| ("impulse_ratio", x))]).flatten().collect();
+        let law = match (friction, impulse_ratio) {
+            (Some(_), Some(_)) => {
+                return Err(PyTypeError::new_err("Brach has both friction and impulse_ratio: give one of them"));
+            }
+            (None, Some(impulse_ratio)) => AnyLaw::from(Brach { restitution, impulse_ratio }),
+            (friction, None) => {
+                let coefficients =
+                    Coefficients { restitution, friction: friction.unwrap_or(0.0), ..Default::default() };
+                AnyLaw::named("brach", coefficients).ok_or_else(|| PyTypeError::new_err("brach"))?
+            }
+        };
+        Ok(PyClassInitializer::from(known("Brach", law, &given)?).add_subclass(own))
+    }
+
+    fn __reduce__(this: &Bound<'_, Self>) -> (Py<PyAny>, (f64, Option<f64>, Option<f64>)) {
+        let own = this.get();
+        let coefficients = (this.as_super().get().restitution(), own.friction, own.impulse_ratio);
+        (this.get_type().into_any().unbind(), coefficients)
+    }
+}
+
+/// An impact law written in Python.
+///
+/// The function is called as `function(H, u)` with the Delassus matrix H (shape (3, 3), 1/kg) and the contact velocity u
+/// (shape (3,), m/s) in contact axes: two tangents, then the normal, which points from the environment to the robot, so that an
+/// approaching contact has u[-1] < 0. It returns the impulse on the robot in the same axes, shape (3,), N s. With
+/// `carom.law` in the plane the sizes are 2.
+///
+/// Args:
+///     function: the law.
+///     restitution: coefficient of restitution, 0 to 1, that holds in scenes where an impact law does not apply: several
+///         contacts at once, time steps, compliant contacts.
+///     friction: Coulomb's coefficient of friction, 0 or more, for the same and for lasting contacts.
+///     name: name of the law in results; that of the function by default.
+///
+/// A plain function may be given wherever a law is expected; its coefficients are then zero. A call takes some microseconds and
+/// needs the GIL: batches are computed one state after another.
+#[pyclass(frozen, module = "carom", name = "PythonLaw")]
+pub struct PythonLaw {
+    own: Arc<Own>,
+    restitution: f64,
+    friction: f64,
+}
+
+/// The function, with the exception that it has raised last.
+pub struct Own {
+    function: Py<PyAny>,
+    name: &'static str,
+    raised: Mutex<Option<PyErr>>,
+}
+
+#[pymethods]
+impl PythonLaw {
+    #[new]
+    #[pyo3(signature = (function, restitution=0.0, friction=0.0, name=None))]
+    fn new(function: &Bound<'_, PyAny>, restitution: f64, friction: f64, name: Option<String>) -> PyResult<Self> {
+        if !function.is_callable() {
+            return Err(PyTypeError::new_err("function cannot be called: give a function of H and u"));
+        }
+        let own = |name: &str| function.getattr(name).and_then(|name| name.extract::<String>());
+        let name = name.or_else(|| own("__name__").ok()).unwrap_or_else(|| "python".into());
+        // The coefficients have the rules of those of the laws of carom.
+        known("", AnyLaw::from(carom_impact::Energetic { restitution, friction }), &[])?;
+        let own = Own { function: function.clone().unbind(), name: kept(name), raised: Mutex::default() };
+        Ok(Self { own: Arc::new(own), restitution, friction })
+    }
+
+    /// Name of the law.
+    #[getter]
+    fn name(&self) -> &'static str {
+        self.own.name
+    }
+
+    /// Coefficient of restitution where an impact law does not apply.
+    #[getter]
+    fn restitution(&self) -> f64 {
+        self.restitution
+    }
+
+    /// Coulomb's coefficient of friction where an impact law does not apply.
+    #[getter]
+    fn friction(&self) -> f64 {
+        self.friction
+    }
+
+    fn __repr__(&self) -> String {
+        let Self { own, restitution, friction } = self;
+        format!("carom.PythonLaw({}, restitution={restitution}, friction={friction})", own.name)
+    }
+}
+
+/// A name that lives as long as the program: each distinct name is kept once.
+fn kept(name: String) -> &'static str {
+    static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    let mut names = NAMES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Some(known) = names.get(name.as_str()) {
+        return known;
+    }
+    let name: &'static str = name.leak();
+    names.insert(name);
+    name
+}
+
+impl Own {
+    fn call<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> PyResult<SVector<f64, D>> {
+        Python::attach(|py| {
+            let h = array(py, problem.delassus().as_slice().to_vec(), &[D, D])?;
+            let u = array(py, problem.u_minus().as_slice().to_vec(), &[D])?;
+            let impulse = self.function.bind(py).call1((h, u))?;
+            let numbers = Numbers::read("the impulse of the law", &impulse)?;
+            let found = <[f64; D]>::try_from(numbers.slice()).map_err(|_| {
+                let shape = crate::array::shown(numbers.shape());
+                PyTypeError::new_err(format!("the impulse of the law has the shape {shape}: ({D},) is needed"))
+            })?;
+            Ok(SVector::from(found))
+        })
+    }
+}
+
+impl<const D: usize> Law<f64, D> for Own {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, D>) -> Result<ImpactOutcome<f64, D>, ImpactError> {
+        if problem.approach_speed() <= 0.0 {
+            return ImpactOutcome::of_impulse(self.name, problem, SVector::zeros());
+        }
+        match self.call(problem) {
+            Ok(impulse) => ImpactOutcome::of_impulse(self.name, problem, impulse),
+            Err(raised) => {
+                let reason = raised.to_string();
+                *self.raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(raised);
+                Err(ImpactError::UsersLaw { law: self.name, reason })
+            }
+        }
+    }
+}
+
+/// The law of a call.
+#[derive(Clone)]
+pub enum GivenLaw {
+    Known(AnyLaw),
+    Python(Arc<Own>, Coefficients),
+}
+
+impl GivenLaw {
+    /// Reads a law.
+    ///
+    /// # Errors
+    /// `TypeError` for anything that is neither a law nor can be called.
+    pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(law) = given.cast::<KnownLaw>() {
+            return Ok(Self::Known(law.get().law));
+        }
+        if given.is_instance_of::<pyo3::types::PyType>() {
+            return Err(PyTypeError::new_err(
+                "law is a class: give it its coefficients, like carom.Energetic(0.5, 0.2)",
+            ));
+        }
+        let python = |law: &PythonLaw| {
+            let coefficients =
+                Coefficients { restitution: law.restitution, friction: law.friction, ..Default::default() };
+            Self::Python(law.own.clone(), coefficients)
+        };
+        if let Ok(law) = given.cast::<PythonLaw>() {
+            return Ok(python(law.get()));
+        }
+        if given.is_callable() {
+            return Ok(python(&PythonLaw::new(given, 0.0, 0.0, None)?));
+        }
+        let found = given.get_type().name()?;
+        let message = format!("law is {found}: give a law like carom.Energetic(0.5, 0.2), or a function of H and u");
+        Err(PyTypeError::new_err(message))
+    }
+
+    /// Whether the law is written in Python.
+    pub fn is_python(&self) -> bool {
+        matches!(self, Self::Python(..))
+    }
+
+    /// The law on problems in space.
+    pub fn in_space(&self) -> &(dyn Law<f64, 3> + Send + Sync) {
+        match self {
+            Self::Known(law) => law,
+            Self::Python(own, _) => &**own,
+        }
+    }
+
+    /// The law on problems in the plane.
+    pub fn in_plane(&self) -> &(dyn Law<f64, 2> + Send + Sync) {
+        match self {
+            Self::Known(law) => law,
+            Self::Python(own, _) => &**own,
+        }
+    }
+
+    /// The law of a contact of a scene.
+    pub fn of_contact(&self) -> ContactLaw {
+        match self {
+            Self::Known(law) => (*law).into(),
+            Self::Python(own, coefficients) => {
+                ContactLaw::new(Shared(own.clone()), coefficients.restitution, coefficients.friction)
+            }
+        }
+    }
+
+    /// The exception that the function of a law has raised; `error` if there is none.
+    pub fn raise(&self, error: PyErr) -> PyErr {
+        match self {
+            Self::Known(_) => error,
+            Self::Python(own, _) => {
+                own.raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take().unwrap_or(error)
+            }
+        }
+    }
+}
+
+/// A law that contacts of a scene share.
+struct Shared(Arc<Own>);
+
+impl Law<f64, 3> for Shared {
+    fn name(&self) -> &'static str {
+        self.0.name
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        Law::<f64, 3>::resolve(&*self.0, problem)
+    }
+}
+
+/// One law, or a list of laws.
+pub fn each_law(given: &Bound<'_, PyAny>) -> PyResult<(Vec<GivenLaw>, bool)> {
+    if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
+        let laws = given.try_iter()?.map(|law| GivenLaw::read(&law?)).collect::<PyResult<_>>()?;
+        return Ok((laws, true));
+    }
+    Ok((vec![GivenLaw::read(given)?], false))
+}
+
+/// Matrix and vector of a contact with D axes.
+pub fn problem<const D: usize>(h: &Numbers, u: &Numbers) -> PyResult<ImpactProblem<f64, D>> {
+    let shape = h.shape();
+    if shape != [D, D] {
+        let shape = crate::array::shown(shape);
+        let message = format!("H has the shape {shape}: u has {D} numbers, so ({D}, {D}) is needed");
+        return Err(exceptions::StateError::new_err(message));
+    }
+    let matrix = SMatrix::<f64, D, D>::from_row_slice(h.slice());
+    ImpactProblem::new(matrix, SVector::from_column_slice(u.slice())).map_err(|e| e.raise(""))
+}
+
+/// An array of texts.
+pub fn texts<'py>(py: Python<'py>, texts: &[&str]) -> PyResult<Bound<'py, PyAny>> {
+    numpy(py)?.call_method1("array", (PyList::new(py, texts)?,))
+}

@@ -1,0 +1,55 @@
+//! The Python package of carom: impacts of kinematic chains, scenes, maps and fits on NumPy arrays.
+//!
+//! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `chain`, `order` and
+//! `dynamics` (the class `Chain`), `laws` and `outcome` (laws on
+//! plain numbers), `impact` and `impacts` (one impact, a batch of impacts), `diagram`, `table`, `scene` and `run`
+//! (simulations), `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
+//! converts the result.
+
+mod array;
+mod batch;
+mod chain;
+mod diagram;
+mod dynamics;
+mod error;
+mod fit;
+mod impact;
+mod impacts;
+mod laws;
+mod order;
+mod outcome;
+mod run;
+mod scene;
+mod study;
+mod table;
+mod text;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _carom {
+    #[pymodule_export]
+    use crate::chain::Chain;
+    #[pymodule_export]
+    use crate::diagram::diagram;
+    #[pymodule_export]
+    use crate::fit::{FitResult, fit_contacts, fit_joints, fit_tosses};
+    #[pymodule_export]
+    use crate::impact::Impact;
+    #[pymodule_export]
+    use crate::impacts::Impacts;
+    #[pymodule_export]
+    use crate::laws::{
+        BrachLaw, ChatterjeeRuina, Energetic, Frictionless, KnownLaw, Newton, Poisson, PythonLaw, Smith, Whittaker,
+    };
+    #[pymodule_export]
+    use crate::outcome::{Outcome, law};
+    #[pymodule_export]
+    use crate::run::{Run, RunEvent, can_record, record};
+    #[pymodule_export]
+    use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::study::{Study, map};
+    #[pymodule_export]
+    use crate::table::Table;
+}

@@ -1,0 +1,375 @@
+//! A run of a scene: samples, events and lasting contacts as arrays and tables.
+
+use crate::array::array;
+use crate::chain::Chain;
+use crate::error::exceptions;
+use crate::impact::Impact;
+use crate::table::Table;
+use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Seen, Simulation, Summary};
+use carom_study::Column;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// What a run has reported, in the order of time.
+pub enum Told {
+    Moment(Moment),
+    Event(Event),
+    Contacts(f64, Vec<ContactState>),
+}
+
+impl Told {
+    pub fn of(seen: &Seen) -> Option<Self> {
+        match seen {
+            Seen::Moment(moment) => Some(Self::Moment((*moment).clone())),
+            Seen::Event(event) => Some(Self::Event((*event).clone())),
+            Seen::Contacts(time, states) => Some(Self::Contacts(*time, states.to_vec())),
+            Seen::Segment(_) => None,
+        }
+    }
+}
+
+/// A run of a scene.
+///
+/// q and qd have the coordinates of `run.chain`, which is the robot without what the plan has left out.
+#[pyclass(frozen, module = "carom")]
+pub struct Run {
+    #[cfg_attr(not(feature = "rerun"), allow(dead_code))] // read by recordings
+    scene: Arc<carom_sim::Scene>,
+    plan: Plan,
+    told: Vec<Told>,
+    summary: Summary,
+}
+
+impl Run {
+    pub fn new(scene: Arc<carom_sim::Scene>, plan: Plan, told: Vec<Told>, summary: Summary) -> Self {
+        Self { scene, plan, told, summary }
+    }
+
+    fn moments(&self) -> impl Iterator<Item = &Moment> {
+        self.told.iter().filter_map(|told| if let Told::Moment(moment) = told { Some(moment) } else { None })
+    }
+
+    fn all_events(&self) -> impl Iterator<Item = &Event> {
+        self.told.iter().filter_map(|told| if let Told::Event(event) = told { Some(event) } else { None })
+    }
+
+    fn rows<'py>(&self, py: Python<'py>, width: usize, of: fn(&Moment) -> &[f64]) -> PyResult<Bound<'py, PyAny>> {
+        let numbers: Vec<f64> = self.moments().flat_map(|moment| of(moment).iter().copied()).collect();
+        array(py, numbers, &[self.moments().count(), width])
+    }
+
+    fn names(&self, letter: &str, positions: bool) -> Vec<Column> {
+        let chain = Chain::from(self.plan.simulation.chain.clone());
+        let names = chain.coordinate_names(positions);
+        names.into_iter().map(|name| Column::number(format!("{letter}.{name}"))).collect()
+    }
+}
+
+/// The name of what an event belongs to.
+fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
+    match kind {
+        EventKind::Limit { joint, .. } | EventKind::Joint { joint, .. } => Some(joint),
+        other => other.touch().map(|touch| sim.touches[touch].name.as_str()),
+    }
+}
+
+#[pymethods]
+impl Run {
+    /// The simulated robot.
+    #[getter]
+    fn chain(&self) -> Chain {
+        self.plan.simulation.chain.clone().into()
+    }
+
+    /// Times of the samples, shape (S,), s. At the time of an event the sample is the state before it.
+    #[getter]
+    fn time<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let times: Vec<f64> = self.moments().map(|moment| moment.time).collect();
+        let count = times.len();
+        array(py, times, &[count])
+    }
+
+    /// Configurations at the samples, shape (S, nq); rad, m, quaternions.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, self.plan.simulation.chain.nq(), |moment| &moment.q)
+    }
+
+    /// Joint velocities at the samples, shape (S, nv); rad/s, m/s.
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, self.plan.simulation.chain.nv(), |moment| &moment.qd)
+    }
+
+    /// The events in the order of time, a list of Event.
+    #[getter]
+    fn events(&self) -> Vec<RunEvent> {
+        let sim = &self.plan.simulation;
+        let one = |event: &Event| RunEvent {
+            event: event.clone(),
+            contact: contact(sim, &event.kind).map(str::to_owned),
+            blows: event.blows.iter().map(|blow| sim.touches[blow.touch].name.clone()).collect(),
+        };
+        self.all_events().map(one).collect()
+    }
+
+    /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
+    #[getter]
+    fn states(&self) -> Table {
+        let columns = [vec![Column::number("time")], self.names("q", true), self.names("qd", false)].concat();
+        let mut table = Table::new(columns);
+        for Moment { time, q, qd } in self.moments() {
+            table.push([*time].iter().chain(q).chain(qd).copied());
+        }
+        table
+    }
+
+    /// The events as a Table: time (s), kind, contact, mode of an impact, the impulse of all contacts px, py, pz (N s, world
+    /// axes), then q.<joint>, qd_minus.<joint>, qd_plus.<joint>.
+    #[getter]
+    fn event_table(&self) -> Table {
+        let sim = &self.plan.simulation;
+        let words = |of: &dyn Fn(&Event) -> Option<String>| -> Vec<String> {
+            self.all_events().filter_map(of).collect::<BTreeSet<_>>().into_iter().collect()
+        };
+        let kind = |event: &Event| Some(event.kind.name().to_owned());
+        let place = |event: &Event| contact(sim, &event.kind).map(str::to_owned);
+        let mode = |event: &Event| match &event.kind {
+            EventKind::Impact { hit, .. } => Some(hit.mode.name().to_owned()),
+            _ => None,
+        };
+        let (kinds, places, modes) = (words(&kind), words(&place), words(&mode));
+        // A column of words needs a word.
+        let column = |name: &str, words: &[String]| {
+            let words = if words.is_empty() { &[String::new()] } else { words };
+            Column::word(name, words.iter().cloned())
+        };
+        let mut columns = vec![Column::number("time"), column("kind", &kinds), column("contact", &places)];
+        columns.push(column("mode", &modes));
+        columns.extend(["px", "py", "pz"].map(Column::number));
+        columns.extend([self.names("q", true), self.names("qd_minus", false), self.names("qd_plus", false)].concat());
+        let mut table = Table::new(columns);
+        let code = |words: &[String], word: Option<String>| {
+            word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
+        };
+        for event in self.all_events() {
+            let impulse: nalgebra::Vector3<f64> = event.blows.iter().map(|blow| blow.impulse).sum();
+            let head = [event.time, code(&kinds, kind(event)), code(&places, place(event)), code(&modes, mode(event))];
+            let state = event.q.iter().chain(&event.qd_minus).chain(&event.qd_plus);
+            table.push(head.iter().chain(impulse.iter()).chain(state).copied());
+        }
+        table
+    }
+
+    /// The lasting contacts at the samples as a Table: time (s), contact, mode, point x, y, z (m), unit normal nx, ny, nz from the
+    /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit).
+    #[getter]
+    fn contacts(&self) -> Table {
+        const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
+        let mut columns = vec![
+            Column::number("time"),
+            Column::word("contact", self.plan.simulation.touches.iter().map(|it| &it.name).chain([&String::new()])),
+            Column::word("mode", MODES),
+        ];
+        let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
+        columns.extend(numbers.map(Column::number));
+        let mut table = Table::new(columns);
+        for told in &self.told {
+            let Told::Contacts(time, states) = told else { continue };
+            for state in states {
+                let mode = MODES.iter().position(|mode| *mode == state.mode.name());
+                let head = [*time, state.touch as f64, mode.map_or(f64::NAN, |k| k as f64)];
+                let place = state.point.iter().chain(state.normal.iter()).chain([&state.gap]);
+                table.push(head.iter().chain(place).chain(state.force.iter()).chain([&state.normal_force]).copied());
+            }
+        }
+        table
+    }
+
+    /// Why the run has ended: "duration" or "events".
+    #[getter]
+    fn stop_reason(&self) -> &'static str {
+        self.summary.stop.name()
+    }
+
+    /// Contact mode at the end.
+    #[getter]
+    fn mode(&self) -> &'static str {
+        self.summary.mode.name()
+    }
+
+    /// The end: a tuple of the time (s), q (nq,) and qd (nv,).
+    #[getter]
+    fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let Moment { time, q, qd } = &self.summary.last;
+        Ok((*time, array(py, q.clone(), &[q.len()])?, array(py, qd.clone(), &[qd.len()])?))
+    }
+
+    /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let energy = &self.summary.energy;
+        let dict = PyDict::new(py);
+        dict.set_item("start", energy.start)?;
+        dict.set_item("end", energy.end)?;
+        dict.set_item("drive", energy.drive)?;
+        dict.set_item("resistance", energy.resistance)?;
+        dict.set_item("lost_in_impacts", energy.impacts)?;
+        dict.set_item("error", energy.error())?;
+        Ok(dict)
+    }
+
+    /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, worst_residual,
+    /// neglected_frictions, neglected_bound, neglected_depth.
+    #[getter]
+    fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let s = &self.summary.statistics;
+        let dict = PyDict::new(py);
+        dict.set_item("steps", s.steps)?;
+        dict.set_item("rejections", s.rejections)?;
+        dict.set_item("evaluations", s.evaluations)?;
+        dict.set_item("refinements", s.refinements)?;
+        dict.set_item("contact_steps", s.contact_steps)?;
+        dict.set_item("worst_residual", s.worst_residual)?;
+        dict.set_item("neglected_frictions", s.neglected)?;
+        dict.set_item("neglected_bound", s.neglected_bound)?;
+        dict.set_item("neglected_depth", s.neglected_depth)?;
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        let (samples, events) = (self.moments().count(), self.summary.events);
+        let (stop, mode, time) = (self.stop_reason(), self.mode(), self.summary.last.time);
+        format!("<carom.Run: {events} events, {samples} samples, ended at {time} s ({stop}), {mode}>")
+    }
+}
+
+/// Contact, point and impulse.
+type Push<'py> = (String, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
+/// An event of a run.
+#[pyclass(frozen, module = "carom", name = "Event")]
+pub struct RunEvent {
+    event: Event,
+    contact: Option<String>,
+    blows: Vec<String>,
+}
+
+#[pymethods]
+impl RunEvent {
+    /// Time, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.event.time
+    }
+
+    /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "rest", or the new contact mode.
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.event.kind.name()
+    }
+
+    /// Name of the contact or the joint, None if the event belongs to none or to several.
+    #[getter]
+    fn contact(&self) -> Option<&str> {
+        self.contact.as_deref()
+    }
+
+    /// Configuration, shape (nq,).
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.event.q.clone(), &[self.event.q.len()])
+    }
+
+    /// Joint velocities before, shape (nv,).
+    #[getter]
+    fn qd_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.event.qd_minus.clone(), &[self.event.qd_minus.len()])
+    }
+
+    /// Joint velocities after, shape (nv,).
+    #[getter]
+    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.event.qd_plus.clone(), &[self.event.qd_plus.len()])
+    }
+
+    /// The Impact, for an event of the kind "impact"; else None.
+    #[getter]
+    fn impact(&self) -> Option<Impact> {
+        match &self.event.kind {
+            EventKind::Impact { hit, .. } => Some(Impact::of_event((**hit).clone())),
+            _ => None,
+        }
+    }
+
+    /// The impulses on the robot: a list of tuples of the contact, the point (3,) in m and the impulse (3,) in N s, world axes.
+    #[getter]
+    fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Push<'py>>> {
+        let one = |(blow, name): (&carom_sim::Blow, &String)| {
+            let vector = |v: &nalgebra::Vector3<f64>| array(py, v.as_slice().to_vec(), &[3]);
+            Ok((name.clone(), vector(&blow.point)?, vector(&blow.impulse)?))
+        };
+        self.event.blows.iter().zip(&self.blows).map(one).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let place = self.contact.as_ref().map_or_else(String::new, |contact| format!(" at {contact}"));
+        format!("<carom.Event {}{place}, {} s>", self.kind(), self.event.time)
+    }
+}
+
+/// Whether this package can write recordings.
+#[pyfunction]
+pub fn can_record() -> bool {
+    cfg!(feature = "rerun")
+}
+
+/// Writes the recording of a run for the Rerun viewer.
+///
+/// Args:
+///     run: a Run.
+///     path: the file, X.rrd; complete or not there.
+///
+/// Raises:
+///     RecordError: the file cannot be written, or this package is built without recordings (`can_record()`).
+#[pyfunction]
+#[cfg(feature = "rerun")]
+pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<()> {
+    use carom_record::{SceneRecorder, Target};
+    let run = run.get();
+    let done = py.detach(|| {
+        let mut recorder = SceneRecorder::begin(&Target::File(path), &run.scene, &run.plan)?;
+        for told in &run.told {
+            recorder.see(match told {
+                Told::Moment(moment) => Seen::Moment(moment),
+                Told::Event(event) => Seen::Event(event),
+                Told::Contacts(time, states) => Seen::Contacts(*time, states),
+            });
+        }
+        recorder.finish(&run.summary)
+    });
+    done.map_err(|e| exceptions::RecordError::new_err(e.to_string()))
+}
+
+/// Writes the recording of a run for the Rerun viewer.
+///
+/// Args:
+///     run: a Run.
+///     path: the file, X.rrd; complete or not there.
+///
+/// Raises:
+///     RecordError: the file cannot be written, or this package is built without recordings (`can_record()`).
+#[pyfunction]
+#[cfg(not(feature = "rerun"))]
+pub fn record(run: &Bound<'_, Run>, path: PathBuf) -> PyResult<()> {
+    let message = format!(
+        "{}: {} is not recorded: this package is built without recordings; build it with maturin build --features rerun, or use \
+         carom simulate --out",
+        path.display(),
+        run.get().__repr__()
+    );
+    Err(exceptions::RecordError::new_err(message))
+}

@@ -1,0 +1,232 @@
+//! Scenes: read, planned, run.
+
+use crate::array::array;
+use crate::chain::Chain;
+use crate::error::raise;
+use crate::laws::GivenLaw;
+use crate::run::Run;
+use crate::text::toml_text;
+use carom_sim::{Bounded, Decision, Sampling, Seen};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Time between samples if neither the scene nor the call gives one, s: as on the command line.
+const SAMPLE: f64 = 0.004;
+
+/// A scene: a robot, the surfaces around it, contact laws and run settings. Immutable.
+///
+/// Make one with `Scene.from_file`, `Scene.from_toml` or `Scene.from_dict`; the page "Scene keys" of the manual lists the keys.
+#[pyclass(frozen, module = "carom")]
+pub struct Scene {
+    pub scene: Arc<carom_sim::Scene>,
+    /// The laws in Python, whose exceptions a run passes on.
+    laws: Vec<GivenLaw>,
+}
+
+impl From<carom_sim::Scene> for Scene {
+    fn from(scene: carom_sim::Scene) -> Self {
+        Self { scene: Arc::new(scene), laws: Vec::new() }
+    }
+}
+
+impl Scene {
+    fn numbers<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+        array(py, numbers.to_vec(), &[numbers.len()])
+    }
+
+    fn other(&self, scene: carom_sim::Scene) -> Self {
+        Self { scene: Arc::new(scene), laws: self.laws.clone() }
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Reads a scene file (TOML), its robot and its meshes.
+    ///
+    /// Raises:
+    ///     SimulationError: a key or a value that breaks a rule; the message names file, key, value and rule.
+    ///     UrdfError, StateError: an invalid robot or start.
+    #[staticmethod]
+    fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Ok(py.detach(|| carom_sim::Scene::from_file(path)).map_err(raise)?.into())
+    }
+
+    /// Reads a scene from the text of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
+    #[staticmethod]
+    #[pyo3(signature = (text, folder=PathBuf::from(".")))]
+    fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
+        Ok(py.detach(|| carom_sim::Scene::from_toml(text, folder)).map_err(raise)?.into())
+    }
+
+    /// Reads a scene from a dict with the keys of a scene file; file names in it are relative to `folder`. Errors as `from_file`.
+    #[staticmethod]
+    #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
+    fn from_dict(py: Python<'_>, keys: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+        Self::from_toml(py, &toml_text(keys)?, folder)
+    }
+
+    /// The robot.
+    #[getter]
+    fn chain(&self) -> Chain {
+        self.scene.simulation.chain.clone().into()
+    }
+
+    /// Configuration at the start, shape (nq,).
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::numbers(py, &self.scene.q)
+    }
+
+    /// Joint velocities at the start, shape (nv,).
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::numbers(py, &self.scene.qd)
+    }
+
+    /// Duration of a run, s.
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.scene.duration
+    }
+
+    /// Names of the surfaces.
+    #[getter]
+    fn surfaces(&self) -> Vec<&str> {
+        self.scene.surfaces.iter().map(|surface| surface.name.as_str()).collect()
+    }
+
+    /// Names of the possible contacts.
+    #[getter]
+    fn contacts(&self) -> Vec<&str> {
+        self.scene.simulation.touches.iter().map(|touch| touch.name.as_str()).collect()
+    }
+
+    /// Warnings, one sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.scene.warnings.clone()
+    }
+
+    /// The same scene from another start.
+    ///
+    /// Args:
+    ///     q, qd: shapes (nq,) and (nv,); what is not given is kept.
+    #[pyo3(signature = (q=None, qd=None))]
+    fn with_start(&self, q: Option<&Bound<'_, PyAny>>, qd: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let chain = Chain::from(self.scene.simulation.chain.clone());
+        let mut scene = (*self.scene).clone();
+        if let Some(q) = q {
+            scene.q = chain.q(q)?.single("q")?;
+        }
+        if let Some(qd) = qd {
+            scene.qd = chain.v("qd", qd)?.single("qd")?;
+        }
+        chain.chain.check_state(&scene.q, &scene.qd).map_err(raise)?;
+        Ok(self.other(scene))
+    }
+
+    /// The same scene with another duration, s.
+    fn with_duration(&self, duration: f64) -> Self {
+        Self { scene: Arc::new(carom_sim::Scene { duration, ..(*self.scene).clone() }), laws: self.laws.clone() }
+    }
+
+    /// The same scene with another impact law at its contacts with surfaces and between links.
+    ///
+    /// Args:
+    ///     law: a law like carom.Energetic(0.5, 0.2), or carom.PythonLaw(function, restitution, friction).
+    ///     link: only at contacts of this link.
+    ///     surface: only at contacts with this surface or second link.
+    ///
+    /// Raises:
+    ///     ValueError: no contact of the scene is meant.
+    #[pyo3(signature = (law, *, link=None, surface=None))]
+    fn with_law(&self, law: &Bound<'_, PyAny>, link: Option<&str>, surface: Option<&str>) -> PyResult<Self> {
+        let law = GivenLaw::read(law)?;
+        let mut scene = (*self.scene).clone();
+        let mut met = false;
+        for touch in &mut scene.simulation.touches {
+            let other = touch.surface().or_else(|| touch.other_link());
+            let meant = touch.limit_of().is_none()
+                && link.is_none_or(|link| touch.link() == Some(link) || touch.other_link() == Some(link))
+                && surface.is_none_or(|surface| other == Some(surface));
+            if meant {
+                touch.contact.law = law.of_contact();
+                met = true;
+            }
+        }
+        if !met {
+            let names = self.contacts().join(", ");
+            return Err(PyValueError::new_err(format!("no contact of the scene is meant: its contacts are {names}")));
+        }
+        let mut other = self.other(scene);
+        if law.is_python() {
+            other.laws.push(law);
+        }
+        Ok(other)
+    }
+
+    /// What a run models and what it leaves out: a dict of "joints", "kept" and "left_out" (dicts of what, choice, why) and
+    /// "bounded" (dicts of what, choice, bound, of).
+    ///
+    /// Raises:
+    ///     SimulationError, ChainError: an invalid mesh, a singular mass matrix at the start.
+    fn plan<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
+        let decision = |it: &Decision| -> PyResult<_> {
+            let dict = PyDict::new(py);
+            dict.set_item("what", it.what)?;
+            dict.set_item("choice", &it.choice)?;
+            dict.set_item("why", &it.why)?;
+            Ok(dict)
+        };
+        let bounded = |it: &Bounded| -> PyResult<_> {
+            let dict = PyDict::new(py);
+            dict.set_item("what", it.what)?;
+            dict.set_item("choice", &it.choice)?;
+            dict.set_item("bound", it.bound)?;
+            dict.set_item("of", &it.of)?;
+            Ok(dict)
+        };
+        let dict = PyDict::new(py);
+        dict.set_item("joints", Chain::from(plan.simulation.chain.clone()).joint_names())?;
+        dict.set_item("kept", plan.kept.iter().map(decision).collect::<PyResult<Vec<_>>>()?)?;
+        dict.set_item("left_out", plan.left_out.iter().map(decision).collect::<PyResult<Vec<_>>>()?)?;
+        dict.set_item("bounded", plan.bounded.iter().map(bounded).collect::<PyResult<Vec<_>>>()?)?;
+        Ok(dict)
+    }
+
+    /// Simulates the scene from event to event. The GIL is released, except while a law in Python is called.
+    ///
+    /// Args:
+    ///     sample: time between samples, s; by default that of the scene, or 0.004 s.
+    ///
+    /// Raises:
+    ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law in Python are passed on.
+    #[pyo3(signature = (*, sample=None))]
+    fn simulate(&self, py: Python<'_>, sample: Option<f64>) -> PyResult<Run> {
+        let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
+        let done = py.detach(|| {
+            let plan = self.scene.plan()?;
+            let mut seen = Vec::new();
+            let sampling = Sampling { every: Some(every), dense: false };
+            let summary =
+                plan.stream(self.scene.duration, sampling, &mut |it: Seen| seen.extend(crate::run::Told::of(&it)))?;
+            Ok((plan, seen, summary))
+        });
+        match done {
+            Ok((plan, seen, summary)) => Ok(Run::new(self.scene.clone(), plan, seen, summary)),
+            Err(error) => {
+                let error = raise::<carom_sim::SimError>(error);
+                Err(self.laws.iter().fold(error, |error, law| law.raise(error)))
+            }
+        }
+    }
+
+    fn __repr__(&self) -> String {
+        let (chain, contacts) = (self.scene.simulation.chain.name(), self.scene.simulation.touches.len());
+        format!("<carom.Scene of '{chain}': {contacts} possible contacts, {} s>", self.scene.duration)
+    }
+}

@@ -1,0 +1,243 @@
+//! Impact maps of studies.
+
+use crate::array::array;
+use crate::batch::CHUNK;
+use crate::chain::Chain;
+use crate::error::raise;
+use crate::table::Table;
+use crate::text::toml_text;
+use carom_study::map_study::{MapFile, Written};
+use carom_study::{Column, StudyError};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyMapping};
+use rayon::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// A study: an impact map over poses, approach angles, speeds, coefficients and laws. Immutable.
+///
+/// Make one with `Study.from_file`, `Study.from_toml` or `Study.from_dict`; the page "Study keys" of the manual lists the keys, the
+/// columns and the classes.
+#[pyclass(frozen, module = "carom")]
+pub struct Study {
+    study: Arc<carom_study::Study>,
+}
+
+impl Study {
+    /// The study in a file or a dict.
+    fn read(py: Python<'_>, given: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+        if let Ok(study) = given.cast::<Self>() {
+            return Ok(Self { study: study.get().study.clone() });
+        }
+        if given.is_instance_of::<PyMapping>() {
+            return Self::from_dict(py, given, folder);
+        }
+        match given.extract::<PathBuf>() {
+            Ok(path) => Self::from_file(py, path),
+            Err(_) => Err(PyTypeError::new_err("study is neither a Study, a path nor a dict")),
+        }
+    }
+}
+
+/// Values of a row by the names of the columns; columns without a value are left out.
+fn named<'py>(py: Python<'py>, columns: &[Column], row: &[f64]) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    for (column, x) in columns.iter().zip(row).filter(|(_, x)| !x.is_nan()) {
+        if column.words.is_empty() {
+            dict.set_item(&column.name, *x)?;
+        } else {
+            dict.set_item(&column.name, column.spell(*x))?;
+        }
+    }
+    Ok(dict)
+}
+
+/// Runs `work` on another thread, which `stop` ends early, while this one waits for signals (Ctrl-C).
+fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> R + Send) -> PyResult<R> {
+    let stop = AtomicBool::new(false);
+    py.detach(|| {
+        std::thread::scope(|scope| {
+            let worker = scope.spawn(|| work(&stop));
+            let mut raised = None;
+            while !worker.is_finished() {
+                std::thread::park_timeout(Duration::from_millis(5));
+                if raised.is_none() {
+                    raised = Python::attach(|py| py.check_signals()).err();
+                    stop.store(raised.is_some(), Ordering::Relaxed);
+                }
+            }
+            match (worker.join(), raised) {
+                (_, Some(signal)) => Err(signal),
+                (Ok(result), None) => Ok(result),
+                (Err(panic), None) => std::panic::resume_unwind(panic),
+            }
+        })
+    })
+}
+
+#[pymethods]
+impl Study {
+    /// Reads a study file (TOML) and its robot.
+    ///
+    /// Raises:
+    ///     StudyError: a key or a value that breaks a rule; the message names file, key, value and rule.
+    ///     UrdfError: an invalid robot.
+    #[staticmethod]
+    fn from_file(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        Ok(Self { study: Arc::new(py.detach(|| carom_study::Study::from_file(path)).map_err(raise)?) })
+    }
+
+    /// Reads a study from the text of a study file; file names in it are relative to `folder`. Errors as `from_file`.
+    #[staticmethod]
+    #[pyo3(signature = (text, folder=PathBuf::from(".")))]
+    fn from_toml(py: Python<'_>, text: &str, folder: PathBuf) -> PyResult<Self> {
+        Ok(Self { study: Arc::new(py.detach(|| carom_study::Study::from_toml(text, folder)).map_err(raise)?) })
+    }
+
+    /// Reads a study from a dict with the keys of a study file; file names in it are relative to `folder`. Errors as `from_file`.
+    #[staticmethod]
+    #[pyo3(signature = (keys, folder=PathBuf::from(".")))]
+    fn from_dict(py: Python<'_>, keys: &Bound<'_, PyAny>, folder: PathBuf) -> PyResult<Self> {
+        Self::from_toml(py, &toml_text(keys)?, folder)
+    }
+
+    /// Number of rows.
+    fn __len__(&self) -> usize {
+        self.study.rows() as usize
+    }
+
+    /// Names of the columns.
+    #[getter]
+    fn columns(&self) -> Vec<&str> {
+        self.study.columns().iter().map(|column| column.name.as_str()).collect()
+    }
+
+    /// Units of the columns: a dict; empty texts for words and dimensionless numbers.
+    #[getter]
+    fn units(&self) -> std::collections::BTreeMap<&str, &str> {
+        self.study.columns().iter().map(|column| (column.name.as_str(), self.study.unit(&column.name))).collect()
+    }
+
+    /// The axes that vary, in the order of the rows: a list of pairs of a name and the number of its values. The last axis varies
+    /// fastest.
+    #[getter]
+    fn axes(&self) -> Vec<(&str, u64)> {
+        let varying = self.study.axes().iter().filter(|axis| axis.varies());
+        varying.map(|axis| (axis.name.as_str(), axis.count())).collect()
+    }
+
+    /// The robot.
+    #[getter]
+    fn chain(&self) -> Chain {
+        self.study.chain().clone().into()
+    }
+
+    /// Warnings, one sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.study.warnings.clone()
+    }
+
+    /// Computes the whole map, or the rows from `start` up to `stop`, as a Table in memory. Ctrl-C ends it.
+    #[pyo3(signature = (start=0, stop=None))]
+    fn table(&self, py: Python<'_>, start: u64, stop: Option<u64>) -> PyResult<Table> {
+        let (study, columns) = (&*self.study, self.study.columns().to_vec());
+        let (width, all) = (columns.len(), study.rows());
+        let end = stop.unwrap_or(all).min(all).max(start.min(all));
+        let count = usize::try_from(end - start.min(all)).unwrap_or(usize::MAX);
+        let rows = interruptible(py, |stop| {
+            let mut rows = vec![0.0; count * width];
+            let pieces = rows.par_chunks_mut(CHUNK * width).enumerate().with_max_len(4);
+            pieces.for_each_init(
+                || study.evaluator(),
+                |evaluator, (c, rows)| {
+                    for (k, row) in rows.chunks_exact_mut(width).enumerate() {
+                        if !stop.load(Ordering::Relaxed) {
+                            evaluator.row(start + (c * CHUNK + k) as u64, row);
+                        }
+                    }
+                },
+            );
+            rows
+        })?;
+        Ok(Table::of_rows(columns, &rows))
+    }
+
+    /// Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C leaves a partial file,
+    /// from which resume=True continues.
+    ///
+    /// Raises:
+    ///     StudyError: the file cannot be written, or the partial file cannot be continued.
+    #[pyo3(signature = (path, *, resume=false))]
+    fn write(&self, py: Python<'_>, path: PathBuf, resume: bool) -> PyResult<()> {
+        let file = MapFile { path, rows: 0..self.study.rows(), resume };
+        let study = &*self.study;
+        let written: Result<Written, StudyError> = interruptible(py, |stop| study.write(&file, &|_| {}, stop))?;
+        written.map(drop).map_err(raise)
+    }
+
+    /// One column of the map as a picture, the text of an SVG.
+    fn svg(&self, py: Python<'_>, column: &str) -> PyResult<String> {
+        let study = &*self.study;
+        py.detach(|| study.picture(column)).map_err(raise)
+    }
+
+    /// The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
+    /// fulfil them), "best_median_worst" (or None) and "best", a list of dicts of "row", "q" (nq,), "values" and, for a redundant
+    /// arm, "self_motion" (q and values at the best pose along its self-motion, or None).
+    ///
+    /// Raises:
+    ///     StudyError: a study without [advise].
+    fn advise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (study, columns) = (&*self.study, self.study.columns());
+        let advice = py.detach(|| study.advise()).map_err(raise)?;
+        let pose = |q: &[f64]| array(py, q.to_vec(), &[q.len()]);
+        let mut best = Vec::new();
+        for it in &advice.best {
+            let one = PyDict::new(py);
+            one.set_item("row", it.index)?;
+            one.set_item("q", pose(&it.q)?)?;
+            one.set_item("values", named(py, columns, &it.row)?)?;
+            let moved =
+                it.self_motion.as_ref().map(|(q, row)| -> PyResult<_> { Ok((pose(q)?, named(py, columns, row)?)) });
+            one.set_item("self_motion", moved.transpose()?)?;
+            best.push(one);
+        }
+        let dict = PyDict::new(py);
+        dict.set_item("column", &advice.column)?;
+        dict.set_item("goal", if advice.maximise { "maximise" } else { "minimise" })?;
+        dict.set_item("fulfil", advice.fulfil)?;
+        dict.set_item("best_median_worst", advice.spread.map(|[a, b, c]| (a, b, c)))?;
+        dict.set_item("best", best)?;
+        Ok(dict)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<carom.Study: {} rows of {}>", self.study.rows(), self.columns().join(", "))
+    }
+}
+
+/// The impact map of a study.
+///
+/// Args:
+///     study: a Study, the path of a study file, or a dict with its keys.
+///     out: a file (X.csv or X.parquet) that is written in constant memory; None gives a Table in memory.
+///     folder: the folder to which file names in a dict are relative.
+///
+/// Returns:
+///     A Table, or None with `out`.
+///
+/// Raises:
+///     StudyError, UrdfError: as Study.from_file and Study.write.
+#[pyfunction]
+#[pyo3(signature = (study, out=None, *, folder=PathBuf::from(".")))]
+pub fn map(py: Python<'_>, study: &Bound<'_, PyAny>, out: Option<PathBuf>, folder: PathBuf) -> PyResult<Option<Table>> {
+    let study = Study::read(py, study, folder)?;
+    match out {
+        Some(path) => study.write(py, path, false).map(|()| None),
+        None => study.table(py, 0, None).map(Some),
+    }
+}

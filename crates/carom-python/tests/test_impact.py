@@ -1,0 +1,232 @@
+"""Impacts: single, in batches, with derivatives, under every law and laws in Python."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import carom
+from conftest import close, states
+
+LAWS = [
+    carom.Frictionless(0.5),
+    carom.Whittaker(0.5, 0.3),
+    carom.Newton(0.5, 0.3),
+    carom.Poisson(0.5, 0.3),
+    carom.Energetic(0.5, 0.3),
+    carom.ChatterjeeRuina(0.5, 0.3, 0.1),
+    carom.Brach(0.5, 0.3),
+    carom.Smith(0.5, 0.3),
+]
+NORMAL = np.array([0.2, -0.4, 0.8])
+
+
+def approaching(chain, rng, count):
+    """Random states whose last frame approaches along NORMAL."""
+    q, qd = states(chain, rng, count)
+    u_n = np.einsum("bij,bj->bi", chain.jacobian(q, chain.frames[-1]), qd) @ NORMAL
+    return q, qd * -np.sign(u_n)[:, None]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_every_law_obeys_the_impact_equation(law, arm7, rng):
+    q, qd = approaching(arm7, rng, 400)
+    frame, point = arm7.frames[-1], (0.01, 0.02, -0.03)
+    hit = arm7.impact(q, qd, frame=frame, point=point, normal=NORMAL, law=law)
+    J, M = arm7.jacobian(q, frame, point), arm7.mass_matrix(q)
+    # M (qd⁺ − qd⁻) = Jᵀ p, u = J qd, and the energies are those of M.
+    close(np.einsum("bij,bj->bi", M, hit.qd_plus - qd), np.einsum("bij,bi->bj", J, hit.impulse), 1e-11)
+    close(hit.u_minus, np.einsum("bij,bj->bi", J, qd), 1e-13)
+    close(hit.u_plus, np.einsum("bij,bj->bi", J, hit.qd_plus), 1e-10)
+    close(hit.energy_after, 0.5 * np.einsum("bi,bij,bj->b", hit.qd_plus, M, hit.qd_plus), 1e-10)
+    close(hit.normal_work + hit.friction_work, hit.energy_after - hit.energy_before, 1e-10)
+    if law.name in ("frictionless", "whittaker", "newton", "chatterjee-ruina", "brach", "smith"):
+        met = ~hit.flagged("no-approach") & ~hit.flagged("jam")
+        n = NORMAL / np.linalg.norm(NORMAL)
+        close((hit.u_plus @ n)[met], -0.5 * (hit.u_minus @ n)[met], 1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_a_batch_equals_single_impacts(law, arm7, rng):
+    q, qd = states(arm7, rng, 600)
+    frame = arm7.frames[-1]
+    batch = arm7.impact(q, qd, frame=frame, normal=NORMAL, law=law)
+    assert len(batch) == 600 and "600 states" in repr(batch)
+    for k in range(600):
+        one = arm7.impact(q[k], qd[k], frame=frame, normal=NORMAL, law=law)
+        for name in ("qd_plus", "impulse", "u_minus", "u_plus", "energy_before", "energy_after", "normal_work", "friction_work"):
+            assert np.array_equal(getattr(one, name), getattr(batch, name)[k]), name
+        assert one.mode == batch.mode[k] and one.law == law.name
+        assert one.flags == [f.name.lower().replace("_", "-") for f in carom.Flags if f & batch.flags[k]]
+    assert {"open", "slip"} <= set(batch.mode) and batch.flagged("no-approach").any()
+
+
+def test_laws_show_compare_and_travel():
+    assert repr(carom.Energetic(0.5, 0.2)) == "carom.Energetic(restitution=0.5, friction=0.2)"
+    assert carom.Energetic(0.5, 0.2) == carom.Energetic(0.5, 0.2) != carom.Newton(0.5, 0.2)
+    for law in LAWS + [carom.Brach(0.5, impulse_ratio=-0.2)]:
+        assert isinstance(law, carom.Law)
+        assert pickle.loads(pickle.dumps(law)) == law
+        assert hash(pickle.loads(pickle.dumps(law))) == hash(law)
+    for bad in [lambda: carom.Energetic(1.5), lambda: carom.Newton(0.5, -1), lambda: carom.ChatterjeeRuina(0.5, 0.1, 2)]:
+        with pytest.raises(carom.ImpactError, match="restitution|friction"):
+            bad()
+    with pytest.raises(TypeError, match="both friction and impulse_ratio"):
+        carom.Brach(0.5, 0.2, 0.1)
+
+
+def test_a_list_of_laws_gives_a_list(arm):
+    hits = arm.impact([0.7854, -1.5708], [-0.15, 0.6], frame="tip", normal=[-1, 0, 0], law=LAWS)
+    assert [hit.law for hit in hits] == [law.name for law in LAWS]
+    assert "energetic" in repr(hits[4])
+
+
+def test_derivatives_are_those_of_differences(arm7, rng):
+    q, qd = approaching(arm7, rng, 3)
+    law, frame, step = (0.5, 0.3), arm7.frames[-1], 1e-6
+    batch = arm7.impact(q, qd, frame=frame, normal=NORMAL, law=carom.Energetic(*law), derivatives=True)
+    for k in range(3):
+        after = lambda q, qd, law=law: arm7.impact(q, qd, frame=frame, normal=NORMAL, law=carom.Energetic(*law)).qd_plus
+        by = arm7.impact(q[k], qd[k], frame=frame, normal=NORMAL, law=carom.Energetic(*law), derivatives=True).derivatives
+        for i, unit in enumerate(np.eye(7)):
+            close(by["q"][:, i], (after(q[k] + step * unit, qd[k]) - after(q[k] - step * unit, qd[k])) / (2 * step), 1e-6)
+            close(by["qd"][:, i], (after(q[k], qd[k] + step * unit) - after(q[k], qd[k] - step * unit)) / (2 * step), 1e-6)
+        e, mu = law
+        close(by["restitution"], (after(q[k], qd[k], (e + step, mu)) - after(q[k], qd[k], (e - step, mu))) / (2 * step), 1e-6)
+        close(by["friction"], (after(q[k], qd[k], (e, mu + step)) - after(q[k], qd[k], (e, mu - step))) / (2 * step), 1e-6)
+        for name, value in by.items():
+            assert np.array_equal(batch.derivatives[name][k], value), name
+    assert arm7.impact(q[0], qd[0], frame=frame, normal=NORMAL, law=carom.Energetic(*law)).derivatives is None
+
+
+def test_bands_hold_and_reach_the_outcomes(arm):
+    state = dict(q=[0.7854, -1.5708], qd=[-0.15, 0.6], frame="tip", normal=[-1, 0, 0])
+    band = arm.impact(**state, law=carom.Energetic(0.3, 0.1), band=((0.2, 0.6), (0.0, 0.4))).band
+    low, high = band["qd_plus"].T
+    inside = [
+        arm.impact(**state, law=carom.Energetic(e, mu)).qd_plus for e in np.linspace(0.2, 0.6, 9) for mu in np.linspace(0, 0.4, 9)
+    ]
+    assert np.all(inside >= low - 1e-12) and np.all(inside <= high + 1e-12)
+    close([np.min(inside, axis=0), np.max(inside, axis=0)], [low, high], 0.02)
+    assert band["evaluations"] > 0 and isinstance(band["exact"], bool)
+
+
+def test_the_saltation_matrix_of_a_bouncing_rod_is_the_closed_form():
+    # A slider of one freedom on a plane under gravity g: Ξ = [[-e, 0], [(1+e) g/v, -e]].
+    slider = carom.Chain.from_urdf(
+        """<robot name="slider"><link name="base"/><link name="ball"><inertial><mass value="2"/>
+        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <joint name="rail" type="prismatic"><parent link="base"/><child link="ball"/><axis xyz="0 0 1"/>
+        <limit lower="-9" upper="9" velocity="9" effort="9"/></joint></robot>"""
+    )
+    e, g, v = 0.7, 9.81, -2.0
+    hit = slider.impact(
+        [0.0], [v], frame="ball", normal=(0, 0, 1), law=carom.Newton(e), saltation=True, gravity=(0, 0, -g)
+    )
+    close(hit.saltation["matrix"], [[-e, 0], [(1 + e) * -g / v, -e]], 1e-14)
+    assert hit.saltation["closing"] == v
+
+
+def test_held_joints_take_part(arm):
+    state = dict(q=[0.7854, -1.5708], qd=[-0.15, 0.6], frame="tip", normal=[-1, 0, 0], law=carom.Frictionless(0.5))
+    held = arm.impact(**state, joints=["shoulder"])
+    assert held.qd_plus[0] == -0.15 and held.drive_impulse[1] == 0
+    stiff = arm.impact(**state, joints=dict(stiffness=[1e12, 0.0], damping=0.0, contact_time=1e-2))
+    close(stiff.qd_plus, held.qd_plus, 1e-6)
+    both = arm.impact(np.tile(state["q"], (3, 1)), np.tile(state["qd"], (3, 1)), "tip", [-1, 0, 0], state["law"], joints=["shoulder"])
+    assert np.array_equal(both.drive_impulse[2], held.drive_impulse)
+    with pytest.raises(carom.ImpactError, match="joints locked"):
+        arm.impact(**state, joints="locked")
+    with pytest.raises(carom.ImpactError, match="'stuck'"):
+        arm.impact(**state, joints="stuck")
+    with pytest.raises(carom.ChainError, match="elbwo"):
+        arm.impact(**state, joints=["elbwo"])
+
+
+def newton(H, u):
+    """Newton's law without friction, e = 0.5, from contact axes."""
+    p = np.zeros_like(u)
+    p[-1] = -1.5 * u[-1] / H[-1, -1]
+    return p
+
+
+def test_a_law_in_python_equals_the_same_law_of_carom(arm7, rng):
+    q, qd = states(arm7, rng, 300)
+    args = dict(frame=arm7.frames[-1], normal=NORMAL)
+    own, known = (arm7.impact(q, qd, law=law, **args) for law in (newton, carom.Frictionless(0.5)))
+    for name in ("qd_plus", "impulse", "u_plus", "energy_after", "normal_work"):
+        close(getattr(own, name), getattr(known, name), 1e-12)
+    assert np.array_equal(own.flags, known.flags)
+    one = arm7.impact(q[0], qd[0], law=carom.PythonLaw(newton, 0.5, 0.1, name="mine"), **args)
+    assert one.law == "mine" and np.array_equal(one.qd_plus, own.qd_plus[0])
+    H, u = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, -1.0])
+    close(carom.law(H, u, newton).u_plus, carom.law(H, u, carom.Frictionless(0.5)).u_plus, 1e-15)
+
+
+def test_exceptions_of_a_law_in_python_are_passed_on(arm):
+    class Own(Exception):
+        pass
+
+    def failing(H, u):
+        raise Own("no idea")
+
+    state = dict(q=[0.7854, -1.5708], qd=[-0.15, 0.6], frame="tip", normal=[-1, 0, 0])
+    with pytest.raises(Own, match="no idea"):
+        arm.impact(**state, law=failing)
+    with pytest.raises(Own, match="no idea"):
+        arm.impact(np.tile(state["q"], (3, 1)), np.tile(state["qd"], (3, 1)), "tip", [-1, 0, 0], failing)
+    for wrong, words in [(lambda H, u: [1.0], r"\(1,\).*\(3,\)"), (lambda H, u: "no", "real numbers"), (lambda H, u: None, "real")]:
+        with pytest.raises(TypeError, match=words):
+            arm.impact(**state, law=wrong)
+    with pytest.raises(carom.ImpactError, match="finite"):
+        arm.impact(**state, law=lambda H, u: [0, 0, np.nan])
+    with pytest.raises(carom.ImpactError, match="no derivative"):
+        arm.impact(**state, law=newton, derivatives=True)
+
+
+def test_wrong_requests_are_refused(arm):
+    q, qd = [0.7854, -1.5708], [-0.15, 0.6]
+    law = carom.Energetic(0.5, 0.2)
+    for words, error, call in [
+        ("fixed to the world", carom.ImpactError, lambda: arm.impact(q, qd, "base", [-1, 0, 0], law)),
+        ("direction", carom.ChainError, lambda: arm.impact(q, qd, "tip", [0, 0, 0], law)),
+        ("singular direction", carom.ImpactError, lambda: arm.impact(q, qd, "tip", [0, 0, 1], law)),
+        ("law is str", TypeError, lambda: arm.impact(q, qd, "tip", [-1, 0, 0], "energetic")),
+        ("law is a class", TypeError, lambda: arm.impact(q, qd, "tip", [-1, 0, 0], carom.Energetic)),
+        (r"normal has the shape \(2,\)", carom.StateError, lambda: arm.impact(q, qd, "tip", [-1, 0], law)),
+        (r"qd\[0\] is NaN", carom.StateError, lambda: arm.impact(q, [np.nan, 0], "tip", [-1, 0, 0], law)),
+        ("state 1: qd", carom.StateError, lambda: arm.impact([q, q], [qd, [0, np.inf]], "tip", [-1, 0, 0], law)),
+        ("saltation=True", TypeError, lambda: arm.impact(q, qd, "tip", [-1, 0, 0], law, gravity=(0, 0, 0))),
+        ("one state", TypeError, lambda: arm.impact([q], [qd], "tip", [-1, 0, 0], law, saltation=True)),
+        ("no flag is named", ValueError, lambda: arm.impact([q], [qd], "tip", [-1, 0, 0], law).flagged("glow")),
+    ]:
+        with pytest.raises(error, match=words):
+            call()
+    empty = arm.impact(np.zeros((0, 2)), np.zeros((0, 2)), "tip", [-1, 0, 0], law)
+    assert len(empty) == 0 and empty.qd_plus.shape == (0, 2) and empty.mode.shape == (0,)
+
+
+def test_plain_numbers_have_all_branches():
+    # A rod at 60° whose lower end slides on a floor as rough as 1.5: the impact without collision.
+    H, u = np.array([[3.25, -1.299038105676658], [-1.299038105676658, 1.75]]), np.array([-1.0, 0.0])
+    still, jump = carom.law(H, u, carom.Energetic(0.0, 1.5), branches=True)
+    assert still.impulse.tolist() == [0, 0] and {"jam", "non-unique"} <= set(jump.flags)
+    close(jump.impulse, [0.4375, 0.32475953], 1e-8)
+    with pytest.raises(carom.StateError, match=r"H has the shape \(3, 3\)"):
+        carom.law(np.eye(3), [1.0, -1.0], carom.Newton(0.5))
+    with pytest.raises(carom.ImpactError, match="symmetric"):
+        carom.law([[1.0, 0.5], [0.0, 1.0]], [1.0, -1.0], carom.Newton(0.5))
+    hit = carom.law(np.diag([2.0, 1.0]), [1.0, -1.0], carom.Newton(0.5, 0.1))
+    assert hit.coefficients["newton"] == 0.5 and hit.mode == "slip" and "newton" in repr(hit)
+
+
+def test_a_diagram_has_the_impulse_of_each_law():
+    H, u = np.array([[2.44, 1.52], [1.52, 1.01]]), np.array([-0.267, -0.134])
+    outcomes = carom.law(H, u, [carom.Newton(0.5, 0.5), carom.Poisson(0.5, 0.5), carom.Energetic(0.5, 0.5)])
+    drawn = carom.diagram(H, u, 0.5, outcomes)
+    marks = {mark["name"]: mark["at"] for mark in drawn["marks"] if mark["symbol"] == "law"}
+    for outcome in outcomes:
+        assert np.array_equal(marks[outcome.law], outcome.impulse)
+    assert drawn["svg"].startswith("<svg") and drawn["window"].shape == (2, 2) and drawn["shapes"]
+    with pytest.raises(carom.ImpactError, match="approach"):
+        carom.diagram(H, -u, 0.5, outcomes)

@@ -1,0 +1,201 @@
+"""Scenes, runs, tables, maps, fits and recordings."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+import carom
+from conftest import ROOT, close
+
+SCENES = sorted((ROOT / "scenes").glob("*.toml"))
+
+
+@pytest.fixture(scope="module")
+def bounce():
+    return carom.Scene.from_file(ROOT / "scenes/bounce.toml").simulate()
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_a_scene_from_a_dict_is_the_scene_of_the_file(path):
+    file = carom.Scene.from_file(path)
+    keys = tomllib.loads(path.read_text())
+    own = carom.Scene.from_dict(keys, folder=path.parent)
+    assert file.contacts == own.contacts and file.duration == own.duration and file.surfaces == own.surfaces
+    assert np.array_equal(file.q, own.q) and np.array_equal(file.qd, own.qd)
+    assert file.plan() == own.plan()
+    assert str(len(file.contacts)) in repr(own)
+
+
+def test_a_run_is_that_of_its_samples_events_and_energy(bounce):
+    assert bounce.time.shape == (len(bounce.states),) and np.all(np.diff(bounce.time) >= 0)
+    assert bounce.q.shape == (len(bounce.time), bounce.chain.nq) and bounce.qd.shape == (len(bounce.time), bounce.chain.nv)
+    impacts = [event for event in bounce.events if event.kind == "impact"]
+    assert impacts and bounce.stop_reason == "duration"
+    energy = bounce.energy
+    close(energy["end"], energy["start"] + energy["drive"] + energy["resistance"] - energy["lost_in_impacts"] + energy["error"], 1e-14)
+    assert abs(energy["error"]) < 1e-8 * abs(energy["start"])
+    for event in impacts:
+        assert np.array_equal(event.impact.qd_plus, event.qd_plus)
+        contact, point, impulse = event.impulses[0]
+        assert contact == event.contact and point.shape == (3,)
+        close(impulse, event.impact.impulse, 1e-15)
+        # The ball, of radius 0.05, touches the floor.
+        close(event.q[2], 0.05, 1e-12)
+    close(impacts[0].time, np.sqrt(2 * 1.0 / 9.81), 1e-9)
+    time, q, qd = bounce.last
+    assert time == bounce.time[-1] and np.array_equal(q, bounce.q[-1]) and np.array_equal(qd, bounce.qd[-1])
+    assert bounce.statistics["steps"] > 0 and "events" in repr(bounce) and "impact" in repr(impacts[0])
+
+
+def test_an_impact_of_a_run_is_the_impact_of_its_state(bounce):
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    event = scene.simulate().events[0]
+    hit = event.impact
+    keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())["contact"]
+    law = carom.Energetic(keys["restitution"], keys["friction"])
+    again = scene.chain.impact(event.q, event.qd_minus, frame="tip", normal=[-1, 0, 0], law=law)
+    close(again.qd_plus, hit.qd_plus, 1e-12)
+    assert bounce.events[0].contact
+
+
+def test_samples_are_at_the_interval_that_is_asked_for():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml").with_duration(0.1)
+    run = scene.simulate(sample=0.01)
+    between = [t for t in run.time if t not in [event.time for event in run.events]]
+    close(between, np.linspace(0, 0.1, 11), 1e-12)
+
+
+def test_another_start_and_another_law_give_another_run():
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    slower = scene.with_start(qd=0.5 * scene.qd)
+    assert np.array_equal(slower.q, scene.q) and slower.simulate().events[0].time > scene.simulate().events[0].time
+    plastic = scene.with_law(carom.Newton(0.0), link="tip").simulate().events[0].impact
+    close(plastic.u_plus[0], 0.0, 1e-12)
+    with pytest.raises(ValueError, match="its contacts are"):
+        scene.with_law(carom.Newton(0.0), link="nobody")
+    with pytest.raises(carom.StateError, match="one state"):
+        scene.with_start(q=[scene.q])
+
+
+def test_a_law_in_python_resolves_the_impacts_of_a_scene():
+    def half(H, u):
+        calls.append(u)
+        return [0, 0, -1.5 * u[2] / H[2, 2]]
+
+    calls = []
+    scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml")
+    own = scene.with_law(carom.PythonLaw(half, 0.5)).simulate()
+    known = scene.with_law(carom.Frictionless(0.5)).simulate()
+    assert len(calls) == len([event for event in own.events if event.kind == "impact"]) > 0
+    assert own.events[0].impact.law == "half"
+    close(own.q, known.q, 1e-10)
+
+    def failing(H, u):
+        raise KeyError("of the law")
+
+    with pytest.raises(KeyError, match="of the law"):
+        scene.with_law(failing).simulate()
+
+
+def test_tables_are_the_same_by_every_door(bounce, tmp_path):
+    pandas, polars, pyarrow = (pytest.importorskip(name) for name in ("pandas", "polars", "pyarrow"))
+    for table in (bounce.states, bounce.event_table, carom.Scene.from_file(ROOT / "scenes/table.toml").simulate(sample=0.05).contacts):
+        arrow, columns = pyarrow.table(table), table.numpy()
+        assert arrow.column_names == table.columns == list(columns) and arrow.num_rows == len(table) > 0
+        for name in table.columns:
+            words = arrow[name].to_pylist()
+            expected = [w or None for w in columns[name].tolist()] if columns[name].dtype.kind == "U" else columns[name].tolist()
+            assert words == expected, name
+            assert table.to_polars()[name].cast(polars.String if columns[name].dtype.kind == "U" else polars.Float64).to_list() == expected
+        assert isinstance(table.to_pandas(), pandas.DataFrame)
+        table.write(tmp_path / "x.csv")
+        read = pandas.read_csv(tmp_path / "x.csv")
+        assert list(read.columns) == table.columns and np.array_equal(read["time"], table["time"])
+        with pytest.raises(KeyError, match="the columns are"):
+            table["none"]
+    with pytest.raises(carom.StudyError, match="csv or .parquet"):
+        bounce.states.write(tmp_path / "x.txt")
+    assert "time" in bounce.states and "none" not in bounce.states
+
+
+def test_wrong_scenes_are_refused(tmp_path):
+    keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())
+    with pytest.raises(carom.SimulationError, match="restitutoin.*did you mean"):
+        carom.Scene.from_dict({**keys, "contact": {"restitutoin": 0.5}}, folder=ROOT / "scenes")
+    with pytest.raises(TypeError, match="contact.law is Energetic"):
+        carom.Scene.from_dict({**keys, "contact": {"law": carom.Energetic(0.5)}}, folder=ROOT / "scenes")
+    with pytest.raises(carom.SimulationError, match="cannot be read"):
+        carom.Scene.from_file(tmp_path / "none.toml")
+    with pytest.raises(carom.SimulationError, match="<scene>: line 1"):
+        carom.Scene.from_toml("[robot")
+    arrays = {**keys, "robot": {**keys["robot"], "q": np.array(keys["robot"]["q"]), "urdf": ROOT / "robots/planar2.urdf"}}
+    assert carom.Scene.from_dict(arrays).duration == keys["run"]["duration"]
+
+
+def test_a_map_in_memory_is_the_map_of_the_file(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    study = carom.Study.from_file(ROOT / "studies/self_motion.toml")
+    table = carom.map(study)
+    assert len(study) == len(table) and study.columns == table.columns
+    assert carom.map(ROOT / "studies/self_motion.toml", tmp_path / "map.csv") is None
+    read = pandas.read_csv(tmp_path / "map.csv")
+    for name in table.columns:
+        if table[name].dtype.kind == "f":
+            assert np.array_equal(read[name], table[name], equal_nan=True), name
+        else:
+            assert read[name].fillna("").astype(str).tolist() == table[name].tolist(), name
+    part = study.table(5, 9)
+    assert np.array_equal(part["impulse"], table["impulse"][5:9], equal_nan=True)
+    keys = tomllib.loads((ROOT / "studies/self_motion.toml").read_text())
+    assert carom.map(keys, folder=ROOT / "studies")["impulse"].tobytes() == table["impulse"].tobytes()
+    best = study.advise()["best"][0]
+    fulfil = table["approach_deg"] >= 60
+    assert best["values"]["limit_share"] == np.nanmin(table["limit_share"][fulfil])
+    assert study.svg("impulse").startswith("<svg") and study.units["impulse"] == "N s" and study.axes
+    with pytest.raises(carom.StudyError, match="quantites"):
+        carom.Study.from_dict({**keys, "map": {"quantites": ["impulse"]}}, folder=ROOT / "studies")
+    with pytest.raises(TypeError, match="neither a Study"):
+        carom.map(3)
+
+
+def test_a_fit_finds_the_coefficients_that_made_the_data(arm7, rng):
+    frame, normal = arm7.frames[-1], (0, 0, 1)
+    q, qd = arm7.random_configuration(rng, 60), rng.normal(size=(60, 7))
+    hit = arm7.impact(q, qd, frame=frame, normal=normal, law=carom.Poisson(0.62, 0.23))
+    met = ~hit.flagged("no-approach")
+    fit = carom.fit(chain=arm7, q=q[met], qd_minus=qd[met], qd_plus=hit.qd_plus[met], frame=frame, normal=normal, law="poisson")
+    close([fit.coefficients[name]["value"] for name in ("restitution", "friction")], [0.62, 0.23], 1e-5)
+    assert fit.errors.shape == (met.sum(),) and fit.errors.max() < 1e-5 and fit.fitted_to == "velocities"
+    assert fit.train["count"] + fit.test["count"] == met.sum() == len(fit.trained) and "poisson" in repr(fit)
+    H = rng.normal(size=(40, 3, 4))
+    H = H @ H.transpose(0, 2, 1)
+    u = rng.normal(size=(40, 3)) - [0, 0, 3]
+    after = [carom.law(h, v, carom.Energetic(0.4, 0.3)).u_plus for h, v in zip(H, u)]
+    fit = carom.fit(delassus=H, u_minus=u, u_plus=after)
+    close([fit.coefficients[name]["value"] for name in ("restitution", "friction")], [0.4, 0.3], 1e-5)
+    with pytest.raises(carom.FitError, match="impact 0: .*does not approach"):
+        carom.fit(delassus=H, u_minus=-u, u_plus=after)
+    with pytest.raises(carom.FitError, match="frictionless"):
+        carom.fit(delassus=H, u_minus=u, u_plus=after, law="frictionless")
+    with pytest.raises(carom.StateError, match=r"\(40, 3, 3\)"):
+        carom.fit(delassus=H, u_minus=u[:, :2], u_plus=after)
+    with pytest.raises(TypeError, match="nothing is given"):
+        carom.fit()
+    with pytest.raises(TypeError, match="u_plus is missing"):
+        carom.fit(delassus=H, u_minus=u)
+    with pytest.raises(carom.FitError, match="no URDF"):
+        carom.fit(tosses=ROOT / "scenes")
+    json.dumps(fit.coefficients)
+
+
+def test_a_recording_is_written_or_refused(bounce, tmp_path):
+    path = tmp_path / "run.rrd"
+    if carom.can_record():
+        carom.record(bounce, path)
+        assert path.read_bytes()[:3] == b"RRF"
+    else:
+        with pytest.raises(carom.RecordError, match="--features rerun"):
+            carom.record(bounce, path)
+        assert not path.exists()
