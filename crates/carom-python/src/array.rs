@@ -51,18 +51,20 @@ impl<'py> Numbers<'py> {
             let whole = array.call_method1(intern!(array.py(), "copy"), (intern!(array.py(), "C"),))?;
             return Self::of(what, whole.cast::<PyArrayDyn<f64>>()?);
         }
+        if array.len() <= SMALL {
+            return Ok(Self { shape, held: Held::Own(array.to_vec()?) });
+        }
         let busy = |e| StateError::new_err(format!("{what}: {e}; is it the array that the result is written to?"));
         let read = array.try_readonly().map_err(busy)?;
-        let numbers = read.as_slice()?;
-        let held = if numbers.len() <= SMALL { Held::Own(numbers.to_vec()) } else { Held::Borrowed(read) };
-        Ok(Self { shape, held })
+        // Its layout is fixed while it is borrowed.
+        read.as_slice()?;
+        Ok(Self { shape, held: Held::Borrowed(read) })
     }
 
     /// The entries in the order of C.
     pub fn slice(&self) -> &[f64] {
         match &self.held {
             Held::Own(numbers) => numbers,
-            // It was a slice when it was read, and its layout is fixed while it is borrowed.
             Held::Borrowed(array) => array.as_slice().unwrap_or_default(),
         }
     }

@@ -74,7 +74,11 @@ def test_dynamics_are_those_of_pinocchio(file, floating, rng):
         close(v_pin, pair.T @ qd, 1e-15)
         J = pair.point_jacobian(q_pin, point)
         close(chain.jacobian(q, pair.frame, point), J)
-        close(chain.position(q, pair.frame), data.oMf[model.getFrameId(pair.frame, pin.FrameType.BODY)].translation)
+        frame = model.getFrameId(pair.frame, pin.FrameType.BODY)
+        whole = pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED) @ pair.T
+        close(chain.jacobian(q, pair.frame, full=True), np.vstack([whole[3:], whole[:3]]))
+        close(chain.pose(q, pair.frame), data.oMf[frame].homogeneous)
+        close(chain.position(q, pair.frame), data.oMf[frame].translation)
         if chain.massless_links:
             with pytest.raises(carom.ChainError, match="no dynamics"):
                 chain.forward_dynamics(q, qd)

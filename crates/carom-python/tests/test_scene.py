@@ -120,6 +120,13 @@ def test_tables_are_the_same_by_every_door(bounce, tmp_path):
     assert "time" in bounce.states and "none" not in bounce.states
 
 
+def test_words_that_an_event_does_not_have_are_empty():
+    table = carom.Scene.from_file(ROOT / "scenes/table.toml").simulate().event_table
+    kind, mode = table["kind"], table["mode"]
+    assert {"impact"} < set(kind)
+    assert np.array_equal(mode != "", kind == "impact")
+
+
 def test_wrong_scenes_are_refused(tmp_path):
     keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())
     with pytest.raises(carom.SimulationError, match="restitutoin.*did you mean"):
