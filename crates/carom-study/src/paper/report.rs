@@ -65,7 +65,7 @@ impl From<ChainError> for PaperError {
 /// # Errors
 /// Does not occur: the file is compiled into the program and tested.
 pub fn stand_in() -> Result<Chain, ChainError> {
-    Chain::from_urdf_str(include_str!("../../../../robots/planar2.urdf"), &LoadOptions::default())
+    Chain::from_urdf_str(include_str!("../../data/planar2.urdf"), &LoadOptions::default())
 }
 
 /// Impacts at one angle of one elbow at 0.2 m/s.
@@ -130,7 +130,7 @@ impl Paper {
                 rows.push(Row { newton: struck(e)?, energy: struck(root)?, measured: root });
             }
         }
-        let table = measured_from(include_str!("../../../../docs/table1.csv"), Path::new("docs/table1.csv"), None);
+        let table = measured_from(include_str!("../../data/table1.csv"), Path::new("docs/table1.csv"), None);
         let table = table.map_err(|e| PaperError::Figure(e.to_string()))?;
         let mut paper = Self {
             arm: arm.name().to_owned(),
