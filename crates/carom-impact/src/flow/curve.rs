@@ -5,7 +5,7 @@ use std::cell::Cell;
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::series::root;
+use super::series::{guess, root};
 use super::turn::{CHANGES, Start, Turn};
 use super::{Rates, Return, State, Step};
 use crate::contact::Contact;
@@ -18,15 +18,29 @@ pub(super) struct Curve<'a, T> {
     contact: &'a Contact<T>,
     mu: T,
     state: State<T>,
-    turn: Turn,
+    turn: &'a Turn,
+    /// τ from which impulses and works are counted: 0, or the end of compression.
+    from: f64,
+    /// The step up to there.
+    before: Option<Step<T>>,
     /// The step to an event, without what its derivative moves, and its τ.
     event: Cell<Option<(f64, Step<T>)>>,
 }
 
+/// A step whose series serves restitution, too.
+pub(super) struct Resume<T> {
+    /// The state at its start.
+    state: State<T>,
+    /// τ at the end of compression.
+    from: f64,
+    /// The step up to there.
+    before: Step<T>,
+}
+
 impl<'a, T: RealField + Copy> Curve<'a, T> {
     #[inline]
-    pub fn new(contact: &'a Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>) -> Self {
-        let turn = Turn::new(Start {
+    pub fn new(contact: &'a Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>, turn: &'a mut Turn) -> Self {
+        turn.begin(Start {
             tangents: contact.tangents.map(plain),
             coupling: contact.coupling.map(plain),
             normal: plain(contact.normal),
@@ -36,7 +50,24 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
             r: plain(state.r),
             v_n: plain(state.v_n),
         });
-        Self { contact, mu, state: *state, turn, event: Cell::new(None) }
+        Self { contact, mu, state: *state, turn, from: 0.0, before: None, event: Cell::new(None) }
+    }
+
+    /// A step after its end of compression.
+    pub fn resumed(contact: &'a Contact<T>, mu: T, rest: &Resume<T>, turn: &'a Turn) -> Self {
+        let Resume { state, from, before } = *rest;
+        Self { contact, mu, state, turn, from, before: Some(before), event: Cell::new(None) }
+    }
+
+    /// The rest of this step after its end of compression at τ = t, up to which it has advanced by `before`.
+    pub fn resume(&self, t: T, before: Step<T>) -> Resume<T> {
+        Resume { state: self.state, from: plain(t), before }
+    }
+
+    /// The intervals on which v_n is monotone.
+    fn intervals(&self) -> impl Iterator<Item = (f64, f64)> {
+        let from = self.from;
+        self.turn.intervals().filter(move |&(_, to)| to > from).map(move |(start, to)| (start.max(from), to))
     }
 
     pub fn end(&self) -> T {
@@ -46,7 +77,8 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     /// The τ at which `v_n = 0` is reached from below, if it lies within the step.
     pub fn rises(&self) -> Option<T> {
         let (from, to) = self.turn.intervals().find(|&(_, to)| self.turn.v_n(to).0 >= 0.0)?;
-        let t = root(from, to, |t| self.turn.v_n(t));
+        let v_n = |t: f64| self.turn.v_n(t);
+        let t = root(from, to, guess((from, v_n(from)), (to, v_n(to))), v_n);
         Some(self.moved(t, |step| step.v_n, self.turn.v_n(t).1))
     }
 
@@ -54,15 +86,25 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
     pub fn reaches(&self, dp: T) -> Option<T> {
         let (end, dp) = (self.turn.end(), plain(dp));
         let shifted = |(p, slope): (f64, f64)| (p - dp, slope);
-        (self.turn.p(end).0 >= dp).then(|| convert(root(0.0, end, |t| shifted(self.turn.p(t)))))
+        (self.turn.p(end).0 >= dp).then(|| convert(root(0.0, end, end, |t| shifted(self.turn.p(t)))))
     }
 
     pub fn returns(&self, state: &State<T>, end: &End<T>) -> Return<T> {
-        let turn = &self.turn;
+        let turn = self.turn;
         let aim = match end.ending {
             Ending::Impulse => end.e * end.pc - state.p,
             Ending::Velocity => -end.e * end.v_n_minus,
             Ending::Work => -end.e * end.e * end.work - state.normal_work,
+        };
+        let of = |step: &Step<T>| match end.ending {
+            Ending::Impulse => step.p,
+            Ending::Velocity => step.v_n,
+            Ending::Work => step.normal_work,
+        };
+        // From the end of compression v_n is counted from zero.
+        let aim = match &self.before {
+            Some(before) if end.ending != Ending::Velocity => aim + of(before),
+            _ => aim,
         };
         let over = |t: f64| {
             let (value, slope) = match end.ending {
@@ -72,14 +114,15 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
             };
             (value - plain(aim), slope)
         };
-        for (from, to) in turn.intervals() {
+        for (from, to) in self.intervals() {
             let falls = turn.v_n(to).0 < 0.0;
             let falling = |t: f64| {
                 let (v_n, slope) = turn.v_n(t);
                 (-v_n, -slope)
             };
-            let last = if falls { root(from, to, falling) } else { to };
-            if over(last).0 >= 0.0 {
+            let last = if falls { root(from, to, to, falling) } else { to };
+            let beyond = over(last);
+            if beyond.0 >= 0.0 {
                 if end.ending == Ending::Work && end.e == T::zero() {
                     // W_n is quadratic at v_n = 0; this is its root to first order in e, at e = 0.
                     let bend = turn.bend();
@@ -89,16 +132,15 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
                         T::zero()
                     });
                 }
-                let t = root(from, last, over);
-                let reached = |step: &Step<T>| {
-                    let value = match end.ending {
-                        Ending::Impulse => step.p,
-                        Ending::Velocity => step.v_n,
-                        Ending::Work => step.normal_work,
-                    };
-                    value - aim
+                let first = over(from);
+                let near = if end.ending == Ending::Work {
+                    // W_n grows with the square of the time since v_n = 0.
+                    from + (last - from) * (-first.0 / (beyond.0 - first.0)).sqrt()
+                } else {
+                    guess((from, first), (last, beyond))
                 };
-                return Return::Ends(self.moved(t, reached, over(t).1));
+                let t = root(from, last, near, over);
+                return Return::Ends(self.moved(t, |step| of(step) - aim, over(t).1));
             }
             if falls {
                 return Return::Falls(self.moved(last, |step| step.v_n, turn.v_n(last).1));
@@ -118,13 +160,25 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
         t_0 - rest(of(&step)) / convert(slope)
     }
 
-    pub fn at(&self, t: T) -> Step<T> {
+    fn whole(&self, t: T) -> Step<T> {
         let x = plain(t);
         if !has_derivatives::<T>() {
             return self.to(x);
         }
         let step = self.event.get().filter(|(event, _)| *event == x).map_or_else(|| self.to(x), |(_, step)| step);
         self.later(step, rest(t) * convert(self.turn.by_scale()))
+    }
+
+    /// The step to τ = t, without what lies before the end of compression.
+    pub fn at(&self, t: T) -> Step<T> {
+        let step = self.whole(t);
+        self.before.as_ref().map_or(step, |before| Step {
+            p: step.p - before.p,
+            p_t: step.p_t - before.p_t,
+            normal_work: step.normal_work - before.normal_work,
+            friction_work: step.friction_work - before.friction_work,
+            ..step
+        })
     }
 
     /// The step to τ.

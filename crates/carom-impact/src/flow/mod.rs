@@ -46,18 +46,22 @@ use nalgebra::{RealField, SVector, Vector2};
 use crate::cone::shift;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode, Phase};
-use crate::problem::rounding;
+use crate::problem::{plain, rounding};
 use crate::routh::{End, Ending, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactProblem};
-use curve::Curve;
+use curve::{Curve, Resume};
 use line::Line;
 pub use path::{ImpulsePath, InvariantDirection, PathPoint};
+use turn::Turn;
 
 /// A slip below this multiple of ε times the speeds before the impact counts as about to stop or just begun.
 const SLOW: f64 = 1.0 / 64.0;
 
 /// A rate of turning below this multiple of ε times the terms that cancel in it counts as zero.
 const STRAIGHT: f64 = 4.0;
+
+/// Restitution below this coefficient does not use the series of compression.
+const SMALL: f64 = 1.0 / 32.0;
 
 /// Limit of pieces, far above the some dozens that impacts need; beyond it slip counts as straight.
 const PIECES: usize = 4096;
@@ -167,6 +171,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let contact = Contact::of(problem);
     let mut flow = Flow::new(&contact, mu);
     let mut state = State::start(&contact);
+    let mut turn = Turn::new();
     // Without slip: a slip of value 0 with a derivative stops at once if the contact sticks.
     if state.r == zero && flow.departure().heading.amax() == zero {
         state.p_t = -contact.mobility().least_solution(&contact.slip);
@@ -174,13 +179,15 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     }
     let (mut slip_end, mut slip_stop) = (None, None);
     let (down, up) = loop {
-        let stopped = flow.compress(&mut state)?;
+        let (stopped, curve) = flow.compress(&mut state, &mut turn)?;
         slip_end = slip_end.or(stopped.is_some().then_some(Phase::Compression));
         slip_stop = slip_stop.or(stopped);
         let down = state;
         state = down.turn();
         let end = End { ending, e, v_n_minus: contact.v_n, pc: down.p, work: down.normal_work };
-        let (over, stopped) = flow.restore(&mut state, &end);
+        // A small work of restitution would be lost beside that of compression: a series of its own has it.
+        let curve = curve.filter(|_| plain(e) >= SMALL);
+        let (over, stopped) = flow.restore(&mut state, &end, curve, &mut turn);
         let phase = if over { Phase::Restitution } else { Phase::Compression };
         slip_end = slip_end.or(stopped.is_some().then_some(phase));
         slip_stop = slip_stop.or(stopped.map(|p| down.p + p));
@@ -236,7 +243,10 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
 
     /// The piece that follows this state.
     #[inline]
-    fn piece(&mut self, state: &mut State<T>) -> Piece<'a, T> {
+    fn piece<'t>(&mut self, state: &mut State<T>, turn: &'t mut Turn) -> Piece<'t, T>
+    where
+        'a: 't,
+    {
         self.pieces += 1;
         let rates = self.rates(&state.heading);
         if state.r == T::zero() || (state.r <= self.slow && rates.radial >= T::zero()) {
@@ -248,7 +258,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             let doubt = rates.scale * rounding(1024.0);
             Piece::Line(Line::slip(self.contact, self.mu, state.heading, rates.radial, doubt))
         } else {
-            Piece::Curve(Curve::new(self.contact, self.mu, &rates, state))
+            Piece::Curve(Curve::new(self.contact, self.mu, &rates, state, turn))
         };
         if let Piece::Line(line) = &piece {
             self.jams |= line.normal_rate <= T::zero();
@@ -256,11 +266,16 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         piece
     }
 
-    /// Integrates to `v_n = 0`; returns the impulse at which slip stopped, if it did.
-    fn compress(&mut self, state: &mut State<T>) -> Result<Option<T>, ImpactError> {
-        let mut stopped = None;
+    /// Integrates to `v_n = 0`; returns the impulse at which slip stopped, if it did, and the rest of the last curve.
+    #[allow(clippy::type_complexity)] // two results, used at once
+    fn compress(
+        &mut self,
+        state: &mut State<T>,
+        turn: &mut Turn,
+    ) -> Result<(Option<T>, Option<Resume<T>>), ImpactError> {
+        let (mut stopped, mut rest) = (None, None);
         loop {
-            match self.piece(state) {
+            match self.piece(state, turn) {
                 Piece::Line(line) => {
                     if let Some(dp) = line.rises(state) {
                         state.advance(line.at(state, dp));
@@ -278,15 +293,17 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
                     let rises = curve.rises();
                     let t = rises.unwrap_or_else(|| curve.end());
                     self.jams |= curve.jams(t);
-                    state.advance(curve.at(t));
+                    let step = curve.at(t);
+                    state.advance(step);
                     if rises.is_some() {
+                        rest = Some(curve.resume(t, step));
                         break;
                     }
                 }
             }
         }
         state.v_n = T::zero();
-        Ok(stopped)
+        Ok((stopped, rest))
     }
 
     /// Whether a contact whose v_n no impulse changes is at `v_n = 0` within rounding; otherwise it wedges.
@@ -301,10 +318,19 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
 
     /// Integrates to the end of restitution, or back to `v_n = 0` before it. Returns whether restitution is over, and
     /// the impulse since its start at which slip stopped.
-    fn restore(&mut self, state: &mut State<T>, end: &End<T>) -> (bool, Option<T>) {
+    fn restore(
+        &mut self,
+        state: &mut State<T>,
+        end: &End<T>,
+        mut rest: Option<Resume<T>>,
+        turn: &mut Turn,
+    ) -> (bool, Option<T>) {
         let mut stopped = None;
         loop {
-            let piece = self.piece(state);
+            let piece = match rest.take() {
+                Some(rest) => Piece::Curve(Curve::resumed(self.contact, self.mu, &rest, turn)),
+                None => self.piece(state, turn),
+            };
             let found = match &piece {
                 Piece::Line(line) => line.returns(state, end),
                 Piece::Curve(curve) => curve.returns(state, end),

@@ -13,7 +13,7 @@
 
 use nalgebra::{SVector, Vector2};
 
-use super::{Flow, Piece, State, length};
+use super::{Flow, Piece, State, Turn, length};
 use crate::contact::Contact;
 use crate::laws::check_friction;
 use crate::problem::rounding;
@@ -217,10 +217,10 @@ impl<'a, const D: usize> Walk<'a, D> {
     fn follow(mut self, mu: f64, normal_impulse: f64) -> Result<ImpulsePath<D>, ImpactError> {
         let mut flow = Flow::new(self.contact, mu);
         let mut compression_end = (self.contact.v_n >= 0.0).then_some(0);
-        let mut slip_end = None;
+        let (mut slip_end, mut turn) = (None, Turn::new());
         while compression_end.is_none() || self.state.p < normal_impulse {
             let room = compression_end.map(|_| normal_impulse - self.state.p);
-            match flow.piece(&mut self.state) {
+            match flow.piece(&mut self.state, &mut turn) {
                 Piece::Line(line) => {
                     let rises = line.rises(&self.state).filter(|_| room.is_none());
                     let stops = line.end(&self.state).filter(|_| !(line.locked && room.is_none()));

@@ -21,12 +21,17 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use pulp::{Arch, Simd, WithSimd};
+
 use super::gauss::{COUNT, NODES, WEIGHTS, running, whole};
-use super::series::{ORDER, Series, inverse, root, with_slope};
+use super::series::{Series, TERMS, inverse, root, value, with_slope};
 use crate::contact::length;
 
 /// Truncation allowed in a step.
 const FINE: f64 = f64::EPSILON / 16.0;
+
+/// Products that are added side by side.
+const BLOCK: usize = 4;
 
 /// A smaller coefficient may have underflowed.
 const LEAST: f64 = 8.0 / f64::MAX;
@@ -51,17 +56,18 @@ pub(super) struct Start {
     pub v_n: f64,
 }
 
-/// One step of Taylor's method.
+/// One step of Taylor's method. The memory is made once for an impact.
 pub(super) struct Turn {
     start: Start,
     /// `1/κ`.
     by_scale: f64,
-    /// v_t.
-    slip: Series<Vector2<f64>>,
-    /// r and v_n.
-    speeds: Series<Vector2<f64>>,
-    /// `r²` and `r v_n`.
-    squares: Series<Vector2<f64>>,
+    /// v_t/r(0).
+    slip: [Series; 2],
+    /// r/r(0).
+    speed: Series,
+    v_n: Series,
+    /// `r v_n/r(0)`.
+    power: Series,
     /// Ends of the intervals on which v_n is monotone; the last is the end of the step.
     cuts: [f64; 4],
     intervals: usize,
@@ -97,83 +103,165 @@ fn across(u: Vector2<f64>) -> Vector2<f64> {
 }
 
 impl Turn {
-    #[inline(always)]
-    pub fn new(start: Start) -> Self {
-        let Start { tangents, coupling, normal, mu, r: r_0, v_n: v_0, .. } = start;
-        let (none, by_scale) = (Vector2::zeros(), 1.0 / start.scale);
-        let (drive, hold, rise) = (coupling * by_scale, tangents * (mu * by_scale), normal * by_scale);
-        let mut slip = [none; ORDER + 1];
-        let mut speeds = [none; ORDER + 1];
-        let mut squares = [none; ORDER + 1];
-        slip[0] = start.heading * r_0;
-        speeds[0] = Vector2::new(r_0, v_0);
-        squares[0] = speeds[0] * r_0;
-        let by_twice = 1.0 / (r_0 + r_0);
-        for k in 1..=ORDER {
-            let (v, r, by) = (slip[k - 1], speeds[k - 1].x, inverse(k));
-            let v_t = (drive * r - hold.column(0) * v.x - hold.column(1) * v.y) * by;
-            let v_n = (rise * r - mu * drive.dot(&v)) * by;
-            // Coefficient k of the products (Cauchy), from the middle outwards: the newest coefficients enter last.
-            // `half` contains half the terms of v_t·v_t, `ours` and `theirs` those of (r², r v_n) without r₀ r_k.
-            let (mut half, mut ours, mut theirs) = (none, none, none);
-            for i in (1..k.div_ceil(2)).rev() {
-                let j = k - i;
-                half += slip[i].component_mul(&slip[j]);
-                ours += speeds[i] * speeds[j].x;
-                theirs += speeds[j] * speeds[i].x;
-            }
-            half += slip[0].component_mul(&v_t);
-            let (mut whole, mut rest) = (half + half, ours + theirs);
-            if k % 2 == 0 {
-                let i = k / 2;
-                whole += slip[i].component_mul(&slip[i]);
-                rest += speeds[i] * speeds[i].x;
-            }
-            let square = whole.x + whole.y;
-            let r = (square - rest.x) * by_twice;
-            slip[k] = v_t;
-            speeds[k] = Vector2::new(r, v_n);
-            squares[k] = Vector2::new(square, rest.y + r_0 * v_n + r * v_0);
+    /// Memory for steps.
+    pub fn new() -> Self {
+        let (none, zero) = (Vector2::zeros(), [0.0; TERMS]);
+        let start = Start {
+            tangents: Matrix2::zeros(),
+            coupling: none,
+            normal: 0.0,
+            mu: 0.0,
+            scale: 1.0,
+            heading: none,
+            r: 0.0,
+            v_n: 0.0,
+        };
+        Self {
+            start,
+            by_scale: 1.0,
+            slip: [zero; 2],
+            speed: zero,
+            v_n: zero,
+            power: zero,
+            cuts: [0.0; 4],
+            intervals: 1,
         }
-        let mut turn = Self { start, by_scale, slip, speeds, squares, cuts: [0.0; 4], intervals: 1 };
-        turn.cuts[0] = turn.length();
-        if mu * length(&coupling) > normal {
-            turn.cut();
-        }
-        turn
     }
 
-    /// The τ at which the last two terms of v_t, r and r² (in the works) are at rounding.
+    /// Computes the step from this start.
+    pub fn begin(&mut self, start: Start) {
+        (self.start, self.by_scale) = (start, 1.0 / start.scale);
+        Arch::new().dispatch(Expand(self));
+        (self.cuts[0], self.intervals) = (self.length(), 1);
+        if start.mu * length(&start.coupling) > start.normal {
+            self.cut();
+        }
+    }
+
+    /// The coefficients, by recursion. With `k v_k = drive r_{k-1} - hold v_{k-1}` and `r² = v·v`, in units of r(0),
+    ///
+    /// ```text
+    /// r_k = v_0·v_k + Σ_{0<i<k/2} (v_i·v_{k-i} - r_i r_{k-i}) + ½ (v_{k/2}² - r_{k/2}²)
+    /// ```
+    ///
+    /// Each r_k waits for the one before it, so r_{k-1} enters with one product, and the products of earlier blocks
+    /// are added up before a block of coefficients begins.
+    #[inline(always)]
+    fn expand(&mut self) {
+        let Start { tangents, coupling, normal, mu, heading: u, r: r_0, v_n: v_0, .. } = self.start;
+        let (drive, hold) = (coupling * self.by_scale, tangents * (mu * self.by_scale));
+        // v_0·v_k = (along r_{k-1} - across·v_{k-1})/k.
+        let (along, across) = (u.dot(&drive), hold * u);
+        let (a, b, d) = (hold[(0, 0)], hold[(0, 1)], hold[(1, 1)]);
+        let next = |k: usize, [x, y, r]: [f64; 3], [x_1, y_1, r_1]: [f64; 3], sum: f64| {
+            let by = inverse(k);
+            let rest = (x_1 - across.x * by) * x + (y_1 - across.y * by) * y;
+            let v = [(drive.x * r - (a * x + b * y)) * by, (drive.y * r - (b * x + d * y)) * by];
+            [v[0], v[1], (along * by - r_1) * r + (rest + sum)]
+        };
+        // (x, y, r) of the first coefficients.
+        let zero = [u.x, u.y, 1.0];
+        let one = next(1, zero, [0.0; 3], 0.0);
+        let two = next(2, one, one.map(|x| 0.5 * x), 0.0);
+        let three = next(3, two, one, 0.0);
+        let four = next(4, three, one, 0.5 * product(two, two));
+        let five = next(5, four, one, product(two, three));
+        let six = next(6, five, one, product(two, four) + 0.5 * product(three, three));
+        let seven = next(7, six, one, product(two, five) + product(three, four));
+        self.put(0, [zero, one, two, three]);
+        let mut last = [four, five, six, seven];
+        self.put(BLOCK, last);
+        for from in (2 * BLOCK..TERMS).step_by(BLOCK) {
+            let mut sums = [0.0; BLOCK];
+            for i in BLOCK..from / 2 {
+                let [x, y, r] = self.get(i);
+                let [x_j, y_j, r_j] = [&self.slip[0], &self.slip[1], &self.speed].map(|of| block(of, from - i));
+                for l in 0..BLOCK {
+                    sums[l] += x * x_j[l] + (y * y_j[l] - r * r_j[l]);
+                }
+            }
+            let [m, n, o, p] = [0, 1, 2, 3].map(|i| self.get(from / 2 + i));
+            sums[0] += 0.5 * product(m, m) + (product(two, last[2]) + product(three, last[1]));
+            sums[1] += product(m, n) + (product(two, last[3]) + product(three, last[2]));
+            sums[2] += (product(m, o) + 0.5 * product(n, n)) + product(three, last[3]);
+            sums[3] += product(m, p) + product(n, o);
+            let first = next(from, last[3], one, sums[0]);
+            let second = next(from + 1, first, one, sums[1]);
+            let third = next(from + 2, second, one, sums[2] + product(two, first));
+            let rest = product(two, second) + product(three, first);
+            last = [first, second, third, next(from + 3, third, one, sums[3] + rest)];
+            self.put(from, last);
+        }
+        let Self { slip: [x, y], speed: r, power, .. } = self;
+        let (rise, fall) = (normal * self.by_scale * r_0, drive * (mu * r_0));
+        // Zeros before the coefficients of v_n, for the products below.
+        let mut v_n = [0.0; BLOCK + TERMS];
+        v_n[BLOCK] = v_0;
+        for k in 1..TERMS {
+            v_n[BLOCK + k] = (rise * r[k - 1] - (fall.x * x[k - 1] + fall.y * y[k - 1])) * inverse(k);
+        }
+        for from in (0..TERMS).step_by(BLOCK) {
+            let mut sum = [0.0; BLOCK];
+            for i in 0..from + BLOCK {
+                let speeds = block(&v_n, BLOCK + from - i);
+                for l in 0..BLOCK {
+                    sum[l] += r[i] * speeds[l];
+                }
+            }
+            power[from..from + BLOCK].copy_from_slice(&sum);
+        }
+        self.v_n.copy_from_slice(&v_n[BLOCK..]);
+    }
+
+    /// (x, y, r) of coefficient k.
+    #[inline(always)]
+    fn get(&self, k: usize) -> [f64; 3] {
+        [self.slip[0][k], self.slip[1][k], self.speed[k]]
+    }
+
+    #[inline(always)]
+    fn put(&mut self, from: usize, of: [[f64; 3]; BLOCK]) {
+        let Self { slip: [x, y], speed, .. } = self;
+        for (i, series) in [x, y, speed].into_iter().enumerate() {
+            series[from..from + BLOCK].copy_from_slice(&of.map(|of| of[i]));
+        }
+    }
+
+    /// The τ at which the last two terms of v_t, r and W_n are at rounding.
     #[inline]
     fn length(&self) -> f64 {
-        let first = self.speeds[0].x;
+        let Start { coupling, normal, mu, r, v_n, .. } = self.start;
+        let by_speed = 1.0 / (v_n.abs() + (normal + mu * coupling.amax()) * self.by_scale * r);
         let reach = |k: usize| {
-            let turn = self.slip[k].amax();
-            let work = self.squares[k].x / (first * k as f64);
-            let size = turn.max(self.speeds[k].x.abs()).max(work.abs()).max(LEAST) / first;
-            (FINE / size).powf(inverse(k))
+            let turn = self.slip[0][k].abs().max(self.slip[1][k].abs());
+            let work = (self.power[k] * inverse(k) * by_speed).abs();
+            // Half the coefficient of r².
+            let half: f64 = (0..k.div_ceil(2)).map(|i| self.speed[i] * self.speed[k - i]).sum();
+            let size = turn.max(self.speed[k].abs()).max(work).max((2.0 * half * inverse(k)).abs()).max(LEAST);
+            (FINE / size).log2() * inverse(k)
         };
-        reach(ORDER).min(reach(ORDER - 1)).min(1e3)
+        reach(TERMS - 1).min(reach(TERMS - 2)).exp2().min(1e3)
     }
 
     /// v_n and its slope.
     #[inline]
     pub fn v_n(&self, t: f64) -> (f64, f64) {
-        with_slope(|k| self.speeds[k].y, t)
+        with_slope(|k| self.v_n[k], t)
     }
 
     /// `κ dv_n/dτ = C r - μ h·v_t` changes sign at most once on either side of the direction of h, where it is least.
     fn cut(&mut self) {
         let end = self.cuts[0];
         let (h, c) = (self.start.coupling, self.start.normal);
-        let beside = |t: f64| with_slope(|k| self.slip[k].perp(&h), t);
-        let rate = |t: f64| with_slope(|k| c * self.speeds[k].x - self.start.mu * self.slip[k].dot(&h), t);
+        let Self { slip: [x, y], speed, .. } = &*self;
+        let beside = |t: f64| with_slope(|k| x[k] * h.y - y[k] * h.x, t);
+        let rate = |t: f64| with_slope(|k| c * speed[k] - self.start.mu * (x[k] * h.x + y[k] * h.y), t);
         // A zero between the ends, of either sign change.
         let crossing = |f: &dyn Fn(f64) -> (f64, f64), from: f64, to: f64| {
             let (first, last) = (f(from).0, f(to).0);
             let sign = if last >= 0.0 { 1.0 } else { -1.0 };
             (first * sign < 0.0).then(|| {
-                root(from, to, |t| {
+                root(from, to, to, |t| {
                     let (value, slope) = f(t);
                     (value * sign, slope * sign)
                 })
@@ -206,50 +294,42 @@ impl Turn {
         self.cuts[self.intervals - 1]
     }
 
-    #[inline]
+    /// Impulses and works up to τ. The work of friction is the whole work `½ P·(u(0) + u)` without W_n.
     pub fn sums(&self, t: f64) -> Sums {
-        let none = Vector2::zeros();
-        // The slip, and the integrals of slip, r and works divided by t.
-        let (mut slip, mut path, mut impulse, mut works) = (none, none, 0.0, none);
-        for k in (0..=ORDER).rev() {
-            let by = inverse(k + 1);
-            slip = slip * t + self.slip[k];
-            path = path * t + self.slip[k] * by;
-            impulse = impulse * t + self.speeds[k].x * by;
-            works = works * t + self.squares[k] * by;
-        }
-        let (r, by) = (length(&slip), t * self.by_scale);
-        let friction = -self.start.mu * by;
-        Sums {
-            p: impulse * by,
-            p_t: path * friction,
-            normal_work: works.y * by,
-            friction_work: works.x * friction,
-            heading: slip / r,
-            r,
-        }
+        let Self { start, slip: [x, y], speed, power, .. } = self;
+        let slip = Vector2::new(value(|k| x[k], t), value(|k| y[k], t));
+        let over = |of: &Series| value(|k| of[k] * inverse(k + 1), t) * (t * self.by_scale * start.r);
+        let path = Vector2::new(over(x), over(y));
+        let (p, normal_work) = (over(speed), over(power));
+        let p_t = path * -start.mu;
+        let rise = start.normal * p + start.coupling.dot(&p_t);
+        let work = p * (start.v_n + 0.5 * rise) + 0.5 * start.r * p_t.dot(&(start.heading + slip));
+        let r = length(&slip);
+        Sums { p, p_t, normal_work, friction_work: (work - normal_work).min(0.0), heading: slip / r, r: r * start.r }
     }
 
-    /// The integral over `dτ/κ` of a series, with its slope.
-    fn sum(&self, of: impl Fn(usize) -> f64, t: f64) -> (f64, f64) {
-        with_slope(|k| if k == 0 { 0.0 } else { of(k - 1) * (self.by_scale * inverse(k)) }, t)
+    /// The integral over `dτ/κ` of a series times r(0), with its slope.
+    #[inline(always)]
+    fn sum(&self, of: &Series, t: f64) -> (f64, f64) {
+        let by = self.by_scale * self.start.r;
+        let (mean, slope) = with_slope(|k| of[k] * inverse(k + 1), t);
+        (mean * t * by, (mean + t * slope) * by)
     }
 
     /// p and its slope.
     pub fn p(&self, t: f64) -> (f64, f64) {
-        self.sum(|k| self.speeds[k].x, t)
+        self.sum(&self.speed, t)
     }
 
     /// W_n and its slope.
-    #[inline]
     pub fn normal_work(&self, t: f64) -> (f64, f64) {
-        self.sum(|k| self.squares[k].y, t)
+        self.sum(&self.power, t)
     }
 
     /// Whether v_n decreases anywhere up to t.
     pub fn jams(&self, t: f64) -> bool {
         let passed = self.cuts[..self.intervals - 1].iter().filter(|&&cut| cut < t);
-        self.speeds[1].y <= 0.0 || self.intervals > 1 && passed.chain([&t]).any(|&t| self.v_n(t).1 < 0.0)
+        self.v_n[1] <= 0.0 || self.intervals > 1 && passed.chain([&t]).any(|&t| self.v_n(t).1 < 0.0)
     }
 
     /// `1/κ`.
@@ -259,7 +339,7 @@ impl Turn {
 
     /// `W_n''/2` at `v_n = 0`.
     pub fn bend(&self) -> f64 {
-        self.squares[1].y * self.by_scale / 2.0
+        self.power[1] * self.start.r * self.by_scale / 2.0
     }
 
     /// `δf` and `δg` for each parameter.
@@ -276,8 +356,8 @@ impl Turn {
         for from in (0..COUNT).step_by(PART) {
             let x: [f64; PART] = std::array::from_fn(|i| t * NODES[from + i]);
             let mut sums = [[0.0; PART]; 3];
-            for k in (0..=ORDER).rev() {
-                for (sum, c) in sums.iter_mut().zip([self.slip[k].x, self.slip[k].y, self.speeds[k].y]) {
+            for k in (0..TERMS).rev() {
+                for (sum, c) in sums.iter_mut().zip([self.slip[0][k], self.slip[1][k], self.v_n[k]]) {
                     for i in 0..PART {
                         sum[i] = sum[i] * x[i] + c;
                     }
@@ -288,7 +368,7 @@ impl Turn {
             }
         }
         let [x, y, v_n] = all;
-        ([x, y], v_n)
+        ([x, y].map(|of| of.map(|slip| slip * self.start.r)), v_n)
     }
 
     pub fn response(&self, t: f64) -> Response {
@@ -352,4 +432,30 @@ impl Turn {
         }
         out
     }
+}
+
+/// The coefficients, computed with the vector instructions of the processor.
+struct Expand<'a>(&'a mut Turn);
+
+impl WithSimd for Expand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.0.expand();
+    }
+}
+
+/// A block of a series.
+#[inline(always)]
+fn block<const N: usize>(of: &[f64; N], from: usize) -> [f64; BLOCK] {
+    let mut block = [0.0; BLOCK];
+    block.copy_from_slice(&of[from..from + BLOCK]);
+    block
+}
+
+/// `v·w - r s` of coefficients (v, r) and (w, s).
+#[inline(always)]
+fn product([x, y, r]: [f64; 3], [v, w, s]: [f64; 3]) -> f64 {
+    x * v + (y * w - r * s)
 }
