@@ -144,9 +144,21 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         u_plus: SVector<T, D>,
         account: &Account<T>,
     ) -> Self {
+        let energies = problem.kinetic_energies([*problem.u_minus(), u_plus]);
+        Self::with_energies(law, problem, (impulse, u_plus), energies, account)
+    }
+
+    /// [`Self::of`] with the kinetic energies before and after.
+    #[inline(always)]
+    pub(crate) fn with_energies(
+        law: &'static str,
+        problem: &ImpactProblem<T, D>,
+        (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
+        [energy_before, energy_after]: [T; 2],
+        account: &Account<T>,
+    ) -> Self {
         let u_minus = *problem.u_minus();
         let half: T = convert(0.5);
-        let [energy_before, energy_after] = problem.kinetic_energies([u_minus, u_plus]);
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
         // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
         let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;

@@ -182,7 +182,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let allowed = h.amax() * rounding(PLANE);
         let across = |mut x: SVector<T, D>| {
             x[n] = T::zero();
-            (x - t * t.dot(&x)).norm()
+            (x - t * t.dot(&x)).amax()
         };
         let tangent = across(h * t);
         let normal = across(h.column(n).into_owned());
@@ -214,7 +214,9 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         let jams = v_t != T::zero() && mu * v_t.signum() * b >= c;
         answer.account.flags |= Flags::JAM.when(jams);
         let (impulse, u_plus) = self.ends(problem, mu, &answer);
-        ImpactOutcome::of(law, problem, impulse, u_plus, &answer.account)
+        // Neither slip nor impulse across the plane: the energies, and their first derivatives, are those in the plane.
+        let energies = contact.kinetic_energies([*contact.u_minus(), Vector2::new(answer.v_t, answer.v_n)]);
+        ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &answer.account)
     }
 
     /// Impulse and velocity after the impact in contact axes.

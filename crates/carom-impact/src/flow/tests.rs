@@ -1,7 +1,9 @@
 //! The flow for planar problems, for which the laws use the closed form instead.
 
-use nalgebra::{Matrix2, Rotation3, Vector2, Vector3, matrix, vector};
+use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3, matrix, vector};
 
+use super::gauss::{NODES, WEIGHTS};
+use super::turn::{Start, Turn};
 use super::{Line, Return, State, follow};
 use crate::routh::{End, Ending, walk};
 use crate::{ImpactError, ImpactProblem};
@@ -116,5 +118,38 @@ fn restitution_that_jams_ends_at_e_squared_of_the_work_or_at_zero_velocity() {
             }
             Return::Not => panic!("slip does not stop here"),
         }
+    }
+}
+
+/// Impulses and works of a step are integrals of the slip along it, here by Gauss's rule, and the slip at its end is
+/// `v_t(0) + A p_t + h p`. The rule is exact for the degree of the series; the rest is rounding and the truncation of r v.
+#[test]
+fn impulses_and_works_of_a_step_are_integrals_of_the_slip() {
+    let mut rng = fastrand::Rng::with_seed(41);
+    let mut turn = Turn::new();
+    for _ in 0..2_000 {
+        let g = Matrix3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
+        let h = g * g.transpose() + Matrix3::identity() * 0.05;
+        let (angle, mu) = (std::f64::consts::TAU * rng.f64(), 0.05 + 1.5 * rng.f64());
+        let (tangents, coupling) = (h.fixed_view::<2, 2>(0, 0).into_owned(), vector![h[(0, 2)], h[(1, 2)]]);
+        let (heading, r, v_n) = (vector![angle.cos(), angle.sin()], 10.0_f64.powf(2.0 - 4.0 * rng.f64()), -rng.f64());
+        let scale = coupling.norm() + mu * tangents.norm();
+        turn.begin(Start { tangents, coupling, normal: h[(2, 2)], mu, scale, heading, r, v_n });
+        let t = turn.end() * rng.f64();
+        let whole = turn.sums(t);
+        let (mut p, mut p_t, mut works, mut passed) = (0.0, Vector2::zeros(), Vector2::zeros(), 0.0);
+        for (x, weight) in NODES.into_iter().zip(WEIGHTS) {
+            let (at, dp) = (turn.sums(t * x), weight * t / scale);
+            let v_n = turn.v_n(t * x).0;
+            p += at.r * dp;
+            p_t -= at.heading * (mu * at.r * dp);
+            works += vector![v_n, -mu * at.r] * (at.r * dp);
+            passed += (v_n.abs() + mu * at.r) * at.r * dp;
+        }
+        let slip = heading * r + tangents * p_t + coupling * p;
+        assert!((whole.p - p).abs() < 1e-14 * p && (whole.p_t - p_t).norm() < 1e-14 * mu * p, "{t} {h} {mu} {r}");
+        let off = (whole.normal_work - works.x).abs().max((whole.friction_work - works.y).abs());
+        assert!(off < 1e-13 * passed, "{off:e} {passed:e} {t} {h} {mu} {r} {v_n}");
+        assert!((whole.heading * whole.r - slip).norm() < 1e-14 * (r + scale * p), "{t} {h} {mu} {r}");
     }
 }
