@@ -20,7 +20,6 @@
 //! ```
 
 use nalgebra::{Matrix2, Vector2};
-
 use pulp::{Arch, Simd, WithSimd};
 
 use super::gauss::{COUNT, NODES, WEIGHTS, running, whole};
@@ -202,10 +201,10 @@ impl Turn {
         }
         for from in (0..TERMS).step_by(BLOCK) {
             let mut sum = [0.0; BLOCK];
-            for i in 0..from + BLOCK {
+            for (i, r_i) in r.iter().enumerate().take(from + BLOCK) {
                 let speeds = block(&v_n, BLOCK + from - i);
                 for l in 0..BLOCK {
-                    sum[l] += r[i] * speeds[l];
+                    sum[l] += r_i * speeds[l];
                 }
             }
             power[from..from + BLOCK].copy_from_slice(&sum);
