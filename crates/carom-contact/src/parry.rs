@@ -21,8 +21,11 @@ fn back(v: Vector) -> Vector3<f64> {
     Vector3::new(v.x, v.y, v.z)
 }
 
+/// The corners of a body, and its triangles by them.
+type Corners = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
+
 /// The corners and triangles of the convex hull; `None` if the points are (nearly) coplanar.
-pub(crate) fn convex_hull(points: &[Vector3<f64>]) -> Option<(Vec<Vector3<f64>>, Vec<[u32; 3]>)> {
+pub(crate) fn convex_hull(points: &[Vector3<f64>]) -> Option<Corners> {
     let points: Vec<Vector> = points.iter().map(|p| out(*p)).collect();
     let (vertices, triangles) = try_convex_hull(&points).ok()?;
     Some((vertices.into_iter().map(back).collect(), triangles))

@@ -62,6 +62,7 @@ fn a_run_continues_from_the_answer_of_another_one() {
 /// The table of many runs: the same bytes from one thread and from several, run 0 from the start itself, the sizes of the
 /// others those that the scene asks for.
 #[test]
+#[expect(clippy::approx_constant, reason = "the digits of the scene")]
 fn many_runs_start_as_the_scene_asks_and_do_not_depend_on_threads() {
     let desk = Desk::new("runs");
     desk.write("s.toml", format!("{SCENE}perturb = {{ q = {{ elbow = 0.02 }}, qd = [0.1, 0], seed = 7 }}\n"));

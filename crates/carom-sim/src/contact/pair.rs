@@ -34,8 +34,8 @@ pub(crate) struct Placed {
 /// The second body of a pair.
 #[derive(Debug, Clone)]
 pub(crate) enum Against {
-    Obstacle(Obstacle),
-    Link(LinkShape),
+    Obstacle(Box<Obstacle>),
+    Link(Box<LinkShape>),
 }
 
 /// The gap of parts that do not face each other, m.
@@ -79,7 +79,7 @@ impl Pair {
             |shape: &LinkShape, chain: &Chain| Some(shape.clone().with_frame(chain.frame(shape.link()).ok()?));
         let shape = carried(&self.shape, &less.chain)?;
         let against = match &self.against {
-            Against::Link(other) => Against::Link(carried(other, &less.chain)?),
+            Against::Link(other) => Against::Link(Box::new(carried(other, &less.chain)?)),
             obstacle => obstacle.clone(),
         };
         Some(Self { shape, against, ..self.clone() })

@@ -88,7 +88,7 @@ impl Touch {
         let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (shape, other)));
         let mut touches = Vec::new();
         for (shape, other) in pairs {
-            let pair = Pair::new(shape, Against::Link(other.clone()), contact.compliance.is_some());
+            let pair = Pair::new(shape, Against::Link(Box::new(other.clone())), contact.compliance.is_some());
             Self::add_pair(&mut touches, pair, other.link(), contact, None);
         }
         Ok(touches)
@@ -154,7 +154,7 @@ impl Touch {
                 }
             }
             _ => {
-                let pair = Pair::new(shape, Against::Obstacle(obstacle.clone()), contact.compliance.is_some());
+                let pair = Pair::new(shape, Against::Obstacle(Box::new(obstacle.clone())), contact.compliance.is_some());
                 Self::add_pair(touches, pair, name, contact, motion.clone().map(Moving::Given));
             }
         }
