@@ -380,6 +380,14 @@ fn invalid_settings_are_refused() {
             ("contact_step = 0", &format!("contact step is 0: {positive}")),
             ("contact_step = nan", &format!("contact step is NaN: {positive}")),
             ("sample = 0", &format!("[run] sample = 0: {positive}")),
+            (
+                "max_step = 1e-11",
+                "longest step is 0.00000000001: the duration is more than 1e10 times as long: make it longer",
+            ),
+            (
+                "tolerance = 1e-16",
+                "tolerance is 0.0000000000000001: no integration reaches it: numbers are rounded to 2.2e-16 of their size",
+            ),
             ("gravity = [0, nan, 0]", "gravity is NaN: every component must be finite"),
             (
                 "contact_stp = 1",

@@ -154,7 +154,8 @@ impl Touch {
                 }
             }
             _ => {
-                let pair = Pair::new(shape, Against::Obstacle(Box::new(obstacle.clone())), contact.compliance.is_some());
+                let pair =
+                    Pair::new(shape, Against::Obstacle(Box::new(obstacle.clone())), contact.compliance.is_some());
                 Self::add_pair(touches, pair, name, contact, motion.clone().map(Moving::Given));
             }
         }

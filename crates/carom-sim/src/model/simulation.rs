@@ -95,6 +95,13 @@ impl Simulation {
         }
     }
 
+    /// The Zeno time for a tolerance: √(0.1 · tolerance) s, in which a body falls by about half the tolerance in m; between 1e-7 s,
+    /// below which the heights of bounces reach the rounding of positions, and 1e-3 s, above which the change of the acceleration
+    /// makes the formula of the accumulation inexact.
+    pub fn zeno_time_for(tolerance: f64) -> f64 {
+        (0.1 * tolerance).sqrt().clamp(1e-7, 1e-3)
+    }
+
     /// The smallest gap of all touches at a configuration, m (rad for limits of revolute joints), with moving surfaces at
     /// their place at time 0; infinite without touches.
     ///

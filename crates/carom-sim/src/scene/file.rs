@@ -264,8 +264,7 @@ pub(crate) struct Run {
     pub gravity: [f64; 3],
     pub sample: Option<f64>,
     pub max_step: Option<f64>,
-    #[serde(default = "zeno_time")]
-    pub zeno_time: f64,
+    pub zeno_time: Option<f64>,
     #[serde(default = "contact_step")]
     pub contact_step: f64,
     #[serde(default = "max_events")]
@@ -363,11 +362,6 @@ pub(crate) fn tip() -> String {
 }
 fn tolerance() -> f64 {
     1e-9
-}
-/// With longer times the change of the acceleration makes the accumulation formula inexact; with shorter ones the heights
-/// of bounces reach the rounding of positions.
-fn zeno_time() -> f64 {
-    1e-5
 }
 fn contact_step() -> f64 {
     1e-3

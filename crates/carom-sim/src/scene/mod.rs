@@ -174,7 +174,7 @@ use tip_velocity::tip_velocity;
 /// | `tolerance` | > 0 | `1e-9` | relative tolerance of each integration step; the absolute one is 1e-3 of it |
 /// | `max_step` | > 0, s | `0.1` | longest integration step |
 /// | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
-/// | `zeno_time` | > 0, s | `1e-5` | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
+/// | `zeno_time` | > 0, s | √(0.1 · `tolerance`) | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
 /// | `contact_step` | > 0, s | `1e-3` | length of a time step, where time steps are computed |
 /// | `max_events` | integer | `100000` | the run stops after this number of events |
 /// | `method` | string | `"events"` | `"events"`: event-driven, with time steps only where no mode is consistent; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
@@ -372,7 +372,7 @@ impl Scene {
             effort_limits: file.run.effort_limits,
             tolerance: file.run.tolerance,
             max_step: file.run.max_step.unwrap_or(0.1),
-            zeno_time: file.run.zeno_time,
+            zeno_time: file.run.zeno_time.unwrap_or_else(|| Simulation::zeno_time_for(file.run.tolerance)),
             contact_step: file.run.contact_step,
             several: file.contact.several,
             stepping: file.run.method == Method::Steps,

@@ -151,7 +151,12 @@ impl Chart {
     pub fn of(scene: &Scene, budget: Duration, done: &mut dyn FnMut(&str)) -> Result<Self, SimError> {
         // no maximum step: the tolerance alone determines the steps
         let base = &Simulation { max_step: scene.duration, ..scene.simulation.clone() };
-        let exact = |integrator, tolerance| Simulation { integrator, tolerance, planar: false, ..base.clone() };
+        // The rule that ends accumulations follows the tolerance.
+        let zeno_time = |tolerance| Simulation::zeno_time_for(tolerance).min(base.zeno_time);
+        let exact = |integrator, tolerance| {
+            let zeno_time = zeno_time(tolerance);
+            Simulation { integrator, tolerance, zeno_time, planar: false, ..base.clone() }
+        };
         let run = |sim: &Simulation| sim.run(&scene.q, &scene.qd, scene.duration);
         let reference_run = run(&exact(Integrator::DormandPrince, TIGHT))?;
         let reference = Reference::of(&reference_run);
@@ -170,7 +175,10 @@ impl Chart {
         }
         for &(planar, space) in &spaces {
             for (integrator, name) in [(Integrator::DormandPrince, "DOP853"), (Integrator::Radau, "Radau IIA")] {
-                let knob = |tolerance| Simulation { integrator, tolerance, planar, ..base.clone() };
+                let knob = |tolerance| {
+                    let zeno_time = Simulation::zeno_time_for(tolerance);
+                    Simulation { integrator, tolerance, zeno_time, planar, ..base.clone() }
+                };
                 let method = (format!("events, {name}, {space}"), "the scene's".to_owned());
                 chart.sweep((scene, budget), method, "tolerance", tolerances(), knob, done);
             }
