@@ -29,7 +29,7 @@ def test_the_first_impact_of_the_readme_has_five_lines_and_runs(capsys):
     assert printed == shown
 
 
-@pytest.mark.parametrize("path", [HERE / "README.md", ROOT / "book/src/python.md"], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [ROOT / "README.md", HERE / "README.md", ROOT / "book/src/python.md"], ids=lambda path: f"{path.parent.name}/{path.name}")
 def test_every_snippet_of_a_page_runs(path, monkeypatch, tmp_path):
     # The snippets of a page are read one after another, from the folder of the repository; files go elsewhere.
     monkeypatch.chdir(ROOT)
