@@ -21,8 +21,11 @@ fn random_pose(rng: &mut fastrand::Rng) -> Place {
     Pose { rotation, translation: vector(rng, 0.3) }
 }
 
+/// Tests of one process write their hulls to files of their own.
 fn tetrahedron() -> LinkShape {
-    hull_of(&[[0.0, 0.0, 0.0], [0.3, 0.0, 0.05], [0.0, 0.4, 0.0], [0.1, 0.1, 0.35]].map(Vector3::from), 77)
+    static NUMBER: std::sync::atomic::AtomicU64 = std::sync::atomic::AtomicU64::new(7700);
+    let number = NUMBER.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    hull_of(&[[0.0, 0.0, 0.0], [0.3, 0.0, 0.05], [0.0, 0.4, 0.0], [0.1, 0.1, 0.35]].map(Vector3::from), number)
 }
 
 fn bodies() -> [(&'static str, LinkShape); 4] {
