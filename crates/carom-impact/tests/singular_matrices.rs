@@ -35,10 +35,11 @@ fn outcomes_on_singular_matrices_satisfy_the_impulse_law() {
             let terms = u.norm() + delassus.norm() * hit.impulse.norm();
             let miss = (u + delassus * hit.impulse - hit.u_plus).norm();
             assert!(miss < 1e-10 * terms + 1e-14, "{name} e {restitution} μ {friction}: {delassus} {u} {hit:?}");
-            // Without friction C p = (1 + e) |u_n|; friction adds to it by at most the factor 1/(1 − μ |B|/C).
-            let grip = 1.0 - friction * (j.x / j.y).abs();
-            let most = 2.0 * u.y.abs() / delassus[(1, 1)] / if grip > 1e-3 { grip } else { 1e-3 };
-            assert!(hit.impulse.y.is_finite() && hit.impulse.y <= most * 1e3, "{name}: {hit:?}, most {most}");
+            // The tolerance is for u outside of the range of H by 1e-9 where u_n is as small as 1e-4.
+            // Without friction C p = (1 + e) |u_n|; friction adds to it by at most the factor 1/|1 − μ |B|/C|, where H has rank 1.
+            let grip = (1.0 - friction * (j.x / j.y).abs()).abs();
+            let most = (1.0 + restitution) * u.y.abs() / delassus[(1, 1)] / grip.min(1.0);
+            assert!(hit.impulse.y.is_finite() && hit.impulse.y <= most * (1.0 + 1e-4), "{name}: {hit:?}, most {most}");
         }
     }
     assert!(resolved > 10_000 && brach > 1500, "{resolved}, {brach} of Brach's law");

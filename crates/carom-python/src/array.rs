@@ -74,7 +74,7 @@ impl<'py> Numbers<'py> {
         &self.shape
     }
 
-    /// The single state or the batch of states of `width` numbers. `layout` says what the numbers are.
+    /// The single state or the batch of states of `width` numbers. `layout`: the meaning of the numbers, for messages.
     ///
     /// # Errors
     /// `StateError` for another shape.

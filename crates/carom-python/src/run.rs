@@ -33,7 +33,7 @@ impl Told {
 
 /// A run of a scene.
 ///
-/// q and qd have the coordinates of `run.chain`, which is the robot without what the plan has left out.
+/// q and qd have the coordinates of `run.chain`, the reduced chain of the plan.
 #[pyclass(frozen, module = "carom")]
 pub struct Run {
     #[cfg_attr(not(feature = "rerun"), allow(dead_code))] // read by recordings

@@ -33,7 +33,8 @@ fn a_quadruped_under_pd_lands_on_its_feet_and_stands() {
     // It settles exponentially: damping leaves less than this share of the motion.
     assert!((weight - Vector3::new(0.0, 0.0, mass * G)).norm() < 1e-3 * mass * G, "{weight}");
     assert!(last.qd.iter().all(|v| v.abs() < 1e-3), "{:?}", last.qd);
-    // The knees give way by (weight on a leg × lever)/kp: some centimetres.
+    // The PD controllers hold the weight with an error: each knee bends by (weight on a leg × lever)/kp, and the trunk sinks by
+    // some centimetres.
     assert!((0.24..0.326).contains(&last.q[2]), "{}", last.q[2]);
     assert!(last.q[3..6].iter().all(|x| x.abs() < 0.05), "upright: {:?}", &last.q[3..7]);
     assert!(sim.smallest_gap(&last.q).unwrap() > -1e-8);

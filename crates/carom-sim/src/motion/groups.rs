@@ -21,6 +21,8 @@ pub(crate) struct Group {
 const MANY: usize = 32;
 /// Pairs with a gap above this are open, m: their contacts are not examined one by one.
 const NEAR: f64 = 1e-3;
+/// Share of a body's size: the gap of bodies that are separated by more is given by its lower bound.
+const FAR: f64 = 0.02;
 /// Gaps of parts up to this above that of the bodies are the same contact, m.
 const SAME: f64 = 1e-9;
 
@@ -56,12 +58,9 @@ impl Group {
     }
 }
 
-/// Share of a body's size: of bodies that are separated by more, the lower bound stands for the gap.
-const FAR: f64 = 0.02;
-
 /// What is watched while some contacts last.
 #[derive(Debug, Default)]
-pub(crate) struct Watched {
+pub(crate) struct ToWatch {
     /// Touches.
     pub single: Vec<usize>,
     /// Groups without a contact that lasts.
@@ -106,8 +105,8 @@ impl<'a, A: Space> Gaps<'a, A> {
 
     /// What is watched while these contacts last: gaps one by one, groups as a whole, and the rest of groups whose other contacts
     /// last.
-    pub fn watched(&self, lasting: &[Lasting]) -> Watched {
-        let mut watched = Watched::default();
+    pub fn to_watch(&self, lasting: &[Lasting]) -> ToWatch {
+        let mut watched = ToWatch::default();
         let open = |k: &usize| !lasting.iter().any(|own| own.touch == *k);
         watched.single = (0..self.sim.touches.len()).filter(|k| self.group_of[*k].is_none()).filter(open).collect();
         for (g, group) in self.groups.iter().enumerate() {
@@ -154,17 +153,15 @@ impl<'a, A: Space> Gaps<'a, A> {
             Some((known, placed)) if known == group => placed,
             _ => self.placed(group, view, state.1, time)?,
         };
-        let found = self.of_part(touch, &placed);
-        let found = match found {
+        let found = match self.of_part(touch, &placed) {
             Some(found) => found,
             None => {
                 let (least, part) = self.least(group, &placed, |_| true);
-                if part.is_some_and(|part| self.is_nearest(part, &placed)) {
-                    (APART, 0.0)
-                } else {
-                    let whole = self.look(touch, view, state, time)?;
-                    if least.0 <= whole.0 + SAME { (APART, 0.0) } else { whole }
-                }
+                let whole = match part {
+                    Some(part) if self.is_nearest(part, &placed) => least,
+                    _ => self.look(touch, view, state, time)?,
+                };
+                if least.0 <= whole.0 + SAME { (APART, 0.0) } else { whole }
             }
         };
         *last = Some((group, placed));
@@ -230,15 +227,13 @@ impl<'a, A: Space> Gaps<'a, A> {
             return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
         }
         let (least, part) = self.least(group, &placed, |_| true);
-        if whole.is_none() || (pair.is_complete() && least.0 < APART) {
+        let found = pair.is_complete() && part.is_some();
+        let Some(whole) = whole.filter(|_| !found && !part.is_some_and(|part| self.is_nearest(part, &placed))) else {
             return Ok(least);
-        }
-        if part.is_some_and(|part| self.is_nearest(part, &placed)) {
-            return Ok(least);
-        }
+        };
         match pair.separation(&placed) {
             Some(bound) if bound.0 > FAR * pair.size() => Ok(bound),
-            _ => self.look(whole.unwrap_or(parts[0]), view, (q, qd), time),
+            _ => self.look(whole, view, (q, qd), time),
         }
     }
 

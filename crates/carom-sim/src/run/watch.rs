@@ -49,7 +49,7 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
     pub fn new(motion: &'m mut Motion<'a, A>, (time, kink): (f64, f64), y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
-        let watched = motion.gaps.watched(&motion.lasting);
+        let watched = motion.gaps.to_watch(&motion.lasting);
         let mut watches: Vec<Watch> = watched.single.into_iter().map(Watch::Gap).collect();
         watches.extend(watched.groups.into_iter().map(Watch::Pair));
         watches.extend(watched.rests.into_iter().map(Watch::Rest));

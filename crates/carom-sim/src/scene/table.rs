@@ -37,7 +37,7 @@ impl Columns {
     }
 
     /// The times and the numbers of these columns, in this order. Columns of other names are refused; with `optional` missing
-    /// columns are zero. A table without names has the time, then these columns. `what` says what the numbers are.
+    /// columns are zero. A table without names has the time, then these columns. `what`: the meaning of the numbers, for messages.
     ///
     /// # Errors
     /// A message without the name of the file.

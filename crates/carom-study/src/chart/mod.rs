@@ -175,19 +175,19 @@ impl Chart {
         }
         for &(planar, space) in &spaces {
             for (integrator, name) in [(Integrator::DormandPrince, "DOP853"), (Integrator::Radau, "Radau IIA")] {
-                let knob = |tolerance| {
+                let at = |tolerance| {
                     let zeno_time = Simulation::zeno_time_for(tolerance);
                     Simulation { integrator, tolerance, zeno_time, planar, ..base.clone() }
                 };
                 let method = (format!("events, {name}, {space}"), "the scene's".to_owned());
-                chart.sweep((scene, budget), method, "tolerance", tolerances(), knob, done);
+                chart.sweep((scene, budget), method, "tolerance", tolerances(), at, done);
             }
         }
         let planar = spaces[0].0;
         let steps = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6];
-        let knob = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
+        let at = |contact_step| Simulation { stepping: true, contact_step, planar, ..base.clone() };
         let method = ("Moreau–Jean steps".to_owned(), "Newton's e with a friction cone".to_owned());
-        chart.sweep((scene, budget), method, "step, s", steps, knob, done);
+        chart.sweep((scene, budget), method, "step, s", steps, at, done);
         let own = "contact force";
         let forces = [
             ("Hunt–Crossley", own, Yielding::HuntCrossley { exponent: 1.5, damping: Damping::Exact }),
@@ -196,7 +196,7 @@ impl Chart {
         ];
         for (name, law, normal) in forces {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
-            let knob = |stiffness| {
+            let at = |stiffness| {
                 let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
                 soft.touches.retain(|touch| !touch.is_part());
                 for touch in soft.touches.iter_mut().filter(|touch| touch.link().is_some()) {
@@ -205,7 +205,7 @@ impl Chart {
                 soft
             };
             let method = (format!("compliant, {name}"), law.to_owned());
-            chart.sweep((scene, budget), method, "stiffness", stiffnesses, knob, done);
+            chart.sweep((scene, budget), method, "stiffness", stiffnesses, at, done);
         }
         Ok(chart)
     }
