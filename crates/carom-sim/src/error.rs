@@ -98,6 +98,34 @@ pub enum SimError {
         /// Depth of the overlap, m (rad at the limit of a revolute joint).
         depth: f64,
     },
+    /// A loop of the mechanism cannot be closed near the start.
+    #[error(
+        "loop '{name}' stays open by {} m however the joints turn from this start: correct its frames or choose a start \
+         near a closed configuration", four_digits(*distance)
+    )]
+    Loop {
+        /// The loop.
+        name: String,
+        /// Distance that is left, m.
+        distance: f64,
+    },
+    /// A mechanism with loops does not pass a pose at which it could branch.
+    #[error(
+        "at t = {time} s the loops come to a pose at which the mechanism could branch (their constraints depend on each other), \
+         and it stops, turns back or touches something there: its further motion is not determined"
+    )]
+    Branch {
+        /// Time, s.
+        time: f64,
+    },
+    /// An invalid loop.
+    #[error("loop '{name}' {rule}")]
+    BadLoop {
+        /// The loop.
+        name: String,
+        /// The rule that it breaks, and what to do.
+        rule: String,
+    },
     /// An invalid coefficient of a contact.
     #[error("{touch}: {what} is {value}: {rule}")]
     Contact {

@@ -48,8 +48,8 @@ pub use impact::{
     frictionless_jump_into, saltation,
 };
 pub use model::{
-    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Observed, Reference, SeveralLaw, Simulation, Spring,
-    Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Reference,
+    SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};

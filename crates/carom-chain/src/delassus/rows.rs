@@ -62,6 +62,11 @@ impl Rows {
         self.numbers.chunks_exact(self.nv.max(1))
     }
 
+    /// All rows in their order, to change.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+        self.numbers.chunks_exact_mut(self.nv.max(1))
+    }
+
     /// The product of row `i` with a vector of length nv.
     pub fn dot(&self, i: usize, v: &[f64]) -> f64 {
         self.row(i).iter().zip(v).map(|(r, v)| r * v).sum()

@@ -2,12 +2,13 @@
 
 use super::drive::Drive;
 use super::gains::motors;
+use super::loops::Loop;
 use super::several_law::SeveralLaw;
 use super::spring::{Spring, SpringAt};
 use super::wrench::Wrench;
 use crate::contact::{Memory, Moving, Touch};
 use crate::error::SimError;
-use crate::state::{Moment, View};
+use crate::state::{Coupling, Moment, Space, View, close_loops};
 use carom_chain::{Chain, Coordinates, PlanarChain, Spatial};
 use nalgebra::Vector3;
 
@@ -28,6 +29,8 @@ pub struct Simulation {
     pub springs: Vec<Spring>,
     /// Forces and torques on links from outside.
     pub wrenches: Vec<Wrench>,
+    /// Loops of the mechanism. A run starts with the nearest state that closes them, in the metric of M.
+    pub loops: Vec<Loop>,
     /// Whether the motors obey the effort limits of the URDF. A joint without a limit there has none.
     pub effort_limits: bool,
     /// Time at the start, s: tables, references and moving surfaces are those of this time then.
@@ -80,6 +83,7 @@ impl Simulation {
             after_impact: None,
             springs: Vec::new(),
             wrenches: Vec::new(),
+            loops: Vec::new(),
             effort_limits: false,
             start_time: 0.0,
             tolerance: 1e-9,
@@ -213,8 +217,40 @@ impl Simulation {
         }
         self.wrenches.iter().try_for_each(|wrench| wrench.check(&self.chain))?;
         self.springs.iter().try_for_each(|spring| spring.on(&self.chain).map(|_| ()))?;
+        self.check_loops()?;
         self.drive.check(&self.chain)?;
         self.after_impact.iter().try_for_each(|drive| drive.check(&self.chain))
+    }
+
+    fn check_loops(&self) -> Result<(), SimError> {
+        let Some(first) = self.loops.first() else { return Ok(()) };
+        let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        if drives.any(|drive| matches!(drive, Drive::Transition(_) | Drive::ImpactInvariant(_))) {
+            let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
+                        those of a tree: choose another controller";
+            return Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() });
+        }
+        self.loops.iter().try_for_each(|own| own.check(&self.chain))
+    }
+
+    /// The pairs of points that the loops keep together.
+    pub(crate) fn couplings<A: Space>(&self, model: &A::Model) -> Vec<Coupling<A>> {
+        self.loops.iter().flat_map(|own| own.couplings::<A>(&self.chain, model)).collect()
+    }
+
+    /// The state nearest to `(q, qd)` in the metric of M that closes the loops, and the largest change of a coordinate.
+    ///
+    /// # Errors
+    /// [`SimError::Loop`] if a loop cannot be closed from here; [`SimError::BadLoop`] for an invalid loop.
+    pub fn close_loops(&self, q: &[f64], qd: &[f64]) -> Result<(Moment, f64), SimError> {
+        self.check_loops()?;
+        let (mut own, mut rates) = (q.to_vec(), qd.to_vec());
+        let couplings = self.couplings::<Spatial<f64>>(&self.chain);
+        let mut workspace = self.chain.workspace();
+        close_loops((&self.chain, &self.chain), &mut workspace, &couplings, &mut own, &mut rates)?;
+        let changes = own.iter().zip(q).chain(rates.iter().zip(qd)).map(|(new, old)| (new - old).abs());
+        let most = changes.fold(0.0, f64::max);
+        Ok((Moment { time: self.start_time, q: own, qd: rates }, most))
     }
 
     /// Viscous damping of every velocity coordinate, from the URDF.

@@ -1,4 +1,4 @@
-//! The constraints of one state with what they feel of the chain, the forces that follow, and the independent rows among them.
+//! The constraints of one state with what they feel of the chain and the forces that follow.
 
 use super::rows::Constraints;
 use carom_chain::Rows;
@@ -34,10 +34,6 @@ impl Force {
         friction * self.normal_force - (self.force - self.normal * self.normal_force).norm()
     }
 }
-
-/// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
-/// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
-const DEPENDENT: f64 = 1e-10;
 
 /// The constraints of one state with what they feel of the chain: scratch memory.
 #[derive(Debug, Clone, Default)]
@@ -77,52 +73,5 @@ impl Assembled {
             constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]
         });
         (constraints.rows.times(responses), offset)
-    }
-}
-
-/// Independent rows of a positive semidefinite matrix, by Cholesky factorisation with diagonal pivoting (Golub & Van Loan,
-/// *Matrix Computations*, 4th ed., section 4.2.8).
-pub(crate) struct Basis {
-    pub rows: Vec<usize>,
-}
-
-impl Basis {
-    pub fn of(gram: &DMatrix<f64>) -> Self {
-        let m = gram.nrows();
-        let mut left: Vec<f64> = gram.diagonal().iter().copied().collect();
-        let mut factor: Vec<DVector<f64>> = Vec::new();
-        let mut rows = Vec::new();
-        let most = gram.diagonal().amax();
-        while rows.len() < m {
-            let share = |i: &usize| left[*i] / gram[(*i, *i)].max(most * DEPENDENT);
-            let Some(next) = (0..m).filter(|i| !rows.contains(i)).max_by(|a, b| share(a).total_cmp(&share(b))) else {
-                break;
-            };
-            let dependent = share(&next).is_nan() || share(&next) <= DEPENDENT;
-            if dependent {
-                break;
-            }
-            let pivot = left[next].sqrt();
-            let mut column = gram.column(next).into_owned();
-            for before in &factor {
-                column.axpy(-before[next], before, 1.0);
-            }
-            column /= pivot;
-            left.iter_mut().zip(column.iter()).for_each(|(left, x)| *left -= x * x);
-            factor.push(column);
-            rows.push(next);
-        }
-        Self { rows }
-    }
-
-    /// X with R = X R_B, for the matrix R M⁻¹ Rᵀ.
-    pub fn spread(&self, gram: &DMatrix<f64>) -> DMatrix<f64> {
-        let r = self.rows.len();
-        let own = DMatrix::from_fn(r, r, |i, j| gram[(self.rows[i], self.rows[j])]);
-        let across = DMatrix::from_fn(r, gram.nrows(), |i, j| gram[(self.rows[i], j)]);
-        match own.cholesky() {
-            Some(factor) => factor.solve(&across).transpose(),
-            None => DMatrix::zeros(gram.nrows(), r),
-        }
     }
 }

@@ -8,12 +8,12 @@
 //!
 //! Dry friction of joints carries no impulse: its force is bounded.
 
-use super::assembled::{Assembled, Basis};
+use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Blow, Space};
+use crate::state::{Basis, Blow, Space};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// See the head of this module.

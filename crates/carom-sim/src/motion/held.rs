@@ -21,12 +21,12 @@
 //! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
 //! different directions: a spinning box. Its motion is that of the convention.
 
-use super::assembled::{Assembled, Basis, Force, Held};
+use super::assembled::{Assembled, Force, Held};
 use super::lasting::{Hold, Lasting};
 use super::smooth::Motion;
 use crate::contact::Memory;
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{Basis, Space};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 impl<A: Space> Motion<'_, A> {
@@ -115,18 +115,17 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         found.constraints.hold(&dry);
-        let gravity = A::project(view.model, sim.gravity);
         let (constraints, free) = (&found.constraints, found.free.as_mut_slice());
         let done =
-            view.kin.accelerate_and_respond((qd, &found.tau, gravity), free, &constraints.forces, &mut found.responses);
+            view.accelerate_and_respond((qd, &found.tau, sim.gravity), free, &constraints.forces, &mut found.responses);
         let done = match done {
             Ok(()) if constraints.skew && constraints.rows.len() > 1 => {
-                view.kin.respond(&constraints.rows, &mut found.own_responses)
+                view.respond(&constraints.rows, &mut found.own_responses)
             }
             done => done,
         };
         (self.dry, self.bristles) = (dry, bristles);
-        Ok(done?)
+        done
     }
 
     /// Accelerations and forces in the present mode.

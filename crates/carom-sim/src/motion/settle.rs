@@ -1,12 +1,11 @@
 //! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
 //! those that stick.
 
-use super::assembled::Basis;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{Basis, Space};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
 
@@ -28,11 +27,11 @@ impl<A: Space> Motion<'_, A> {
         let sim = self.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
         let rigid = || lasting.iter().filter(|own| own.is_rigid());
+        let mut changed = self.close_loops(y)?;
         if rigid().next().is_none() && !self.dry.iter().any(|joint| joint.state == Dry::Holds) {
-            return Ok(false);
+            return Ok(changed);
         }
         // The gaps.
-        let mut changed = false;
         let q = y[..nq].to_vec();
         let mut rows = Rows::new(nv);
         let mut errors = Vec::new();
@@ -45,7 +44,7 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut responses = Rows::new(nv);
         if errors.iter().any(|gap| gap.abs() > ROUNDING) {
-            view.kin.respond(&rows, &mut responses)?;
+            view.respond(&rows, &mut responses)?;
             let back = least(&rows, &responses, &errors);
             let moved = sim.chain.integrate(&q, back.as_slice(), -1.0)?;
             y[..nq].copy_from_slice(&moved);
@@ -81,7 +80,7 @@ impl<A: Space> Motion<'_, A> {
             errors.push(qd[joint.v]);
         }
         let done = if errors.iter().any(|u| u.abs() > ROUNDING) {
-            let responded = view.kin.respond(&rows, &mut responses);
+            let responded = view.respond(&rows, &mut responses);
             responded.map(|()| {
                 let jump = least(&rows, &responses, &errors);
                 y[nq..nq + nv].iter_mut().zip(jump.iter()).for_each(|(v, x)| *v -= x);

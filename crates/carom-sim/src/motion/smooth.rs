@@ -10,7 +10,7 @@ use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{ContactMode, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
-use crate::state::{Space, View, reach};
+use crate::state::{Coupling, Loops, Space, View, close_loops, reach};
 use carom_chain::{Coordinates, FrameId, PlanarRow, Rows, Workspace};
 use nalgebra::Vector3;
 
@@ -34,6 +34,10 @@ pub(crate) struct Motion<'a, A: Space> {
     /// Whether an impact has happened.
     was_hit: bool,
     pub gaps: Gaps<'a, A>,
+    /// The loops of the mechanism.
+    pub couplings: Vec<Coupling<A>>,
+    /// The largest number of independent rows of the loops so far.
+    rank: usize,
     /// The closed form of q̈, if the chain has one.
     row: Option<PlanarRow>,
     /// Viscous damping of every velocity.
@@ -108,7 +112,9 @@ impl<'a, A: Space> Motion<'a, A> {
             impacts: vec![0; sim.touches.len()],
             was_hit: false,
             gaps: Gaps::new(sim, model),
-            row: A::row(model),
+            row: if sim.loops.is_empty() { A::row(model) } else { None },
+            couplings: sim.couplings(model),
+            rank: 0,
             damping: sim.damping(),
             springs: sim.springs_at(),
             motors: motors(&sim.chain),
@@ -126,7 +132,28 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {
-        View::new(self.model, &mut self.workspace, q)
+        View::closed_by(self.model, &mut self.workspace, q, &self.couplings)
+    }
+
+    /// Closes the loops: see [`close_loops`].
+    pub fn close_loops(&mut self, y: &mut [f64]) -> Result<bool, SimError> {
+        let Self { sim, model, workspace, couplings, .. } = self;
+        let (q, rest) = y.split_at_mut(sim.chain.nq());
+        close_loops((&sim.chain, *model), workspace, couplings, q, &mut rest[..sim.chain.nv()])
+    }
+
+    /// How far the loops are from a pose at which the mechanism could branch, 0 to 1: see
+    /// [`Loops::regularity`](crate::state::Loops::regularity).
+    pub fn regularity(&mut self, q: &[f64]) -> Result<f64, SimError> {
+        let rank = self.rank;
+        let loops = self.view(q)?.closed()?;
+        self.rank = loops.as_ref().map_or(0, Loops::rank).max(rank);
+        Ok(loops.map_or(1.0, |loops| loops.regularity(rank)))
+    }
+
+    pub fn kinetic_energy(&mut self, y: &[f64]) -> Result<f64, SimError> {
+        let (q, qd) = self.split(y);
+        Ok(self.view(q)?.kin.kinetic_energy(qd)?)
     }
 
     pub fn energy(&mut self, y: &[f64]) -> Result<f64, SimError> {
@@ -143,7 +170,7 @@ impl<'a, A: Space> Motion<'a, A> {
         let at = sim.touches[touch].at(&view, q, time);
         let (mut row, mut response) = (Rows::new(sim.chain.nv()), Rows::default());
         sim.touches[touch].row_into(&at, &view, row.add())?;
-        view.kin.respond(&row, &mut response)?;
+        view.respond(&row, &mut response)?;
         Ok(1.0 / row.dot(0, response.row(0)))
     }
 

@@ -94,6 +94,7 @@ impl Scene {
         }
         plan.flat = plan.simulation.flat();
         plan.space(self.full);
+        plan.loops();
         plan.contacts(self);
         plan.friction()?;
         plan.gravity();
@@ -122,7 +123,8 @@ impl Plan {
         let whole = &scene.simulation;
         let both = |touch: &'_ Touch| [touch.link().map(str::to_owned), touch.other_link().map(str::to_owned)];
         let pushed = whole.wrenches.iter().map(|wrench| wrench.link.clone());
-        let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone()).chain(pushed);
+        let joined = whole.loops.iter().flat_map(|own| own.frames.iter().filter_map(|frame| frame.link.clone()));
+        let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone()).chain(pushed).chain(joined);
         let frames = links.filter_map(|link| whole.chain.frame(&link).ok());
         let points: Vec<_> = frames.map(|frame| whole.chain.point(frame, Vector3::zeros())).collect();
         let touched = whole.touches.iter().any(|touch| touch.link().is_some());
@@ -192,6 +194,19 @@ impl Plan {
         }
         if welded > 0 {
             self.leave_out("joints", format!("{welded} fixed joints"), "the links that they connect are one body");
+        }
+    }
+
+    /// The loops of the mechanism.
+    fn loops(&mut self) {
+        let joints = self.simulation.loops.iter().map(|own| format!("{} ({})", own.name, own.joint.name()));
+        let joints: Vec<String> = joints.collect();
+        if !joints.is_empty() {
+            self.keep(
+                "loops",
+                joints.join("; "),
+                "bilateral constraints of motion and impacts, part of the inverse inertia",
+            );
         }
     }
 
@@ -318,7 +333,8 @@ impl Plan {
     fn bound_at_start(&self, mu: f64, e: f64) -> Result<Option<f64>, SimError> {
         let sim = &self.simulation;
         let mut workspace = sim.chain.workspace();
-        let mut view = View::<Spatial<f64>>::new(&sim.chain, &mut workspace, &self.q)?;
+        let couplings = sim.couplings::<Spatial<f64>>(&sim.chain);
+        let mut view = View::closed_by(&sim.chain, &mut workspace, &self.q, &couplings)?;
         let near = sim
             .touches
             .iter()

@@ -52,7 +52,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         sampling: Sampling,
         watch: &'w mut dyn FnMut(Seen),
     ) -> Result<Summary, SimError> {
-        let mut run = Self::at_start(sim, model, (q, qd), sampling, watch);
+        let mut run = Self::at_start(sim, model, (q, qd), sampling, watch)?;
         run.end = sim.start_time + duration;
         let start = run.motion.energy(&run.y)?;
         run.begin()?;
@@ -193,6 +193,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         match watch {
             Watch::Gap(touch) => return self.touch(touch),
+            Watch::Branches => return self.pass_branch(),
             Watch::Pair(group) | Watch::Rest(group) => {
                 let gaps = self.gaps()?;
                 let touches = self.motion.gaps.touches_of(group).filter(|&k| !self.motion.lasts(k));

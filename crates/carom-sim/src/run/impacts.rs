@@ -179,7 +179,7 @@ impl<A: Space> Run<'_, '_, A> {
             (None, joint) => {
                 let (mut row, mut response) = (Rows::new(qd.len()), Rows::default());
                 one.row_into(&at, &view, row.add())?;
-                view.kin.respond(&row, &mut response)?;
+                view.respond(&row, &mut response)?;
                 let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(0, response.row(0));
                 let qd_plus = qd.iter().zip(response.row(0)).map(|(v, x)| v + x * impulse).collect();
                 (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())

@@ -188,23 +188,11 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
     let Found { witness, level, start, end, y, mut time } = found;
     let mut exact = y.clone();
     for _ in 0..8 {
-        let mut observer = Observer {
-            system,
-            before: Vec::new(),
-            levels: Vec::new(),
-            y_before: y.clone(),
-            reached: start,
-            after: Vec::new(),
-            buffer: Vec::new(),
-            found: None,
-            sampler: None,
-        };
         // A step must not be shorter than the rounding of the time.
         if time - start > 1e-14 * time.abs() {
-            integrate(system, start, &y, time, accuracy, statistics, &mut observer)?;
+            exact = last(system, (start, &y), time, accuracy, statistics)?;
         }
         statistics.refinements += 1;
-        exact = observer.y_before;
         let Witness { value, rate: Some(rate), .. } = system.0.borrow_mut().flow.witness(witness, time, &exact)? else {
             break;
         };
@@ -218,6 +206,39 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         time += correction;
     }
     Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None })
+}
+
+/// The state at `end`, before or after `start`, by a smooth motion without events.
+pub(crate) fn pass(
+    flow: &mut dyn Flow,
+    from: (f64, &[f64]),
+    end: f64,
+    accuracy: Accuracy,
+    statistics: &mut Statistics,
+) -> Result<Vec<f64>, SimError> {
+    last(&System(RefCell::new(Inner { flow, error: None })), from, end, accuracy, statistics)
+}
+
+fn last(
+    system: &System,
+    (start, y): (f64, &[f64]),
+    end: f64,
+    accuracy: Accuracy,
+    statistics: &mut Statistics,
+) -> Result<Vec<f64>, SimError> {
+    let mut observer = Observer {
+        system,
+        before: Vec::new(),
+        levels: Vec::new(),
+        y_before: y.to_vec(),
+        reached: start,
+        after: Vec::new(),
+        buffer: Vec::new(),
+        found: None,
+        sampler: None,
+    };
+    integrate(system, start, y, end, accuracy, statistics, &mut observer)?;
+    Ok(observer.y_before)
 }
 
 fn integrate(

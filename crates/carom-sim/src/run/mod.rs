@@ -1,5 +1,6 @@
 //! The run of a simulation from event to event, and its results.
 
+mod branch;
 mod events;
 mod impacts;
 mod leg;

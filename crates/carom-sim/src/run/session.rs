@@ -255,7 +255,7 @@ fn start<A: Space>(sim: &Simulation, model: &A::Model, q: &[f64], qd: &[f64]) ->
             pending.push(event.clone());
         }
     };
-    let mut run = Run::<A>::at_start(sim, model, (q, qd), Sampling::default(), watch);
+    let mut run = Run::<A>::at_start(sim, model, (q, qd), Sampling::default(), watch)?;
     let start = run.motion.energy(&run.y)?;
     run.end = run.time;
     run.begin()?;

@@ -21,12 +21,12 @@ use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, Touch};
 use crate::error::SimError;
 use crate::model::SeveralLaw;
-use crate::motion::{ContactState, Dry, Hold, Lasting};
-use crate::state::{Blow, Space, View};
+use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
+use crate::state::{Blow, Loops, Space, View};
 use carom_chain::algebra::z_onto;
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 /// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
@@ -208,7 +208,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.without_restitution();
         }
         let mut responses = Rows::default();
-        view.kin.respond(&rows.rows, &mut responses)?;
+        view.respond(&rows.rows, &mut responses)?;
         let u_minus = rows.velocities(&qd);
         let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
         self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
@@ -320,7 +320,8 @@ impl<A: Space> Run<'_, '_, A> {
         let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
-        let mut view = View::new(self.motion.model, &mut self.motion.workspace, &middle)?;
+        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let mut view = View::closed_by(*model, workspace, &middle, couplings)?;
         let v = DVector::from_column_slice(&qd);
         // Damping and controllers are implicit (velocity at the end of the step), so that stiff ones stay stable:
         // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
@@ -332,10 +333,15 @@ impl<A: Space> Run<'_, '_, A> {
         let inertia = inertia.map_err(SimError::from)?;
         let force = DVector::from_vec(tau) - view.bias(&qd, sim.gravity)?;
         let carried = DVector::from_fn(nv, |i, _| v[i] * (step * step / 2.0 * stiffness[i]));
-        let free = &v + inertia.solve(&(force * step - carried));
+        let mut free = &v + inertia.solve(&(force * step - carried));
+        let loops = view.loop_rows()?;
+        let closed = Loops::new(loops.clone(), solved(&inertia, &loops), A::LINEAR);
+        if let Some(closed) = &closed {
+            closed.bind(free.as_mut_slice(), None);
+        }
 
         let mut rows = Closures::new(sim.chain.nv());
-        for k in self.motion.gaps.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
+        for k in near.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
             let touch = &sim.touches[k];
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
                 rows.add(k, touch, &at, &view, middle_time)?;
@@ -351,10 +357,9 @@ impl<A: Space> Run<'_, '_, A> {
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
-            let mut responses = Rows::new(nv);
-            for row in rows.rows.iter() {
-                let response = inertia.solve(&DVector::from_column_slice(row));
-                responses.add().copy_from_slice(response.as_slice());
+            let mut responses = solved(&inertia, &rows.rows);
+            if let Some(closed) = &closed {
+                responses.iter_mut().for_each(|response| closed.bind(response, None));
             }
             let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
             fall = (&u_minus - &u_free).amax() * step;
@@ -371,6 +376,7 @@ impl<A: Space> Run<'_, '_, A> {
         if !open {
             self.put_back(2.0 * fall)?;
         }
+        self.motion.close_loops(&mut self.y)?;
 
         self.statistics.contact_steps += 1;
         self.y[nq + nv] += power[0] * step;
@@ -405,9 +411,10 @@ impl<A: Space> Run<'_, '_, A> {
         let (q, qd) = self.q_qd();
         let time = self.time;
         let mut rows = Closures::new(sim.chain.nv());
-        let mut view = View::new(self.motion.model, &mut self.motion.workspace, &q)?;
+        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let mut view = View::closed_by(*model, workspace, &q, couplings)?;
         let mut gaps = Vec::new();
-        for touch in self.motion.gaps.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]) {
+        for touch in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]) {
             for at in touch.points(&view, &q, time, 0.0) {
                 touch.row_into(&at, &view, rows.rows.add())?;
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });
@@ -418,7 +425,7 @@ impl<A: Space> Run<'_, '_, A> {
             return Ok(());
         }
         let mut responses = Rows::default();
-        view.kin.respond(&rows.rows, &mut responses)?;
+        view.respond(&rows.rows, &mut responses)?;
         let gaps = DVector::from_vec(gaps);
         let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
         let mut back = vec![0.0; sim.chain.nv()];
@@ -427,6 +434,15 @@ impl<A: Space> Run<'_, '_, A> {
         self.y[..q.len()].copy_from_slice(&moved);
         Ok(())
     }
+}
+
+/// The solutions for these rows, as rows.
+fn solved(inertia: &Cholesky<f64, Dyn>, rows: &Rows) -> Rows {
+    let mut responses = Rows::new(inertia.l_dirty().nrows());
+    for row in rows.iter() {
+        responses.add().copy_from_slice(inertia.solve(&DVector::from_column_slice(row)).as_slice());
+    }
+    responses
 }
 
 /// Adds the velocities M⁻¹Rᵀp.

@@ -32,12 +32,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         (q, qd): (&[f64], &[f64]),
         sampling: Sampling,
         watch: &'w mut dyn FnMut(Seen),
-    ) -> Self {
-        let motion = Motion::new(sim, model);
+    ) -> Result<Self, SimError> {
+        let mut motion = Motion::new(sim, model);
         let deflections = vec![0.0; 3 * bristles(sim).len()];
+        let mut y = [q, qd, &[0.0, 0.0], &deflections].concat();
+        motion.close_loops(&mut y)?;
         let stand = Stand {
             time: sim.start_time,
-            y: [q, qd, &[0.0, 0.0], &deflections].concat(),
+            y,
             kept: motion.kept(),
             events: 0,
             statistics: Statistics::default(),
@@ -47,7 +49,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             blows: VecDeque::new(),
             resting: false,
         };
-        Self::resume(motion, stand, sampling, watch)
+        Ok(Self::resume(motion, stand, sampling, watch))
     }
 
     /// A run that goes on from where another one stood.

@@ -1,5 +1,6 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
+use super::branch::LEAST;
 use super::leg::{Flow, Witness};
 use crate::contact::{APART, Placed};
 use crate::error::SimError;
@@ -36,6 +37,8 @@ pub(crate) enum Watch {
     /// No admissible forces of redundant contacts are left. It replaces `NormalForce` and `Cone` where the forces by the
     /// convention are not admissible, but others are.
     Admissible,
+    /// The loops come near a pose at which the mechanism could branch.
+    Branches,
 }
 
 /// A motion with the witness functions of its present contact mode.
@@ -96,6 +99,9 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
             Dry::Holds => Watch::JointBreaksLoose(k),
             Dry::Brakes(_) => Watch::JointStops(k),
         }));
+        if !motion.couplings.is_empty() {
+            watches.push(Watch::Branches);
+        }
         Ok(Self { motion, watches, latest: kink.next_down() })
     }
 }
@@ -176,7 +182,8 @@ fn look<A: Space>(
     let admissible = if watches.contains(&Watch::Admissible) { motion.margin(time, y)? } else { 0.0 };
     let noise = motion.noise();
     let (q, qd) = motion.split(y);
-    let now = Now { lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
+    let regular = if watches.contains(&Watch::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
+    let now = Now { regular, lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for watch in watches {
@@ -187,6 +194,8 @@ fn look<A: Space>(
 
 /// The inputs of the witness functions beside the state: see [`Motion`].
 struct Now<'a> {
+    /// Computed if it is watched.
+    regular: f64,
     lasting: &'a [Lasting],
     dry: &'a [DryJoint],
     /// Computed if a witness needs constraint forces.
@@ -249,6 +258,7 @@ impl Watch {
                 let Dry::Brakes(direction) = state else { return Ok(Witness::default()) };
                 Witness::velocity(qd[v] * direction, now.noise)
             }
+            (Self::Branches, _) => Witness::margin(now.regular),
             (Self::Admissible, _) => Witness::margin(now.admissible),
             (Self::NormalForce(i), Some(held)) => Witness::margin(held.contacts[i].normal_force),
             (Self::Cone(i), Some(held)) => {

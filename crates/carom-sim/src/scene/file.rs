@@ -18,6 +18,8 @@ pub(crate) struct File {
     pub spring: Vec<Spring>,
     #[serde(default)]
     pub force: Vec<Force>,
+    #[serde(default, rename = "loop")]
+    pub loops: Vec<Loop>,
     pub run: Run,
 }
 
@@ -60,6 +62,34 @@ pub(crate) struct Force {
     pub force: Option<[f64; 3]>,
     pub torque: Option<[f64; 3]>,
     pub file: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Loop {
+    pub name: Option<String>,
+    pub joint: LoopJoint,
+    pub first: LoopFrame,
+    pub second: LoopFrame,
+    pub axis: Option<[f64; 3]>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum LoopJoint {
+    Point,
+    Pin,
+    Weld,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct LoopFrame {
+    pub link: Option<String>,
+    #[serde(default)]
+    pub xyz: [f64; 3],
+    #[serde(default)]
+    pub rpy: [f64; 3],
 }
 
 #[derive(Deserialize, Default, PartialEq, Clone, Copy)]

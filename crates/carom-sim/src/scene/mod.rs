@@ -5,6 +5,7 @@ mod contact;
 mod drive;
 mod file;
 mod force;
+mod loops;
 mod perturb;
 mod surface;
 mod table;
@@ -25,6 +26,7 @@ use contact::{apply, rule, unused};
 use drive::{Drives, per_joint};
 use file::{File, Method, Model, Shape};
 use force::{spring, wrench};
+use loops::closure;
 use std::path::{Path, PathBuf};
 use surface::{Places, surface};
 use tip_velocity::tip_velocity;
@@ -162,6 +164,18 @@ use tip_velocity::tip_velocity;
 /// either `force` (N), `torque` (N m) or both, or `file`: a table with the columns `time`, `fx`, `fy`, `fz`, `tx`, `ty`, `tz`,
 /// of which missing ones are 0. See [`Wrench`](crate::Wrench).
 ///
+/// ## `[[loop]]` (one table for each joint that closes a loop)
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `name` | string | `"loop 1"`, `"loop 2"`, … | name in messages |
+/// | `joint` | string | required | what it leaves free: `"point"` (a ball joint), `"pin"` (a hinge) or `"weld"` (nothing) |
+/// | `first`, `second` | tables of `link`, `xyz` (m), `rpy` (rad) | –, zero, zero | the two frames that are joined, in the axes of their links; without `link` in the world |
+/// | `axis` | 3 numbers | `[0, 0, 1]` | axis of a pin, in the axes of both frames |
+///
+/// The start is moved to the nearest state that closes the loops, in the metric of M, with a warning. See
+/// [`Loop`](crate::Loop).
+///
 /// Tables are CSV or (by the ending `.parquet`) Parquet files, with columns by name in any order. They are linear between
 /// rows; the integration stops and starts again at every row.
 ///
@@ -231,6 +245,9 @@ pub struct Scene {
     /// [`Chain::report`].
     pub warnings: Vec<String>,
 }
+
+/// Changes of the start up to this size are not reported, rad, m, rad/s, m/s: the digits of a file.
+const NOTICED: f64 = 1e-9;
 
 impl Scene {
     /// Reads a scene file, its robot and its meshes.
@@ -329,6 +346,8 @@ impl Scene {
         let springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
         let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));
+        let loops = loops.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
         let perturbation = file.run.perturb.as_ref().map(|given| {
             let size = |key: &str, given: &Option<file::PerJoint>| match given {
                 Some(file::PerJoint::Same(size)) => Ok(vec![*size; chain.nv()]),
@@ -369,6 +388,7 @@ impl Scene {
             after_impact,
             springs,
             wrenches,
+            loops,
             effort_limits: file.run.effort_limits,
             tolerance: file.run.tolerance,
             max_step: file.run.max_step.unwrap_or(0.1),
@@ -381,6 +401,11 @@ impl Scene {
             neglect: if full { None } else { file.run.neglect },
             ..Simulation::new(chain, touches)
         };
+        let (start, change) = simulation.close_loops(&file.robot.q, &qd).map_err(|e| refuse(e.to_string()))?;
+        if change > NOTICED {
+            let new = format!("q = {:?}, qd = {:?}", start.q, start.qd);
+            warnings.push(format!("[robot] the start does not close the loops: moved by up to {change:.3e} to {new}"));
+        }
         let named = [Some(&file.robot.urdf), file.run.torque_file.as_ref(), file.run.reference.as_ref()];
         let named = named.into_iter().flatten().chain(file.force.iter().filter_map(|it| it.file.as_ref()));
         let moved = file.surface.iter().flat_map(|it| {
@@ -400,7 +425,7 @@ impl Scene {
             _ => None,
         });
         let files = named.chain(meshes).collect();
-        let (q, duration, sample) = (file.robot.q, file.run.duration, file.run.sample);
+        let (q, qd, duration, sample) = (start.q, start.qd, file.run.duration, file.run.sample);
         Ok(Self {
             simulation,
             q,

@@ -1,12 +1,16 @@
 //! A chain at one state, in the plane or in space.
 
+mod basis;
 mod blow;
+mod coupling;
 mod moment;
 mod profile;
 mod reach;
 mod space;
 
+pub(crate) use basis::Basis;
 pub use blow::Blow;
+pub(crate) use coupling::{Coupling, Loops, close_loops};
 pub use moment::Moment;
 pub use profile::Profile;
 pub(crate) use profile::{between, next_of};

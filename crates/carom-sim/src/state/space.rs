@@ -3,6 +3,7 @@
 //! A planar chain is computed in the plane ([`Planar`], 3-vectors); gaps, contacts and laws are computed in space. [`Space`]
 //! lifts and projects between the two. This is exact: joint constraint forces balance all loads perpendicular to the plane.
 
+use super::coupling::Coupling;
 use crate::error::SimError;
 use carom_chain::algebra::{Algebra, Pose};
 use carom_chain::{Chain, FrameId, Kinematics, Planar, PlanarChain, PlanarRow, Point, Rows, Spatial, Workspace};
@@ -104,11 +105,24 @@ pub(crate) type Felt = (Matrix3<f64>, MatrixXx3<f64>);
 pub(crate) struct View<'a, A: Space> {
     pub model: &'a A::Model,
     pub kin: Kinematics<'a, A>,
+    /// The loops, which bind every response.
+    pub couplings: &'a [Coupling<A>],
 }
 
 impl<'a, A: Space> View<'a, A> {
+    /// A chain without loops.
     pub fn new(model: &'a A::Model, workspace: &'a mut Workspace<A>, q: &[f64]) -> Result<Self, SimError> {
-        Ok(Self { model, kin: workspace.update(A::chain(model), q)? })
+        Self::closed_by(model, workspace, q, &[])
+    }
+
+    /// A chain with these loops.
+    pub fn closed_by(
+        model: &'a A::Model,
+        workspace: &'a mut Workspace<A>,
+        q: &[f64],
+        couplings: &'a [Coupling<A>],
+    ) -> Result<Self, SimError> {
+        Ok(Self { model, kin: workspace.update(A::chain(model), q)?, couplings })
     }
 
     /// World pose of a frame.
@@ -158,6 +172,9 @@ impl<'a, A: Space> View<'a, A> {
         if share < 1e-12 {
             return Ok(None);
         }
+        if !self.couplings.is_empty() {
+            return self.inertia_in_loops(point, n);
+        }
         let contact = self.kin.contact(point, own * (1.0 / share), &[])?;
         if !contact.moves() {
             return Ok(None);
@@ -169,6 +186,43 @@ impl<'a, A: Space> View<'a, A> {
         Ok(Some((delassus, MatrixXx3::from_rows(&rows))))
     }
 
+    fn inertia_in_loops(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
+        let jacobian = self.jacobian(point);
+        let (mut rows, mut alone) = (Rows::new(jacobian.ncols()), Rows::default());
+        self.add_row(point, n, rows.add())?;
+        self.kin.respond(&rows, &mut alone)?;
+        let response = self.responses(&jacobian)?;
+        let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
+        let moves = n.dot(&(delassus * n)) > STUCK * rows.dot(0, alone.row(0));
+        Ok(moves.then(|| (delassus, response.fixed_columns::<3>(0).into_owned())))
+    }
+
+    /// M⁻¹fᵀ for every row f, as far as the loops allow: see [`Kinematics::respond`].
+    pub fn respond(&mut self, rows: &Rows, responses: &mut Rows) -> Result<(), SimError> {
+        self.kin.respond(rows, responses)?;
+        if let Some(closed) = self.closed()? {
+            responses.iter_mut().for_each(|response| closed.bind(response, None));
+        }
+        Ok(())
+    }
+
+    /// [`View::respond`], with q̈ under joint forces and gravity alone.
+    pub fn accelerate_and_respond(
+        &mut self,
+        (qd, tau, gravity): (&[f64], &[f64], Vector3<f64>),
+        qdd: &mut [f64],
+        rows: &Rows,
+        responses: &mut Rows,
+    ) -> Result<(), SimError> {
+        let gravity = A::project(self.model, gravity);
+        self.kin.accelerate_and_respond((qd, tau, gravity), qdd, rows, responses)?;
+        if let Some(closed) = self.closed()? {
+            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
+            responses.iter_mut().for_each(|response| closed.bind(response, None));
+        }
+        Ok(())
+    }
+
     /// q̈ under joint forces and gravity alone.
     pub fn acceleration_into(
         &mut self,
@@ -177,7 +231,11 @@ impl<'a, A: Space> View<'a, A> {
         gravity: Vector3<f64>,
         qdd: &mut [f64],
     ) -> Result<(), SimError> {
-        Ok(self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?)
+        self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?;
+        if let Some(closed) = self.closed()? {
+            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
+        }
+        Ok(())
     }
 
     /// The joint forces that balance gravity.
@@ -211,11 +269,14 @@ impl<'a, A: Space> View<'a, A> {
         for row in j.row_iter() {
             rows.add().iter_mut().zip(row.iter()).for_each(|(x, j)| *x = *j);
         }
-        self.kin.respond(&rows, &mut responses)?;
+        self.respond(&rows, &mut responses)?;
         let columns: Vec<_> = responses.iter().map(DVector::from_column_slice).collect();
         Ok(DMatrix::from_columns(&columns))
     }
 }
+
+/// A point of a mechanism with loops whose inverse mass is below this share of that without the loops does not move.
+const STUCK: f64 = 1e-10;
 
 /// H⁺: H is singular for planar arms, whose tip moves in two directions only.
 pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {
