@@ -48,14 +48,14 @@ pub use impact::{
     frictionless_jump_into, saltation,
 };
 pub use model::{
-    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Reference,
-    SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
+    Reference, SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
-    Advance, EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Session, SessionState, Statistics, StepReason,
-    StopReason, Summary, Trajectory,
+    Advance, Broken, EnergyBooks, Event, EventKind, EventTime, Sampling, Seen, Segment, Sensitivity, Session,
+    SessionState, Statistics, StepReason, StopReason, Summary, Trajectory,
 };
 #[doc(hidden)]
 pub use scene::from_toml;

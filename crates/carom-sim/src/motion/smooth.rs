@@ -69,6 +69,16 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
+    /// Whether both have the same contacts in the same modes.
+    pub fn is_alike(&self, other: &Self) -> bool {
+        let same = |(own, other): (&Lasting, &Lasting)| {
+            own.touch == other.touch && std::mem::discriminant(&own.hold) == std::mem::discriminant(&other.hold)
+        };
+        let contacts = self.lasting.len() == other.lasting.len() && self.lasting.iter().zip(&other.lasting).all(same);
+        let joints = self.dry.iter().zip(&other.dry).all(|(own, other)| own.state == other.state);
+        contacts && joints && self.stepping == other.stepping
+    }
+
     /// Whether both are of simulations with the same number of touches.
     pub fn fits(&self, other: &Self) -> bool {
         self.impacts.len() == other.impacts.len()
@@ -297,6 +307,33 @@ impl<'a, A: Space> Motion<'a, A> {
         });
         self.tau = tau;
         power
+    }
+
+    /// The rate of the whole state in the present mode.
+    pub fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        let (q, qd) = self.split(y);
+        let (nq, nv) = (q.len(), qd.len());
+        if nq == nv {
+            out[..nq].copy_from_slice(qd); // no floating joint
+        } else {
+            self.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
+        }
+        let (qdd, rest) = out[nq..].split_at_mut(nv);
+        let (power, bends) = rest.split_at_mut(2);
+        bends.fill(0.0);
+        if self.moves_freely() {
+            power.copy_from_slice(&self.accelerate(time, y, qdd)?);
+        } else {
+            let held = self.in_mode(time, y)?;
+            qdd.copy_from_slice(held.qdd.as_slice());
+            power.copy_from_slice(&held.power);
+            for (own, force) in self.lasting.iter().zip(&held.contacts) {
+                if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
+                    bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Stiffness and damping of drive, springs and joints for every velocity coordinate.

@@ -43,6 +43,19 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub resting: bool,
 }
 
+/// How a leg ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Ending {
+    /// At the end of the run, or at a jump of forces that changes no mode.
+    Passed,
+    /// A witness function fired.
+    Fired(Watch),
+    /// At a jump or a kink of forces or surfaces, with contacts.
+    Kink,
+    /// The mode cannot be continued.
+    Stuck(StepReason),
+}
+
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     pub fn go(
         sim: &'a Simulation,
@@ -72,6 +85,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     pub fn one_leg(&mut self) -> Result<(), SimError> {
+        let ending = self.leg()?;
+        self.act(ending)
+    }
+
+    /// Integrates the present mode to its end.
+    pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
         let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
@@ -81,11 +100,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let mut until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // shorter than any integration step
-            return Ok(());
+            return Ok(Ending::Passed);
         }
         self.measure();
         let mut flow = match Watched::new(&mut self.motion, (self.time, kink), &self.y) {
-            Err(SimError::Jam { .. }) => return self.no_mode(StepReason::NoMode),
+            Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
@@ -108,19 +127,29 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Ok(LegEnd { time, y, fired, stalled }) => {
                 (self.time, self.y) = (time, y);
                 match (fired, stalled) {
-                    (_, Some(_)) if gives_up => self.no_mode(StepReason::Stiff),
+                    (_, Some(_)) if gives_up => Ok(Ending::Stuck(StepReason::Stiff)),
                     (_, Some(reason)) => Err(SimError::Integration { time, reason }),
-                    (Some(witness), _) => self.event(watches[witness]),
-                    (None, _) if time == kink && !self.motion.moves_freely() => {
-                        // The forces may jump here, and with them the modes.
-                        let before = self.y.clone();
-                        self.resettle(&[], &before)
-                    }
-                    (None, _) => Ok(()),
+                    (Some(witness), _) => Ok(Ending::Fired(watches[witness])),
+                    (None, _) if time == kink && !self.motion.moves_freely() => Ok(Ending::Kink),
+                    (None, _) => Ok(Ending::Passed),
                 }
             }
-            Err(SimError::Jam { .. }) => self.no_mode(StepReason::NoMode),
+            Err(SimError::Jam { .. }) => Ok(Ending::Stuck(StepReason::NoMode)),
             Err(error) => Err(error),
+        }
+    }
+
+    /// What follows the end of a leg.
+    pub fn act(&mut self, ending: Ending) -> Result<(), SimError> {
+        match ending {
+            Ending::Passed => Ok(()),
+            Ending::Fired(watch) => self.event(watch),
+            Ending::Kink => {
+                // The forces may jump here, and with them the modes.
+                let before = self.y.clone();
+                self.resettle(&[], &before)
+            }
+            Ending::Stuck(reason) => self.no_mode(reason),
         }
     }
 

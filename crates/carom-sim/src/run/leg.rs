@@ -109,6 +109,23 @@ pub(crate) struct Sampler<'a> {
     pub until: f64,
     /// The callback.
     pub watch: &'a mut dyn FnMut(Seen),
+    /// The integration steps of the last leg, if they are wanted.
+    pub path: Option<Vec<Step>>,
+}
+
+/// One integration step: its states at given points.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub start: f64,
+    pub end: f64,
+    /// At `start + (end − start) c` for the points c of [`Step::POINTS`].
+    pub states: Vec<Vec<f64>>,
+}
+
+impl Step {
+    /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
+    pub const POINTS: [f64; 4] =
+        [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
 }
 
 impl Sampler<'_> {
@@ -368,10 +385,15 @@ impl SolOut for Observer<'_, '_, '_> {
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
             let (buffer, system) = (&mut self.buffer, self.system);
-            let at = |time| {
+            let mut at = |time| {
                 dense.interpolate(time, buffer);
                 buffer.clone()
             };
+            if let Some(path) = &mut sampler.path {
+                path.retain(|step| step.start < start); // a leg that failed is repeated
+                let states = Step::POINTS.map(|point| at(start + (until - start) * point)).to_vec();
+                path.push(Step { start, end: until, states });
+            }
             sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
         }
         if let Some(((time, level), witness)) = first {
@@ -473,7 +495,7 @@ mod tests {
         let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, gives_up: false };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
-        let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {} };
+        let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };
         let found = leg(&mut flow, 0.0, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
         (found, statistics, flow.latest)
     }

@@ -5,13 +5,16 @@ mod events;
 mod impacts;
 mod leg;
 mod root;
+mod sensitivity;
 mod session;
 mod several;
 mod stand;
 mod stream;
 mod trajectory;
+mod variation;
 mod watch;
 
+pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};
 pub use trajectory::{
     EnergyBooks, Event, EventKind, Sampling, Seen, Segment, Statistics, StepReason, StopReason, Summary, Trajectory,

@@ -24,6 +24,29 @@ pub(crate) struct Stand {
     resting: bool,
 }
 
+/// What a run remembers of its last events.
+#[derive(Debug, Clone)]
+pub(crate) struct Memory {
+    events: usize,
+    recent: VecDeque<f64>,
+    blows: VecDeque<f64>,
+    resting: bool,
+}
+
+impl<A: Space> Run<'_, '_, A> {
+    /// What it remembers of its last events.
+    pub fn memory(&self) -> Memory {
+        let Self { events, recent, blows, resting, .. } = self;
+        Memory { events: *events, recent: recent.clone(), blows: blows.clone(), resting: *resting }
+    }
+
+    /// Remembers what another run of a similar simulation does.
+    pub fn recall(&mut self, memory: &Memory) {
+        let Memory { events, recent, blows, resting } = memory.clone();
+        (self.events, self.recent, self.blows, self.resting) = (events, recent, blows, resting);
+    }
+}
+
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// A run at its start, before the first contacts are looked for.
     pub fn at_start(
@@ -58,7 +81,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting } = stand;
         motion.keep(kept);
         let count = sampling.every.map_or(0, |every| (time / every).ceil().max(0.0) as usize);
-        let sampler = Sampler { sampling, sizes, count, until: time, watch };
+        let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
         Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting }
     }
 

@@ -115,31 +115,7 @@ impl Watch {
 
 impl<A: Space> Flow for Watched<'_, '_, A> {
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        let time = time.min(self.latest);
-        let motion = &mut *self.motion;
-        let (q, qd) = motion.split(y);
-        let (nq, nv) = (q.len(), qd.len());
-        if nq == nv {
-            out[..nq].copy_from_slice(qd); // no floating joint
-        } else {
-            motion.sim.chain.q_rate_into(q, qd, &mut out[..nq]);
-        }
-        let (qdd, rest) = out[nq..].split_at_mut(nv);
-        let (power, bends) = rest.split_at_mut(2);
-        bends.fill(0.0);
-        if motion.moves_freely() {
-            power.copy_from_slice(&motion.accelerate(time, y, qdd)?);
-        } else {
-            let held = motion.in_mode(time, y)?;
-            qdd.copy_from_slice(held.qdd.as_slice());
-            power.copy_from_slice(&held.power);
-            for (own, force) in motion.lasting.iter().zip(&held.contacts) {
-                if let Some(slot) = motion.bristles.iter().position(|&k| k == own.touch) {
-                    bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
-                }
-            }
-        }
-        Ok(())
+        self.motion.rate(time.min(self.latest), y, out)
     }
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
@@ -171,7 +147,7 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
 }
 
 /// Passes the values of witness functions at a state to `see`.
-fn look<A: Space>(
+pub(crate) fn look<A: Space>(
     motion: &mut Motion<A>,
     watches: &[Watch],
     time: f64,

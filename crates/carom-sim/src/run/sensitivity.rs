@@ -1,0 +1,474 @@
+//! Derivatives of a whole run by its initial state and by parameters.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | S⁻, S⁺ | n×k | derivatives before and after an event | `s` |
+//! | w | 1 | the witness function that fired | – |
+//! | τ′ | k | derivatives of the time of the event | `time_by` |
+//! | E | – | what an event does: (t, x) before it to (t, x) after it | [`Run::act`] |
+//!
+//! Between events S follows the variational equations (`variation.rs`). An event at w(t, x) = 0 has
+//! τ′ = −(∂w S⁻ + ∂ₚw)/ẇ. For a change of the j-th quantity by δ the event takes place at t + τ′ⱼδ in the state
+//! x + (S⁻ⱼ + f⁻τ′ⱼ)δ, from which it leads to E. So
+//!
+//! ```text
+//! S⁺ⱼ = dE/dδ − f⁺ dt⁺/dδ
+//! ```
+//!
+//! where t⁺ is the time after the event, which differs from t at the end of an accumulation of impacts. This is the saltation
+//! matrix (Aizerman & Gantmacher 1958; Leine & Nijmeijer 2004, section 7) of every event, whatever it consists of: an impact, the
+//! impact of several contacts, the beginning and the end of a contact, slip that stops. dE/dδ is a central difference of fourth
+//! order of the program that computes the event, from states that are on the constraints and on w = 0.
+//!
+//! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
+//! with its own second differences, and the modes after the event must be the same.
+
+use super::events::{Ending, Run};
+use super::leg::Step;
+use super::stand::Memory;
+use super::trajectory::{Sampling, Seen};
+use super::variation::{Gauss, left_inverse, over_step};
+use super::watch::{Watch, look};
+use crate::error::SimError;
+use crate::model::{Parameter, Simulation};
+use crate::motion::Kept;
+use crate::plan::Plan;
+use crate::state::{Moment, Space};
+use carom_chain::{Coordinates, Planar, PlanarChain, Spatial};
+use nalgebra::{DMatrix, DVector};
+use std::cell::RefCell;
+
+/// Derivatives of the final state of a run, and of the times of its events.
+///
+/// The columns are the initial state and then the parameters: the nv numbers of a small displacement of q (rad, m; of a floating
+/// joint along and about the axes of the body), the nv numbers of qd, and one for each parameter.
+#[derive(Debug, Clone)]
+pub struct Sensitivity {
+    /// The names of the columns: `q shoulder`, `qd shoulder`, `restitution` …; of joints with several coordinates with a number:
+    /// `q base 3`.
+    pub names: Vec<String>,
+    /// The state at the end.
+    pub last: Moment,
+    /// Derivatives of the final displacement (nv rows, as in the columns) and velocity (nv rows); `None` if the final state has
+    /// no derivative: see `broken`.
+    pub last_by: Option<DMatrix<f64>>,
+    /// The times of the events that have derivatives.
+    pub events: Vec<EventTime>,
+    /// Where and why the derivatives end, if they do.
+    pub broken: Option<Broken>,
+}
+
+/// The time of an event, and its derivatives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventTime {
+    /// Time, s.
+    pub time: f64,
+    /// Names of what happens ([`EventKind::name`](crate::EventKind::name)).
+    pub kinds: Vec<&'static str>,
+    /// Derivatives by the columns of [`Sensitivity`].
+    pub time_by: Vec<f64>,
+}
+
+/// Where the outcome of a run is not differentiable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Broken {
+    /// Time, s.
+    pub time: f64,
+    /// Why.
+    pub reason: String,
+}
+
+/// Step of the central differences of events, for a column of size one.
+const DIFFERENCE: f64 = 1e-5;
+/// Step of those of witness functions.
+const WIDE: f64 = 1e-4;
+/// An event whose witness function changes by less than this in the time in which the state changes by its own size is a grazing
+/// one.
+const GRAZING: f64 = 1e-7;
+/// A second difference above this share of the first may be a kink.
+const KINK: f64 = 0.05;
+
+impl Simulation {
+    /// Runs from `(q, qd)` for `duration` seconds, and differentiates the final state and the times of the events by the initial
+    /// state and by these parameters.
+    ///
+    /// The derivatives are those of the motion that is computed, to about 1e-8 of their size.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`]; [`SimError::Setting`] for a parameter that changes the chain or the number of possible contacts.
+    pub fn sensitivity(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        duration: f64,
+        parameters: &[Parameter],
+    ) -> Result<Sensitivity, SimError> {
+        differentiate(self, self.in_plane().as_ref(), (q, qd), duration, parameters)
+    }
+}
+
+impl Plan {
+    /// [`Simulation::sensitivity`] of the plan from its start, in the plane that the plan has decided on.
+    ///
+    /// # Errors
+    /// As [`Simulation::sensitivity`].
+    pub fn sensitivity(&self, duration: f64, parameters: &[Parameter]) -> Result<Sensitivity, SimError> {
+        differentiate(&self.simulation, self.in_plane(), (&self.q, &self.qd), duration, parameters)
+    }
+}
+
+fn differentiate(
+    simulation: &Simulation,
+    flat: Option<&PlanarChain>,
+    start: (&[f64], &[f64]),
+    duration: f64,
+    parameters: &[Parameter],
+) -> Result<Sensitivity, SimError> {
+    simulation.check(start.0, start.1, duration, None)?;
+    match flat {
+        Some(model) => follow::<Planar<f64>>(simulation, model, start, duration, parameters),
+        None => follow::<Spatial<f64>>(simulation, &simulation.chain, start, duration, parameters),
+    }
+}
+
+/// The multiples of the difference step at which an event is evaluated, and the weights of the derivative.
+const AT: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+const WEIGHTS: [f64; 4] = [1.0 / 12.0, -8.0 / 12.0, 8.0 / 12.0, -1.0 / 12.0];
+
+/// A run with its derivatives.
+struct Follow<'a, 'w, A: Space> {
+    run: Run<'a, 'w, A>,
+    /// The same simulation, for states beside that of the run.
+    probe: Run<'a, 'w, A>,
+    /// For each parameter the simulations with the parameter changed by the multiples [`AT`] of a number, and that number.
+    changed: Vec<([Run<'a, 'w, A>; 4], f64)>,
+    s: DMatrix<f64>,
+    gauss: Gauss,
+    kinds: &'a RefCell<Vec<&'static str>>,
+}
+
+/// Why a step could not be differentiated.
+enum Stop {
+    Broken(Broken),
+    Error(SimError),
+}
+
+impl From<SimError> for Stop {
+    fn from(error: SimError) -> Self {
+        Self::Error(error)
+    }
+}
+
+/// A callback that does nothing; it has no size, so nothing is allocated.
+fn silent<'w>() -> &'w mut dyn FnMut(Seen) {
+    Box::leak(Box::new(|_: Seen| {}))
+}
+
+fn follow<A: Space>(
+    sim: &Simulation,
+    model: &A::Model,
+    start: (&[f64], &[f64]),
+    duration: f64,
+    parameters: &[Parameter],
+) -> Result<Sensitivity, SimError> {
+    let mut sims = Vec::new();
+    for parameter in parameters {
+        let by = 0.1 * DIFFERENCE * parameter.scale();
+        let changed = AT.map(|times| parameter.apply(sim, times * by));
+        if changed.iter().any(|other| other.chain != sim.chain || other.touches.len() != sim.touches.len()) {
+            let rule =
+                "it changes the chain or the number of possible contacts: a parameter must leave both as they are";
+            return Err(SimError::Setting { what: "parameter of a sensitivity", value: by, rule });
+        }
+        sims.push((changed, by));
+    }
+    let kinds = RefCell::new(Vec::new());
+    let mut note = |seen: Seen| {
+        if let Seen::Event(event) = seen {
+            kinds.borrow_mut().push(event.kind.name());
+        }
+    };
+    let run = Run::<A>::at_start(sim, model, start, Sampling::default(), &mut note)?;
+    let beside = |sim| Run::<A>::at_start(sim, model, start, Sampling::default(), silent());
+    let probe = beside(sim)?;
+    let mut changed = Vec::new();
+    for (sims, by) in &sims {
+        let [a, b, c, d] = sims;
+        changed.push(([beside(a)?, beside(b)?, beside(c)?, beside(d)?], *by));
+    }
+    let s = DMatrix::zeros(0, 0);
+    let mut follow = Follow { run, probe, changed, s, gauss: Gauss::new(), kinds: &kinds };
+    let mut events = Vec::new();
+    let end = sim.start_time + duration;
+    let broken = match follow.whole(end, &mut events) {
+        Ok(()) => None,
+        Err(Stop::Broken(broken)) => Some(broken),
+        Err(Stop::Error(error)) => return Err(error),
+    };
+    let last_by = if broken.is_none() { Some(follow.last_by()) } else { None };
+    follow.run.until_end(false)?;
+    let (q, qd) = follow.run.q_qd();
+    let last = Moment { time: follow.run.time, q, qd };
+    Ok(Sensitivity { names: names(sim, parameters), last, last_by, events, broken })
+}
+
+/// The names of the columns.
+fn names(sim: &Simulation, parameters: &[Parameter]) -> Vec<String> {
+    let nv = sim.chain.nv();
+    let mut names = Vec::new();
+    for what in ["q", "qd"] {
+        for v in 0..nv {
+            let Some(joint) = sim.chain.joint_of_velocity(v) else { continue };
+            let number = match &joint.coordinates {
+                Coordinates::Own { v: own, .. } if own.len() > 1 => format!(" {}", v - own.start + 1),
+                _ => String::new(),
+            };
+            names.push(format!("{what} {}{number}", joint.name));
+        }
+    }
+    names.extend(parameters.iter().map(|parameter| parameter.name().to_owned()));
+    names
+}
+
+impl<A: Space> Follow<'_, '_, A> {
+    fn broken<T>(&self, time: f64, reason: &str) -> Result<T, Stop> {
+        let kinds = self.kinds.borrow();
+        let told = if kinds.is_empty() { String::new() } else { format!("{}: ", kinds.join(", ")) };
+        Err(Stop::Broken(Broken { time, reason: told + reason }))
+    }
+
+    /// The whole run.
+    fn whole(&mut self, end: f64, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+        let time = self.run.time;
+        self.run.end = end;
+        self.run.begin()?;
+        let blow = self.kinds.borrow().iter().any(|kind| BLOWS.contains(kind));
+        if blow {
+            return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
+        }
+        self.kinds.borrow_mut().clear();
+        self.at_start()?;
+        while self.run.time < end {
+            if self.run.motion.stepping {
+                return self.broken(self.run.time, "time steps have no derivative");
+            }
+            if self.run.events >= self.run.motion.sim.max_events {
+                return Ok(());
+            }
+            self.leg(events)?;
+        }
+        Ok(())
+    }
+
+    /// The derivatives of the start: of the states nearest to its neighbours in which the contacts that last are closed.
+    fn at_start(&mut self) -> Result<(), SimError> {
+        let x = self.run.x();
+        let kept = self.run.motion.kept();
+        let tangent = self.run.tangent(&x);
+        let moving = 2 * self.run.motion.sim.chain.nv();
+        self.s = DMatrix::zeros(x.len(), moving + self.changed.len());
+        let time = self.run.time;
+        for j in 0..moving {
+            let mut slope = DVector::zeros(x.len());
+            for (times, weight) in AT.iter().zip(WEIGHTS) {
+                let moved = DVector::from_column_slice(&x) + tangent.column(j) * (times * DIFFERENCE);
+                let probe = &mut self.probe;
+                probe.motion.keep(kept.clone());
+                let mut y = probe.y_of(moved.as_slice());
+                probe.motion.sim.normalise(&mut y);
+                probe.motion.settle(time, &mut y)?;
+                slope += DVector::from_vec(probe.x_of(&y)) * (weight / DIFFERENCE);
+            }
+            self.s.set_column(j, &slope);
+        }
+        Ok(())
+    }
+
+    /// One leg, and the event at its end.
+    fn leg(&mut self, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+        let kept = self.run.motion.kept();
+        self.run.sampler.path = Some(Vec::new());
+        let ending = self.run.leg()?;
+        let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
+        self.probe.motion.keep(kept.clone());
+        for (runs, _) in &mut self.changed {
+            runs.iter_mut().for_each(|run| run.motion.keep(kept.clone()));
+        }
+        for step in &path {
+            self.s = over_step(&self.gauss, step, &mut self.probe, &mut self.changed, &self.s)?;
+        }
+        match ending {
+            Ending::Passed => Ok(self.run.act(ending)?),
+            Ending::Stuck(_) => {
+                let time = self.run.time;
+                self.run.act(ending)?;
+                self.broken(time, "the mode cannot be continued, and the motion jumps or is computed by time steps")
+            }
+            Ending::Kink | Ending::Fired(_) => self.event(ending, &kept, events),
+        }
+    }
+
+    /// S⁺ and τ′.
+    fn event(&mut self, ending: Ending, kept: &Kept, events: &mut Vec<EventTime>) -> Result<(), Stop> {
+        let time = self.run.time;
+        let x = self.run.x();
+        let stand = self.run.memory();
+        let f = self.probe.field(time, &x)?;
+        let watch = if let Ending::Fired(watch) = ending { Some(watch) } else { None };
+        let pace = self.pace(&x);
+        let rate = match watch {
+            Some(watch) => rate(&mut self.probe, watch, (time, &x), (&f, DIFFERENCE / pace))?,
+            None => 1.0,
+        };
+        self.run.act(ending)?;
+        if self.run.motion.stepping {
+            return self.broken(time, "time steps begin, which have no derivative");
+        }
+        let is_force = matches!(watch, Some(Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_)));
+        if !is_force && rate.abs() <= GRAZING * pace {
+            return self.broken(time, "it grazes: a neighbouring motion may miss this event");
+        }
+        let after = self.run.motion.kept();
+        let (x_after, time_after) = (DVector::from_vec(self.run.x()), self.run.time);
+        let resting = time_after >= self.run.end;
+        let f_after =
+            if resting { DVector::zeros(x_after.len()) } else { self.run.field(time_after, x_after.as_slice())? };
+        let columns = self.s.ncols();
+        let first = columns - self.changed.len();
+        let mut s = DMatrix::zeros(x_after.len(), columns);
+        let mut time_by = vec![0.0; columns];
+        for j in 0..columns {
+            let own = self.s.column(j).into_owned();
+            let h = if j < first { DIFFERENCE / own.amax().max(1.0) } else { self.changed[j - first].1 };
+            if let Some(watch) = watch {
+                // Witness functions are smooth, so a larger step has less rounding.
+                let wide = WIDE / own.amax().max(1.0);
+                let mut slope = 0.0;
+                for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
+                    self.probe.motion.keep(kept.clone());
+                    let beside = DVector::from_column_slice(&x) + &own * (times * wide);
+                    slope += weight / wide * value(&mut self.probe, watch, time, beside.as_slice())?;
+                    if j >= first {
+                        let run = &mut self.changed[j - first].0[k];
+                        run.motion.keep(kept.clone());
+                        slope += weight / h * value(run, watch, time, &x)?;
+                    }
+                }
+                time_by[j] = -slope / rate;
+            }
+            let along = own + &f * time_by[j];
+            let mut found = Vec::with_capacity(4);
+            for (k, times) in AT.iter().enumerate() {
+                let run = if j < first { &mut self.probe } else { &mut self.changed[j - first].0[k] };
+                run.motion.keep(kept.clone());
+                let beside = DVector::from_column_slice(&x) + &along * (times * h);
+                let outcome = outcome(
+                    run,
+                    &stand,
+                    ending,
+                    (time + times * h * time_by[j], beside.as_slice()),
+                    (&f, rate),
+                    self.run.end,
+                );
+                match outcome {
+                    Ok(outcome) if run.motion.kept().is_alike(&after) => found.push(outcome),
+                    Ok(_) | Err(SimError::Overlap { .. }) => {
+                        return self.broken(time, "a neighbouring motion goes on in another mode or order of events");
+                    }
+                    Err(error) => return Err(error.into()),
+                }
+            }
+            let mut moved = DVector::zeros(x_after.len());
+            let mut later = 0.0;
+            for ((there, time), weight) in found.iter().zip(WEIGHTS) {
+                moved += there * (weight / h);
+                later += (time - time_after) * (weight / h);
+            }
+            // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
+            let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - &x_after * 2.0).amax() / h);
+            if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
+                return self.broken(time, "neighbouring motions have other events at the same time, in another order");
+            }
+            s.set_column(j, &(moved - &f_after * later));
+        }
+        self.s = s;
+        let kinds = std::mem::take(&mut *self.kinds.borrow_mut());
+        if !kinds.is_empty() {
+            events.push(EventTime { time, kinds, time_by });
+        }
+        Ok(())
+    }
+
+    /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.
+    fn pace(&self, x: &[f64]) -> f64 {
+        let (nq, nv) = (self.run.motion.sim.chain.nq(), self.run.motion.sim.chain.nv());
+        x[nq..nq + nv].iter().fold(1.0, |most: f64, v| most.max(v.abs()))
+    }
+
+    fn last_by(&mut self) -> DMatrix<f64> {
+        let x = self.run.x();
+        let moving = 2 * self.run.motion.sim.chain.nv();
+        let tangent = self.run.tangent(&x);
+        let own = if tangent.is_square() { self.s.clone() } else { left_inverse(&tangent) * &self.s };
+        own.rows(0, moving).into_owned()
+    }
+}
+
+/// The kinds of events that are impacts.
+const BLOWS: [&str; 4] = ["impact", "several", "limit", "latch"];
+
+/// A witness function.
+fn value<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<f64, SimError> {
+    let y = run.y_of(x);
+    let mut found = 0.0;
+    look(&mut run.motion, &[watch], time, &y, |witness| found = witness.value)?;
+    Ok(found)
+}
+
+/// ẇ, for witnesses without a rate of their own by a difference over the time `h`.
+fn rate<A: Space>(
+    run: &mut Run<A>,
+    watch: Watch,
+    (time, x): (f64, &[f64]),
+    (f, h): (&DVector<f64>, f64),
+) -> Result<f64, SimError> {
+    let y = run.y_of(x);
+    let mut own = None;
+    look(&mut run.motion, &[watch], time, &y, |witness| own = witness.rate)?;
+    if let Some(own) = own {
+        return Ok(own);
+    }
+    let at = |times: f64| DVector::from_column_slice(x) + f * (times * h);
+    Ok((value(run, watch, time + h, at(1.0).as_slice())? - value(run, watch, time - h, at(-1.0).as_slice())?)
+        / (2.0 * h))
+}
+
+/// E: the state and the time after an event, of a state beside that of the event, which is first moved onto the constraints and
+/// along f to the zero of the witness function, whose rate is given.
+fn outcome<A: Space>(
+    run: &mut Run<A>,
+    memory: &Memory,
+    ending: Ending,
+    (mut time, x): (f64, &[f64]),
+    (f, rate): (&DVector<f64>, f64),
+    end: f64,
+) -> Result<(DVector<f64>, f64), SimError> {
+    let mut y = run.y_of(x);
+    run.motion.sim.normalise(&mut y);
+    run.motion.settle(time, &mut y)?;
+    if let Ending::Fired(watch) = ending {
+        for _ in 0..3 {
+            let x = run.x_of(&y);
+            let span = -value(run, watch, time, &x)? / rate;
+            time += span;
+            let moved = DVector::from_vec(x) + f * span;
+            y = run.y_of(moved.as_slice());
+            run.motion.sim.normalise(&mut y);
+            run.motion.settle(time, &mut y)?;
+        }
+    }
+    (run.time, run.y, run.end) = (time, y, end);
+    run.recall(memory);
+    run.act(ending)?;
+    Ok((DVector::from_vec(run.x()), run.time))
+}
