@@ -14,8 +14,10 @@ use std::sync::Arc;
 pub struct Parameter {
     name: String,
     scale: f64,
-    change: Arc<dyn Fn(&mut Simulation, f64) + Send + Sync>,
+    change: Arc<Change>,
 }
+
+type Change = dyn Fn(&mut Simulation, f64) + Send + Sync;
 
 impl Parameter {
     /// The parameter whose increase by δ is `change(simulation, δ)`. `scale`: its size, from which the differences are made.

@@ -72,7 +72,7 @@ impl<A: Space> Run<'_, '_, A> {
             states.push(y.clone());
         }
         // Barycentric interpolation, with the weights of Chebyshev points of the first kind.
-        let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let at = |time: f64| {
             let x = 1.0 + 2.0 * (time - from) / past;
             let weights: Vec<f64> = (0..NODES).map(|k| sign(k) * angle(k).sin() / (x - angle(k).cos())).collect();

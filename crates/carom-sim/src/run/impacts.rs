@@ -261,7 +261,8 @@ impl<A: Space> Run<'_, '_, A> {
         let mut ending = Vec::new();
         for (one, rebound) in leaving {
             let toward = -self.motion.gap_acceleration(one.touch, self.time, &self.y)?;
-            let share = if one.approach < 0.0 { rebound / -one.approach } else { 0.0 };
+            // A contact that lasted has an approach velocity of the size of rounding, of either sign.
+            let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
             let remaining = 2.0 * rebound / (toward * (1.0 - share));
             if toward > 0.0 && share < 1.0 && remaining < self.motion.sim.zeno_time {
                 left = left.max(remaining);

@@ -147,6 +147,29 @@ struct Follow<'a, 'w, A: Space> {
     kinds: &'a RefCell<Vec<&'static str>>,
 }
 
+/// The end of a leg, before its event.
+struct Before {
+    time: f64,
+    x: DVector<f64>,
+    /// f⁻.
+    f: DVector<f64>,
+    ending: Ending,
+    /// The witness that fired, and its rate.
+    watch: Option<Watch>,
+    rate: f64,
+    kept: Kept,
+    memory: Memory,
+}
+
+/// What an event has led to.
+struct After {
+    time: f64,
+    x: DVector<f64>,
+    /// f⁺.
+    f: DVector<f64>,
+    kept: Kept,
+}
+
 /// Why a step could not be differentiated.
 enum Stop {
     Broken(Broken),
@@ -203,6 +226,9 @@ fn follow<A: Space>(
     let broken = match follow.whole(end, &mut events) {
         Ok(()) => None,
         Err(Stop::Broken(broken)) => Some(broken),
+        Err(Stop::Error(SimError::Jam { time, touch, .. })) => {
+            Some(Broken { time, reason: format!("{touch} comes to a jam, after which the motion jumps") })
+        }
         Err(Stop::Error(error)) => return Err(error),
     };
     let last_by = if broken.is_none() { Some(follow.last_by()) } else { None };
@@ -277,7 +303,7 @@ impl<A: Space> Follow<'_, '_, A> {
                 let mut y = probe.y_of(moved.as_slice());
                 probe.motion.sim.normalise(&mut y);
                 probe.motion.settle(time, &mut y)?;
-                slope += DVector::from_vec(probe.x_of(&y)) * (weight / DIFFERENCE);
+                slope += DVector::from_vec(probe.x_of(&y, &moved.as_slice()[y.len() - 2..])) * (weight / DIFFERENCE);
             }
             self.s.set_column(j, &slope);
         }
@@ -310,9 +336,7 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// S⁺ and τ′.
     fn event(&mut self, ending: Ending, kept: &Kept, events: &mut Vec<EventTime>) -> Result<(), Stop> {
-        let time = self.run.time;
-        let x = self.run.x();
-        let stand = self.run.memory();
+        let (time, x) = (self.run.time, self.run.x());
         let f = self.probe.field(time, &x)?;
         let watch = if let Ending::Fired(watch) = ending { Some(watch) } else { None };
         let pace = self.pace(&x);
@@ -320,6 +344,8 @@ impl<A: Space> Follow<'_, '_, A> {
             Some(watch) => rate(&mut self.probe, watch, (time, &x), (&f, DIFFERENCE / pace))?,
             None => 1.0,
         };
+        let memory = self.run.memory();
+        let before = Before { time, x: DVector::from_vec(x), f, ending, watch, rate, kept: kept.clone(), memory };
         self.run.act(ending)?;
         if self.run.motion.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
@@ -328,68 +354,15 @@ impl<A: Space> Follow<'_, '_, A> {
         if !is_force && rate.abs() <= GRAZING * pace {
             return self.broken(time, "it grazes: a neighbouring motion may miss this event");
         }
-        let after = self.run.motion.kept();
-        let (x_after, time_after) = (DVector::from_vec(self.run.x()), self.run.time);
-        let resting = time_after >= self.run.end;
-        let f_after =
-            if resting { DVector::zeros(x_after.len()) } else { self.run.field(time_after, x_after.as_slice())? };
-        let columns = self.s.ncols();
-        let first = columns - self.changed.len();
-        let mut s = DMatrix::zeros(x_after.len(), columns);
-        let mut time_by = vec![0.0; columns];
-        for j in 0..columns {
-            let own = self.s.column(j).into_owned();
-            let h = if j < first { DIFFERENCE / own.amax().max(1.0) } else { self.changed[j - first].1 };
-            if let Some(watch) = watch {
-                // Witness functions are smooth, so a larger step has less rounding.
-                let wide = WIDE / own.amax().max(1.0);
-                let mut slope = 0.0;
-                for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
-                    self.probe.motion.keep(kept.clone());
-                    let beside = DVector::from_column_slice(&x) + &own * (times * wide);
-                    slope += weight / wide * value(&mut self.probe, watch, time, beside.as_slice())?;
-                    if j >= first {
-                        let run = &mut self.changed[j - first].0[k];
-                        run.motion.keep(kept.clone());
-                        slope += weight / h * value(run, watch, time, &x)?;
-                    }
-                }
-                time_by[j] = -slope / rate;
-            }
-            let along = own + &f * time_by[j];
-            let mut found = Vec::with_capacity(4);
-            for (k, times) in AT.iter().enumerate() {
-                let run = if j < first { &mut self.probe } else { &mut self.changed[j - first].0[k] };
-                run.motion.keep(kept.clone());
-                let beside = DVector::from_column_slice(&x) + &along * (times * h);
-                let outcome = outcome(
-                    run,
-                    &stand,
-                    ending,
-                    (time + times * h * time_by[j], beside.as_slice()),
-                    (&f, rate),
-                    self.run.end,
-                );
-                match outcome {
-                    Ok(outcome) if run.motion.kept().is_alike(&after) => found.push(outcome),
-                    Ok(_) | Err(SimError::Overlap { .. }) => {
-                        return self.broken(time, "a neighbouring motion goes on in another mode or order of events");
-                    }
-                    Err(error) => return Err(error.into()),
-                }
-            }
-            let mut moved = DVector::zeros(x_after.len());
-            let mut later = 0.0;
-            for ((there, time), weight) in found.iter().zip(WEIGHTS) {
-                moved += there * (weight / h);
-                later += (time - time_after) * (weight / h);
-            }
-            // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
-            let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - &x_after * 2.0).amax() / h);
-            if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
-                return self.broken(time, "neighbouring motions have other events at the same time, in another order");
-            }
-            s.set_column(j, &(moved - &f_after * later));
+        let (x, time_after) = (DVector::from_vec(self.run.x()), self.run.time);
+        let rests = time_after >= self.run.end;
+        let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
+        let after = After { time: time_after, x, f, kept: self.run.motion.kept() };
+        let mut s = DMatrix::zeros(after.x.len(), self.s.ncols());
+        let mut time_by = Vec::with_capacity(s.ncols());
+        for j in 0..s.ncols() {
+            time_by.push(self.time_by(j, &before)?);
+            s.set_column(j, &self.column_after(j, time_by[j], &before, &after)?);
         }
         self.s = s;
         let kinds = std::mem::take(&mut *self.kinds.borrow_mut());
@@ -397,6 +370,71 @@ impl<A: Space> Follow<'_, '_, A> {
             events.push(EventTime { time, kinds, time_by });
         }
         Ok(())
+    }
+
+    /// The number of the parameter of a column of S, if it is that of one.
+    fn parameter(&self, j: usize) -> Option<usize> {
+        j.checked_sub(self.s.ncols() - self.changed.len())
+    }
+
+    /// τ′ⱼ.
+    fn time_by(&mut self, j: usize, before: &Before) -> Result<f64, Stop> {
+        let Some(watch) = before.watch else { return Ok(0.0) };
+        let own = self.s.column(j).into_owned();
+        // Witness functions are smooth, so a larger step has less rounding.
+        let wide = WIDE / own.amax().max(1.0);
+        let parameter = self.parameter(j);
+        let mut slope = 0.0;
+        for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
+            self.probe.motion.keep(before.kept.clone());
+            let beside = &before.x + &own * (times * wide);
+            slope += weight / wide * value(&mut self.probe, watch, before.time, beside.as_slice())?;
+            if let Some(p) = parameter {
+                let (runs, by) = &mut self.changed[p];
+                runs[k].motion.keep(before.kept.clone());
+                slope += weight / *by * value(&mut runs[k], watch, before.time, before.x.as_slice())?;
+            }
+        }
+        Ok(-slope / before.rate)
+    }
+
+    /// S⁺ⱼ.
+    fn column_after(&mut self, j: usize, time_by: f64, before: &Before, after: &After) -> Result<DVector<f64>, Stop> {
+        let own = self.s.column(j).into_owned();
+        let parameter = self.parameter(j);
+        let h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
+        let along = own + &before.f * time_by;
+        let end = self.run.end;
+        let mut found = Vec::with_capacity(AT.len());
+        for (k, times) in AT.iter().enumerate() {
+            let run = match parameter {
+                Some(p) => &mut self.changed[p].0[k],
+                None => &mut self.probe,
+            };
+            let beside = &before.x + &along * (times * h);
+            let at = (before.time + times * h * time_by, beside.as_slice());
+            match outcome(run, before, &after.kept, at, end) {
+                Ok(outcome) if run.motion.kept().is_alike(&after.kept) => found.push(outcome),
+                Ok(_) | Err(SimError::Overlap { .. }) => {
+                    return self
+                        .broken(before.time, "a neighbouring motion goes on in another mode or order of events");
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let mut moved = DVector::zeros(after.x.len());
+        let mut later = 0.0;
+        for ((there, time), weight) in found.iter().zip(WEIGHTS) {
+            moved += there * (weight / h);
+            later += (time - after.time) * (weight / h);
+        }
+        // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
+        let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - &after.x * 2.0).amax() / h);
+        if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
+            return self
+                .broken(before.time, "neighbouring motions have other events at the same time, in another order");
+        }
+        Ok(moved - &after.f * later)
     }
 
     /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.
@@ -444,31 +482,41 @@ fn rate<A: Space>(
 }
 
 /// E: the state and the time after an event, of a state beside that of the event, which is first moved onto the constraints and
-/// along f to the zero of the witness function, whose rate is given.
+/// along f to the zero of the witness function.
+///
+/// Where slip stops, both of its components vanish: friction makes neighbouring motions stop in the same direction. So that
+/// state is also moved onto the constraints of the mode `after` it.
 fn outcome<A: Space>(
     run: &mut Run<A>,
-    memory: &Memory,
-    ending: Ending,
+    before: &Before,
+    after: &Kept,
     (mut time, x): (f64, &[f64]),
-    (f, rate): (&DVector<f64>, f64),
     end: f64,
 ) -> Result<(DVector<f64>, f64), SimError> {
+    run.motion.keep(before.kept.clone());
     let mut y = run.y_of(x);
+    let remembered = &x[y.len() - 2..];
     run.motion.sim.normalise(&mut y);
     run.motion.settle(time, &mut y)?;
-    if let Ending::Fired(watch) = ending {
+    if let Some(watch) = before.watch {
         for _ in 0..3 {
-            let x = run.x_of(&y);
-            let span = -value(run, watch, time, &x)? / rate;
+            let x = run.x_of(&y, remembered);
+            let span = -value(run, watch, time, &x)? / before.rate;
             time += span;
-            let moved = DVector::from_vec(x) + f * span;
+            let moved = DVector::from_vec(x) + &before.f * span;
             y = run.y_of(moved.as_slice());
             run.motion.sim.normalise(&mut y);
             run.motion.settle(time, &mut y)?;
         }
+        if matches!(watch, Watch::SlipStops(_) | Watch::JointStops(_)) {
+            run.motion.keep(after.clone());
+            run.motion.settle(time, &mut y)?;
+            run.motion.keep(before.kept.clone());
+        }
+        run.y_of(x); // what compliant contacts remember is not moved
     }
     (run.time, run.y, run.end) = (time, y, end);
-    run.recall(memory);
-    run.act(ending)?;
+    run.recall(&before.memory);
+    run.act(before.ending)?;
     Ok((DVector::from_vec(run.x()), run.time))
 }

@@ -8,7 +8,7 @@
 //! | A, P | n×n, n×k | derivatives of f by x, and by the quantities at fixed x | `slope`, `push` |
 //! | c, a, b | s | points and weights of Gauss's method | [`Gauss`] |
 //!
-//! A and P are central differences of f, with an error of 1e-9 of its size. S is integrated over each step of the motion by
+//! A and P are central differences of f, with an error of some 1e-9 of its size. S is integrated over each step of the motion by
 //! Gauss's method of order 8 (Hairer, Nørsett & Wanner 1993, section II.7), which needs A at four times of the step only: the
 //! equations are linear, so its stages are the solution of one linear system.
 
@@ -17,7 +17,7 @@ use super::leg::Step;
 use crate::error::SimError;
 use crate::motion::{Hold, Lasting};
 use crate::state::Space;
-use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix4, Vector3, Vector4};
 
 /// Step of the central differences of f, relative to the size of the number that is changed.
 const DIFFERENCE: f64 = 1e-6;
@@ -52,15 +52,19 @@ fn memory(lasting: &mut [Lasting]) -> impl Iterator<Item = &mut f64> {
 impl<A: Space> Run<'_, '_, A> {
     /// x at the present state.
     pub fn x(&mut self) -> Vec<f64> {
-        let y = self.y.clone();
-        self.x_of(&y)
+        let (y, memory) = (self.y.clone(), self.remembered());
+        self.x_of(&y, &memory)
     }
 
-    /// x of a state, without the works that it contains.
-    pub fn x_of(&mut self, y: &[f64]) -> Vec<f64> {
+    /// What the compliant contacts remember.
+    pub fn remembered(&mut self) -> Vec<f64> {
+        memory(&mut self.motion.lasting).map(|number| *number).collect()
+    }
+
+    /// x of a state, without the works that it contains, and of what compliant contacts remember.
+    pub fn x_of(&self, y: &[f64], memory: &[f64]) -> Vec<f64> {
         let n = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
-        let memory = memory(&mut self.motion.lasting).map(|number| *number);
-        y[..n].iter().chain(&y[n + 2..]).copied().chain(memory).collect()
+        [&y[..n], &y[n + 2..], memory].concat()
     }
 
     /// Sets what compliant contacts remember, and returns the state of x.
@@ -110,6 +114,9 @@ impl<A: Space> Run<'_, '_, A> {
     fn slope(&mut self, time: f64, x: &[f64]) -> Result<DMatrix<f64>, SimError> {
         let tangent = self.tangent(x);
         let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
+        // The direction of a slow slip is strongly curved in the velocities: differences of fourth order.
+        let turns = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } if toward != Vector3::zeros());
+        let slips = self.motion.lasting.iter().any(turns);
         for (j, direction) in tangent.column_iter().enumerate() {
             let size = x
                 .iter()
@@ -117,8 +124,12 @@ impl<A: Space> Run<'_, '_, A> {
                 .fold(1.0, |most: f64, (x, d)| if *d == 0.0 { most } else { most.max(x.abs()) });
             let h = DIFFERENCE * size;
             let moved = |h: f64| x.iter().zip(direction.iter()).map(|(x, d)| x + h * d).collect::<Vec<_>>();
-            let difference = self.field(time, &moved(h))? - self.field(time, &moved(-h))?;
-            slope.set_column(j, &(difference / (2.0 * h)));
+            let mut difference = (self.field(time, &moved(h))? - self.field(time, &moved(-h))?) / (2.0 * h);
+            if slips {
+                let wide = (self.field(time, &moved(2.0 * h))? - self.field(time, &moved(-2.0 * h))?) / (4.0 * h);
+                difference = (difference * 4.0 - wide) / 3.0;
+            }
+            slope.set_column(j, &difference);
         }
         Ok(if tangent.is_square() { slope } else { slope * left_inverse(&tangent) })
     }
@@ -142,10 +153,11 @@ pub(crate) fn over_step<A: Space>(
     let (n, k) = s.shape();
     let h = step.end - step.start;
     let first = k - changed.len();
+    let memory = run.remembered();
     let (mut matrix, mut right) = (DMatrix::identity(4 * n, 4 * n), DMatrix::zeros(4 * n, k));
     for i in 0..4 {
         let time = step.start + h * Step::POINTS[i];
-        let x = run.x_of(&step.states[i]);
+        let x = run.x_of(&step.states[i], &memory);
         let slope = run.slope(time, &x)?;
         let mut push = &slope * s;
         for (p, ([_, less, more, _], by)) in changed.iter_mut().enumerate() {
@@ -161,6 +173,7 @@ pub(crate) fn over_step<A: Space>(
         right.view_mut((i * n, 0), (n, k)).copy_from(&push);
     }
     let failed = || SimError::Integration { time: step.start, reason: "the variational equations are singular".into() };
+    run.y_of(&run.x_of(&step.states[3], &memory)); // the differences have changed what is remembered
     let stages = matrix.lu().solve(&right).ok_or_else(failed)?;
     let mut after = s.clone();
     for i in 0..4 {
