@@ -85,7 +85,7 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
                 articulated += own.articulated;
             }
             let u = articulated.along(*axis);
-            let mut d = axis.dot(u);
+            let mut d = axis.dot(u) + step.rotor;
             if let Some(more) = added.get(step.v_index) {
                 d += *more;
             }

@@ -29,6 +29,7 @@ pub(crate) struct Moves<A: Algebra> {
     pub v_index: usize,
     pub ratio: A::Scalar,
     pub shift: A::Scalar,
+    pub rotor: A::Scalar,
 }
 
 /// Merges every node that does not move relative to its parent into the parent. Also returns, for each node, its body
@@ -47,10 +48,21 @@ pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Optio
                 }
                 places.push((parent, placement));
             }
-            Some(Moves { joint_index, joint, q_index, v_index, ratio, shift }) => {
+            Some(Moves { joint_index, joint, q_index, v_index, ratio, shift, rotor }) => {
                 places.push((Some(bodies.len()), Pose::identity()));
                 let inertia = node.inertia;
-                bodies.push(Body { parent, joint_index, joint, placement, inertia, q_index, v_index, ratio, shift });
+                bodies.push(Body {
+                    parent,
+                    joint_index,
+                    joint,
+                    placement,
+                    inertia,
+                    q_index,
+                    v_index,
+                    ratio,
+                    shift,
+                    rotor,
+                });
             }
         }
     }
@@ -230,7 +242,7 @@ fn push_axes(
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };
         let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
-        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift });
+        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor: 0.0 });
         nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), moves });
         (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
     }

@@ -44,6 +44,8 @@ pub struct Body<A: Algebra> {
     pub ratio: A::Scalar,
     /// See `ratio`; rad or m. 0 unless the joint mimics another.
     pub shift: A::Scalar,
+    /// Inertia of the motor's rotor, reflected to the joint: see [`Chain::with_rotor_inertia`]; kg m² or kg.
+    pub rotor: A::Scalar,
 }
 
 /// A named frame: one for every link of the file.
@@ -192,7 +194,7 @@ impl<A: Algebra> Chain<A> {
         let mut carries: Vec<bool> = self.bodies.iter().map(own).collect();
         let mut moved = vec![false; self.nv];
         for (i, body) in self.bodies.iter().enumerate().rev() {
-            moved[body.v_index] |= carries[i];
+            moved[body.v_index] |= carries[i] || body.rotor != A::Scalar::zero();
             if let Some(parent) = body.parent {
                 carries[parent] |= carries[i];
             }
@@ -284,6 +286,7 @@ impl<A: Algebra> Chain<A> {
             v_index: b.v_index,
             ratio: nalgebra::convert(b.ratio),
             shift: nalgebra::convert(b.shift),
+            rotor: nalgebra::convert(b.rotor),
         };
         let frame = |f: &Frame<A>| Frame { name: f.name.clone(), body: f.body, pose: pose(&f.pose) };
         Chain {
@@ -328,6 +331,53 @@ impl<A: Algebra> Chain<A> {
             inertia.rotational = of_mass + (inertia.rotational - of_mass) * scale;
         }
         Ok(Self::of(scaled.about, scaled.bodies, scaled.frames, scaled.nq, scaled.nv))
+    }
+
+    /// The same chain with the inertia of a motor's rotor at a joint, reflected through its gear: N² I for the gear ratio N and the
+    /// rotor's inertia I about its own axis, kg m² (of a motor that drives a slider kg). It is added to the diagonal of M,
+    /// and so to the kinetic energy, the dynamics and what a contact feels. The rotor's mass belongs to the link that carries the
+    /// motor, and its gyroscopic moments are left out (they are smaller by the factor 1/N; Featherstone 2008, section 9.6; MuJoCo's
+    /// `armature`). Replaces an earlier value.
+    ///
+    /// # Errors
+    /// [`ChainError::UnknownJoint`]; [`ChainError::OutOfRange`]: a number that is negative or not finite, or a joint that does
+    /// not have exactly one coordinate of its own.
+    ///
+    /// ```
+    /// let bare = carom_chain::uniform_chain(2, 1.0, 1.0)?;
+    /// let geared = bare.with_rotor_inertia("joint1", 100.0_f64.powi(2) * 2e-6)?; // N = 100, I = 2e-6 kg m²
+    /// let m = |chain: &carom_chain::Chain| chain.workspace().update(chain, &[0.1, 0.4]).map(|mut at| at.mass_matrix());
+    /// let (bare, geared) = (m(&bare)?, m(&geared)?);
+    /// assert!((geared[(0, 0)] - bare[(0, 0)] - 0.02).abs() < 1e-15 && geared[(1, 1)] == bare[(1, 1)]);
+    /// # Ok::<(), carom_chain::ChainError>(())
+    /// ```
+    pub fn with_rotor_inertia(&self, joint: &str, inertia: f64) -> Result<Self, ChainError>
+    where
+        A: Algebra<Scalar = f64>,
+    {
+        if !(inertia >= 0.0 && inertia.is_finite()) {
+            let rule = "the reflected inertia of a rotor must be finite and not negative";
+            return Err(ChainError::OutOfRange { what: "rotor inertia", value: inertia, rule });
+        }
+        let coordinate = match &self.joint(joint)?.coordinates {
+            Coordinates::Own { v, .. } if v.len() == 1 => v.start,
+            _ => {
+                let rule = "a rotor belongs to a joint with one coordinate of its own, not to a fixed, floating, planar or mimic joint";
+                return Err(ChainError::OutOfRange { what: "rotor inertia", value: inertia, rule });
+            }
+        };
+        let mut geared = self.clone();
+        if let Some(body) = geared.bodies.iter_mut().find(|body| body.v_index == coordinate) {
+            body.rotor = inertia;
+        }
+        Ok(Self::of(geared.about, geared.bodies, geared.frames, geared.nq, geared.nv))
+    }
+
+    /// The reflected inertia of the rotor of each velocity coordinate: see [`Chain::with_rotor_inertia`].
+    pub fn rotor_inertias(&self) -> Vec<A::Scalar> {
+        let mut inertias = vec![A::Scalar::zero(); self.nv];
+        self.bodies.iter().for_each(|body| inertias[body.v_index] += body.rotor);
+        inertias
     }
 
     /// The chain of these bodies, prepared for the recursions; axes of bodies on hinges are rotated about the hinge.

@@ -72,7 +72,7 @@ impl<A: Algebra> Kinematics<'_, A> {
         while i > 0 {
             i -= 1;
             let (v, f) = (steps[i].v_index, forces[i]);
-            columns.put(v, v, columns.axis(i).share(f));
+            columns.put(v, v, columns.axis(i).share(f) + steps[i].rotor);
             if steps[i].run == i {
                 columns.down(i, [v], [f]);
                 continue;
@@ -80,7 +80,7 @@ impl<A: Algebra> Kinematics<'_, A> {
             let far = f.shifted(links[i].offset);
             i -= 1;
             let (u, near) = (steps[i].v_index, forces[i]);
-            columns.put(u, u, columns.axis(i).share(near));
+            columns.put(u, u, columns.axis(i).share(near) + steps[i].rotor);
             columns.put_both(u, v, columns.axis(i).share(far));
             columns.down(i, [u, v], [near, far]);
         }

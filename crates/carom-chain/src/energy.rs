@@ -11,7 +11,7 @@ use crate::kinematics::Kinematics;
 use num_traits::Zero;
 
 impl<A: Algebra> Kinematics<'_, A> {
-    /// Kinetic energy T = ½ Σ v·Iv, J.
+    /// Kinetic energy T = ½ Σ v·Iv, that of rotors included, J.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -21,7 +21,8 @@ impl<A: Algebra> Kinematics<'_, A> {
         let mut twice = A::Scalar::zero();
         for (i, body) in self.chain.bodies.iter().enumerate() {
             let v = self.ws.velocity[i];
-            twice += body.inertia.rotated(self.ws.links[i].rotation).apply(v).power(v);
+            let rate = qd[body.v_index];
+            twice += body.inertia.rotated(self.ws.links[i].rotation).apply(v).power(v) + body.rotor * rate * rate;
         }
         Ok(twice * nalgebra::convert(0.5))
     }

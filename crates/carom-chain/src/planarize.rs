@@ -139,6 +139,7 @@ impl Chain {
                 v_index: body.v_index,
                 ratio: body.ratio * sign,
                 shift: body.shift * sign,
+                rotor: body.rotor,
             });
             planar_zero.push(own);
         }

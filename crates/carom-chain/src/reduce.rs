@@ -159,6 +159,7 @@ impl Numbering {
             v_index: self.new_v[body.v_index],
             ratio: body.ratio,
             shift: body.shift,
+            rotor: body.rotor,
         }
     }
 

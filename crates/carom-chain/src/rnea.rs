@@ -52,6 +52,9 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.chain.check_nv("tau", tau.len())?;
         self.spread_force(qd, Some(qdd), gravity);
         self.gather_force(tau);
+        for step in &self.chain.steps {
+            tau[step.v_index] += step.rotor * qdd[step.v_index];
+        }
         Ok(())
     }
 

@@ -153,7 +153,7 @@ fn composite_rigid_body<A: Algebra, X: Subspace<A>>(
         }
         let mut f = bodies[i].axis.momentum(&composite);
         let v = topology.coordinate(i);
-        let own = bodies[i].axis.share(f);
+        let own = bodies[i].axis.share(f) + steps[i].rotor;
         let depth = topology.depth(i);
         let row = &mut rows[i * length..][..=depth];
         (row[depth], mass_matrix[v * n + v]) = (own, own);

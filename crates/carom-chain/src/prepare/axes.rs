@@ -141,7 +141,7 @@ mod tests {
     fn body<A: Algebra<Scalar = f64>>(joint: A::Joint, parent: Option<usize>, rotation: A::Rotation) -> Body<A> {
         let placement = Pose { rotation, translation: A::vector(|i| 0.3 - 0.2 * i as f64) };
         let (inertia, q_index, v_index) = (Inertia::zero(), 0, 0);
-        Body { parent, joint_index: 0, joint, placement, inertia, q_index, v_index, ratio: 1.0, shift: 0.0 }
+        Body { parent, joint_index: 0, joint, placement, inertia, q_index, v_index, ratio: 1.0, shift: 0.0, rotor: 0.0 }
     }
 
     #[test]

@@ -35,6 +35,8 @@ pub(crate) struct Step<A: Algebra> {
     pub ratio: A::Scalar,
     /// See `ratio`.
     pub shift: A::Scalar,
+    /// Inertia of the rotor that turns with the joint, beside that of the bodies.
+    pub rotor: A::Scalar,
     /// Base inertial parameters: see [`base_parameters`].
     pub inertia: Inertia<A>,
     pub parent: Option<usize>,
@@ -93,13 +95,14 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
         let prepared = placings.into_iter().zip(base_parameters(bodies));
         let mut steps: Vec<Self> = Vec::with_capacity(bodies.len());
         for (i, (body, ((placing, shift), inertia))) in bodies.iter().zip(prepared).enumerate() {
-            let Body { parent, joint, placement, q_index, v_index, ratio, .. } = *body;
+            let Body { parent, joint, placement, q_index, v_index, ratio, rotor, .. } = *body;
             steps.push(Self {
                 joint,
                 placing,
                 translation: placement.translation,
                 ratio,
                 shift: body.shift + shift,
+                rotor,
                 inertia,
                 parent,
                 q_index,
@@ -134,6 +137,7 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
             translation: A::cast_vector(self.translation),
             ratio: convert(self.ratio),
             shift: convert(self.shift),
+            rotor: convert(self.rotor),
             inertia: self.inertia.cast(),
             parent: self.parent,
             q_index: self.q_index,

@@ -51,10 +51,10 @@ struct Swing {
 }
 
 impl PlanarRow {
-    /// The row of a planar chain; `None` if the chain is not such a row.
+    /// The row of a planar chain; `None` if the chain is not such a row, or has rotors, whose inertia is not that of a body.
     pub fn of(chain: &Chain<Planar<f64>>) -> Option<Self> {
         let bodies = chain.bodies();
-        if !chain.structure.row || bodies.len() > MOST {
+        if !chain.structure.row || bodies.len() > MOST || bodies.iter().any(|body| body.rotor != 0.0) {
             return None;
         }
         let mut beyond = 0.0; // mass
