@@ -81,9 +81,9 @@ impl Chain {
     /// Reads a URDF file with options: a floating base, strictness, repairs, folders of packages.
     ///
     /// # Errors
-    /// As [`Chain::from_urdf_file`].
+    /// As [`Chain::from_urdf_file`]; those of [`Chain::with_rotor_inertia`].
     pub fn from_urdf_file_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Self, ChainError> {
-        Ok(Self::from_robot(urdf::read_file(path, options)?, options))
+        Self::from_robot(urdf::read_file(path, options)?, options).with_rotors(options)
     }
 
     /// Reads a URDF from memory. Relative mesh paths are an error.
@@ -91,7 +91,12 @@ impl Chain {
     /// # Errors
     /// [`ChainError::Urdf`]; its file is `<string>`.
     pub fn from_urdf_str(text: &str, options: &LoadOptions) -> Result<Self, ChainError> {
-        Ok(Self::from_robot(urdf::read_str(text, None, options)?, options))
+        Self::from_robot(urdf::read_str(text, None, options)?, options).with_rotors(options)
+    }
+
+    fn with_rotors(self, options: &LoadOptions) -> Result<Self, ChainError> {
+        let mut rotors = options.rotor_inertia.iter();
+        rotors.try_fold(self, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))
     }
 
     /// Builds the chain of a checked robot. With `options.floating_base` a floating joint named `root_joint` connects the

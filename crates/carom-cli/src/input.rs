@@ -44,6 +44,7 @@ impl LoadArgs {
             strict: self.strict,
             repair: self.repair,
             package_dirs: self.package_dirs.clone(),
+            rotor_inertia: self.rotor_inertia.iter().cloned().collect(),
         }
     }
 }
@@ -53,6 +54,12 @@ pub fn tell(file: &str, chain: &Chain) {
     for line in chain.report().summary(5) {
         say(&format!("warning: {file}: {line}"));
     }
+}
+
+/// A joint and a number: `elbow=0.02`.
+pub fn parse_rotor(text: &str) -> Result<(String, f64), String> {
+    let (joint, number) = text.split_once('=').ok_or("give JOINT=INERTIA, for instance elbow=0.02")?;
+    Ok((joint.to_owned(), number.parse().map_err(|_| format!("'{number}' is not a number"))?))
 }
 
 /// Three numbers: `x,y,z`.

@@ -123,6 +123,11 @@ struct LoadArgs {
     /// ROS_PACKAGE_PATH, and in share/ of AMENT_PREFIX_PATH.
     #[arg(long = "package-dir", value_name = "DIR", verbatim_doc_comment)]
     package_dirs: Vec<std::path::PathBuf>,
+    /// Reflected inertia of the motor's rotor at a joint, kg m² or kg; may be repeated
+    ///
+    /// N² I for a gear ratio N and a rotor inertia I. It is added to the diagonal of M.
+    #[arg(long, value_name = "JOINT=INERTIA", value_parser = input::parse_rotor, verbatim_doc_comment)]
+    rotor_inertia: Vec<(String, f64)>,
 }
 
 fn main() -> ExitCode {

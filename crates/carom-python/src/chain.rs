@@ -137,7 +137,8 @@ impl Chain {
         package_dirs: Vec<PathBuf>,
     ) -> PyResult<Self> {
         let meshes = if meshes { Meshes::WhenUsed } else { Meshes::Ignored };
-        let options = LoadOptions { floating_base: floating, meshes, strict, repair, package_dirs };
+        let options =
+            LoadOptions { floating_base: floating, meshes, strict, repair, package_dirs, ..LoadOptions::default() };
         let text = source
             .extract::<String>()
             .ok()

@@ -43,6 +43,7 @@ pub use robot::*;
 use roxmltree::Document;
 use source::Source;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tree::Tree;
 use warnings::Warnings;
@@ -69,6 +70,9 @@ pub struct LoadOptions {
     pub repair: bool,
     /// Folders in which packages (`package://NAME/…`) are searched for first. Each may be the package itself or contain it.
     pub package_dirs: Vec<PathBuf>,
+    /// Reflected inertias of motors' rotors by joint name, kg m² or kg: see
+    /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia).
+    pub rotor_inertia: BTreeMap<String, f64>,
 }
 
 /// Treatment of missing collision meshes.

@@ -11,6 +11,7 @@ const REPAIR: LoadOptions = LoadOptions {
     strict: false,
     repair: true,
     package_dirs: Vec::new(),
+    rotor_inertia: std::collections::BTreeMap::new(),
 };
 
 /// The inertia of link `b`.

@@ -33,6 +33,8 @@ pub(super) struct Robot {
     pub repair: bool,
     #[serde(default)]
     pub package_dirs: Vec<PathBuf>,
+    #[serde(default)]
+    pub rotor_inertia: BTreeMap<String, f64>,
 }
 
 #[derive(Deserialize)]

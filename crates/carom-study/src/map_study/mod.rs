@@ -41,6 +41,7 @@
 //! | `[robot] strict` | boolean | `false` | refuses what is otherwise a warning about the URDF |
 //! | `[robot] repair` | boolean | `false` | changes the robot as little as needed to compute its dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
 //! | `[robot] package_dirs` | list of folders | `[]` | folders in which packages are searched for first, as in scenes; meshes are not read |
+//! | `[robot] rotor_inertia` | table of numbers by joint name, kg m², kg | `{}` | reflected inertias of motors' rotors, N² I with the gear ratio N |
 //! | `[joints] <joint>` | values, rad or m | required for every moving joint | positions; the poses are the grid of all combinations. Fixed and mimic joints are left out. A range may have `unit = "deg"` |
 //! | `[tip] x`, `y`, `z` | values, m | unconstrained | instead of `[joints]`: world position of the contact point; at least one of the three. The poses are computed by inverse kinematics |
 //! | `[tip] elbow` | `"both"`, `"up"`, `"down"` | `"both"` | two revolute links in a plane only: which of the two solutions; up is to the left of the line from the base to the tip |

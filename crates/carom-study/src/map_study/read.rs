@@ -48,6 +48,7 @@ impl Study {
             strict: file.robot.strict,
             repair: file.robot.repair,
             package_dirs: file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
+            rotor_inertia: file.robot.rotor_inertia.clone(),
             ..LoadOptions::default()
         };
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
