@@ -15,11 +15,12 @@
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::delassus::Structure;
 use crate::error::ChainError;
+use crate::planarize::PlanarChain;
 use crate::prepare::Step;
 use crate::urdf::{Collision, JointType, Limits, LoadReport, suggestion};
 use num_traits::Zero;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One body and the joint that connects it to its parent, in a frame aligned with the joint's axis. For two hinges in a row the
 /// x axis of the body between them is parallel to their common perpendicular.
@@ -148,6 +149,18 @@ pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
     pub(crate) nv: usize,
+    pub(crate) flat: Flat,
+}
+
+/// The chain in the plane, which depends on the rest of the chain alone: computed at its first use, shared by the clones, and
+/// left out of comparisons.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Flat(pub Arc<OnceLock<Option<PlanarChain>>>);
+
+impl PartialEq for Flat {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 impl<A: Algebra> Chain<A> {
@@ -297,6 +310,7 @@ impl<A: Algebra> Chain<A> {
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
             nv: self.nv,
+            flat: Flat::default(),
         }
     }
 
@@ -393,7 +407,7 @@ impl<A: Algebra> Chain<A> {
     {
         let steps = Step::of(&mut bodies, &mut frames);
         let structure = Arc::new(Structure::of(&steps, nv));
-        Self { about, steps, structure, bodies, frames, nq, nv }
+        Self { about, steps, structure, bodies, frames, nq, nv, flat: Flat::default() }
     }
 
     /// The error for a coordinate whose joint moves no inertia.

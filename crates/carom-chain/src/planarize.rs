@@ -12,6 +12,9 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 /// Tolerance on parallel and perpendicular axes (sine of the angle): the rounding of numbers of 10 digits in a file.
 const ALIGNED: f64 = 1e-9;
 
+/// Sine of the angle of axes that are aligned up to rounding.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
+
 /// A plane through the world's origin, with axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plane {
@@ -77,6 +80,13 @@ impl PlanarChain {
 }
 
 impl Chain {
+    /// The same chain in the plane, if it is planar up to rounding: all of its axes are parallel or perpendicular within
+    /// 64 ε. Computed at the first call and kept with the chain.
+    pub fn in_plane(&self) -> Option<&PlanarChain> {
+        let rounded = |flat: &PlanarChain| flat.tilt <= ROUNDED;
+        self.flat.0.get_or_init(|| self.to_planar().ok().filter(rounded)).as_ref()
+    }
+
     /// The same chain in the plane. The plane's normal is parallel to the hinges, its largest component positive.
     ///
     /// # Errors

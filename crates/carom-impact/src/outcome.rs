@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nalgebra::{RealField, SVector, convert};
+use nalgebra::{RealField, SVector, Vector2, Vector3, convert};
 
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
@@ -51,6 +51,33 @@ pub struct ImpactOutcome<T, const D: usize> {
     pub slip_stop: Option<T>,
     /// Warnings.
     pub flags: Flags,
+}
+
+impl<T: RealField + Copy> ImpactOutcome<T, 2> {
+    /// Writes the same outcome in contact axes of space, in which `tangent` has the components of the tangent of the plane
+    /// (unit).
+    #[inline(always)]
+    pub fn in_space_into(&self, tangent: Vector2<T>, space: &mut ImpactOutcome<T, 3>) {
+        let lift = |x: &Vector2<T>| Vector3::new(tangent.x * x.x, tangent.y * x.x, x.y);
+        *space = ImpactOutcome {
+            law: self.law,
+            impulse: lift(&self.impulse),
+            u_minus: lift(&self.u_minus),
+            u_plus: lift(&self.u_plus),
+            mode: self.mode,
+            energy_before: self.energy_before,
+            energy_after: self.energy_after,
+            energy_change: self.energy_change,
+            normal_work: self.normal_work,
+            friction_work: self.friction_work,
+            newton: self.newton,
+            poisson: self.poisson,
+            energetic: self.energetic,
+            slip_end: self.slip_end,
+            slip_stop: self.slip_stop,
+            flags: self.flags,
+        };
+    }
 }
 
 impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {

@@ -193,8 +193,12 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     fn contact(&self, problem: &ImpactProblem<T, D>) -> ImpactProblem<T, 2> {
         let n = D - 1;
         let h = problem.delassus();
-        let h_t = h * self.t;
-        let (a, b, c) = (self.t.dot(&h_t), h_t[n], h[(n, n)]);
+        let (a, b, c) = if D == 2 {
+            (h[(0, 0)], h[(1, 0)], h[(1, 1)])
+        } else {
+            let h_t = h * self.t;
+            (self.t.dot(&h_t), h_t[n], h[(n, n)])
+        };
         ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(self.v_t, problem.u_minus()[n]))
     }
 
@@ -222,10 +226,14 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// Impulse and velocity after the impact in contact axes.
     #[inline(always)]
     fn ends(&self, problem: &ImpactProblem<T, D>, mu: T, answer: &Answer<T>) -> (SVector<T, D>, SVector<T, D>) {
-        let mut impulse = self.t * answer.p_t;
-        impulse[D - 1] = answer.p_n;
-        let mut u_plus = self.t * answer.v_t;
-        u_plus[D - 1] = answer.v_n;
+        let in_axes = |tangent: T, normal: T| {
+            SVector::from_fn(|i, _| match i {
+                i if i == D - 1 => normal,
+                _ if D == 2 => tangent,
+                i => self.t[i] * tangent,
+            })
+        };
+        let (mut impulse, mut u_plus) = (in_axes(answer.p_t, answer.p_n), in_axes(answer.v_t, answer.v_n));
         if D == 3 && mu > T::zero() && has_derivatives::<T>() {
             let (across, velocity) = self.across(problem, answer, mu);
             impulse += across;

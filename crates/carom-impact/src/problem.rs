@@ -9,7 +9,7 @@
 //! | μ_stick | 1 | `\|B\|/A`, least friction that keeps a contact sticking | `mu_stick` |
 //! | μ_jam | 1 | `C/\|B\|`, Painlevé's threshold | `mu_jam` |
 
-use nalgebra::{Dim, Matrix, RealField, SMatrix, SVector, StorageMut, convert};
+use nalgebra::{Dim, Matrix, Matrix3x2, RealField, SMatrix, SVector, StorageMut, Vector2, convert};
 
 use crate::ImpactError;
 
@@ -61,6 +61,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// # Errors
     ///
     /// [`ImpactError::NotFinite`]: an entry is NaN or infinite.
+    #[inline(always)]
     pub fn from_gram(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
         // A sum is finite if no term is NaN or infinite; otherwise the entry is found by the checks of `new`.
         if !(delassus.sum() + u_minus.sum()).is_finite() {
@@ -122,8 +123,9 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
                 continue;
             }
             // w := L⁻¹ u, so that uᵀ (L D Lᵀ)⁻¹ u = Σ w_k²/d_k.
+            let inverse = T::one() / pivot;
             for (w, twice) in w.iter_mut().zip(&mut twice) {
-                let share = w[k] / pivot;
+                let share = w[k] * inverse;
                 *twice += w[k] * share;
                 for i in 0..k {
                     w[i] -= h[(i, k)] * share;
@@ -157,6 +159,13 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
 }
 
 impl<T: RealField + Copy> ImpactProblem<T, 2> {
+    /// The same contact in contact axes of space, in which `tangent` has the components of the tangent of the plane (unit). No
+    /// impulse changes the velocity across the plane, which is zero.
+    pub fn in_space(&self, tangent: Vector2<T>) -> ImpactProblem<T, 3> {
+        let lift = Matrix3x2::new(tangent.x, T::zero(), tangent.y, T::zero(), T::zero(), T::one());
+        ImpactProblem::trusted(lift * self.delassus * lift.transpose(), lift * self.u_minus)
+    }
+
     /// `|B|/A`: the least coefficient of friction that keeps a contact sticking once its slip has stopped; 0 where the
     /// tangent is singular (A = 0).
     ///

@@ -6,7 +6,8 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, Point, uniform_chain};
-use carom_sim::{FrictionlessJump, Outcomes, Sampling, Scene, Simulation, States, frictionless_jump_into};
+use carom_impact::{Energetic, Frictionless, Law};
+use carom_sim::{FrictionlessJump, Impacts, Outcomes, Sampling, Scene, Simulation, States, frictionless_jump_into};
 use nalgebra::{DMatrix, Vector2, Vector3};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -36,6 +37,11 @@ fn main() {
         None => Chain::from_urdf_file(format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"))).unwrap(),
     };
     let tip = chain.frame("tip").unwrap();
+    match kernel.as_str() {
+        "strike-frictionless" => return strike(&chain, &Frictionless { restitution: 0.5 }, time),
+        "strike-energetic" => return strike(&chain, &Energetic { restitution: 0.5, friction: 0.3 }, time),
+        _ => {}
+    }
     match chain.to_planar() {
         Ok(flat) if !in_space => {
             let point = flat.point(tip, Vector3::zeros());
@@ -72,6 +78,20 @@ fn report(time: bool, mut work: impl FnMut()) {
         }
         println!("{:.1} ns", best.as_nanos() as f64 / f64::from(REPEATS));
     }
+}
+
+/// A prepared strike.
+fn strike(chain: &Chain, law: &dyn Law<f64, 3>, time: bool) {
+    let tip = chain.frame("tip").unwrap();
+    let q: Vec<f64> = (0..chain.nv()).map(|i| 0.3 + 0.1 * (i % 5) as f64).collect();
+    let towards = |qd: &[f64]| {
+        chain.impact(&q, qd).at(tip).normal([-1.0, 0.0, 0.0]).contact().unwrap().problem().u_minus().z < 0.0
+    };
+    let sign = if towards(&q) { 1.0 } else { -1.0 };
+    let qd: Vec<f64> = q.iter().map(|x| sign * x).collect();
+    let mut strike = chain.impact(&q, &qd).at(tip).normal([-1.0, 0.0, 0.0]).prepare().unwrap();
+    let mut hit = strike.outcome();
+    report(time, || strike.resolve_into(black_box(&q), &qd, law, black_box(&mut hit)).unwrap());
 }
 
 /// The whole run of a scene without samples and segments.

@@ -2,8 +2,11 @@
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
-use carom_impact::{Energetic, Frictionless, Law, Mode, Poisson};
-use carom_sim::{Impacts, JointModel};
+use carom_impact::{
+    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Newton,
+    Poisson, Smith, Whittaker,
+};
+use carom_sim::{ChainImpact, Impacts, JointModel};
 use nalgebra::{DVector, Vector3};
 
 /// A uniform rod of 1 kg and 1 m that moves in the x–z plane: q = (x, z, angle about y). The frame `end` is at one end.
@@ -89,4 +92,153 @@ fn prepared_strike_equals_a_single_one_and_does_not_allocate() {
             }
         }
     }
+}
+
+/// A planar chain struck in its plane is computed in the plane; the contact of the same strike is computed in space. Both are
+/// equal for every law, also for one that is not known to the library.
+#[test]
+fn impacts_of_planar_chains_in_their_plane_equal_those_in_space() {
+    let mut rng = fastrand::Rng::with_seed(16);
+    let (mut resolved, mut slipped) = (0, 0);
+    for case in 0..60 {
+        let chain = planar_robot(&mut rng);
+        let flat = chain.in_plane().expect("a planar chain");
+        let tip = chain.frame("tip").unwrap();
+        let turn = rng.f64() * std::f64::consts::TAU;
+        let normal = flat.plane.x * turn.cos() + flat.plane.y * turn.sin();
+        let mut draw = |scale: f64| (0..chain.nv()).map(|_| scale * (rng.f64() - 0.5)).collect::<Vec<f64>>();
+        let damping = draw(1.0).iter().map(|x| x.abs()).collect::<Vec<_>>();
+        let held = JointModel::Impedance { stiffness: &damping, damping: &damping, contact_time: 0.01 };
+        let (q, mut qd) = (draw(6.0), draw(4.0));
+        let offset = [0.1, rng.f64(), -0.2];
+        let (restitution, friction) = (rng.f64(), 1.5 * rng.f64());
+        let user = UsersLaw(Energetic { restitution, friction });
+        let laws: [&dyn Law<f64, 3>; 9] = [
+            &Frictionless { restitution },
+            &Whittaker { restitution, friction },
+            &Newton { restitution, friction },
+            &Poisson { restitution, friction },
+            &Energetic { restitution, friction },
+            &ChatterjeeRuina { restitution, tangential_restitution: 0.3, friction },
+            &Brach { restitution, impulse_ratio: -friction },
+            &Smith { restitution, friction },
+            &user,
+        ];
+        let before = chain.impact(&q, &qd).at(tip).offset(offset).normal(normal.into()).contact().unwrap();
+        let leaves = before.problem().u_minus().z > 0.0;
+        if leaves {
+            qd.iter_mut().for_each(|x| *x = -*x);
+        }
+        let locked = [chain.joints().iter().find(|j| chain.joint_of_velocity(0) == Some(j)).unwrap().name.as_str()];
+        for joints in [JointModel::Free, held, JointModel::Locked(&locked)] {
+            // One free joint alone has a singular H, where Smith's iteration has no definite end.
+            if chain.nv() == 2 && joints == JointModel::Locked(&locked) {
+                continue;
+            }
+            let describe = |qd| {
+                let strike = chain.impact(&q, qd).at(tip).offset(offset).normal(normal.into());
+                strike.joints(joints)
+            };
+            let mut contact = describe(&qd).contact().unwrap();
+            for law in laws {
+                let name = law.name();
+                let there = contact.resolve(law);
+                let here = describe(&qd).resolve(law);
+                let (Ok(here), Ok(there)) = (&here, &there) else {
+                    assert_eq!(here.is_err(), there.is_err(), "{name}: {here:?} {there:?}");
+                    continue;
+                };
+                resolved += 1;
+                slipped += usize::from(here.mode == Mode::Slip || here.mode == Mode::ReverseSlip);
+                assert_eq!(
+                    (here.mode, here.flags, here.contact.slip_end),
+                    (there.mode, there.flags, there.contact.slip_end)
+                );
+                // Numbers of their own size: both routes have rounding errors of 1e-16 times the condition number of M.
+                let near = |a: &[f64], b: &[f64], what: &str| {
+                    let size = b.iter().fold(1e-3_f64, |m, x| m.max(x.abs()));
+                    let off = a.iter().zip(b).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+                    assert!(off <= 1e-12 * size, "case {case} {name} {what}: {a:?} {b:?}");
+                };
+                let (c, d) = (&here.contact, &there.contact);
+                near(&here.qd_plus, &there.qd_plus, "qd_plus");
+                // That of a locked joint is a difference of terms of the size of the impulse.
+                let with = |hit: &ChainImpact| [&hit.drive_impulse[..], &[hit.impulse.norm()]].concat();
+                near(&with(here), &with(there), "drive_impulse");
+                for (a, b) in [
+                    (here.impulse, there.impulse),
+                    (here.u_minus, there.u_minus),
+                    (here.u_plus, there.u_plus),
+                    (c.impulse, d.impulse),
+                    (c.u_minus, d.u_minus),
+                    (c.u_plus, d.u_plus),
+                ] {
+                    near(a.as_slice(), b.as_slice(), "vector");
+                }
+                near(&[here.energy_before, here.energy_after], &[there.energy_before, there.energy_after], "energy");
+                near(
+                    &[c.energy_before, c.energy_after, c.energy_change],
+                    &[d.energy_before, d.energy_after, d.energy_change],
+                    "T",
+                );
+                near(
+                    &[c.normal_work, c.friction_work, here.drive_work],
+                    &[d.normal_work, d.friction_work, there.drive_work],
+                    "work",
+                );
+                for (a, b) in [
+                    (c.newton, d.newton),
+                    (c.poisson, d.poisson),
+                    (c.energetic, d.energetic),
+                    (c.slip_stop, d.slip_stop),
+                ] {
+                    assert_eq!(a.is_some(), b.is_some());
+                    near(&[a.unwrap_or(0.0)], &[b.unwrap_or(0.0)], "coefficient");
+                }
+            }
+        }
+    }
+    assert!(resolved > 1000 && slipped > 300, "{resolved} {slipped}");
+}
+
+/// A law that is not known to the library.
+struct UsersLaw(Energetic);
+
+impl Law<f64, 3> for UsersLaw {
+    fn name(&self) -> &'static str {
+        "users"
+    }
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        self.0.resolve(problem)
+    }
+}
+
+/// A random row of two to six hinges and sliders in a plane of random direction.
+fn planar_robot(rng: &mut fastrand::Rng) -> Chain {
+    let mut draw = |low: f64, high: f64| low + (high - low) * rng.f64();
+    let (roll, pitch) = (draw(-1.0, 1.0), draw(-1.0, 1.0));
+    let joints = draw(2.0, 6.99) as usize;
+    let mut urdf = format!(
+        "<robot name='planar'><link name='world'/><link name='base'/><joint name='turned' type='fixed'>\
+         <parent link='world'/><child link='base'/><origin xyz='0.3 -0.2 0.5' rpy='{roll} {pitch} 0'/></joint>"
+    );
+    let mut parent = "base".to_owned();
+    for k in 0..joints {
+        let child = if k + 1 == joints { "tip".to_owned() } else { format!("link{k}") };
+        let slides = k > 0 && draw(0.0, 1.0) < 0.25;
+        let (kind, axis) =
+            if slides { ("prismatic", "1 0 0") } else { ("continuous", if k % 2 == 0 { "0 1 0" } else { "0 -1 0" }) };
+        let limit = if slides { "<limit lower='-9' upper='9' effort='1' velocity='1'/>" } else { "" };
+        let [x, y, z, angle, mass, i] =
+            [draw(0.2, 1.0), draw(-0.2, 0.2), draw(-0.5, 0.5), draw(-1.0, 1.0), draw(0.2, 3.0), draw(0.01, 0.2)];
+        let [a, b, c] = [draw(-0.3, 0.3), draw(-0.1, 0.1), draw(-0.3, 0.3)];
+        urdf += &format!(
+            "<link name='{child}'><inertial><origin xyz='{a} {b} {c}'/><mass value='{mass}'/>\
+             <inertia ixx='{i}' iyy='{i}' izz='{i}' ixy='0' ixz='0' iyz='0'/></inertial></link>\
+             <joint name='joint{k}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>\
+             <origin xyz='{x} {y} {z}' rpy='0 {angle} 0'/><axis xyz='{axis}'/>{limit}</joint>"
+        );
+        parent = child;
+    }
+    Chain::from_urdf_str(&(urdf + "</robot>"), &Default::default()).unwrap()
 }

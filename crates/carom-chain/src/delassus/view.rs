@@ -24,14 +24,14 @@ impl<A: Algebra> PointResponse<'_, A> {
     /// T = ½ q̇ᵀ M q̇, J: by M, which the response must contain.
     #[inline(always)]
     pub fn kinetic_energy(&self, qd: &[A::Scalar]) -> A::Scalar {
-        let mut twice = A::Scalar::zero();
-        for (v, column) in self.mass_matrix.chunks_exact(qd.len()).enumerate() {
+        let (mut twice, n) = (A::Scalar::zero(), qd.len());
+        for v in 0..n {
             // Σ over pairs of joints: M is symmetric.
-            let mut momentum = column[v] * qd[v];
-            for (m, rate) in column[..v].iter().zip(qd) {
-                momentum += (*m + *m) * *rate;
+            let mut momentum = A::Scalar::zero();
+            for (w, rate) in qd[..v].iter().enumerate() {
+                momentum += self.mass_matrix[v * n + w] * *rate;
             }
-            twice += momentum * qd[v];
+            twice += (self.mass_matrix[v * n + v] * qd[v] + momentum + momentum) * qd[v];
         }
         twice * convert(0.5)
     }
@@ -65,9 +65,13 @@ where
     /// [`Kinematics::check_inertia`] decides.
     #[inline(always)]
     pub fn is_doubtful(&self) -> bool {
-        let (n, mut doubt) = (self.inverse_d.len(), false);
-        for (own, inverse_d) in self.mass_matrix.iter().step_by(n + 1).zip(self.inverse_d) {
-            let share = *own * *inverse_d;
+        let n = self.inverse_d.len();
+        if self.mass_matrix.len() != n * n {
+            return false;
+        }
+        let mut doubt = false;
+        for k in 0..n {
+            let share = self.mass_matrix[k * (n + 1)] * self.inverse_d[k];
             let clear = share >= A::Scalar::zero() && share < convert(1e6); // false for NaN too
             doubt |= !clear;
         }

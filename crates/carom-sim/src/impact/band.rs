@@ -28,11 +28,11 @@ impl Contact<'_> {
     /// # Errors
     /// [`SimError::Impact`]: errors of the law at any of the coefficients, an invalid range, a user-defined law.
     pub fn band(&self, law: &dyn Law<f64, 3>, ranges: &CoefficientRanges) -> Result<ImpactBand, SimError> {
-        let Self { problem, strike, .. } = self;
-        let axes = &strike.axes;
+        let Self { problem, aim, pass, .. } = self;
+        let axes = &aim.axes;
         // Linear functions of the impulse in contact axes: qd⁺ − qd⁻, u⁺ − u⁻ and the impulse in world axes.
         let velocity = axes * problem.delassus();
-        let rows = strike.response().response.iter().map(|row| axes.tr_mul(row));
+        let rows = pass.response().response.iter().map(|row| axes.tr_mul(row));
         let rows = rows.chain((0..3).map(|i| velocity.row(i).transpose()));
         let rows: Vec<Vector3<f64>> = rows.chain((0..3).map(|i| axes.row(i).transpose())).collect();
         let found = problem.band(law, ranges, &rows)?;

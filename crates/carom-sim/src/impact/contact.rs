@@ -2,9 +2,9 @@
 
 use super::derivative::{At, ImpactDerivative, differentiate};
 use super::hit::ChainImpact;
-use super::prepared::PreparedStrike;
+use super::pass::{Aim, InSpace, Pass};
 use crate::error::SimError;
-use carom_chain::ContactInertia;
+use carom_chain::{ContactInertia, Spatial};
 use carom_impact::{ImpactOutcome, ImpactProblem, Law};
 use nalgebra::{DMatrix, Matrix3xX, MatrixXx3};
 use std::cell::OnceCell;
@@ -12,7 +12,8 @@ use std::cell::OnceCell;
 /// A contact at one state of a chain, to which laws are applied.
 #[derive(Debug)]
 pub struct Contact<'a> {
-    pub(super) strike: PreparedStrike<'a>,
+    pub(super) aim: Aim<'a>,
+    pub(super) pass: Pass<'a, Spatial<f64>, InSpace, 3>,
     pub(super) q: &'a [f64],
     pub(super) qd: &'a [f64],
     pub(super) problem: ImpactProblem<f64, 3>,
@@ -21,9 +22,10 @@ pub struct Contact<'a> {
 }
 
 impl<'a> Contact<'a> {
-    pub(super) fn new(mut strike: PreparedStrike<'a>, q: &'a [f64], qd: &'a [f64]) -> Result<Self, SimError> {
-        let problem = strike.problem(q, qd)?;
-        Ok(Self { strike, q, qd, problem, jacobian: OnceCell::new(), inertia: OnceCell::new() })
+    pub(super) fn new(aim: Aim<'a>, q: &'a [f64], qd: &'a [f64]) -> Result<Self, SimError> {
+        let mut pass = Pass::in_space(&aim);
+        let problem = pass.problem(&aim, (q, qd))?;
+        Ok(Self { aim, pass, q, qd, problem, jacobian: OnceCell::new(), inertia: OnceCell::new() })
     }
 
     /// The impact problem, which is the input of the law: in contact axes, tangents first, normal last.
@@ -33,13 +35,13 @@ impl<'a> Contact<'a> {
 
     /// Delassus matrix and effective mass at the contact point, world axes. Inertia of drives is included.
     pub fn inertia(&self) -> &ContactInertia {
-        self.inertia.get_or_init(|| ContactInertia::of(self.strike.response()))
+        self.inertia.get_or_init(|| ContactInertia::of(self.pass.response()))
     }
 
     /// Jacobian of the contact point, 3×nv, world axes.
     pub fn jacobian(&self) -> &DMatrix<f64> {
         self.jacobian.get_or_init(|| {
-            let columns = self.strike.response().jacobian;
+            let columns = self.pass.response().jacobian;
             DMatrix::from_fn(3, columns.len(), |i, k| columns[k][i])
         })
     }
@@ -63,10 +65,9 @@ impl<'a> Contact<'a> {
     }
 
     fn carry(&mut self, outcome: ImpactOutcome<f64, 3>) -> Result<ChainImpact, SimError> {
-        let Self { strike, q, qd, .. } = self;
-        let mut hit = strike.outcome();
-        hit.carry(outcome, &strike.axes, strike.response().response.iter(), qd);
-        strike.account(q, qd, &mut hit)?;
+        let Self { aim, pass, q, qd, .. } = self;
+        let mut hit = ChainImpact::empty(qd.len());
+        pass.carry(aim, (q, qd), outcome, &mut hit)?;
         Ok(hit)
     }
 
@@ -76,15 +77,15 @@ impl<'a> Contact<'a> {
     /// [`SimError::Impact`] for errors of the law and for a user-defined law, which has no derivative;
     /// [`SimError::DerivativeOfHeldJoints`].
     pub fn derivative(&mut self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
-        if !self.strike.added.is_empty() {
+        if !self.aim.added.is_empty() {
             return Err(SimError::DerivativeOfHeldJoints);
         }
         let law = self.problem.differentiate(law)?;
-        let response = self.strike.response();
-        let rows = self.strike.axes.transpose() * Matrix3xX::from_columns(response.jacobian);
-        let columns = (self.strike.axes.transpose() * Matrix3xX::from_columns(response.response)).transpose();
-        let state = At { chain: self.strike.chain, q: self.q, qd: self.qd, time: 0.0 };
-        let by = differentiate(state, &self.strike.plane(), &rows, &MatrixXx3::from(columns), &law)?;
+        let response = self.pass.response();
+        let rows = self.aim.axes.transpose() * Matrix3xX::from_columns(response.jacobian);
+        let columns = (self.aim.axes.transpose() * Matrix3xX::from_columns(response.response)).transpose();
+        let state = At { chain: self.aim.chain, q: self.q, qd: self.qd, time: 0.0 };
+        let by = differentiate(state, &self.aim.plane(), &rows, &MatrixXx3::from(columns), &law)?;
         let hit = self.carry(law.outcome)?;
         Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })
     }

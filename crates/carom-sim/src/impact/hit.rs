@@ -3,7 +3,7 @@
 //! Symbols as in `strike.rs`.
 
 use carom_impact::{Flags, ImpactOutcome, Mode};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, SVector, Vector3};
 
 /// The result of an impact of a chain.
 #[derive(Debug, Clone)]
@@ -90,12 +90,28 @@ impl ChainImpact {
         response: impl Iterator<Item = &'r Vector3<f64>>,
         qd: &[f64],
     ) {
-        let impulse = axes * outcome.impulse;
-        self.impulse = impulse;
-        (self.u_minus, self.u_plus) = (axes * outcome.u_minus, axes * outcome.u_plus);
-        (self.mode, self.flags, self.contact) = (outcome.mode, outcome.flags, outcome);
+        self.take(outcome, axes);
+        let impulse = self.impulse;
         for ((after, before), row) in self.qd_plus.iter_mut().zip(qd).zip(response) {
             *after = before + row.dot(&impulse);
+        }
+    }
+
+    /// Sets impulse, contact velocities, mode and flags from the outcome of a law in contact axes.
+    #[inline(always)]
+    pub(super) fn take(&mut self, outcome: ImpactOutcome<f64, 3>, axes: &Matrix3<f64>) {
+        self.impulse = axes * outcome.impulse;
+        (self.u_minus, self.u_plus) = (axes * outcome.u_minus, axes * outcome.u_plus);
+        (self.mode, self.flags, self.contact) = (outcome.mode, outcome.flags, outcome);
+    }
+
+    /// qd⁺ = qd⁻ + X p, for the rows of X = M⁻¹Jᵀ and p in the same axes.
+    #[inline(always)]
+    pub(super) fn jump<const D: usize>(&mut self, rows: &[SVector<f64, D>], impulse: &SVector<f64, D>, qd: &[f64]) {
+        let n = rows.len();
+        let (after, before) = (&mut self.qd_plus[..n], &qd[..n]);
+        for i in 0..n {
+            after[i] = before[i] + rows[i].dot(impulse);
         }
     }
 }

@@ -20,6 +20,7 @@ use super::contact::Contact;
 use super::derivative::ImpactDerivative;
 use super::hit::ChainImpact;
 use super::joints::JointModel;
+use super::pass::Aim;
 use super::prepared::PreparedStrike;
 use super::saltation::{Saltation, saltation};
 use crate::error::SimError;
@@ -86,6 +87,10 @@ impl<'a> Strike<'a> {
     /// [`SimError::Incomplete`], [`SimError::FixedPoint`], [`SimError::Locked`] if all joints that move the point are locked,
     /// [`SimError::Chain`] for a normal that is zero or an invalid joint, [`SimError::Setting`] for invalid impedances.
     pub fn prepare(&self) -> Result<PreparedStrike<'a>, SimError> {
+        Ok(PreparedStrike::new(self.aim()?))
+    }
+
+    fn aim(&self) -> Result<Aim<'a>, SimError> {
         let Some(frame) = self.frame else {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
         };
@@ -109,7 +114,7 @@ impl<'a> Strike<'a> {
             let link = self.chain.frame_name(frame).to_owned();
             return Err(SimError::Locked { link, normal: normal.into() });
         }
-        Ok(PreparedStrike::new(self.chain, (frame, self.offset), normal, added, self.joints.locks()))
+        Ok(Aim::new(self.chain, (frame, self.offset), normal, added, self.joints.locks()))
     }
 
     /// Computes the contact: Jacobian, Delassus matrix and impact problem, which are the same for all laws.
@@ -118,9 +123,9 @@ impl<'a> Strike<'a> {
     /// As [`Strike::prepare`]; [`SimError::Chain`] for an invalid state; [`SimError::SingularNormal`] or [`SimError::Locked`] if
     /// no (free) joint moves the contact point along the normal.
     pub fn contact(self) -> Result<Contact<'a>, SimError> {
-        let prepared = self.prepare()?;
+        let aim = self.aim()?;
         self.chain.check_state(self.q, self.qd)?;
-        Contact::new(prepared, self.q, self.qd)
+        Contact::new(aim, self.q, self.qd)
     }
 
     /// Computes the impact with a law.
@@ -182,7 +187,7 @@ impl<'a> Strike<'a> {
     /// # Errors
     /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
     pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: [f64; 3]) -> Result<Saltation, SimError> {
-        let plane = self.prepare()?.plane();
+        let plane = self.aim()?.plane();
         let Self { chain, q, qd, .. } = self;
         let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };
         saltation(chain, &moment, &plane, law, |at| {
