@@ -70,8 +70,15 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
         self.turn.intervals().filter(move |&(_, to)| to > from).map(move |(start, to)| (start.max(from), to))
     }
 
+    /// The end of the step. Where slip has grown it is moved so that p has no derivative: a change of ln r(0) lengthens all of
+    /// the path at the same τ, but hardly changes it at the same p, and their difference would be rounding over r(0).
     pub fn end(&self) -> T {
-        convert(self.turn.end())
+        let end = self.turn.end();
+        if has_derivatives::<T>() && self.turn.grows(end) {
+            self.moved(end, |step| step.p, self.turn.p(end).1)
+        } else {
+            convert(end)
+        }
     }
 
     /// The τ at which `v_n = 0` is reached from below, if it lies within the step.

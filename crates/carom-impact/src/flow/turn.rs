@@ -315,6 +315,11 @@ impl Turn {
         (mean * t * by, (mean + t * slope) * by)
     }
 
+    /// Whether slip at τ is faster than at the start.
+    pub fn grows(&self, t: f64) -> bool {
+        value(|k| self.speed[k], t) > 1.0
+    }
+
     /// p and its slope.
     pub fn p(&self, t: f64) -> (f64, f64) {
         self.sum(&self.speed, t)
