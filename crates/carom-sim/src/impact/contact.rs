@@ -2,7 +2,7 @@
 
 use super::derivative::{At, ImpactDerivative, differentiate};
 use super::hit::ChainImpact;
-use super::pass::{Aim, InSpace, Pass};
+use super::prepared::{Aim, InSpace, Pass};
 use crate::error::SimError;
 use carom_chain::{ContactInertia, Spatial};
 use carom_impact::{ImpactOutcome, ImpactProblem, Law};
@@ -44,6 +44,13 @@ impl<'a> Contact<'a> {
             let columns = self.pass.response().jacobian;
             DMatrix::from_fn(3, columns.len(), |i, k| columns[k][i])
         })
+    }
+
+    /// M⁻¹Jᵀ, nv×3: the joint velocities after unit impulses along the world axes on the chain at rest. Inertia of drives is
+    /// included.
+    pub fn response(&self) -> DMatrix<f64> {
+        let rows = self.pass.response().response;
+        DMatrix::from_fn(rows.len(), 3, |k, i| rows[k][i])
     }
 
     /// Computes the impact with a law.

@@ -7,7 +7,6 @@ mod derivative;
 mod frictionless;
 mod hit;
 mod joints;
-mod pass;
 mod prepared;
 mod saltation;
 mod strike;

@@ -1,13 +1,21 @@
 //! A strike whose contact point, normal and joint model have been checked: it computes impacts of many states without
-//! allocation. If the chain and the normal are in one plane, it computes them in that plane.
+//! allocation, in the plane (D = 2) or in space (D = 3).
+//!
+//! A chain whose joints move in one plane, struck along a normal in it, has no velocity, no inertia and so no impulse across the
+//! plane. Its impact problem has then one tangent, and a known law is applied to that problem; its outcome is converted
+//! to the contact axes in space. A user's own law is given the same problem in space.
 //!
 //! Symbols as in `strike.rs`.
 
+use super::derivative::PlaneContact;
 use super::hit::ChainImpact;
-use super::pass::{Aim, InSpace, OfPlane, Pass};
 use crate::error::SimError;
-use carom_chain::{Planar, Spatial};
-use carom_impact::Law;
+use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::{
+    Chain, FrameId, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
+};
+use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law};
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 
 /// A contact point of a chain with its normal and joint model, checked once: see [`Strike::prepare`](crate::Strike::prepare).
 ///
@@ -82,5 +90,355 @@ impl<'a> PreparedStrike<'a> {
             Route::Plane(pass) => pass.resolve_into(&self.aim, (q, qd), law, hit),
             Route::Space(pass) => pass.resolve_into(&self.aim, (q, qd), law, hit),
         }
+    }
+}
+
+/// A normal whose component across the plane is below this is in the plane: its rounding.
+const ROUNDED: f64 = 64.0 * f64::EPSILON;
+
+/// Contact point, normal and joint model, checked.
+#[derive(Debug, Clone)]
+pub(super) struct Aim<'a> {
+    pub chain: &'a Chain,
+    pub frame: FrameId,
+    pub offset: Vector3<f64>,
+    /// Contact axes in the world: two tangents, then the normal.
+    pub axes: Matrix3<f64>,
+    /// Whether the joint model locks joints.
+    pub locks: bool,
+    /// Diagonal of W; empty if the drives do not act.
+    pub added: Vec<f64>,
+}
+
+impl<'a> Aim<'a> {
+    pub fn new(
+        chain: &'a Chain,
+        (frame, offset): (FrameId, Vector3<f64>),
+        normal: Vector3<f64>,
+        added: Vec<f64>,
+        locks: bool,
+    ) -> Self {
+        Self { chain, frame, offset, axes: z_onto(normal), locks, added }
+    }
+
+    /// The contact as a plane, for derivatives.
+    pub fn plane(&self) -> PlaneContact {
+        let Self { frame, offset, axes, .. } = *self;
+        PlaneContact { frame, offset, radius: 0.0, axes, motion: None }
+    }
+}
+
+/// How the contact axes of a pass are placed in space.
+pub(super) trait Place<const D: usize> {
+    /// Applies a law to the problem and sets all of `hit` but joint velocities, energies and drives. Returns the impulse in the
+    /// contact axes of the pass.
+    fn resolve(
+        &self,
+        aim: &Aim,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, D>,
+        hit: &mut ChainImpact,
+    ) -> Result<SVector<f64, D>, ImpactError>;
+    /// The components in the contact axes of the pass of a vector in those in space.
+    fn project(&self, x: &Vector3<f64>) -> SVector<f64, D>;
+}
+
+/// The contact axes are those in space.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct InSpace;
+
+impl Place<3> for InSpace {
+    #[inline(always)]
+    fn resolve(
+        &self,
+        aim: &Aim,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, 3>,
+        hit: &mut ChainImpact,
+    ) -> Result<Vector3<f64>, ImpactError> {
+        hit.take(law.resolve(problem)?, &aim.axes);
+        Ok(hit.contact.impulse)
+    }
+
+    #[inline(always)]
+    fn project(&self, x: &Vector3<f64>) -> Vector3<f64> {
+        *x
+    }
+}
+
+/// A plane through the normal.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OfPlane {
+    /// Tangent of the plane, unit, in the two tangents in space.
+    tangent: Vector2<f64>,
+    /// This tangent and the normal in the world.
+    axes: Matrix3x2<f64>,
+}
+
+impl Place<2> for OfPlane {
+    #[inline(always)]
+    fn resolve(
+        &self,
+        aim: &Aim,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, 2>,
+        hit: &mut ChainImpact,
+    ) -> Result<Vector2<f64>, ImpactError> {
+        let Some(known) = law.known() else {
+            hit.take(law.resolve(&problem.in_space(self.tangent))?, &aim.axes);
+            return Ok(self.project(&hit.contact.impulse));
+        };
+        let outcome = known.resolve(problem)?;
+        for (x, of) in [
+            (&mut hit.impulse, &outcome.impulse),
+            (&mut hit.u_minus, &outcome.u_minus),
+            (&mut hit.u_plus, &outcome.u_plus),
+        ] {
+            for i in 0..3 {
+                x[i] = self.axes[(i, 0)] * of.x + self.axes[(i, 1)] * of.y;
+            }
+        }
+        (hit.mode, hit.flags) = (outcome.mode, outcome.flags);
+        outcome.in_space_into(self.tangent, &mut hit.contact);
+        Ok(outcome.impulse)
+    }
+
+    #[inline(always)]
+    fn project(&self, x: &Vector3<f64>) -> Vector2<f64> {
+        Vector2::new(self.tangent.x * x.x + self.tangent.y * x.y, x.z)
+    }
+}
+
+/// The response of a chain at its contact point, and what follows from it.
+#[derive(Debug, Clone)]
+pub(super) struct Pass<'a, A: Algebra, P, const D: usize> {
+    chain: &'a Chain<A>,
+    point: Point<A>,
+    /// Contact axes, tangents first, in the axes of the chain.
+    axes: SMatrix<f64, D, D>,
+    place: P,
+    memory: ResponseMemory<A>,
+    /// For chains that the fused pass does not serve: the response is in its memory.
+    workspace: Option<Box<Workspace<A>>>,
+}
+
+impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
+    /// In the plane, if the chain and the normal are in one.
+    pub fn in_plane(aim: &Aim<'a>) -> Option<Self> {
+        let normal = aim.axes.column(2).into_owned();
+        let flat = aim.chain.in_plane().filter(|flat| flat.plane.normal.dot(&normal).abs() <= ROUNDED)?;
+        let normal = flat.plane.project(normal);
+        let tangent = Vector2::new(-normal.y, normal.x);
+        let along = flat.plane.lift(tangent);
+        let axes = Matrix3x2::from_columns(&[along, aim.axes.column(2).into_owned()]);
+        let place = OfPlane { tangent: aim.axes.tr_mul(&along).xy(), axes };
+        let point = flat.point(aim.frame, aim.offset);
+        Some(Self::new(&flat.chain, point, Matrix2::from_columns(&[tangent, normal]), place))
+    }
+}
+
+impl<'a> Pass<'a, Spatial<f64>, InSpace, 3> {
+    pub fn in_space(aim: &Aim<'a>) -> Self {
+        Self::new(aim.chain, aim.chain.point(aim.frame, aim.offset), aim.axes, InSpace)
+    }
+}
+
+impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Pass<'a, A, P, D> {
+    fn new(chain: &'a Chain<A>, point: Point<A>, axes: SMatrix<f64, D, D>, place: P) -> Self {
+        let workspace = (!chain.has_fused_pass()).then(|| Box::new(chain.workspace()));
+        Self { chain, point, axes, place, memory: ResponseMemory::default(), workspace }
+    }
+
+    fn normal(&self) -> SVector<f64, D> {
+        self.axes.column(D - 1).into_owned()
+    }
+
+    /// Computes the impact of state (q, qd) and writes it to `hit`.
+    pub fn resolve_into(
+        &mut self,
+        aim: &Aim,
+        (q, qd): (&[f64], &[f64]),
+        law: &dyn Law<f64, 3>,
+        hit: &mut ChainImpact,
+    ) -> Result<(), SimError> {
+        let normal = self.normal();
+        let Self { chain, point, axes, place, memory, workspace } = self;
+        let mut blow = Blow { aim, chain: *chain, axes, place, q, qd, law, hit, done: Ok(()) };
+        match workspace {
+            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, &mut blow)?,
+            Some(workspace) => {
+                let mut kin = workspace.update(chain, q)?;
+                (&mut blow).visit(kin.contact(*point, normal, &aim.added)?);
+            }
+        }
+        blow.done?;
+        if self.workspace.is_some() {
+            self.account(aim, (q, qd), hit)?;
+        }
+        Ok(())
+    }
+
+    /// Computes the response at `q` into the memory, and the impact problem.
+    pub fn problem(&mut self, aim: &Aim, (q, qd): (&[f64], &[f64])) -> Result<ImpactProblem<f64, D>, SimError> {
+        let normal = self.normal();
+        let Self { chain, point, memory, workspace, .. } = self;
+        match workspace {
+            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, Keep)?,
+            Some(workspace) => {
+                workspace.update(chain, q)?.contact(*point, normal, &aim.added)?;
+            }
+        }
+        problem(&self.response(), aim, self.chain, &self.axes, (q, qd))
+    }
+
+    /// The response of the last evaluation into the memory.
+    pub fn response(&self) -> PointResponse<'_, A> {
+        self.workspace.as_ref().map_or_else(|| self.memory.response(), |workspace| workspace.contact())
+    }
+
+    /// Writes the result of an outcome at the state of the response.
+    pub fn carry(
+        &mut self,
+        aim: &Aim,
+        (q, qd): (&[f64], &[f64]),
+        outcome: ImpactOutcome<f64, 3>,
+        hit: &mut ChainImpact,
+    ) -> Result<(), SimError> {
+        hit.take(outcome, &aim.axes);
+        let impulse = self.axes * self.place.project(&hit.contact.impulse);
+        hit.jump(self.response().response, &impulse, qd);
+        self.account(aim, (q, qd), hit)
+    }
+
+    /// Energies and drives of `hit`, which holds the joint velocities after the impact.
+    fn account(&mut self, aim: &Aim, (q, qd): (&[f64], &[f64]), hit: &mut ChainImpact) -> Result<(), SimError> {
+        let impulse = self.axes * self.place.project(&hit.contact.impulse);
+        if !self.response().mass_matrix.is_empty() {
+            account(&self.response(), &aim.added, &impulse, qd, hit);
+            return Ok(());
+        }
+        let Self { chain, workspace, .. } = self;
+        let Some(workspace) = workspace else { return Ok(()) };
+        let jacobian = workspace.contact().jacobian.to_vec();
+        let mut kin = workspace.update(chain, q)?;
+        (hit.energy_before, hit.energy_after) = (kin.kinetic_energy(qd)?, kin.kinetic_energy(&hit.qd_plus)?);
+        if !aim.added.is_empty() {
+            let jump: Vec<f64> = hit.qd_plus.iter().zip(qd).map(|(after, before)| after - before).collect();
+            // M Δq̇: inverse dynamics at rest without gravity.
+            let momentum = kin.inverse_dynamics(&vec![0.0; qd.len()], &jump, A::zero())?;
+            drive(hit, &aim.added, qd, |k, _| momentum[k] - jacobian[k].dot(&impulse));
+        }
+        Ok(())
+    }
+}
+
+/// H and u of a contact in contact axes.
+#[inline(always)]
+fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+    aim: &Aim,
+    chain: &Chain<A>,
+    axes: &SMatrix<f64, D, D>,
+    (q, qd): (&[f64], &[f64]),
+) -> Result<ImpactProblem<f64, D>, SimError> {
+    if response.is_doubtful() {
+        check_inertia(chain, q, &aim.added)?;
+    }
+    if !response.moves() {
+        let (link, normal) = (aim.chain.frame_name(aim.frame).to_owned(), aim.axes.column(2).into_owned().into());
+        return Err(if aim.locks {
+            SimError::Locked { link, normal }
+        } else {
+            SimError::SingularNormal { link, normal }
+        });
+    }
+    let delassus = SMatrix::<f64, D, D>::from_fn(|i, k| response.delassus[k][i]);
+    let (mut delassus, mut u) = (axes.transpose() * delassus * axes, axes.transpose() * response.velocity(qd));
+    // Along a singular tangent J, and with it u, is rounding. An entry that is not small needs no second look.
+    let small = delassus.trace() * f64::EPSILON;
+    for k in 0..D - 1 {
+        if delassus[(k, k)] <= small && !response.moves_along(axes.column(k).into_owned()) {
+            delassus.row_mut(k).fill(0.0);
+            delassus.column_mut(k).fill(0.0);
+            u[k] = 0.0;
+        }
+    }
+    Ok(ImpactProblem::from_gram(delassus, u)?)
+}
+
+#[cold]
+fn check_inertia<A: Algebra<Scalar = f64>>(chain: &Chain<A>, q: &[f64], added: &[f64]) -> Result<(), SimError> {
+    Ok(chain.workspace().update(chain, q)?.check_inertia(added)?)
+}
+
+/// Energies and drives, for a response that contains M and the impulse in the axes of the chain.
+#[inline(always)]
+fn account<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+    added: &[f64],
+    impulse: &SVector<f64, D>,
+    qd: &[f64],
+    hit: &mut ChainImpact,
+) {
+    hit.energy_before = response.kinetic_energy(qd);
+    hit.energy_after = response.kinetic_energy(&hit.qd_plus[..qd.len()]);
+    if !added.is_empty() {
+        let nv = qd.len();
+        drive(hit, added, qd, |k, after| {
+            let column = &response.mass_matrix[k * nv..][..nv];
+            let momentum: f64 =
+                column.iter().zip(after.iter().zip(qd)).map(|(m, (after, before))| m * (after - before)).sum();
+            momentum - response.jacobian[k].dot(impulse)
+        });
+    }
+}
+
+/// Impulse and work of the drives; `locked` is the impulse of a locked joint, which follows from M Δq̇ = Jᵀp + j, by
+/// coordinate and q̇⁺.
+fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], locked: impl Fn(usize, &[f64]) -> f64) {
+    hit.drive_work = 0.0;
+    for (k, w) in added.iter().enumerate() {
+        let jump = hit.qd_plus[k] - qd[k];
+        hit.drive_impulse[k] = if w.is_finite() { -w * jump } else { locked(k, &hit.qd_plus) };
+        hit.drive_work += 0.5 * hit.drive_impulse[k] * (qd[k] + hit.qd_plus[k]);
+    }
+}
+
+/// One impact, computed while the response is in registers.
+struct Blow<'s, A: Algebra, P, const D: usize> {
+    aim: &'s Aim<'s>,
+    chain: &'s Chain<A>,
+    axes: &'s SMatrix<f64, D, D>,
+    place: &'s P,
+    q: &'s [f64],
+    qd: &'s [f64],
+    law: &'s dyn Law<f64, 3>,
+    hit: &'s mut ChainImpact,
+    done: Result<(), SimError>,
+}
+
+impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Visit<A>
+    for &mut Blow<'_, A, P, D>
+{
+    const KEEPS: Kept = Kept::Nothing;
+    #[inline(always)]
+    fn visit(&mut self, response: PointResponse<A>) {
+        self.done = self.resolve(&response);
+    }
+}
+
+impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Blow<'_, A, P, D> {
+    #[inline(always)]
+    fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
+        // Slices of the length of the response, so that loops are unrolled where the compiler knows this length.
+        let Self { aim, axes, q, hit, .. } = self;
+        let qd = &self.qd[..response.response.len()];
+        let problem = problem(response, aim, self.chain, axes, (q, qd))?;
+        let impulse = *axes * self.place.resolve(aim, self.law, &problem, hit)?;
+        hit.jump(response.response, &impulse, qd);
+        if !response.mass_matrix.is_empty() {
+            account(response, &aim.added, &impulse, qd, hit);
+        }
+        Ok(())
     }
 }

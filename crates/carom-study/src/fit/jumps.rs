@@ -115,7 +115,7 @@ impl MeasuredImpact {
         let contact = chain.impact(q, qd_minus).at(*frame).offset(*offset).normal(*normal).contact()?;
         let normal = Vector3::from(*normal).normalize();
         let axes = carom_chain::algebra::z_onto(normal);
-        let response = &contact.inertia().response * DMatrix::from_column_slice(3, 3, axes.as_slice());
+        let response = contact.response() * DMatrix::from_column_slice(3, 3, axes.as_slice());
         let change = DVector::from_iterator(qd_plus.len(), qd_plus.iter().zip(qd_minus).map(|(a, b)| a - b));
         let (reach, jump) = (&metric * response, &metric * change);
         Ok(Self { problem: Problem::Space(*contact.problem()), reach, jump, chain: Some((measured.clone(), metric)) })

@@ -1,16 +1,15 @@
 //! Encoding of rows: rows are buffered column by column and encoded in independent pieces, in parallel. A piece is a column of
 //! a row group (Parquet) or a range of its rows (CSV). The bytes depend on the rows alone, as groups have a fixed size.
 
-use super::{Column, plain};
+use super::{Column, plain, words};
 use bytes::Bytes;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
-use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPropertiesPtr};
 use parquet::file::statistics::Statistics;
 use parquet::file::writer::{SerializedPageWriter, TrackedWrite};
-use parquet::schema::types::{ColumnPath, SchemaDescPtr, SchemaDescriptor, Type};
+use parquet::schema::types::{SchemaDescPtr, SchemaDescriptor, Type};
 use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::io;
@@ -26,7 +25,7 @@ const TEXT_ROWS: usize = 1 << 14;
 /// Rows of one piece of CSV.
 const PIECE_ROWS: usize = 16 * CHUNK;
 /// Greatest number of rows of one page of a column: 64 kB of numbers, the window of Snappy, which fits in a core's cache.
-const PAGE_ROWS: usize = 1 << 13;
+pub(super) const PAGE_ROWS: usize = 1 << 13;
 /// Rows passed to the encoder of a column at a time.
 const BATCH_ROWS: usize = 16 * CHUNK;
 
@@ -89,7 +88,7 @@ impl Rows {
     }
 
     /// The numbers of a column in the rows `from..until`; `from` is the first row of a chunk.
-    fn column(&self, column: usize, from: usize, until: usize) -> impl Iterator<Item = &[f64]> {
+    pub(super) fn column(&self, column: usize, from: usize, until: usize) -> impl Iterator<Item = &[f64]> {
         (from..until).step_by(CHUNK).map(move |row| {
             let begin = row * self.width + column * CHUNK;
             &self.numbers[begin..begin + CHUNK.min(until - row)]
@@ -133,20 +132,14 @@ impl Encoder {
         };
         let fields = columns.iter().map(typed).collect::<Result<_, _>>().map_err(plain)?;
         let schema = Type::group_type_builder("table").with_fields(fields).build().map_err(plain)?;
-        // Dictionaries for words only, as computed numbers hardly repeat. Statistics (min, max) for each row group; an index of
+        // No dictionaries for numbers, as computed ones hardly repeat. Statistics (min, max) for each row group; an index of
         // pages would enlarge the footer, which is held in memory.
-        let mut properties = WriterProperties::builder()
+        let properties = WriterProperties::builder()
             .set_compression(Compression::SNAPPY)
             .set_dictionary_enabled(false)
             .set_data_page_row_count_limit(PAGE_ROWS)
             .set_statistics_enabled(EnabledStatistics::Chunk)
             .set_offset_index_disabled(true);
-        for column in columns.iter().filter(|column| !column.words.is_empty()) {
-            let path = ColumnPath::new(vec![column.name.clone()]);
-            properties = properties
-                .set_column_dictionary_enabled(path.clone(), true)
-                .set_column_statistics_enabled(path, EnabledStatistics::None);
-        }
         let schema = Arc::new(SchemaDescriptor::new(Arc::new(schema)));
         let format = Format::Parquet { schema, properties: Arc::new(properties.build()) };
         Ok(Self { columns: columns.into(), format })
@@ -192,7 +185,13 @@ impl Encoder {
         match &self.format {
             Format::Csv => self.text(rows, k * PIECE_ROWS),
             Format::Parquet { schema, properties } => {
-                column(&self.columns[k], k, rows, schema, properties).map_err(plain)
+                let column = &self.columns[k];
+                let encoded = if column.words.is_empty() {
+                    numbers(k, rows, schema, properties)
+                } else {
+                    words::encode(column, k, rows, schema)
+                };
+                encoded.map_err(plain)
             }
         }
     }
@@ -219,9 +218,8 @@ impl Encoder {
     }
 }
 
-/// Encodes one column of a row group as Parquet.
-fn column(
-    column: &Column,
+/// Encodes one column of numbers of a row group as Parquet.
+fn numbers(
     k: usize,
     rows: &Rows,
     schema: &SchemaDescPtr,
@@ -230,32 +228,14 @@ fn column(
     let mut sink = TrackedWrite::new(Vec::with_capacity(rows.length * size_of::<f64>()));
     let pages = Box::new(SerializedPageWriter::new(&mut sink));
     let mut writer = get_column_writer(schema.column(k), Arc::clone(properties), pages);
-    // Cloning a word changes its reference count, which is slower than comparing with the word at the same position of the
-    // previous batch; in maps both are mostly equal.
-    let known: Vec<ByteArray> = column.words.iter().map(|word| ByteArray::from(word.as_str())).collect();
-    let none = ByteArray::from("");
-    let most = if column.words.is_empty() { 0 } else { BATCH_ROWS };
-    let (mut places, mut words) = (vec![None; most], vec![none.clone(); most]);
+    let ColumnWriter::DoubleColumnWriter(out) = &mut writer else {
+        return Err(ParquetError::General("a column must have numbers or words".into()));
+    };
     let mut numbers = Vec::with_capacity(BATCH_ROWS);
     for from in (0..rows.length).step_by(BATCH_ROWS) {
         numbers.clear();
         rows.column(k, from, rows.length.min(from + BATCH_ROWS)).for_each(|some| numbers.extend_from_slice(some));
-        match &mut writer {
-            ColumnWriter::DoubleColumnWriter(out) => {
-                out.write_batch(&numbers, None, None)?;
-            }
-            ColumnWriter::ByteArrayColumnWriter(out) => {
-                for ((x, place), word) in numbers.iter().zip(&mut places).zip(&mut words) {
-                    let here = column.place(*x);
-                    if *place != here {
-                        *place = here;
-                        *word = here.map_or(&none, |at| &known[at]).clone();
-                    }
-                }
-                out.write_batch(&words[..numbers.len()], None, None)?;
-            }
-            _ => return Err(ParquetError::General("a column must have numbers or words".into())),
-        }
+        out.write_batch(&numbers, None, None)?;
     }
     let mut close = writer.close()?;
     // Statistics without the deprecated min and max fields: the reader drops these, so a copy of the column would differ.

@@ -5,12 +5,13 @@
 //! | columns | a header, quoted where necessary | required doubles; required strings for columns of words |
 //! | numbers | shortest decimals that are read back exactly; the payload of a NaN is lost | exact |
 //! | buffer | at most 2¹⁴ rows | one row group: at most 2¹⁶ rows and 2²² numbers (32 MB) |
-//! | compression | none | Snappy |
+//! | compression | none | numbers: Snappy; words: a dictionary with indices of a few bits |
 //!
 //! A table is written to `X.csv.part` in the same folder and renamed when it is complete. A file under its final name is
 //! therefore always complete.
 
 mod encode;
+mod words;
 
 pub(crate) use encode::{CHUNK, Encoder, Piece, Rows};
 
