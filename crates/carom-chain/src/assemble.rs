@@ -254,7 +254,7 @@ fn push_axes(
     (parent, hang)
 }
 
-fn pose_of(isometry: &Isometry3<f64>) -> Pose<Space> {
+pub(crate) fn pose_of(isometry: &Isometry3<f64>) -> Pose<Space> {
     Pose { rotation: isometry.rotation.to_rotation_matrix().into_inner(), translation: isometry.translation.vector }
 }
 
@@ -279,5 +279,7 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
             .collect(),
         total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
         report: robot.report.clone(),
+        disabled_pairs: robot.disabled_pairs.clone(),
+        members: Vec::new(),
     }
 }

@@ -15,6 +15,7 @@
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::delassus::Structure;
 use crate::error::ChainError;
+use crate::join::Member;
 use crate::planarize::PlanarChain;
 use crate::prepare::Step;
 use crate::urdf::{Collision, JointType, Limits, LoadReport, suggestion};
@@ -127,13 +128,17 @@ pub struct LinkInfo {
 }
 
 /// The part of the model that does not depend on the algebra.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct About {
     pub name: String,
     pub joints: Vec<JointInfo>,
     pub links: Vec<LinkInfo>,
     pub total_mass: f64,
     pub report: LoadReport,
+    /// Pairs of links that make no contact.
+    pub disabled_pairs: Vec<[String; 2]>,
+    /// The robots of a joined chain.
+    pub members: Vec<Member>,
 }
 
 /// A kinematic chain (a tree of bodies): immutable, `Send + Sync`, shared by reference.
@@ -199,6 +204,15 @@ impl<A: Algebra> Chain<A> {
     /// What loading has found in the file and changed: warnings, elements that are not used, repairs.
     pub fn report(&self) -> &LoadReport {
         &self.about.report
+    }
+    /// The pairs of links between which the SRDF disables collisions
+    /// ([`LoadOptions::srdf`](crate::urdf::LoadOptions::srdf)).
+    pub fn disabled_pairs(&self) -> &[[String; 2]] {
+        &self.about.disabled_pairs
+    }
+    /// The robots of a chain that [`Chain::join`] has made, with their entries of q and qd; empty for any other chain.
+    pub fn members(&self) -> &[Member] {
+        &self.about.members
     }
     /// The links that move without mass: those of bodies whose coordinate moves neither mass nor inertia at any configuration.
     /// The mass matrix is then singular everywhere. Kinematics and Jacobians do not depend on it.

@@ -26,6 +26,14 @@ pub enum ChainError {
         /// The value, the rule that it breaks, and what to do.
         rule: String,
     },
+    /// A name of a robot that cannot be used in a chain of several robots.
+    #[error("robot name '{name}' {problem}")]
+    RobotName {
+        /// The name.
+        name: String,
+        /// The rule that it breaks, and what to do.
+        problem: &'static str,
+    },
     /// A mesh file is not found.
     #[error("mesh '{name}' is not found; {tried}")]
     MeshNotFound {

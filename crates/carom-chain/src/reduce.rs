@@ -8,6 +8,8 @@ use crate::algebra::{Algebra, Pose};
 use crate::assemble::{Moves, Node, weld};
 use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, Point};
 use crate::error::ChainError;
+use crate::join::Member;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A reduced chain, and the indices of its coordinates in the full chain.
@@ -114,7 +116,8 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
 
     fn rebuilt(&self, bodies: Vec<Body<A>>, frames: Vec<Frame<A>>, to: Numbering) -> Reduced<A> {
         let joints = self.about.joints.iter().map(|joint| to.joint(joint, &self.about.joints)).collect();
-        let about = About { joints, ..(*self.about).clone() };
+        let members = self.about.members.iter().map(|member| to.member(member)).collect();
+        let about = About { joints, members, ..(*self.about).clone() };
         let chain = Chain::of(Arc::new(about), bodies, frames, to.old_q.len(), to.old_v.len());
         Reduced { chain, q: to.old_q, v: to.old_v }
     }
@@ -161,6 +164,15 @@ impl Numbering {
             shift: body.shift,
             rotor: body.rotor,
         }
+    }
+
+    /// The entries of a robot of a joined chain that are kept.
+    fn member(&self, member: &Member) -> Member {
+        let range = |old: &[usize], of: &Range<usize>| {
+            let before = |end: usize| old.iter().filter(|k| **k < end).count();
+            before(of.start)..before(of.end)
+        };
+        Member { q: range(&self.old_q, &member.q), v: range(&self.old_v, &member.v), ..member.clone() }
     }
 
     fn keeps(&self, joint: &JointInfo) -> bool {

@@ -4,7 +4,7 @@ use crate::RobotArgs;
 use crate::error::{CliError, LineError};
 use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
 use crate::output::{answer, row, short};
-use carom_chain::{Chain, Point, Spatial, Workspace};
+use carom_chain::{Chain, ChainError, Point, Spatial, Workspace};
 use clap::Args;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -19,10 +19,11 @@ use std::io::{self, Write};
 ///   force (the joint forces that hold the robot against gravity); kinetic and potential energy
 ///   (J; the potential energy is zero at the world's origin); qdd = M⁻¹ (tau − bias) if the state
 ///   has tau; tau = M qdd + bias if the state has qdd.
-/// With --kinematics: position (m) and Jacobian of the contact point only, which also robots
-/// without mass have.
+/// Where M is singular (links that move without mass), everything is computed that needs no
+/// solution with M: there is no delassus, `singular` says why, and tau is refused.
+/// With --kinematics: position (m) and Jacobian of the contact point only.
 /// JSON keys: joints, mass_matrix, jacobian, bias, gravity_force, kinetic_energy, potential_energy,
-///   delassus, and qdd or tau; with --kinematics joints, position, jacobian.
+///   delassus or singular, and qdd or tau; with --kinematics joints, position, jacobian.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
 /// before it have been printed, and the exit status is 1.
 #[derive(Args)]
@@ -56,7 +57,10 @@ struct Answer<'a> {
     gravity_force: Vec<f64>,
     kinetic_energy: f64,
     potential_energy: f64,
-    delassus: Vec<Vec<f64>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delassus: Option<Vec<Vec<f64>>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    singular: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     qdd: Option<Vec<f64>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -65,7 +69,7 @@ struct Answer<'a> {
 
 impl Dynamics {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        let chain = if self.kinematics { self.robot.load()? } else { self.robot.load_for_dynamics()? };
+        let chain = self.robot.load()?;
         let order = JointOrder::new(&chain, &self.robot.urdf, self.state.joints.as_deref())?;
         let point = chain.point(self.robot.frame(&chain, &self.state.tip)?, self.state.point.into());
         let mut ws = chain.workspace();
@@ -120,7 +124,11 @@ fn evaluate<'a>(
         Some(qdd) => Some(order.theirs(kin.inverse_dynamics(&qd, &qdd, gravity)?.as_slice())),
         None => None,
     };
-    let delassus = kin.delassus(point)?;
+    let (delassus, singular) = match kin.delassus(point) {
+        Ok(delassus) => (Some(delassus.row_iter().map(|r| r.iter().copied().collect()).collect()), None),
+        Err(why @ (ChainError::Massless { .. } | ChainError::NoInertia { .. })) => (None, Some(why.to_string())),
+        Err(why) => return Err(why.into()),
+    };
     Ok(Answer {
         joints: &order.names,
         mass_matrix: order.square(&kin.mass_matrix()),
@@ -129,7 +137,8 @@ fn evaluate<'a>(
         gravity_force: order.theirs(kin.gravity_force(gravity).as_slice()),
         kinetic_energy: kin.kinetic_energy(&qd)?,
         potential_energy: kin.potential_energy(gravity),
-        delassus: delassus.row_iter().map(|r| r.iter().copied().collect()).collect(),
+        delassus,
+        singular,
         qdd,
         tau,
     })
@@ -156,7 +165,12 @@ fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
     joints_for_people(a.joints, out)?;
     matrix("mass matrix", &a.mass_matrix, out)?;
     matrix("Jacobian", &a.jacobian, out)?;
-    matrix("Delassus", &a.delassus, out)?;
+    match (&a.delassus, &a.singular) {
+        (Some(delassus), _) => matrix("Delassus", delassus, out)?,
+        (None, why) => {
+            writeln!(out, "no Delassus matrix, since M is singular: {}", why.as_deref().unwrap_or_default())?
+        }
+    }
     writeln!(out, "{:14} {}", "bias", row(&a.bias))?;
     writeln!(out, "{:14} {}", "gravity force", row(&a.gravity_force))?;
     if let Some(qdd) = &a.qdd {

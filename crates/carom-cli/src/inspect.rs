@@ -5,29 +5,36 @@ use crate::error::CliError;
 use crate::output::{brief, to_json};
 use crate::survey::survey;
 use carom_chain::urdf::Repair;
-use carom_chain::{Chain, Coordinates, JointInfo};
+use carom_chain::{Chain, Coordinates, JointInfo, Member};
+use carom_sim::Scene;
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Print what a URDF file contains: joints, links, degrees of freedom, mass, warnings
 ///
-/// Input: one URDF file, or a folder (--all).
+/// Input: one URDF file, a scene (a file that ends in .toml), or a folder (--all). A scene shows its
+/// robots as they are simulated together, and which entries of q and qd belong to each.
 /// Output: the robot's name; degrees of freedom; the lengths nq and nv of q and qd; the total mass
 /// (kg); whether all motion stays in one plane, with its unit normal or the reason why not; each
 /// joint with type, parent link, child link, position limits (rad or m), mimic relation, damping
 /// and dry friction (which `simulate` uses); links that move without mass, so that the robot has
 /// no dynamics; changes of --repair; warnings; elements of the file that are not used.
-/// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, massless, repairs, warnings.
+/// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, massless, repairs, warnings;
+/// for scenes with several robots robots [{name, q, qd}] with the first entry and the number of
+/// entries.
 /// With --all, one line for each file: whether it loads (with warnings, partial for robots without
 /// dynamics, or refused), degrees of freedom, mass and the first reason; the last line counts them.
 /// JSON keys: file, status, name, dof, mass, warnings, reason; at the end counts.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
-#[command(override_usage = "carom inspect [OPTIONS] <ROBOT.urdf>\n       carom inspect [OPTIONS] --all <DIR>")]
+#[command(
+    override_usage = "carom inspect [OPTIONS] <ROBOT.urdf|SCENE.toml>\n       carom inspect [OPTIONS] --all <DIR>"
+)]
 pub struct Inspect {
-    /// Robot (URDF file)
+    /// Robot (URDF file) or scene (TOML file)
     #[arg(value_name = "ROBOT.urdf", required_unless_present = "all", conflicts_with = "all")]
     urdf: Option<PathBuf>,
     /// Summarise every .urdf file in a folder and the folders in it
@@ -55,8 +62,18 @@ struct Report<'a> {
     total_mass: f64,
     planar: Planar,
     massless: Vec<&'a str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    robots: Vec<Part<'a>>,
     repairs: Vec<Change<'a>>,
     warnings: Vec<&'a str>,
+}
+
+/// A robot of a scene: the first entry and the number of its entries of q and qd.
+#[derive(Serialize)]
+struct Part<'a> {
+    name: &'a str,
+    q: [usize; 2],
+    qd: [usize; 2],
 }
 
 /// A change of `--repair`.
@@ -144,8 +161,21 @@ impl Inspect {
             (None, Some(folder)) => return survey(&folder, &options, self.json, out),
             (None, None) => unreachable!("one of them is required"),
         };
-        let chain = Chain::from_urdf_file_with(urdf, &options).map_err(CliError::Robot)?;
+        let chain = if urdf.extension().is_some_and(|ending| ending == "toml") {
+            if options != LoadArgs::default().options(false) {
+                let why = "options for loading are keys of the scene: remove them here";
+                return Err(CliError::Option(format!("{}: {why}", urdf.display())));
+            }
+            Scene::from_file(&urdf).map_err(|e| CliError::scene(&urdf, e))?.simulation.chain
+        } else {
+            Chain::from_urdf_file_with(urdf, &options).map_err(CliError::Robot)?
+        };
         let found = chain.report();
+        let entries = |range: &Range<usize>| [range.start, range.len()];
+        let part = |it| {
+            let Member { name, q, v } = it;
+            Part { name, q: entries(q), qd: entries(v) }
+        };
         let report = Report {
             name: chain.name(),
             dof: chain.nv(),
@@ -156,6 +186,7 @@ impl Inspect {
             total_mass: chain.total_mass(),
             planar: planar(&chain),
             massless: chain.massless_links(),
+            robots: chain.members().iter().map(part).collect(),
             repairs: found.repairs.iter().filter_map(change).collect(),
             warnings: found.warnings.iter().chain(&found.unused).map(String::as_str).collect(),
         };
@@ -164,6 +195,11 @@ impl Inspect {
         }
         for_people(&report, &found.repairs, out).map_err(CliError::Output)
     }
+}
+
+/// The entries of a robot, counted from 0.
+fn entries(first: usize, count: usize) -> String {
+    if count == 0 { "none".into() } else { format!("{first} … {}", first + count - 1) }
 }
 
 fn for_people(r: &Report, repairs: &[Repair], out: &mut dyn Write) -> io::Result<()> {
@@ -177,6 +213,9 @@ fn for_people(r: &Report, repairs: &[Repair], out: &mut dyn Write) -> io::Result
         brief(r.total_mass),
         r.links.len()
     )?;
+    for Part { name, q: [q, nq], qd: [v, nv] } in &r.robots {
+        writeln!(out, "robot {name}: q {}, qd {}", entries(*q, *nq), entries(*v, *nv))?;
+    }
     match (&r.planar.normal, &r.planar.reason) {
         (Some(normal), _) => {
             let [x, y, z] = normal.map(brief);

@@ -103,7 +103,7 @@ struct RobotArgs {
 }
 
 // How robots are read, for every command that reads one.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 struct LoadArgs {
     /// Leave out collision meshes whose files are missing
     #[arg(long)]

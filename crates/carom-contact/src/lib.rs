@@ -68,7 +68,7 @@ pub use meeting::{Meeting, Met, Slide};
 pub use mesh::Mesh;
 pub use obstacle::{Obstacle, Surface};
 pub use parts::{Part, Parts};
-pub use reach::{LeftOut, Pair, Reachable, reachable_pairs};
+pub use reach::{LeftOut, Pair, Reachable, apart, reachable_pairs};
 pub use separation::Separation;
 pub use shape::{LinkShape, contact_point, found_shapes, gap_rate, link_shapes, shapes_of_link};
 pub use solid::{Corner, Solid};

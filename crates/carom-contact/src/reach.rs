@@ -36,6 +36,14 @@ pub struct Pair {
 pub enum LeftOut {
     /// No joint moves the link: it is fixed to the world.
     Fixed,
+    /// Two links are out of each other's reach.
+    Apart {
+        /// Sum of the greatest distances of a point of each shape from the origin of the first joint between world and
+        /// shape, m.
+        reach: f64,
+        /// Distance between these origins, m.
+        distance: f64,
+    },
     /// The obstacle is out of the shape's reach.
     OutOfReach {
         /// Greatest distance of a point of the shape from the origin c of the first joint, m.
@@ -55,6 +63,9 @@ impl fmt::Display for LeftOut {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Fixed => write!(f, "the link is fixed to the world"),
+            Self::Apart { reach, distance } => {
+                write!(f, "their reaches add up to {reach:.6} m, their first joints are {distance:.6} m apart")
+            }
             Self::OutOfReach { reach, distance } => {
                 write!(f, "its reach is {reach:.6} m, the obstacle is {distance:.6} m away")
             }
@@ -88,6 +99,18 @@ pub fn reachable_pairs(chain: &Chain, shapes: &[LinkShape], obstacles: &[Obstacl
         }
     }
     found
+}
+
+/// Why the shapes of two links cannot touch at any q; `None` if they may.
+pub fn apart(chain: &Chain, first: &LinkShape, second: &LinkShape) -> Option<LeftOut> {
+    let (own, other) = match [first, second].map(|shape| Region::of(chain, shape)) {
+        [None, None] => return Some(LeftOut::Fixed),
+        [Some(own), Some(other)] => (own, other),
+        [Some(own), None] => (own, Region::fixed(chain, second)?),
+        [None, Some(other)] => (Region::fixed(chain, first)?, other),
+    };
+    let (reach, distance) = (own.reach + other.reach, (own.centre - other.centre).norm());
+    (distance > reach).then_some(LeftOut::Apart { reach, distance })
 }
 
 /// A region that contains the shape at every configuration.
@@ -149,6 +172,14 @@ impl Region {
         });
         // Enlarged by the rounding error of the sums.
         Some(Self { centre, reach: reach * (1.0 + 1e-12), slab })
+    }
+
+    /// That of a shape that does not move.
+    fn fixed(chain: &Chain, shape: &LinkShape) -> Option<Self> {
+        let frame = chain.frames().iter().find(|frame| frame.name == shape.link())?;
+        let (middle, radius) = shape.solid().bounding_sphere();
+        let centre = frame.pose.then(shape.origin()).point(middle);
+        Some(Self { centre, reach: radius * (1.0 + 1e-12), slab: None })
     }
 
     fn misses(&self, obstacle: &Obstacle) -> Option<LeftOut> {

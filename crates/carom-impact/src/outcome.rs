@@ -130,12 +130,13 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         Self::of(law, problem, impulse, u_plus, &account).if_finite()
     }
 
-    /// Fails if the impulse or the velocity after is not finite.
+    /// Fails if the impulse, the velocity after or an energy is not finite: where energies overflow, so do the works by which a
+    /// law decides.
     pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
-        match self.impulse.iter().chain(self.u_plus.iter()).find(|value| !value.is_finite()) {
-            Some(&value) => Err(ImpactError::NotFinite { entry: "the impulse".into(), value: plain(value) }),
-            None => Ok(self),
-        }
+        finite("the impulse", &self.impulse)?;
+        finite("the velocity after the impact", &self.u_plus)?;
+        finite("the kinetic energy", &SVector::<T, 2>::new(self.energy_before, self.energy_after))?;
+        Ok(self)
     }
 
     /// The outcome without an impact: the contact does not approach.
@@ -213,6 +214,18 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
                 | Flags::GRAZING.when(grazes)
                 | Flags::SINGULAR.when(problem.normal_is_doubtful()),
         }
+    }
+}
+
+/// Fails if a number is not finite: at speeds of 1e150 m/s works overflow, and with them the choices of a law.
+#[inline(always)]
+pub(crate) fn finite<T: RealField + Copy, const D: usize>(
+    entry: &'static str,
+    numbers: &SVector<T, D>,
+) -> Result<(), ImpactError> {
+    match numbers.iter().find(|value| !value.is_finite()) {
+        Some(&value) => Err(ImpactError::NotFinite { entry: entry.into(), value: plain(value) }),
+        None => Ok(()),
     }
 }
 

@@ -13,7 +13,7 @@ use crate::branches::Answers;
 use crate::contact::Contact;
 use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
-use crate::outcome::Account;
+use crate::outcome::{Account, finite};
 use crate::problem::{plain, rounding};
 use crate::routh::{Ending, walk};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
@@ -86,10 +86,12 @@ impl<T: RealField + Copy> Routh<T> {
         if problem.approach_speed() <= T::zero() {
             return Ok(SVector::zeros());
         }
-        match SlipPlane::of(problem) {
-            Some(plane) => Ok(plane.ends(problem, mu, &walk(&plane.contact(problem), e, mu, ending)?).0),
-            None => Ok(follow(problem, e, mu, ending)?.impulse),
-        }
+        let impulse = match SlipPlane::of(problem) {
+            Some(plane) => plane.ends(problem, mu, &walk(&plane.contact(problem), e, mu, ending)?).0,
+            None => follow(problem, e, mu, ending)?.impulse,
+        };
+        finite("the impulse", &impulse)?;
+        Ok(impulse)
     }
 }
 
@@ -114,7 +116,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     };
     let contact = plane.contact(problem);
     let answer = in_plane(&contact)?;
-    Ok(plane.lift(law, problem, &contact, mu, answer))
+    plane.lift(law, problem, &contact, mu, answer).if_finite()
 }
 
 /// The further solutions of a law that has several.

@@ -210,3 +210,33 @@ proptest! {
         }
     }
 }
+
+/// Impulses are proportional to the velocities: at speeds whose squares overflow an outcome is that of the same impact at
+/// 1 m/s times the speed, or it is refused; it is never NaN.
+#[test]
+fn outcomes_at_speeds_whose_works_overflow_are_proportional_or_refused() {
+    let mut rng = fastrand::Rng::with_seed(77);
+    let (mut refused, mut proportional) = (0, 0);
+    for _ in 0..2000 {
+        let case = any_case(&mut rng, FLAT);
+        for law in LAW_NAMES {
+            let resolver = law_by_name::<2>(law, rough(case.restitution, case.friction)).unwrap();
+            let (problem, hit) = (case.problem(), resolve(law, &case));
+            for speed in [1e150, 1e153, 1e155, 1e200] {
+                let fast = carom_impact::ImpactProblem::new(*problem.delassus(), problem.u_minus() * speed).unwrap();
+                match resolver.resolve(&fast) {
+                    Err(why) => {
+                        assert!(speed > 1e153, "{law} {case:?}: {why}");
+                        refused += 1;
+                    }
+                    Ok(outcome) => {
+                        proportional += 1;
+                        let miss = (outcome.impulse / speed - hit.impulse).amax();
+                        assert!(miss <= 1e-9 * hit.impulse.amax(), "{law} at {speed} m/s: {outcome:?} {hit:?}");
+                    }
+                }
+            }
+        }
+    }
+    assert!(refused > 0 && proportional > refused, "{refused} refused, {proportional} proportional");
+}

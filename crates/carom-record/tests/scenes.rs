@@ -45,12 +45,12 @@ fn record(scene: &Scene, path: &Path, every: f64) -> Result<(), RecordError> {
 #[test]
 fn recordings_of_scenes_begin_with_the_header_of_the_format() {
     let desk = Desk::new("good");
-    for name in ["planar2", "ball", "table"] {
+    for name in ["planar2", "ball", "table", "catch"] {
         let path = desk.0.join(format!("{name}.rrd"));
         record(&scene(name), &path, 0.004).unwrap();
         assert!(std::fs::read(&path).unwrap().starts_with(b"RRF2"), "{name}");
     }
-    assert_eq!(desk.files(), ["ball.rrd", "planar2.rrd", "table.rrd"], "no other file is left");
+    assert_eq!(desk.files(), ["ball.rrd", "catch.rrd", "planar2.rrd", "table.rrd"], "no other file is left");
 }
 
 #[test]

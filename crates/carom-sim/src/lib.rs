@@ -49,7 +49,7 @@ pub use impact::{
 };
 pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
-    Reference, SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Reference, RobotDrive, SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};

@@ -48,6 +48,7 @@ fn page_names_the_keys_and_values_that_the_parser_accepts() {
     for (heading, text) in [
         ("## Tables", "zzz = 1".to_owned()),
         ("## `[robot]`", "[robot]\nzzz = 1".to_owned()),
+        ("## `[[robot]]`", "[[robot]]\nzzz = 1".to_owned()),
         ("### `tip_velocity`", format!("{robot}tip_velocity = {{ zzz = 1 }}")),
         ("## `[[surface]]`", "[[surface]]\nzzz = 1".to_owned()),
         ("### `shape`", "[[surface]]\nshape = { zzz = {} }".to_owned()),
@@ -105,6 +106,6 @@ fn examples_of_the_page_parse_and_can_be_planned() {
         assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
         parsed += 1;
     }
-    assert_eq!(parsed, 2);
+    assert_eq!(parsed, 3);
     std::fs::remove_dir_all(desk).unwrap();
 }

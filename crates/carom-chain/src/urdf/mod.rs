@@ -31,6 +31,7 @@ mod packages;
 mod robot;
 mod schema;
 mod source;
+mod srdf;
 mod tree;
 mod warnings;
 mod weld;
@@ -73,6 +74,8 @@ pub struct LoadOptions {
     /// Reflected inertias of motors' rotors by joint name, kg m² or kg: see
     /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia).
     pub rotor_inertia: BTreeMap<String, f64>,
+    /// An SRDF file beside the URDF. The pairs of links that it disables ([`Robot::disabled_pairs`]) make no contact.
+    pub srdf: Option<PathBuf>,
 }
 
 /// Treatment of missing collision meshes.
@@ -130,9 +133,13 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));
     }
 
+    let disabled_pairs = match &options.srdf {
+        Some(path) => srdf::disabled_pairs(path, &links, &mut warnings)?,
+        None => Vec::new(),
+    };
     let name = if urdf.name.is_empty() { "unnamed".into() } else { urdf.name };
     let report = warnings.report(file, options.strict)?;
-    Ok(Robot { name, links, joints, root: tree.root, report })
+    Ok(Robot { name, links, joints, root: tree.root, disabled_pairs, report })
 }
 
 /// The text with `version` in its XML declaration where the file has `verison`, a misspelling in many published files.

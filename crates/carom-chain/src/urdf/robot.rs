@@ -16,6 +16,8 @@ pub struct Robot {
     pub joints: Vec<Joint>,
     /// Index of the root link: the only link that is not the child of a joint.
     pub root: usize,
+    /// The pairs of links between which the SRDF ([`LoadOptions::srdf`](super::LoadOptions::srdf)) disables collisions.
+    pub disabled_pairs: Vec<[String; 2]>,
     /// What loading has found and changed.
     pub report: LoadReport,
 }

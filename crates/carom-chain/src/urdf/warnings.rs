@@ -55,6 +55,11 @@ impl Warnings {
         self.notes.push(format!("{} (line {}): {text}", source.describe(node, None), source.line(node)));
     }
 
+    /// Adds a note about another file, which `strict` does not refuse.
+    pub fn note_text(&mut self, text: String) {
+        self.notes.push(text);
+    }
+
     /// Counts one more element or attribute of this kind that is not used.
     pub fn unused(&mut self, source: &Source, node: Node, kind: String) {
         self.count(source, node, kind, " is not used".into(), false);

@@ -3,6 +3,7 @@
 mod document;
 mod files;
 mod loading;
+mod srdf;
 mod texts;
 mod valid_files;
 mod values;

@@ -9,7 +9,7 @@ use crate::law::laws;
 use crate::output::answer;
 use crate::{LoadArgs, RobotArgs};
 use carom_study::Tosses;
-use carom_study::fit::{Fit, FitError, FitOptions, Loss, RollOutOptions, fit_trajectories, fit_velocities};
+use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, RollOutOptions, fit_trajectories, fit_velocities};
 use clap::{Args, builder::PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::Write;
@@ -28,8 +28,8 @@ use std::path::{Path, PathBuf};
 /// cone and the best impulse of any direction would leave; the worst impacts or tosses; notes.
 /// JSON keys: fitted_to, law, loss, threshold, confidence, seed, coefficients [{name, value, low,
 ///   high, interval}], train and test {count, mean, median, below_half, least_in_cone, least},
-///   flights {joined, rest (m), deviation (m/s), left_out}, notes, trials, each [{number, trained,
-///   error, least_in_cone, least}].
+///   flights {joined, rest (m), deviation (m/s), outliers [{number, time}], left_out}, notes,
+///   trials, each [{number, trained, error, least_in_cone, least}].
 /// All lines are read before the fit: if one is refused, nothing is printed, and the exit status
 /// is 1.
 #[derive(Args)]
@@ -111,7 +111,8 @@ struct Source {
     ///
     /// {"before":{"t":[…],"q":[[…],…]},"after":{"t":[…],"q":[[…],…]}} (s; rad, m), with --robot;
     /// "point":[x,y,z] (m) may be added. Velocities, pose and time of the impact come from fits
-    /// of both flights. A folder of tosses gives the first impact of each toss.
+    /// of both flights. Samples that contradict all others of their flights (mistracked ones) are
+    /// left out and listed. A folder of tosses gives the first impact of each toss.
     #[arg(long, value_name = "FILE|FOLDER", verbatim_doc_comment)]
     flights: Option<PathBuf>,
     /// Whole tosses: a folder with tosses.csv and a URDF, as for `carom tosses`
@@ -128,8 +129,19 @@ pub struct Flights {
     rests: Vec<f64>,
     /// Standard deviation of each velocity jump, m/s.
     deviations: Vec<f64>,
+    /// Samples that were left out as outliers: number and time, s.
+    outliers: Vec<(i64, f64)>,
     /// Tosses that were left out, with the reason.
     left_out: Vec<(i64, String)>,
+}
+
+impl Flights {
+    fn add(&mut self, number: i64, joined: &Joined) {
+        self.numbers.push(number);
+        self.rests.push(joined.rest);
+        self.deviations.push(joined.deviation);
+        self.outliers.extend(joined.outliers.iter().map(|time| (number, *time)));
+    }
 }
 
 impl FitCommand {
@@ -163,7 +175,8 @@ impl FitCommand {
                 let impacts = self.first_impacts(path, &tosses, &mut told, &|done, all| bar.tell(done, all))?;
                 (impacts, Some(tosses.chain))
             } else {
-                self.flights(path, &mut told)?
+                let bar = Bar::new("flights");
+                self.flights(path, &mut told, &|done, all| bar.tell(done, all))?
             };
             let bar = Bar::new("parts");
             let mut fit =

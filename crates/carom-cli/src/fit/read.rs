@@ -123,13 +123,23 @@ impl FitCommand {
     }
 
     /// Flights before and after impacts, one pair on each line.
-    pub fn flights(&self, path: &Path, told: &mut Flights) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
+    pub fn flights(
+        &self,
+        path: &Path,
+        told: &mut Flights,
+        progress: &dyn Fn(usize, usize),
+    ) -> Result<(Vec<MeasuredImpact>, Option<Chain>), CliError> {
         let Some(robot) = self.robot()? else {
             let file = name(path);
             return Err(CliError::Option(format!("{file}: flights need a robot: give --robot")));
         };
         let mut impacts = Vec::new();
+        // Standard input is read once, so its number of lines is unknown.
+        let lines = if path == Path::new("-") { 0 } else { std::fs::read(path).map_or(0, |it| count_lines(&it)) };
         for_each_line(path, &mut io::sink(), |line: FlightLine, place, _| {
+            if lines > 0 {
+                progress(place.line - 1, lines);
+            }
             let FlightLine { before, after, point } = line;
             let flight = |samples: Samples| Flight {
                 times: samples.t,
@@ -139,9 +149,7 @@ impl FitCommand {
             let joined = joined.map_err(|e| refuse(&e))?;
             let tip = robot.tip.map(|frame| (frame, point.unwrap_or(self.point)));
             impacts.push(self.at_impact(&robot.chain, &joined, tip).map_err(|e| refuse(&e))?);
-            told.numbers.push(place.line as i64);
-            told.rests.push(joined.rest);
-            told.deviations.push(joined.deviation);
+            told.add(place.line as i64, &joined);
             Ok(())
         })?;
         not_empty(path, impacts.len())?;
@@ -197,9 +205,7 @@ impl FitCommand {
             match self.at_impact(&tosses.chain, &one, tip) {
                 Ok(impact) => {
                     impacts.push(impact);
-                    told.numbers.push(number);
-                    told.rests.push(one.rest);
-                    told.deviations.push(one.deviation);
+                    told.add(number, &one);
                 }
                 Err(e @ FitError::NoApproach { .. }) => told.left_out.push((number, e.to_string())),
                 Err(e) => return Err(CliError::Option(format!("{}: toss {number}: {e}", folder.display()))),
@@ -207,6 +213,10 @@ impl FitCommand {
         }
         Ok(impacts)
     }
+}
+
+fn count_lines(text: &[u8]) -> usize {
+    text.split(|byte| *byte == b'\n').filter(|line| !line.is_empty()).count()
 }
 
 fn not_empty(path: &Path, found: usize) -> Result<(), CliError> {

@@ -54,7 +54,15 @@ struct FlightsAnswer {
     /// Medians.
     rest: f64,
     deviation: f64,
+    outliers: Vec<Outlier>,
     left_out: Vec<LeftOut>,
+}
+
+/// A sample that was left out.
+#[derive(Serialize)]
+struct Outlier {
+    number: i64,
+    time: f64,
 }
 
 #[derive(Serialize)]
@@ -100,6 +108,7 @@ impl Report {
             joined: told.numbers.len(),
             rest: middle(&told.rests),
             deviation: middle(&told.deviations),
+            outliers: told.outliers.iter().map(|&(number, time)| Outlier { number, time }).collect(),
             left_out: told
                 .left_out
                 .iter()
@@ -156,6 +165,13 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             short(flights.deviation),
             flights.left_out.len()
         )?;
+        if !flights.outliers.is_empty() {
+            let of: Vec<String> =
+                flights.outliers.iter().take(5).map(|it| format!("{} at {} s", it.number, short(it.time))).collect();
+            let more = if flights.outliers.len() > 5 { ", …" } else { "" };
+            let count = flights.outliers.len();
+            writeln!(out, "{count} samples left out, which contradict their flights: {}{more}", of.join(", "))?;
+        }
     }
     for c in &report.coefficients {
         let percent = report.confidence * 100.0;

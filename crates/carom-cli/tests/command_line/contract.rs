@@ -23,6 +23,21 @@ fn every_answer_has_the_keys_of_the_contract() {
     }
     assert_eq!(keys(&report["planar"]), ["is", "normal", "reason"]);
 
+    let arms = "[[robot]]\nname = \"a\"\nurdf = \"planar2.urdf\"\n\
+                [[robot]]\nname = \"b\"\nurdf = \"planar2.urdf\"\nposition = [3, 0, 0]\n[run]\nduration = 0.1\n";
+    desk.write("arms.toml", arms);
+    let both = &desk.answers("inspect arms.toml --json", "")[0];
+    assert_eq!(both["robots"][1], json!({"name": "b", "q": [2, 2], "qd": [2, 2]}));
+    assert_eq!((&both["dof"], &both["joints"][0]["name"]), (&json!(4), &json!("a/shoulder")));
+    let people = desk.run("inspect arms.toml");
+    assert!(people.out.contains("\nrobot b: q 2 … 3, qd 2 … 3\n"), "{}", people.out);
+    let run = &desk.answers("simulate arms.toml --json", "")[0];
+    assert_eq!(run["joints"], json!(["a/shoulder", "a/elbow", "b/shoulder", "b/elbow"]));
+    refused(
+        desk.run("inspect arms.toml --repair"),
+        "arms.toml: options for loading are keys of the scene: remove them here",
+    );
+
     let args = "dynamics planar2.urdf --json --tip tip --states -";
     let always = [
         "bias",

@@ -198,9 +198,28 @@ fn robots_without_mass_have_kinematics_on_the_command_line() {
     let table = desk.feed("dynamics r.urdf --kinematics --tip c --states -", state.to_string());
     done(&table);
     assert!(table.out.contains("position           2.5000000"), "{}", table.out);
+    // M, bias and energies need no solution with M: the mass of the other links gives them.
+    let served = desk.answer("dynamics r.urdf --json --tip c --states -", &state);
+    assert_eq!((&served["mass_matrix"], &served["bias"]), (&json!([[0.0, 0.0], [0.0, 0.0]]), &json!([0.0, 0.0])));
+    assert!(served.get("delassus").is_none(), "{served}");
+    assert!(served["singular"].as_str().unwrap().starts_with("'r' has no dynamics"), "{served}");
+    let people = desk.feed("dynamics r.urdf --tip c --states -", state.to_string());
+    assert!(people.out.contains("\nno Delassus matrix, since M is singular: 'r' has no dynamics"), "{}", people.out);
+    // With mass on b only j moves inertia: m d² + I = 2 · 0.5² + 0.25.
+    let inertial = "<link name='b'><inertial><origin xyz='0.5 0 0'/><mass value='2'/><inertia ixx='0.25' ixy='0' ixz='0' \
+                    iyy='0.25' iyz='0' izz='0.25'/></inertial></link>";
+    desk.write("half.urdf", weightless().replace("<link name='b'/>", inertial));
+    let half = desk.answer("dynamics half.urdf --json --gravity 0,-9.81,0 --tip c --states -", &state);
+    assert_eq!(half["mass_matrix"], json!([[0.75, 0.0], [0.0, 0.0]]));
+    assert!((half["gravity_force"][0].as_f64().unwrap() - 9.81).abs() < 1e-12, "{half}");
+    assert!(half["singular"].as_str().unwrap().contains("'c'") && half.get("delassus").is_none(), "{half}");
+    let pushed = json!({"q": [0, 0.5], "qd": [0, 0], "tau": [1, 0]});
+    refused(
+        desk.feed("dynamics r.urdf --tip c --states -", pushed.to_string()),
+        "<stdin>:1: 'r' has no dynamics, because nothing that these links carry has mass: 'b', 'c'. Give them an <inertial>, load the robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints",
+    );
     let message = "r.urdf: 'r' has no dynamics, because nothing that these links carry has mass: 'b', 'c'. Give them an <inertial>, load the robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints";
     for args in [
-        "dynamics r.urdf --tip c --states -",
         "impact r.urdf --tip c --normal 0,0,1 --law all --restitution 0.5 --states -",
         "fit --velocities - --robot r.urdf --tip c",
     ] {

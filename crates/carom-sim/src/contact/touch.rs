@@ -65,7 +65,7 @@ pub struct Touches {
 impl Touch {
     /// The pairs of every collision shape of one link with every one of another link.
     ///
-    /// Contacts between links are not created automatically, as neighbouring links often overlap at their joint.
+    /// [`Touch::within_robots`] and [`Touch::between_robots`] choose the pairs by a rule.
     ///
     /// # Errors
     /// [`SimError::Chain`] for an unknown link; [`SimError::LinkPair`] for a link without collision shape or a link paired with
@@ -87,11 +87,14 @@ impl Touch {
         let (own, others) = (of(link)?, of(other)?);
         let pairs = own.iter().flat_map(|shape| others.iter().map(move |other| (shape, other)));
         let mut touches = Vec::new();
-        for (shape, other) in pairs {
-            let pair = Pair::new(shape, Against::Link(Box::new(other.clone())), contact.compliance.is_some());
-            Self::add_pair(&mut touches, pair, other.link(), contact, None);
-        }
+        pairs.for_each(|(shape, other)| Self::add_links(&mut touches, shape, other, contact));
         Ok(touches)
+    }
+
+    /// The contacts of two shapes of links.
+    pub(super) fn add_links(touches: &mut Vec<Self>, shape: &LinkShape, other: &LinkShape, contact: &ContactRule) {
+        let pair = Pair::new(shape, Against::Link(Box::new(other.clone())), contact.compliance.is_some());
+        Self::add_pair(touches, pair, other.link(), contact, None);
     }
 
     /// The pairs of every collision shape with every surface that it can reach at some configuration, and all joint limits,

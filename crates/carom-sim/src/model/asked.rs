@@ -11,8 +11,8 @@ pub(crate) struct Asked<'a> {
     pub chain: &'a Chain,
     pub time: f64,
     pub gravity: Vector3<f64>,
-    /// Whether an impact has happened.
-    pub hit: bool,
+    /// For each number of qd whether an impact has hit its robot.
+    pub hit: &'a [bool],
     /// The joints that motors can drive.
     pub motors: &'a [Motor],
     /// Largest force of each number of qd; empty: no limits.
@@ -20,4 +20,11 @@ pub(crate) struct Asked<'a> {
     /// Damping of each number of qd, and springs: the passive joint forces.
     pub damping: &'a [f64],
     pub springs: &'a [SpringAt],
+}
+
+impl Asked<'_> {
+    /// Whether an impact has hit the robot, or one of several robots with one drive.
+    pub fn was_hit(&self) -> bool {
+        self.hit.contains(&true)
+    }
 }

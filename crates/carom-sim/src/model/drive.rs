@@ -7,8 +7,10 @@ use super::impact_controllers::{ImpactInvariant, Transition};
 use super::tracking::Tracking;
 use crate::error::SimError;
 use crate::state::{Space, View, between, next_of};
-use carom_chain::{Chain, ChainError, Reduced, Spatial, Workspace};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, ChainError, Member, Reduced, Spatial, Workspace};
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// The joint forces of the motors. Damping, dry friction and springs of the joints act in addition.
 ///
@@ -46,6 +48,35 @@ pub enum Drive {
     ImpactInvariant(ImpactInvariant),
     /// A user's own [`Controller`]. [`Scene::plan`](crate::Scene::plan) keeps all joints for it.
     User(UserController),
+    /// A drive for each robot of a chain that [`Chain::join`] has made, also from its own first impact on, which is here the first
+    /// one of any of its links and joint limits. Robots that are not named have none.
+    Robots(Vec<RobotDrive>),
+}
+
+/// The drive of one robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotDrive {
+    /// Name of the robot.
+    pub robot: String,
+    /// Its entries of qd; the drive acts on no others.
+    pub v: Range<usize>,
+    /// Its drive, with the lengths nq and nv of the joined chain.
+    pub drive: Drive,
+    /// Its drive from its own first impact on; `None`: `drive` remains.
+    pub after_impact: Option<Drive>,
+}
+
+impl RobotDrive {
+    /// Both drives.
+    fn drives(&self) -> impl Iterator<Item = &Drive> {
+        std::iter::once(&self.drive).chain(&self.after_impact)
+    }
+
+    /// The motors of the robot.
+    fn motors<'m>(&self, motors: &'m [Motor]) -> &'m [Motor] {
+        let before = |end: usize| motors.partition_point(|motor| motor.v < end);
+        &motors[before(self.v.start)..before(self.v.end)]
+    }
 }
 
 impl Drive {
@@ -66,7 +97,60 @@ impl Drive {
             Self::Transition(_) => "transition",
             Self::ImpactInvariant(_) => "impact-invariant",
             Self::User(controller) => controller.name(),
+            Self::Robots(_) => "one for each robot",
         }
+    }
+
+    /// Its name, or those of each robot's drives.
+    pub(crate) fn told(&self) -> String {
+        let Self::Robots(robots) = self else { return self.name().to_owned() };
+        let told = |it: &RobotDrive| {
+            let after = it.after_impact.as_ref().map(|after| format!(" ({} from its first impact on)", after.name()));
+            format!("{}: {}{}", it.robot, it.drive.name(), after.unwrap_or_default())
+        };
+        robots.iter().map(told).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The drives of the robots, each with the robot's name; for one robot its drive without a name.
+    pub(crate) fn each_robot(&self) -> Vec<(Option<&str>, &Self)> {
+        match self {
+            Self::Robots(robots) => {
+                robots.iter().flat_map(|it| it.drives().map(|drive| (Some(it.robot.as_str()), drive))).collect()
+            }
+            drive => vec![(None, drive)],
+        }
+    }
+
+    /// The drive of one robot as a drive of the joined chain: its numbers at the robot's entries, zeros elsewhere.
+    pub(crate) fn of_member(mut self, member: &Member, (nq, nv): (usize, usize)) -> Self {
+        let spread = |own: &mut Vec<f64>, at: &Range<usize>, n: usize| {
+            let mut all = vec![0.0; n];
+            all[at.clone()].copy_from_slice(own);
+            *own = all;
+        };
+        let gains = |gains: &mut Gains| {
+            if let Gains::Each(own) = gains {
+                spread(own, &member.v, nv);
+            }
+        };
+        match &mut self {
+            Self::Constant(forces) => spread(forces, &member.v, nv),
+            Self::Table { forces, .. } => forces.iter_mut().for_each(|row| spread(row, &member.v, nv)),
+            Self::Pd { kp, kd, target } => {
+                [kp, kd].into_iter().for_each(gains);
+                spread(target, &member.q, nq);
+            }
+            Self::Tracking(tracking) => [&mut tracking.kp, &mut tracking.kd].into_iter().for_each(gains),
+            Self::Transition(transition) => transition.tip = format!("{}/{}", member.name, transition.tip),
+            Self::ImpactInvariant(invariant) => {
+                [&mut invariant.kp, &mut invariant.kd].into_iter().for_each(gains);
+                spread(&mut invariant.target, &member.q, nq);
+                spread(&mut invariant.velocity, &member.v, nv);
+                invariant.tip = format!("{}/{}", member.name, invariant.tip);
+            }
+            Self::Off | Self::GravityCompensation | Self::User(_) | Self::Robots(_) => {}
+        }
+        self
     }
 
     /// Checks that the drive fits a chain.
@@ -75,17 +159,27 @@ impl Drive {
     /// [`SimError`]: wrong lengths, impact-invariant control of a chain with a floating joint, an unknown link, invalid
     /// gains, a torque table whose times do not ascend.
     pub(crate) fn check(&self, chain: &Chain) -> Result<(), SimError> {
-        let regulates = |target: &[f64], what| {
-            if chain.nq() != chain.nv() {
-                let why = format!(
-                    "a controller with a target configuration needs q̇ = qd, but '{}' has a floating joint: choose another \
-                     controller",
-                    chain.name()
-                );
-                return Err(SimError::from(ChainError::NotReducible(why)));
-            }
-            Ok(chain.check_v(what, target)?)
+        let motors = motors(chain);
+        if let Self::Robots(robots) = self {
+            return robots.iter().try_for_each(|it| {
+                let (value, rule) = (it.v.end as f64, "the entries of a robot's drive must be entries of qd");
+                if it.v.end > chain.nv() {
+                    return Err(SimError::Setting { what: "end of a robot's entries", value, rule });
+                }
+                it.drives().try_for_each(|drive| drive.check_on(chain, it.motors(&motors), it.v.clone()))
+            });
+        }
+        self.check_on(chain, &motors, 0..chain.nv())
+    }
+
+    /// The same for the robot that has these motors and entries of qd.
+    fn check_on(&self, chain: &Chain, own: &[Motor], v: Range<usize>) -> Result<(), SimError> {
+        let lengths = |target: &[f64]| {
+            let (what, value) = ("length of the target", target.len() as f64);
+            let rule = "it must be nq, as that of q; the numbers of floating joints are not used";
+            if target.len() == chain.nq() { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
         };
+        let floats = v.clone().find_map(|v| chain.joint_of_velocity(v).filter(|it| it.kind == JointType::Floating));
         let unit = |normal: &Vector3<f64>| {
             let (value, rule) = (normal.norm(), "it must be 1");
             let fine = (value - 1.0).abs() < 1e-9;
@@ -93,6 +187,10 @@ impl Drive {
         };
         match self {
             Self::Off | Self::GravityCompensation | Self::User(_) => Ok(()),
+            Self::Robots(_) => {
+                let rule = "the drive of one robot must not be divided among robots again";
+                Err(SimError::Setting { what: "number of robots of a drive", value: 0.0, rule })
+            }
             Self::Constant(forces) => Ok(chain.check_v("torque", forces)?),
             Self::Table { times, forces } => {
                 if times.len() != forces.len() || times.is_empty() {
@@ -114,17 +212,15 @@ impl Drive {
                 if chain.nq() == chain.nv() {
                     return Ok(chain.check_v("target", target)?);
                 }
-                let refuse = |what, value, rule| Err(SimError::Setting { what, value, rule });
-                if target.len() != chain.nq() {
-                    let rule = "it must be nq, as that of q; the numbers of floating joints are not used";
-                    return refuse("length of the target", target.len() as f64, rule);
-                }
-                match motors(chain).iter().map(|motor| target[motor.q]).find(|x| !x.is_finite()) {
-                    Some(value) => refuse("number of the target", value, "it must be finite"),
+                lengths(target)?;
+                match own.iter().map(|motor| target[motor.q]).find(|x| !x.is_finite()) {
+                    Some(value) => {
+                        Err(SimError::Setting { what: "number of the target", value, rule: "it must be finite" })
+                    }
                     None => Ok(()),
                 }
             }
-            Self::Tracking(tracking) => tracking.check(chain, &motors(chain)),
+            Self::Tracking(tracking) => tracking.check(chain, own, v.len()),
             Self::Transition(transition) => {
                 chain.frame(&transition.tip)?;
                 not_negative("gain", transition.gain)?;
@@ -135,8 +231,21 @@ impl Drive {
                 chain.frame(&invariant.tip)?;
                 invariant.kp.check("kp", chain)?;
                 invariant.kd.check("kd", chain)?;
-                regulates(&invariant.target, "target")?;
-                regulates(&invariant.velocity, "velocity")?;
+                if let Some(base) = floats {
+                    let why = format!(
+                        "a controller with a target configuration needs q̇ = qd, but '{}' has the floating joint '{}': choose \
+                         another controller",
+                        chain.name(),
+                        base.name
+                    );
+                    return Err(SimError::from(ChainError::NotReducible(why)));
+                }
+                if chain.nq() == chain.nv() {
+                    chain.check_v("target", &invariant.target)?;
+                } else {
+                    lengths(&invariant.target)?;
+                }
+                chain.check_v("velocity", &invariant.velocity)?;
                 unit(&invariant.normal)
             }
         }
@@ -144,6 +253,21 @@ impl Drive {
 
     /// The drive of a reduced chain; `whole` is the chain before.
     pub(crate) fn reduced(&self, whole: &Chain, less: &Reduced<Spatial<f64>>) -> Self {
+        let motors = motors(whole);
+        if let Self::Robots(robots) = self {
+            let before = |end: usize| less.v.iter().filter(|v| **v < end).count();
+            let reduced = |it: &RobotDrive| RobotDrive {
+                robot: it.robot.clone(),
+                v: before(it.v.start)..before(it.v.end),
+                drive: it.drive.reduced_on(it.motors(&motors), less),
+                after_impact: it.after_impact.as_ref().map(|after| after.reduced_on(it.motors(&motors), less)),
+            };
+            return Self::Robots(robots.iter().map(reduced).collect());
+        }
+        self.reduced_on(&motors, less)
+    }
+
+    fn reduced_on(&self, own: &[Motor], less: &Reduced<Spatial<f64>>) -> Self {
         let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
         let mut drive = self.clone();
         match &mut drive {
@@ -153,13 +277,13 @@ impl Drive {
                 [kp, kd].into_iter().for_each(|gains| gains.pick(&less.v));
                 *target = pick(target, &less.q);
             }
-            Self::Tracking(tracking) => tracking.reduced(&motors(whole), &less.v),
+            Self::Tracking(tracking) => tracking.reduced(own, &less.v),
             Self::ImpactInvariant(invariant) => {
                 [&mut invariant.kp, &mut invariant.kd].into_iter().for_each(|gains| gains.pick(&less.v));
                 invariant.target = pick(&invariant.target, &less.q);
                 invariant.velocity = pick(&invariant.velocity, &less.v);
             }
-            Self::Off | Self::GravityCompensation | Self::Transition(_) | Self::User(_) => {}
+            Self::Off | Self::GravityCompensation | Self::Transition(_) | Self::User(_) | Self::Robots(_) => {}
         }
         drive
     }
@@ -169,6 +293,7 @@ impl Drive {
         match self {
             Self::Table { .. } | Self::Tracking(_) => false,
             Self::User(controller) => controller.is_steady(),
+            Self::Robots(robots) => robots.iter().flat_map(RobotDrive::drives).all(Self::is_steady),
             _ => true,
         }
     }
@@ -179,6 +304,10 @@ impl Drive {
             Self::Pd { kp, kd, .. } => (kp.at(v), kd.at(v)),
             Self::Tracking(tracking) => (tracking.kp.at(v), tracking.kd.at(v)),
             Self::ImpactInvariant(invariant) => (invariant.kp.at(v), invariant.kd.at(v)),
+            Self::Robots(robots) => {
+                let own = robots.iter().filter(|it| it.v.contains(&v)).flat_map(RobotDrive::drives);
+                own.map(|drive| drive.gains(v)).fold((0.0, 0.0), |(p, d), (p2, d2)| (p.max(p2), d.max(d2)))
+            }
             _ => (0.0, 0.0),
         }
     }
@@ -189,6 +318,10 @@ impl Drive {
             Self::Table { times, .. } => next_of(times, time),
             Self::Tracking(tracking) => tracking.reference.next_kink(time),
             Self::User(controller) => controller.next_kink(time).filter(|kink| *kink > time),
+            Self::Robots(robots) => {
+                let drives = robots.iter().flat_map(RobotDrive::drives);
+                drives.filter_map(|drive| drive.next_kink(time)).min_by(f64::total_cmp)
+            }
             _ => None,
         }
     }
@@ -226,11 +359,32 @@ impl Drive {
         &self,
         asked: &Asked,
         (model, workspace): (&A::Model, &mut Workspace<A>),
+        state: (&[f64], &[f64]),
+        mut add: impl FnMut(usize, f64),
+    ) -> Result<(), SimError> {
+        let Self::Robots(robots) = self else { return self.one(asked, (model, workspace), state, add) };
+        robots.iter().try_for_each(|it| {
+            let hit = asked.hit.get(it.v.clone()).unwrap_or_default();
+            let own = Asked { motors: it.motors(asked.motors), hit, ..*asked };
+            let after = it.after_impact.as_ref().filter(|_| own.was_hit());
+            after.unwrap_or(&it.drive).one(&own, (model, &mut *workspace), state, |v, force| {
+                if it.v.contains(&v) {
+                    add(v, force);
+                }
+            })
+        })
+    }
+
+    /// The same for one robot.
+    fn one<A: Space>(
+        &self,
+        asked: &Asked,
+        (model, workspace): (&A::Model, &mut Workspace<A>),
         (q, qd): (&[f64], &[f64]),
         mut add: impl FnMut(usize, f64),
     ) -> Result<(), SimError> {
         match self {
-            Self::Off => {}
+            Self::Off | Self::Robots(_) => {}
             Self::Constant(forces) => forces.iter().enumerate().for_each(|(i, force)| add(i, *force)),
             Self::Table { times, forces } => {
                 let (before, after, share) = between(times, asked.time);
@@ -252,12 +406,12 @@ impl Drive {
                 forces.into_iter().enumerate().for_each(|(i, force)| add(i, force));
             }
             Self::ImpactInvariant(invariant) => {
-                let forces = invariant.forces(asked, &mut View::<A>::new(model, workspace, q)?, q, qd)?;
-                forces.into_iter().enumerate().for_each(|(i, force)| add(i, force));
+                invariant.forces(asked, &mut View::<A>::new(model, workspace, q)?, (q, qd), add)?;
             }
             Self::User(controller) => {
                 let mut forces = vec![0.0; qd.len()];
-                let Asked { chain, time, gravity, hit, .. } = *asked;
+                let Asked { chain, time, gravity, .. } = *asked;
+                let hit = asked.was_hit();
                 controller.forces(&Observed { chain, time, q, qd, gravity, hit }, &mut forces)?;
                 if let Some(v) = forces.iter().position(|force| !force.is_finite()) {
                     let joint = chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());

@@ -8,7 +8,7 @@
 //! | N | nv×nv | I − M⁻¹jᵀj/(j M⁻¹jᵀ): projection onto the velocities that no normal impulse changes; N M⁻¹jᵀ = 0 | – |
 
 use super::asked::Asked;
-use super::gains::Gains;
+use super::gains::{Gains, Motor};
 use crate::error::SimError;
 use crate::state::{Space, View, pseudo_inverse};
 use carom_chain::Rows;
@@ -71,7 +71,7 @@ impl Transition {
         let delassus: Matrix3<f64> = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
 
         let along = |v: Vector3<f64>| v - n * n.dot(&v);
-        let wanted = if asked.hit {
+        let wanted = if asked.was_hit() {
             (along(self.velocity) - u) * self.gain - n * self.press
         } else {
             // The predicted jump is that of an impact with the desired velocity at the present pose.
@@ -91,17 +91,23 @@ impl ImpactInvariant {
         &self,
         asked: &Asked,
         view: &mut View<A>,
-        q: &[f64],
-        qd: &[f64],
-    ) -> Result<Vec<f64>, SimError> {
+        (q, qd): (&[f64], &[f64]),
+        mut add: impl FnMut(usize, f64),
+    ) -> Result<(), SimError> {
         let frame = asked.chain.frame(&self.tip)?;
         let (mut rows, mut responses) = (Rows::new(qd.len()), Rows::default());
         view.add_row(view.point(frame, view.pose(frame).translation), self.normal, rows.add())?;
         view.kin.respond(&rows, &mut responses)?;
         let [row, response] = [&rows, &responses].map(|rows| DVector::from_column_slice(rows.row(0)));
         let error = DVector::from_fn(qd.len(), |i, _| self.velocity[i] - qd[i]);
-        let seen = &error - &response * (row.dot(&error) / row.dot(&response));
+        // No normal impulse moves a tip whose joints move along the surface only.
+        let moved = row.dot(&response);
+        let share = if moved > 0.0 { row.dot(&error) / moved } else { 0.0 };
+        let seen = &error - &response * share;
         let hold = view.gravity_force(asked.gravity);
-        Ok((0..qd.len()).map(|i| hold[i] + self.kp.at(i) * (self.target[i] - q[i]) + self.kd.at(i) * seen[i]).collect())
+        for &Motor { q: at, v, .. } in asked.motors {
+            add(v, hold[v] + self.kp.at(v) * (self.target[at] - q[at]) + self.kd.at(v) * seen[v]);
+        }
+        Ok(())
     }
 }

@@ -16,7 +16,7 @@ mod wrench;
 
 pub(crate) use asked::Asked;
 pub use controller::{Controller, Observed, UserController};
-pub use drive::Drive;
+pub use drive::{Drive, RobotDrive};
 pub use gains::Gains;
 pub(crate) use gains::{Motor, motors};
 pub use impact_controllers::{ImpactInvariant, Transition};

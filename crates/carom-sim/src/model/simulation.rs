@@ -224,8 +224,9 @@ impl Simulation {
 
     fn check_loops(&self) -> Result<(), SimError> {
         let Some(first) = self.loops.first() else { return Ok(()) };
-        let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        if drives.any(|drive| matches!(drive, Drive::Transition(_) | Drive::ImpactInvariant(_))) {
+        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
+        let mut each = drives.flat_map(Drive::each_robot);
+        if each.any(|(_, drive)| matches!(drive, Drive::Transition(_) | Drive::ImpactInvariant(_))) {
             let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
                         those of a tree: choose another controller";
             return Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() });

@@ -31,7 +31,7 @@ pub struct Tracking {
 impl Tracking {
     /// # Errors
     /// [`SimError`]: invalid gains, a reference with another number of joints, feed-forward for a base without motors.
-    pub(super) fn check(&self, chain: &Chain, motors: &[Motor]) -> Result<(), SimError> {
+    pub(super) fn check(&self, chain: &Chain, motors: &[Motor], velocities: usize) -> Result<(), SimError> {
         self.kp.check("kp", chain)?;
         self.kd.check("kd", chain)?;
         let refuse = |what, value, rule| Err(SimError::Setting { what, value: value as f64, rule });
@@ -39,10 +39,10 @@ impl Tracking {
             let rule = "it must be the number of joints with one coordinate";
             return refuse("number of joints of the reference", self.reference.joints(), rule);
         }
-        if self.feed_forward && motors.len() != chain.nv() {
+        if self.feed_forward && motors.len() != velocities {
             let rule = "feed-forward needs a motor at each of them: set feed_forward = false for robots with a floating or \
                         planar joint";
-            return refuse("number of velocities of the robot", chain.nv(), rule);
+            return refuse("number of velocities of the robot", velocities, rule);
         }
         Ok(())
     }

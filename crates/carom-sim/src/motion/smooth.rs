@@ -31,8 +31,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub speed: f64,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
-    /// Whether an impact has happened.
-    was_hit: bool,
+    /// For each number of qd whether an impact has hit its robot.
+    was_hit: Vec<bool>,
     pub gaps: Gaps<'a, A>,
     /// The loops of the mechanism.
     pub couplings: Vec<Coupling<A>>,
@@ -64,7 +64,7 @@ pub(crate) struct Kept {
     stepping: bool,
     dry: Vec<DryJoint>,
     impacts: Vec<usize>,
-    was_hit: bool,
+    was_hit: Vec<bool>,
     speed: f64,
 }
 
@@ -120,7 +120,7 @@ impl<'a, A: Space> Motion<'a, A> {
             bristles: bristles(sim),
             speed: 0.0,
             impacts: vec![0; sim.touches.len()],
-            was_hit: false,
+            was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),
             row: if sim.loops.is_empty() { A::row(model) } else { None },
             couplings: sim.couplings(model),
@@ -199,7 +199,7 @@ impl<'a, A: Space> Motion<'a, A> {
             chain: &sim.chain,
             time,
             gravity: sim.gravity,
-            hit: self.was_hit,
+            hit: &self.was_hit,
             motors: &self.motors,
             limits: &self.limits,
             damping: &self.damping,
@@ -247,7 +247,7 @@ impl<'a, A: Space> Motion<'a, A> {
             stepping: *stepping,
             dry: dry.clone(),
             impacts: impacts.clone(),
-            was_hit: *was_hit,
+            was_hit: was_hit.clone(),
             speed: *speed,
         }
     }
@@ -262,7 +262,12 @@ impl<'a, A: Space> Motion<'a, A> {
     /// Counts an impact of a touch.
     pub fn count_impact(&mut self, touch: usize) {
         self.impacts[touch] += 1;
-        self.was_hit = true;
+        if self.sim.chain.members().is_empty() {
+            self.was_hit.fill(true);
+        } else {
+            let hit = self.sim.touches[touch].robots(&self.sim.chain);
+            hit.for_each(|robot| self.was_hit[robot.v.clone()].fill(true));
+        }
     }
 
     /// Impacts of a touch so far.
@@ -272,7 +277,7 @@ impl<'a, A: Space> Motion<'a, A> {
 
     /// The present drive.
     fn drive(&self) -> &'a Drive {
-        let after = if self.was_hit { self.sim.after_impact.as_ref() } else { None };
+        let after = if self.was_hit.contains(&true) { self.sim.after_impact.as_ref() } else { None };
         after.unwrap_or(&self.sim.drive)
     }
 

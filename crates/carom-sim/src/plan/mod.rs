@@ -5,7 +5,8 @@
 //! - **Plane**: a chain whose joints all move in parallel planes is computed in the plane
 //!   ([`Chain::to_planar`](carom_chain::Chain::to_planar)); corners that differ only in the direction perpendicular to the
 //!   plane are merged.
-//! - **Branches**: branches on the fixed base that no contact can reach are removed.
+//! - **Branches**: branches on the fixed base that no contact can reach are removed; of several robots, those without
+//!   contacts are kept whole.
 //! - **Pairs** of a link and a surface that are out of reach at every configuration are removed
 //!   ([`carom_contact::reachable_pairs`]).
 //! - **Friction** that is zero: a contact has one row instead of three, and no friction cone.
@@ -20,7 +21,7 @@ use crate::motion::Motion;
 use crate::scene::Scene;
 use crate::state::{View, beyond};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
+use carom_chain::{Chain, Coordinates, JointInfo, Member, PlanarChain, Spatial};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
 /// The reduced simulation of a scene, and the list of its reductions.
@@ -125,16 +126,24 @@ impl Plan {
         let pushed = whole.wrenches.iter().map(|wrench| wrench.link.clone());
         let joined = whole.loops.iter().flat_map(|own| own.frames.iter().filter_map(|frame| frame.link.clone()));
         let links = whole.touches.iter().flat_map(both).flatten().chain(scene.tip.clone()).chain(pushed).chain(joined);
-        let frames = links.filter_map(|link| whole.chain.frame(&link).ok());
-        let points: Vec<_> = frames.map(|frame| whole.chain.point(frame, Vector3::zeros())).collect();
+        let point = |link: &str| Some(whole.chain.point(whole.chain.frame(link).ok()?, Vector3::zeros()));
+        let mut points: Vec<_> = links.filter_map(|link| point(&link)).collect();
         let touched = whole.touches.iter().any(|touch| touch.link().is_some());
+        // Of several robots, those without contacts are kept whole: their motion is a result.
+        let contacts = whole.touches.iter().filter(|it| it.link().is_some());
+        let met: Vec<&Member> = contacts.flat_map(|it| it.robots(&whole.chain)).collect();
+        let idle = whole.chain.members().iter().filter(|member| !met.contains(member));
+        let of = |member: &Member, link: &str| link.strip_prefix(&member.name).is_some_and(|own| own.starts_with('/'));
+        let links = || whole.chain.links().iter().map(|link| link.name.as_str());
+        points.extend(idle.flat_map(|member| links().filter(|link| of(member, link))).filter_map(point));
         let less = whole.chain.prune(&points);
-        let mut drives = [Some(&whole.drive), whole.after_impact.as_ref()].into_iter().flatten();
-        let users = drives.any(|drive| matches!(drive, Drive::User(_))); // it may read and drive any joint
+        let drives = [Some(&whole.drive), whole.after_impact.as_ref()].into_iter().flatten();
+        let mut each = drives.flat_map(Drive::each_robot);
+        let users = each.any(|(_, drive)| matches!(drive, Drive::User(_))); // it may read and drive any joint
         if !touched || users || less.v.is_empty() || less.v.len() == whole.chain.nv() {
             return;
         }
-        let moves = |joint: &&carom_chain::JointInfo| !matches!(joint.coordinates, Coordinates::None);
+        let moves = |joint: &&JointInfo| !matches!(joint.coordinates, Coordinates::None);
         let kept: Vec<&str> = less.chain.joints().iter().filter(moves).map(|joint| joint.name.as_str()).collect();
         let gone = whole.chain.joints().iter().filter(moves).map(|joint| joint.name.as_str());
         let gone: Vec<&str> = gone.filter(|name| !kept.contains(name)).collect();
@@ -374,15 +383,17 @@ impl Plan {
     /// What drives the joints, and what does not.
     fn drive(&mut self) {
         let sim = &self.simulation;
-        let first = sim.drive.name().to_owned();
+        let drives = || [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
+        let off = drives().flat_map(Drive::each_robot).all(|(_, drive)| matches!(drive, Drive::Off));
+        let first = sim.drive.told();
         let choice = match &sim.after_impact {
-            Some(after) => format!("{first}, {} from the first impact on", after.name()),
+            Some(after) => format!("{first}, {} from the first impact on", after.told()),
             None => first,
         };
         let free = without_motor(&sim.chain);
         let (springs, wrenches) = (sim.springs.len(), sim.wrenches.len());
         let limited = sim.effort_limits;
-        if choice != "off" && (!free.is_empty() || limited) {
+        if !off && (!free.is_empty() || limited) {
             let limits =
                 if limited { "forces stay within the effort limits of the URDF" } else { "without effort limits" };
             let base = if free.is_empty() {
@@ -473,7 +484,7 @@ fn fastest_rate(simulation: &Simulation, q: &[f64]) -> Result<f64, SimError> {
         _ => 0.0,
     };
     let drives = || [Some(&simulation.drive), simulation.after_impact.as_ref()].into_iter().flatten();
-    let tracked = drives().map(rate_of).fold(0.0, f64::max);
+    let tracked = drives().flat_map(Drive::each_robot).map(|(_, drive)| rate_of(drive)).fold(0.0, f64::max);
     let (mut stiffness, mut damping) = (vec![0.0; chain.nv()], simulation.damping());
     for motor in motors(chain) {
         let gains = |pick: fn((f64, f64)) -> f64| drives().map(|drive| pick(drive.gains(motor.v))).fold(0.0, f64::max);

@@ -1,9 +1,13 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
-use super::file::{self, Contact, Override};
-use crate::contact::{Compliance, ContactLaw, ContactRule, Holding, Surface, Touch, Yielding};
+use super::file::{self, All, Contact, Links, Override};
+use crate::contact::{
+    Compliance, ContactLaw, ContactRule, Holding, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
+};
+use crate::error::SimError;
 use carom_chain::Chain;
 use carom_impact::{Coefficients, Damping, LAW_NAMES, NormalForce};
+use std::collections::BTreeSet;
 
 /// The rule of `[contact]`.
 pub(crate) fn rule(contact: &Contact) -> Result<ContactRule, String> {
@@ -72,6 +76,57 @@ fn compliance(given: &file::Compliance) -> Result<Compliance, String> {
     Ok(Compliance { stiffness: *stiffness, normal, tangential })
 }
 
+/// The touches between links: those of `links` and of `between_robots`.
+pub(crate) fn between_links(
+    contact: &Contact,
+    chain: &Chain,
+    rule: &ContactRule,
+    refuse: &impl Fn(String) -> SimError,
+) -> Result<Touches, SimError> {
+    let refuse = |why: String| refuse(format!("[contact] {why}"));
+    let several = !chain.members().is_empty();
+    if contact.between_robots.is_some() && !several {
+        return Err(refuse("between_robots is for scenes with several robots ([[robot]]): remove it".into()));
+    }
+    let between = several && contact.between_robots.unwrap_or(true);
+    let mut found = Touches::default();
+    let add = |found: &mut Touches, more: Touches| {
+        found.touches.extend(more.touches);
+        found.left_out.extend(more.left_out);
+    };
+    match &contact.links {
+        Links::All(All::All) => add(&mut found, Touch::within_robots(chain, rule)?),
+        Links::Pairs(pairs) => {
+            for (k, [link, other]) in pairs.iter().enumerate() {
+                let said = |why: String| refuse(format!("links = [\"{link}\", \"{other}\"]: {why}"));
+                let twin = |pair: &[String; 2]| pair.contains(link) && pair.contains(other);
+                if link != other && pairs[..k].iter().any(twin) {
+                    return Err(said("the pair is listed twice, remove one".into()));
+                }
+                let touches = Touch::between(chain, link, other, rule).map_err(|e| said(e.to_string()))?;
+                if are_disabled(chain, link, other) {
+                    return Err(said("the SRDF disables this pair: remove it here or there".into()));
+                }
+                if between && robot_of(chain, link) != robot_of(chain, other) {
+                    let why = "links of different robots may touch without being listed: remove the pair, or set \
+                               between_robots = false";
+                    return Err(said(why.into()));
+                }
+                found.touches.extend(touches);
+            }
+        }
+    }
+    if between {
+        add(&mut found, Touch::between_robots(chain, rule)?);
+    }
+    Ok(found)
+}
+
+/// Whether a name of a `[[contact.pair]]` means a link: it is the link's, or that of its robot.
+fn means(name: &str, link: Option<&str>) -> bool {
+    link.is_some_and(|link| link == name || link.split_once('/').is_some_and(|(robot, _)| robot == name))
+}
+
 /// Applies one `[[contact.pair]]`; returns whether it applies to any touch.
 pub(crate) fn apply(
     pair: &file::Pair,
@@ -84,14 +139,19 @@ pub(crate) fn apply(
     if joint.is_some() == (link.is_some() || surface.is_some()) {
         return Err("needs link, surface or both, or else joint (for its limits)".into());
     }
-    if let Some(link) = link {
+    let robot = |name: &str| chain.members().iter().any(|member| member.name == name);
+    if let Some(link) = link.as_deref().filter(|name| !robot(name)) {
         chain.frame(link).map_err(|e| e.to_string())?;
     }
-    let partners = touches.iter().filter_map(Touch::other_link);
-    let mut known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).chain(partners).collect();
-    known.dedup();
-    if let Some(name) = surface.as_ref().filter(|name| !known.contains(&name.as_str())) {
-        return Err(format!("surface = \"{name}\": the surfaces are {}", known.join(", ")));
+    let partners = touches.iter().filter(|touch| touch.other_link().is_some());
+    let partners = partners.flat_map(|touch| touch.other_link().into_iter().chain(touch.link()));
+    let known: BTreeSet<&str> = partners.collect();
+    if let Some(name) = surface.as_deref() {
+        let one = surfaces.iter().any(|it| it.name == name) || known.contains(name) || robot(name);
+        if !one {
+            let known: Vec<&str> = surfaces.iter().map(|it| it.name.as_str()).chain(known).collect();
+            return Err(format!("surface = \"{name}\": the surfaces are {}", known.join(", ")));
+        }
     }
     if let Some(joint) = joint {
         chain.joint(joint).map_err(|e| e.to_string())?;
@@ -107,9 +167,14 @@ pub(crate) fn apply(
         let meant = match joint {
             Some(joint) => touch.limit_of() == Some(joint),
             None => {
-                touch.limit_of().is_none()
-                    && link.as_deref().is_none_or(|link| touch.link() == Some(link))
-                    && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface))
+                let is = |wanted: &Option<String>, link| wanted.as_deref().is_none_or(|name| means(name, link));
+                let (own, other) = (touch.link(), touch.other_link());
+                let named = match other {
+                    // A pair of links has no order.
+                    Some(_) => (is(link, own) && is(surface, other)) || (is(link, other) && is(surface, own)),
+                    None => is(link, own) && surface.as_deref().is_none_or(|surface| touch.surface() == Some(surface)),
+                };
+                touch.limit_of().is_none() && named
             }
         };
         if meant {

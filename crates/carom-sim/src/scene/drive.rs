@@ -1,6 +1,6 @@
-//! The controllers of `[run]` in a scene file, and the keys that each of them reads.
+//! The controllers in a scene file, and the keys that each of them reads.
 
-use super::file::{Controller, File, PerJoint, Run, Target};
+use super::file::{Control, Controller, PerJoint, Target};
 use super::surface::half_space;
 use super::table::Columns;
 use crate::contact::Surface;
@@ -9,29 +9,66 @@ use carom_chain::{Chain, ChainError};
 use nalgebra::Vector3;
 use std::path::Path;
 
-/// What the controllers of a scene are made from.
+/// What the controllers of a robot are made from.
 pub(crate) struct Drives<'a> {
     pub folder: &'a Path,
-    pub file: &'a File,
+    /// The table of the file that has the keys.
+    pub table: &'a str,
+    pub control: &'a Control,
+    /// The robot, and its configuration at the start.
     pub chain: &'a Chain,
+    pub q: &'a [f64],
+    /// Its link that is the tip; `None` for several robots at once.
+    pub tip: Option<&'a str>,
+    /// The same in the chain of all robots.
+    pub tip_in_world: Option<&'a str>,
     pub surfaces: &'a [Surface],
+    pub world: World<'a>,
+}
+
+/// All robots at the start.
+#[derive(Clone, Copy)]
+pub(crate) struct World<'a> {
+    pub chain: &'a Chain,
+    pub q: &'a [f64],
     pub qd: &'a [f64],
 }
 
+impl World<'_> {
+    /// Velocity of the origin of a link.
+    fn velocity(self, link: &str) -> Result<Vector3<f64>, ChainError> {
+        let point = self.chain.point(self.chain.frame(link)?, Vector3::zeros());
+        self.chain.workspace().update(self.chain, self.q)?.point_velocity(point, self.qd)
+    }
+}
+
 impl Drives<'_> {
+    /// The drive, and that after the first impact.
+    pub fn both(&self) -> Result<(Drive, Option<Drive>), String> {
+        let drive = self.drive("controller", self.control.controller)?;
+        let after = self.control.after_impact.map(|controller| self.drive("after_impact", controller)).transpose()?;
+        self.check_unused()?;
+        Ok((drive, after))
+    }
+
     /// The drive of a controller; `asks` is the key that chose it.
-    pub fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
-        let run = &self.file.run;
-        let needs = |key: &str| format!("[run] {asks} = \"{}\" needs the key {key}", controller.name());
+    fn drive(&self, asks: &str, controller: Controller) -> Result<Drive, String> {
+        let (run, table) = (self.control, self.table);
+        let needs = |key: &str| format!("{table} {asks} = \"{}\" needs the key {key}", controller.name());
+        let tip = |link: Option<&'_ str>| {
+            let why =
+                || format!("{table} {asks} = \"{}\" is for one robot: give it in its [[robot]]", controller.name());
+            link.map(str::to_owned).ok_or_else(why)
+        };
         let number = |key: &str, given: Option<f64>| given.ok_or_else(|| needs(key));
         let gains = |key: &str, given: &Option<PerJoint>| match given {
             None => Err(needs(key)),
             Some(PerJoint::Same(gain)) => Ok(Gains::Same(*gain)),
-            Some(given) => per_joint(key, given, self.chain).map(Gains::Each).map_err(|why| format!("[run] {why}")),
+            Some(given) => per_joint(key, given, self.chain).map(Gains::Each).map_err(|why| format!("{table} {why}")),
         };
         let wanted = || {
             let given = run.target.as_ref().ok_or_else(|| needs("target"))?;
-            target(given, self.chain, &self.file.robot.q).map_err(|why| format!("[run] {why}"))
+            target(given, self.chain, self.q).map_err(|why| format!("{table} {why}"))
         };
         Ok(match controller {
             Controller::Off => Drive::Off,
@@ -39,7 +76,7 @@ impl Drives<'_> {
             Controller::Constant => Drive::Constant(run.torque.clone().ok_or_else(|| needs("torque"))?),
             Controller::TorqueFile => {
                 let file = run.torque_file.as_ref().ok_or_else(|| needs("torque_file"))?;
-                torque_table(&self.folder.join(file), self.chain)?
+                torque_table(&self.folder.join(file), self.chain).map_err(|why| format!("{table} torque_file {why}"))?
             }
             Controller::Pd => Drive::Pd { kp: gains("kp", &run.kp)?, kd: gains("kd", &run.kd)?, target: wanted()? },
             Controller::Tracking => {
@@ -48,12 +85,13 @@ impl Drives<'_> {
                 Drive::Tracking(Tracking {
                     kp: gains("kp", &run.kp)?,
                     kd: gains("kd", &run.kd)?,
-                    reference: reference(&self.folder.join(file), self.chain)?,
+                    reference: reference(&self.folder.join(file), self.chain)
+                        .map_err(|why| format!("{table} reference {why}"))?,
                     feed_forward: run.feed_forward.unwrap_or(driven),
                 })
             }
             Controller::ImpactInvariant => Drive::ImpactInvariant(ImpactInvariant {
-                tip: self.file.robot.tip.clone(),
+                tip: tip(self.tip)?,
                 normal: self.normal("impact-invariant")?,
                 kp: gains("kp", &run.kp)?,
                 kd: gains("kd", &run.kd)?,
@@ -61,9 +99,9 @@ impl Drives<'_> {
                 velocity: vec![0.0; self.chain.nv()],
             }),
             Controller::Transition => Drive::Transition(Transition {
-                tip: self.file.robot.tip.clone(),
+                tip: tip(self.tip)?,
                 normal: self.normal("transition")?,
-                velocity: self.velocity().map_err(|e| e.to_string())?,
+                velocity: self.world.velocity(&tip(self.tip_in_world)?).map_err(|e| format!("{table} {e}"))?,
                 gain: number("gain", run.gain)?,
                 press: run.press.unwrap_or(0.0),
                 compensate: run.compensate.unwrap_or(true),
@@ -73,8 +111,8 @@ impl Drives<'_> {
     }
 
     /// Refuses keys that no chosen controller reads.
-    pub fn check_unused(&self) -> Result<(), String> {
-        let run: &Run = &self.file.run;
+    fn check_unused(&self) -> Result<(), String> {
+        let run = self.control;
         use Controller::{Constant, ImpactInvariant, Pd, TorqueFile, Tracking, Transition};
         let readers: [(&str, bool, &[Controller], &str); 10] = [
             ("target", run.target.is_some(), &[Pd, ImpactInvariant], "pd"),
@@ -92,7 +130,8 @@ impl Drives<'_> {
             let read = controllers.iter().any(|&c| run.controller == c || run.after_impact == Some(c));
             if given && !read {
                 return Err(format!(
-                    "[run] {key} is not read by the chosen controller: remove it or set controller = \"{name}\""
+                    "{} {key} is not read by the chosen controller: remove it or set controller = \"{name}\"",
+                    self.table
                 ));
             }
         }
@@ -101,14 +140,9 @@ impl Drives<'_> {
 
     fn normal(&self, controller: &str) -> Result<Vector3<f64>, String> {
         half_space(self.surfaces.first()).ok_or_else(|| {
-            format!("[run] controller = \"{controller}\" refers to the first surface, which must be a halfspace")
+            let table = self.table;
+            format!("{table} controller = \"{controller}\" refers to the first surface, which must be a halfspace")
         })
-    }
-
-    /// Velocity of the tip at the start.
-    fn velocity(&self) -> Result<Vector3<f64>, ChainError> {
-        let point = self.chain.point(self.chain.frame(&self.file.robot.tip)?, Vector3::zeros());
-        self.chain.workspace().update(self.chain, &self.file.robot.q)?.point_velocity(point, self.qd)
     }
 }
 
@@ -188,8 +222,7 @@ fn torque_table(path: &Path, chain: &Chain) -> Result<Drive, String> {
         Ok((times, rows.into_iter().map(spread).collect()))
     };
     let done: Result<(Vec<f64>, Vec<Vec<f64>>), String> = read();
-    let (times, forces) =
-        done.and_then(ascending).map_err(|why| format!("[run] torque_file {}: {why}", path.display()))?;
+    let (times, forces) = done.and_then(ascending).map_err(|why| format!("{}: {why}", path.display()))?;
     Ok(Drive::Table { times, forces })
 }
 
@@ -216,5 +249,5 @@ fn reference(path: &Path, chain: &Chain) -> Result<Reference, String> {
         let (times, rows) = ascending(table.pick(&names, false, "position")?)?;
         Reference::new(times, &rows).map_err(|e| e.to_string())
     };
-    read().map_err(|why| format!("[run] reference {}: {why}", path.display()))
+    read().map_err(|why| format!("{}: {why}", path.display()))
 }

@@ -1,15 +1,20 @@
 //! The keys of a scene file for serde; they are documented in `mod.rs`.
 
+use super::control::with_controller;
+pub(crate) use super::control::{Control, Controller, PerJoint, Target};
 use super::perturb::Distribution;
 use crate::model::SeveralLaw;
-use serde::Deserialize;
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct File {
-    pub robot: Robot,
+    pub robot: Robots,
     #[serde(default)]
     pub surface: Vec<Surface>,
     #[serde(default)]
@@ -23,21 +28,27 @@ pub(crate) struct File {
     pub run: Run,
 }
 
-/// One number for all joints, one for each number of qd (or of the joints that motors can drive), or by joint name.
-#[derive(Deserialize, Clone, Debug)]
-#[serde(untagged, expecting = "a number, a list of numbers, or a table of numbers by joint name")]
-pub(crate) enum PerJoint {
-    Same(f64),
-    Each(Vec<f64>),
-    Named(BTreeMap<String, f64>),
-}
-
-/// nq numbers, or a table of numbers by joint name.
-#[derive(Deserialize, Clone, Debug)]
-#[serde(untagged, expecting = "a list of numbers, or a table of numbers by joint name")]
-pub(crate) enum Target {
-    Each(Vec<f64>),
-    Named(BTreeMap<String, f64>),
+impl File {
+    /// The files of the robots and of all tables; meshes are not among them.
+    pub fn tables(&self) -> Vec<&PathBuf> {
+        let mut named: Vec<&PathBuf> = match &self.robot {
+            Robots::One(robot) => std::iter::once(&robot.urdf).chain(&robot.srdf).collect(),
+            Robots::Several(all) => {
+                let of = |it| {
+                    let it: &Member = it;
+                    [Some(&it.urdf), it.srdf.as_ref(), it.torque_file.as_ref(), it.reference.as_ref()]
+                };
+                all.iter().flat_map(of).flatten().collect()
+            }
+        };
+        named.extend(self.run.torque_file.iter().chain(&self.run.reference));
+        named.extend(self.force.iter().filter_map(|it| it.file.as_ref()));
+        for surface in &self.surface {
+            named.extend(surface.motion.iter().filter_map(|motion| motion.file.as_ref()));
+            named.extend(surface.belt.iter().filter_map(|belt| belt.file.as_ref()));
+        }
+        named
+    }
 }
 
 #[derive(Deserialize)]
@@ -100,10 +111,46 @@ pub(crate) enum Axes {
     Body,
 }
 
+/// `[robot]`, or the tables `[[robot]]`.
+pub(crate) enum Robots {
+    One(Box<Robot>),
+    Several(Vec<Member>),
+}
+
+impl Robots {
+    /// The folders in which the packages of meshes are searched for first.
+    pub fn package_dirs(&self) -> Vec<&PathBuf> {
+        match self {
+            Self::One(robot) => robot.package_dirs.iter().collect(),
+            Self::Several(all) => all.iter().flat_map(|it| &it.package_dirs).collect(),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Robots {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Form;
+        impl<'de> Visitor<'de> for Form {
+            type Value = Robots;
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a table [robot], or a table [[robot]] for each robot")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Robots, A::Error> {
+                Robot::deserialize(MapAccessDeserializer::new(map)).map(|robot| Robots::One(Box::new(robot)))
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Robots, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(list)).map(Robots::Several)
+            }
+        }
+        deserializer.deserialize_any(Form)
+    }
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Robot {
     pub urdf: PathBuf,
+    pub srdf: Option<PathBuf>,
     pub q: Vec<f64>,
     pub qd: Option<Vec<f64>>,
     pub tip_velocity: Option<TipVelocity>,
@@ -117,6 +164,8 @@ pub(crate) struct Robot {
     pub repair: bool,
     #[serde(default)]
     pub package_dirs: Vec<PathBuf>,
+    #[serde(default)]
+    pub rotor_inertia: BTreeMap<String, f64>,
 }
 
 #[derive(Deserialize)]
@@ -212,8 +261,23 @@ pub(crate) struct Contact {
     pub latch: bool,
     pub compliance: Option<Compliance>,
     pub several: SeveralLaw,
-    pub links: Vec<[String; 2]>,
+    pub links: Links,
+    pub between_robots: Option<bool>,
     pub pair: Vec<Pair>,
+}
+
+/// The links that may touch each other.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a list of pairs of link names, or \"all\"")]
+pub(crate) enum Links {
+    Pairs(Vec<[String; 2]>),
+    All(All),
+}
+
+#[derive(Deserialize, Clone, Copy)]
+pub(crate) enum All {
+    #[serde(rename = "all")]
+    All,
 }
 
 #[derive(Deserialize)]
@@ -246,7 +310,8 @@ impl Default for Contact {
             latch: false,
             compliance: None,
             several: SeveralLaw::default(),
-            links: Vec::new(),
+            links: Links::Pairs(Vec::new()),
+            between_robots: None,
             pair: Vec::new(),
         }
     }
@@ -284,9 +349,7 @@ impl Pair {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct Run {
+with_controller! { Run {
     pub duration: f64,
     #[serde(default = "tolerance")]
     pub tolerance: f64,
@@ -305,22 +368,32 @@ pub(crate) struct Run {
     pub model: Model,
     pub neglect: Option<f64>,
     #[serde(default)]
-    pub controller: Controller,
-    pub after_impact: Option<Controller>,
-    pub target: Option<Target>,
-    pub kp: Option<PerJoint>,
-    pub kd: Option<PerJoint>,
-    pub torque: Option<Vec<f64>>,
-    pub torque_file: Option<PathBuf>,
-    pub reference: Option<PathBuf>,
-    pub feed_forward: Option<bool>,
-    #[serde(default)]
     pub effort_limits: bool,
     pub perturb: Option<Perturb>,
-    pub gain: Option<f64>,
-    pub press: Option<f64>,
-    pub compensate: Option<bool>,
-}
+} }
+
+with_controller! { Member {
+    pub name: String,
+    pub urdf: PathBuf,
+    pub srdf: Option<PathBuf>,
+    pub position: Option<[f64; 3]>,
+    pub rpy: Option<[f64; 3]>,
+    pub q: Option<Vec<f64>>,
+    pub qd: Option<Vec<f64>>,
+    pub tip_velocity: Option<TipVelocity>,
+    #[serde(default = "tip")]
+    pub tip: String,
+    #[serde(default)]
+    pub floating: bool,
+    #[serde(default)]
+    pub strict: bool,
+    #[serde(default)]
+    pub repair: bool,
+    #[serde(default)]
+    pub package_dirs: Vec<PathBuf>,
+    #[serde(default)]
+    pub rotor_inertia: BTreeMap<String, f64>,
+} }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -351,36 +424,6 @@ pub(crate) enum Model {
     Auto,
     /// Without any reduction.
     Full,
-}
-
-#[derive(Deserialize, Default, PartialEq, Clone, Copy)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum Controller {
-    #[default]
-    Off,
-    Pd,
-    Constant,
-    GravityCompensation,
-    Transition,
-    ImpactInvariant,
-    TorqueFile,
-    Tracking,
-}
-
-impl Controller {
-    /// The name in scene files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Pd => "pd",
-            Self::Constant => "constant",
-            Self::GravityCompensation => "gravity-compensation",
-            Self::Transition => "transition",
-            Self::ImpactInvariant => "impact-invariant",
-            Self::TorqueFile => "torque-file",
-            Self::Tracking => "tracking",
-        }
-    }
 }
 
 fn unscaled() -> [f64; 3] {

@@ -1,12 +1,14 @@
-//! Scenes: reads a robot, the surfaces around it, contact laws and run settings from a TOML file. The keys are documented at
+//! Scenes: reads robots, the surfaces around them, contact laws and run settings from a TOML file. The keys are documented at
 //! [`Scene`].
 
 mod contact;
+mod control;
 mod drive;
 mod file;
 mod force;
 mod loops;
 mod perturb;
+mod robots;
 mod surface;
 mod table;
 mod tip_velocity;
@@ -18,20 +20,18 @@ pub use toml::from_toml;
 
 use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
-use crate::model::{Drive, Simulation};
-use carom_chain::Chain;
-use carom_chain::urdf::{JointType, LoadOptions};
+use crate::model::Simulation;
 use carom_contact::LeftOut;
-use contact::{apply, rule, unused};
-use drive::{Drives, per_joint};
+use contact::{apply, between_links, rule, unused};
+use drive::per_joint;
 use file::{File, Method, Model, Shape};
 use force::{spring, wrench};
 use loops::closure;
 use std::path::{Path, PathBuf};
 use surface::{Places, surface};
-use tip_velocity::tip_velocity;
 
-/// A scene: a robot, the surfaces around it, contact laws and run settings, read from a TOML file ([`Scene::from_file`]).
+/// A scene: a robot or several, the surfaces around them, contact laws and run settings, read from a TOML file
+/// ([`Scene::from_file`]).
 ///
 /// ```toml
 /// [robot]
@@ -62,6 +62,7 @@ use tip_velocity::tip_velocity;
 /// | key | type, unit | default | meaning |
 /// | --- | --- | --- | --- |
 /// | `urdf` | file name | required | the robot |
+/// | `srdf` | file name | – | an SRDF file; the pairs of links that it disables do not touch: see [`LoadOptions::srdf`](carom_chain::urdf::LoadOptions::srdf) |
 /// | `q` | nq numbers; rad, m | required | configuration at the start, in the order of the joints in the URDF (a floating base first; fixed and mimic joints have no number). A floating joint has seven numbers: position x, y, z and quaternion x, y, z, w |
 /// | `qd` | nv numbers; rad/s, m/s | zeros | joint velocities at the start, in the same order. A floating joint has six: linear, then angular velocity, in the axes of the body. Not together with `tip_velocity` |
 /// | `tip_velocity` | table, see below | – | velocity of the tip at the start, instead of `qd` |
@@ -70,6 +71,7 @@ use tip_velocity::tip_velocity;
 /// | `strict` | boolean | `false` | refuses what is otherwise a warning about the URDF |
 /// | `repair` | boolean | `false` | changes the robot as little as needed to compute its dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
 /// | `package_dirs` | list of folders | `[]` | folders in which the packages of mesh names (`package://NAME/…`) are searched for first |
+/// | `rotor_inertia` | table of numbers by joint name, kg m², kg | none | reflected inertias of motors' rotors, N² I with the gear ratio N: see [`Chain::with_rotor_inertia`](carom_chain::Chain::with_rotor_inertia) |
 ///
 /// `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
 /// n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
@@ -81,6 +83,21 @@ use tip_velocity::tip_velocity;
 /// | `speed` | m/s | required | speed of the tip |
 /// | `angle_deg` | degrees | required | angle α between the velocity and the surface; positive towards the surface |
 /// | `along` | 3 numbers | required | direction of the tangential velocity; its length and its normal part are ignored |
+///
+/// ## `[[robot]]` (one table for each of several robots, instead of `[robot]`)
+///
+/// All robots are one chain ([`Chain::join`](carom_chain::Chain::join)) with the names `robot/joint` and `robot/link`; inside the
+/// robot's own table names have no prefix. Links of different robots may touch each other without further keys. Keys: those of
+/// `[robot]`, of which `q` has the default zeros, those of the controllers of `[run]`, for this robot alone, and
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `name` | string, unique, without `/` | required | the robot's name |
+/// | `position` | 3 numbers, m | `[0, 0, 0]` | position of the root link; of a floating robot at the start |
+/// | `rpy` | 3 numbers, rad | `[0, 0, 0]` | orientation of the root link |
+///
+/// With `floating = true`, `q` has the numbers of the joints alone, or, without `position` and `rpy`, those of the base before them.
+/// `after_impact` of a robot begins at its own first impact. Either `[run]` or the robots have keys of controllers.
 ///
 /// ## `[[surface]]` (one table for each surface; none is needed)
 ///
@@ -126,7 +143,8 @@ use tip_velocity::tip_velocity;
 /// | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
 /// | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
 /// | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
-/// | `links` | list of pairs of link names | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`. All other pairs of links are ignored |
+/// | `links` | list of pairs of link names, or `"all"` | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`, or those of [`Touch::within_robots`]. Other pairs of links of one robot are ignored |
+/// | `between_robots` | boolean | `true` | whether links of different robots may touch without being listed: [`Touch::between_robots`]. For several robots only |
 /// | `compliance` | table, see below | rigid | makes all contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Joint limits stay rigid, and while several contacts last they are computed as rigid. Not together with `method = "steps"` |
 ///
 /// `compliance = { … }`:
@@ -145,13 +163,13 @@ use tip_velocity::tip_velocity;
 ///
 /// | key | type, unit | default | meaning |
 /// | --- | --- | --- | --- |
-/// | `link` | link name | every link | contacts of this link; for a pair of `links`, the first one |
-/// | `surface` | surface name, or the second link of a pair of `links` | every surface | contacts with this surface |
+/// | `link` | link name, or the name of one of several robots | every link | contacts of this link, or of all links of the robot |
+/// | `surface` | the same, or surface name | every surface | contacts with this surface or link; a pair of links has no order |
 /// | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
 /// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
 ///
-/// At least one of `link`, `surface` and `joint` is required. If several tables apply to a contact, the last one that sets a
-/// value decides.
+/// At least one of `link`, `surface` and `joint` is required. `[contact]` is overruled by `contact` of the surface, and this by
+/// `[[contact.pair]]`; of several that apply to a contact, the last one that sets a value decides.
 ///
 /// ## `[[spring]]` (one table for each passive spring)
 ///
@@ -276,17 +294,11 @@ impl Scene {
         let refuse = |rule: String| SimError::Scene { file: name.clone(), rule };
         let file: File = from_toml(text).map_err(refuse)?;
 
-        let package_dirs: Vec<PathBuf> = file.robot.package_dirs.iter().map(|dir| folder.join(dir)).collect();
-        let options = LoadOptions {
-            floating_base: file.robot.floating,
-            strict: file.robot.strict,
-            repair: file.robot.repair,
-            package_dirs: package_dirs.clone(),
-            ..LoadOptions::default()
-        };
-        let chain = Chain::from_urdf_file_with(folder.join(&file.robot.urdf), &options)?;
-        chain.check_dynamics()?;
+        let in_folder = |names: Vec<&PathBuf>| names.into_iter().map(|name| folder.join(name)).collect::<Vec<_>>();
+        let (files, package_dirs) = (in_folder(file.tables()), in_folder(file.robot.package_dirs()));
         let places = Places { folder, package_dirs: &package_dirs };
+        let robots = file.robot.load(folder, &refuse)?;
+        let chain = robots.chain.clone();
         let rule = rule(&file.contact).map_err(|why| refuse(format!("[contact] {why}")))?;
         rule.check("[contact]").map_err(|e| refuse(e.to_string()))?;
         let surfaces = file.surface.iter().enumerate();
@@ -300,33 +312,20 @@ impl Scene {
                 twin.name
             )));
         }
-        chain.check_state(&file.robot.q, &vec![0.0; chain.nv()])?;
-        let qd = match (&file.robot.qd, &file.robot.tip_velocity) {
-            (Some(qd), None) => qd.clone(),
-            (None, None) => vec![0.0; chain.nv()],
-            (Some(_), Some(_)) => return Err(refuse("[robot] has both qd and tip_velocity: give one of them".into())),
-            (None, Some(tip)) => tip_velocity(&chain, &file.robot, tip, surfaces.first()).map_err(&refuse)?,
-        };
-        chain.check_state(&file.robot.q, &qd)?;
+        let mut q = robots.q.clone();
+        let mut qd = robots.velocities(&surfaces, &refuse)?;
 
-        let mut warnings: Vec<String> = chain.outside_limits(&file.robot.q).iter().map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = chain.outside_limits(&q).iter().map(ToString::to_string).collect();
         let full = file.run.model == Model::Full;
         let limits = file.contact.limit_restitution;
-        let Touches { mut touches, left_out } = if full {
+        let Touches { mut touches, mut left_out } = if full {
             Touches { touches: Touch::every(&chain, &surfaces, limits)?, left_out: Vec::new() }
         } else {
             Touch::all(&chain, &surfaces, limits)?
         };
-        for (k, [link, other]) in file.contact.links.iter().enumerate() {
-            let twin = |pair: &[String; 2]| pair.contains(link) && pair.contains(other);
-            if link != other && file.contact.links[..k].iter().any(twin) {
-                return Err(refuse(format!(
-                    "[contact] links = [\"{link}\", \"{other}\"]: the pair is listed twice, remove one"
-                )));
-            }
-            let pair = Touch::between(&chain, link, other, &rule);
-            touches.extend(pair.map_err(|e| refuse(format!("[contact] links = [\"{link}\", \"{other}\"]: {e}")))?);
-        }
+        let linked = between_links(&file.contact, &chain, &rule, &refuse)?;
+        touches.extend(linked.touches);
+        left_out.extend(linked.left_out);
         for pair in &file.contact.pair {
             let met = apply(pair, &chain, &surfaces, &mut touches);
             if !met.map_err(|why| refuse(format!("[[contact.pair]] {why}")))? {
@@ -337,11 +336,7 @@ impl Scene {
             }
         }
         warnings.extend(unused(&file.contact, &file.surface, &touches));
-        let drives = Drives { folder, file: &file, chain: &chain, surfaces: &surfaces, qd: &qd };
-        let drive = drives.drive("controller", file.run.controller).map_err(&refuse)?;
-        let after_impact = file.run.after_impact.map(|c| drives.drive("after_impact", c));
-        let after_impact = after_impact.transpose().map_err(&refuse)?;
-        drives.check_unused().map_err(&refuse)?;
+        let (drive, after_impact) = robots.drives(folder, &file.run.control(), &surfaces, &qd).map_err(&refuse)?;
         let springs = file.spring.iter().enumerate().map(|(k, it)| spring(&chain, k, it));
         let springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
@@ -361,24 +356,12 @@ impl Scene {
             }
         });
         let perturbation = perturbation.transpose().map_err(|why| refuse(format!("[run] {why}")))?;
-        let holds = [Some(&drive), after_impact.as_ref()].into_iter().flatten();
-        if holds.into_iter().any(|drive| matches!(drive, Drive::GravityCompensation)) && chain.nq() != chain.nv() {
-            let base = chain.joints().iter().find(|joint| joint.kind == JointType::Floating);
-            warnings.push(format!(
-                "[run] controller = \"gravity-compensation\" drives joints only: nothing but contacts holds the floating \
-                 joint '{}', so the robot falls",
-                base.map_or("", |joint| &joint.name)
-            ));
-        }
+        warnings.extend(robots.falling([Some(&drive), after_impact.as_ref()]));
         if file.run.neglect.is_some_and(|share| !(share > 0.0 && share < 1.0)) {
             let share = file.run.neglect.unwrap_or_default();
             return Err(refuse(format!("[run] neglect = {share}: it must be above 0 and below 1")));
         }
-        let tip = match chain.frame(&file.robot.tip) {
-            Ok(_) => Some(file.robot.tip.clone()),
-            Err(_) if file.robot.tip == file::tip() => None,
-            Err(unknown) => return Err(refuse(format!("[robot] tip = \"{}\": {unknown}", file.robot.tip))),
-        };
+        let tip = robots.tip().map_err(&refuse)?;
         if let Some(sample) = file.run.sample.filter(|sample| !(*sample > 0.0 && sample.is_finite())) {
             return Err(refuse(format!("[run] sample = {sample}: it must be positive and finite")));
         }
@@ -401,31 +384,23 @@ impl Scene {
             neglect: if full { None } else { file.run.neglect },
             ..Simulation::new(chain, touches)
         };
-        let (start, change) = simulation.close_loops(&file.robot.q, &qd).map_err(|e| refuse(e.to_string()))?;
+        let (start, change) = simulation.close_loops(&q, &qd).map_err(|e| refuse(e.to_string()))?;
         if change > NOTICED {
             let new = format!("q = {:?}, qd = {:?}", start.q, start.qd);
             warnings.push(format!("[robot] the start does not close the loops: moved by up to {change:.3e} to {new}"));
         }
-        let named = [Some(&file.robot.urdf), file.run.torque_file.as_ref(), file.run.reference.as_ref()];
-        let named = named.into_iter().flatten().chain(file.force.iter().filter_map(|it| it.file.as_ref()));
-        let moved = file.surface.iter().flat_map(|it| {
-            let motion = it.motion.as_ref().and_then(|motion| motion.file.as_ref());
-            [motion, it.belt.as_ref().and_then(|belt| belt.file.as_ref())]
-        });
-        let named = named.chain(moved.flatten());
-        let meshes = file.surface.iter().filter_map(|it| match &it.shape {
-            Shape::Mesh { file, .. } => Some(file),
+        (q, qd) = (start.q, start.qd);
+        let obstacles = file.surface.iter().filter_map(|it| match &it.shape {
+            Shape::Mesh { file, .. } => places.mesh(file).ok(),
             _ => None,
         });
-        let meshes = meshes.filter_map(|file| places.mesh(file).ok());
-        let named = named.map(|file| folder.join(file)).chain(meshes);
         let shapes = simulation.chain.links().iter().flat_map(|link| &link.collisions);
         let meshes = shapes.filter_map(|collision| match &collision.shape {
             carom_chain::urdf::Shape::Mesh { file, .. } => Some(file.clone()),
             _ => None,
         });
-        let files = named.chain(meshes).collect();
-        let (q, qd, duration, sample) = (start.q, start.qd, file.run.duration, file.run.sample);
+        let files = files.into_iter().chain(obstacles).chain(meshes).collect();
+        let (duration, sample) = (file.run.duration, file.run.sample);
         Ok(Self {
             simulation,
             q,

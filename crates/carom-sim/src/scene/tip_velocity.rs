@@ -1,41 +1,40 @@
 //! The start of a scene that gives the velocity of the tip.
 
-use super::file::{Robot, TipVelocity};
+use super::file::TipVelocity;
 use super::surface::half_space;
 use crate::contact::Surface;
 use carom_chain::{Chain, ChainError, Rows};
 use nalgebra::{DVector, Vector3};
+
 /// The joint velocities with the least kinetic energy that give the tip the velocity u: qd = M⁻¹Jᵀ H⁺ u.
 pub(crate) fn tip_velocity(
-    chain: &Chain,
-    robot: &Robot,
+    (chain, q): (&Chain, &[f64]),
+    link: &str,
     tip: &TipVelocity,
     surface: Option<&Surface>,
 ) -> Result<Vec<f64>, String> {
     let say = |e: ChainError| e.to_string();
     let Some(normal) = half_space(surface) else {
-        return Err(
-            "[robot] tip_velocity is relative to the first surface, which must be a halfspace: give qd instead".into(),
-        );
+        return Err("tip_velocity is relative to the first surface, which must be a halfspace: give qd instead".into());
     };
     let along = Vector3::from(tip.along);
     if !(tip.speed.is_finite() && tip.angle_deg.is_finite()) {
         let (speed, angle) = (tip.speed, tip.angle_deg);
-        return Err(format!("[robot] tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
+        return Err(format!("tip_velocity: speed {speed} and angle_deg {angle} must be finite"));
     }
     let alpha = tip.angle_deg.to_radians();
     let shadow = (along - normal * normal.dot(&along)).try_normalize(1e-12);
     if shadow.is_none() && alpha.cos().abs() > 1e-12 {
         let [x, y, z] = tip.along;
         return Err(format!(
-            "[robot] tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
+            "tip_velocity: along = [{x}, {y}, {z}] is normal to the surface: give a direction along the surface"
         ));
     }
     let shadow = shadow.unwrap_or_else(Vector3::zeros);
     let u = (shadow * alpha.cos() - normal * alpha.sin()) * tip.speed;
-    let point = chain.point(chain.frame(&robot.tip).map_err(say)?, Vector3::zeros());
+    let point = chain.point(chain.frame(link).map_err(say)?, Vector3::zeros());
     let mut workspace = chain.workspace();
-    let mut kin = workspace.update(chain, &robot.q).map_err(say)?;
+    let mut kin = workspace.update(chain, q).map_err(say)?;
     let inertia = kin.contact_inertia(point).map_err(say)?;
     let force: DVector<f64> = inertia.principal[..inertia.rank]
         .iter()
@@ -51,9 +50,8 @@ pub(crate) fn tip_velocity(
     if (reached - u).norm() > 1e-9 * tip.speed.abs() {
         let [x, y, z] = u.into();
         return Err(format!(
-            "[robot] tip_velocity: at this pose no joint velocities give the link '{}' the velocity ({x}, {y}, {z}) m/s: \
-             change q or tip_velocity",
-            robot.tip
+            "tip_velocity: at this pose no joint velocities give the link '{link}' the velocity ({x}, {y}, {z}) m/s: \
+             change q or tip_velocity"
         ));
     }
     Ok(qd.to_vec())

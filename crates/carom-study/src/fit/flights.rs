@@ -10,10 +10,16 @@
 //! | S | m×(3nv+1) | d(residual)/dz, forward differences | `slopes` |
 //! | L, m | nv×nv, 1 | M = L Lᵀ at the reference pose, total mass | `metric` = Lᵀ/√m |
 //!
+//! A mistracked sample must not move the fit. Straight lines with median slopes (H. Theil, 1950; P. K. Sen, 1968) give the
+//! start, Huber's loss with the median residual as its threshold the first fit, and samples whose residual exceeds the median by
+//! eight times the median deviation from it, and four medians, are left out of the final fit, which is by least squares. Of
+//! normal residuals in one dimension that leaves out one in 10⁴, in more dimensions fewer.
+//!
 //! Residuals are differences of poses in that metric, m. The solver is Levenberg–Marquardt, implemented here because the crate
 //! for it depends on another version of nalgebra.
 
 use super::error::FitError;
+use super::loss::{Cost, median};
 use crate::tosses::{TossError, Tosses};
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates, FrameId};
@@ -46,6 +52,8 @@ pub struct Joined {
     pub rest: f64,
     /// Standard deviation of the estimated jump qd⁺ − qd⁻, m/s, in the metric of [`MeasuredImpact`](super::MeasuredImpact).
     pub deviation: f64,
+    /// Times of the samples that were left out because their poses contradict those of all others, s.
+    pub outliers: Vec<f64>,
 }
 
 /// Greatest number of steps; 4 to 12 are usual.
@@ -53,51 +61,38 @@ const MOST_STEPS: usize = 60;
 /// The iteration ends with a relative step below this: the next one is smaller by the relative error of the numerical
 /// derivative, at most 1e-5.
 const SETTLED: f64 = 1e-9;
+/// The same for the fit that finds outliers.
+const ROUGH: f64 = 1e-4;
+/// Residuals below this are rounding errors and the error of the integration, m.
+const ROUNDING: f64 = 1e-8;
+/// Residuals beyond the median by more than this number of median deviations, and this number of medians, are outliers.
+const OUTLYING: (f64, f64) = (8.0, 4.0);
+/// Fewest samples of a flight that remain without outliers.
+const FEWEST: usize = 2;
 /// Step of the numerical derivative: m, rad, m/s, rad/s, s.
 const STEP: f64 = 1e-6;
 
 /// Estimates time, pose and velocities of the impact between two free flights: no motor torques, no damping, under `gravity`
-/// (world frame, m/s²). Each flight has at least two samples. Positions of continuous joints may wrap at ±π.
+/// (world frame, m/s²). Each flight has at least two samples; mistracked samples are left out ([`Joined::outliers`]). Positions of continuous joints may wrap at ±π.
 ///
 /// # Errors
 /// [`FitError::Sizes`], [`FitError::NotFinite`], [`FitError::Times`], [`FitError::Overlap`]: too few, non-finite or unordered
 /// samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotJoined`]: no convergence.
 pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Joined, FitError> {
-    let pair = Pair::new(chain, gravity, before, after)?;
+    let mut pair = Pair::new(chain, gravity, before, after)?;
     let mut z = pair.start()?;
-    let mut rest = pair.residual(&z)?;
-    let mut damping = 1e-3;
-    for _ in 0..MOST_STEPS {
-        let slopes = pair.slopes(&z, &rest)?;
-        let (gram, pull) = (slopes.transpose() * &slopes, slopes.transpose() * &rest);
-        let mut better = false;
-        let mut moved = f64::INFINITY;
-        while damping < 1e6 {
-            let mut damped = gram.clone();
-            for k in 0..damped.nrows() {
-                damped[(k, k)] += damping * gram[(k, k)].max(1e-12);
-            }
-            let Some(factor) = damped.cholesky() else {
-                damping *= 10.0;
-                continue;
-            };
-            let next = pair.inside(&z - factor.solve(&pull));
-            // the integration can fail at trial velocities that are far too large
-            let tried = pair.residual(&next).ok().filter(|r| r.norm_squared() < rest.norm_squared());
-            if let Some(tried) = tried {
-                moved = (&next - &z).norm() / (1.0 + z.norm());
-                (z, rest) = (next, tried);
-                damping = (damping * 0.1).max(1e-15);
-                better = true;
-                break;
-            }
-            damping *= 10.0;
-        }
-        if !better || moved < SETTLED {
-            return pair.joined(&z, &rest);
-        }
+    // The fit that finds outliers is repeated with the scale of its own residuals, and need not converge.
+    for _ in 0..2 {
+        let threshold = median(pair.misses(&pair.residual(&z)?)).max(ROUNDING);
+        z = pair.solve(z, Cost { threshold }, ROUGH)?.0;
     }
-    Err(FitError::NotJoined { steps: MOST_STEPS, rest: rms(&rest) })
+    let outliers = pair.leave_out(&z)?;
+    let (z, settled) = pair.solve(z, Cost::SQUARES, SETTLED)?;
+    let rest = pair.residual(&z)?;
+    if !settled {
+        return Err(FitError::NotJoined { steps: MOST_STEPS, rest: rms(&rest) });
+    }
+    pair.joined(&z, &rest, outliers)
 }
 
 struct Pair<'a> {
@@ -144,7 +139,7 @@ impl<'a> Pair<'a> {
         let mut poses: Vec<Vec<f64>> = before.poses.iter().chain(&after.poses).cloned().collect();
         unwrap(chain, &mut poses);
         let later = poses.split_off(before.poses.len());
-        let reference = later[0].clone();
+        let reference = medoid(chain, &later)?;
         let mass_matrix = chain.workspace().update(chain, &reference)?.mass_matrix();
         let Some(factor) = mass_matrix.cholesky() else {
             let joint = chain.joints().first().map_or_else(String::new, |joint| joint.name.clone());
@@ -157,7 +152,8 @@ impl<'a> Pair<'a> {
         Ok(Self { chain, gravity, before, after, reference, metric })
     }
 
-    /// Initial values: a straight line through the samples of each flight, and t* midway between them.
+    /// Initial values: a straight line through the samples of each flight, by medians of each coordinate, and t* midway between
+    /// the flights.
     fn start(&self) -> Result<DVector<f64>, FitError> {
         let time = 0.5 * (self.before.times[0] + self.after.times[0]);
         let nv = self.chain.nv();
@@ -165,23 +161,85 @@ impl<'a> Pair<'a> {
         for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
             let steps: Result<Vec<_>, _> =
                 flight.poses.iter().map(|pose| self.chain.difference(&self.reference, pose)).collect();
-            let steps: Vec<DVector<f64>> = steps?.into_iter().map(DVector::from_vec).collect();
-            let n = steps.len() as f64;
-            let middle = flight.times.iter().sum::<f64>() / n;
-            let mean = steps.iter().fold(DVector::zeros(nv), |sum, s| sum + s) / n;
-            let (mut along, mut square) = (DVector::zeros(nv), 0.0);
-            for (step, t) in steps.iter().zip(&flight.times) {
-                along += (step - &mean) * (t - middle);
-                square += (t - middle).powi(2);
+            let (steps, times) = (steps?, &flight.times);
+            for v in 0..nv {
+                let pairs = (0..times.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+                let rate = median(pairs.map(|(i, j)| (steps[i][v] - steps[j][v]) / (times[i] - times[j])));
+                z[nv * (k + 1) + v] = rate;
+                z[v] += 0.5 * median(steps.iter().zip(times).map(|(step, t)| step[v] - rate * (t - time)));
             }
-            let rate = along / square;
-            let at_impact = &mean + &rate * (time - middle);
-            z.rows_mut(nv * (k + 1), nv).copy_from(&rate);
-            let half = z.rows(0, nv) + at_impact * 0.5;
-            z.rows_mut(0, nv).copy_from(&half);
         }
         z[3 * nv] = time;
         Ok(z)
+    }
+
+    /// Levenberg–Marquardt with the weights of a loss; also returns whether it has converged.
+    fn solve(&self, mut z: DVector<f64>, cost: Cost, settled: f64) -> Result<(DVector<f64>, bool), FitError> {
+        let mut rest = self.residual(&z)?;
+        let mut damping = 1e-3;
+        for _ in 0..MOST_STEPS {
+            let (mut slopes, mut weighted) = (self.slopes(&z, &rest)?, rest.clone());
+            for (k, miss) in self.misses(&rest).into_iter().enumerate() {
+                let (first, nv) = (k * self.chain.nv(), self.chain.nv());
+                slopes.rows_mut(first, nv).scale_mut(cost.weight(miss).sqrt());
+                weighted.rows_mut(first, nv).scale_mut(cost.weight(miss).sqrt());
+            }
+            let (gram, pull) = (slopes.transpose() * &slopes, slopes.transpose() * &weighted);
+            let now = cost.sum(&self.misses(&rest));
+            let mut moved = None;
+            while damping < 1e6 && moved.is_none() {
+                let mut damped = gram.clone();
+                for k in 0..damped.nrows() {
+                    damped[(k, k)] += damping * gram[(k, k)].max(1e-12);
+                }
+                let Some(factor) = damped.cholesky() else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let next = self.inside(&z - factor.solve(&pull));
+                // the integration can fail at trial velocities that are far too large
+                match self.residual(&next).ok().filter(|r| cost.sum(&self.misses(r)) < now) {
+                    Some(tried) => {
+                        moved = Some((&next - &z).norm() / (1.0 + z.norm()));
+                        (z, rest) = (next, tried);
+                        damping = (damping * 0.1).max(1e-15);
+                    }
+                    None => damping *= 10.0,
+                }
+            }
+            if moved.is_none_or(|moved| moved < settled) {
+                return Ok((z, true));
+            }
+        }
+        Ok((z, false))
+    }
+
+    /// The norm of each sample's residual.
+    fn misses(&self, residual: &DVector<f64>) -> Vec<f64> {
+        residual.as_slice().chunks(self.chain.nv()).map(|miss| miss.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
+    }
+
+    /// Removes the outliers of a fit and returns their times, in ascending order; none from a flight of which too few samples
+    /// would remain.
+    fn leave_out(&mut self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
+        let misses = self.misses(&self.residual(z)?);
+        let middle = median(misses.iter().copied());
+        let deviation = median(misses.iter().map(|miss| (miss - middle).abs()));
+        let greatest = (middle + OUTLYING.0 * deviation).max(OUTLYING.1 * middle).max(ROUNDING);
+        let (mut gone, mut misses) = (Vec::new(), misses.into_iter());
+        for flight in [&mut self.before, &mut self.after] {
+            let fits: Vec<bool> = misses.by_ref().take(flight.times.len()).map(|miss| miss <= greatest).collect();
+            if fits.iter().filter(|fits| **fits).count() < FEWEST {
+                continue;
+            }
+            gone.extend(flight.times.iter().zip(&fits).filter(|(_, fits)| !**fits).map(|(time, _)| *time));
+            let mut kept = fits.iter();
+            flight.times.retain(|_| *kept.next().unwrap_or(&true));
+            let mut kept = fits.iter();
+            flight.poses.retain(|_| *kept.next().unwrap_or(&true));
+        }
+        gone.sort_by(f64::total_cmp);
+        Ok(gone)
     }
 
     /// Clamps t* to the interval between the flights.
@@ -224,7 +282,7 @@ impl<'a> Pair<'a> {
         Ok(slopes)
     }
 
-    fn joined(&self, z: &DVector<f64>, rest: &DVector<f64>) -> Result<Joined, FitError> {
+    fn joined(&self, z: &DVector<f64>, rest: &DVector<f64>, outliers: Vec<f64>) -> Result<Joined, FitError> {
         let nv = self.chain.nv();
         let slopes = self.slopes(z, rest)?;
         let degrees = rest.len().saturating_sub(z.len()).max(1);
@@ -246,8 +304,24 @@ impl<'a> Pair<'a> {
             qd_plus: z.as_slice()[2 * nv..3 * nv].to_vec(),
             rest: rms(rest),
             deviation,
+            outliers,
         })
     }
+}
+
+/// The pose with the least sum of distances from the others: not an outlier.
+fn medoid(chain: &Chain, poses: &[Vec<f64>]) -> Result<Vec<f64>, FitError> {
+    let mut best: Option<(f64, &Vec<f64>)> = None;
+    for pose in poses {
+        let mut sum = 0.0;
+        for other in poses {
+            sum += chain.difference(pose, other)?.iter().map(|x| x * x).sum::<f64>().sqrt();
+        }
+        if best.is_none_or(|(least, _)| sum < least) {
+            best = Some((sum, pose));
+        }
+    }
+    Ok(best.map_or_else(Vec::new, |(_, pose)| pose.clone()))
 }
 
 /// Removes the wraps at ±π from the positions of continuous joints.

@@ -94,6 +94,41 @@ fn exact_flights_give_time_pose_and_velocities_of_the_impact() {
     }
 }
 
+/// A mistracked sample, of whatever size and wherever it is, is found and left out: the estimate is that of the other samples.
+#[test]
+fn a_mistracked_sample_is_left_out_and_reported() {
+    let mut rng = Rng::with_seed(12);
+    let arm = uniform_chain(3, 0.6, 1.0).unwrap();
+    let (arm_q, arm_qd) = (vec![0.3, -0.4, 0.9], [vec![3.0, -2.0, 4.0], vec![-1.0, 2.5, -6.0]]);
+    let free = load("box");
+    let (q, before) = tossed(&mut rng);
+    let (_, later) = tossed(&mut rng);
+    for (chain, q, qd) in [(&arm, arm_q, arm_qd), (&free, q, [before, later])] {
+        let clean = flights(chain, &q, [&qd[0], &qd[1]], 2e-4, &mut rng);
+        let truth = join_flights(chain, GRAVITY, &clean.0, &clean.1).unwrap();
+        assert!(truth.outliers.is_empty(), "{:?}", truth.outliers);
+        for size in [0.05, 1.0, 10.0, 1e4] {
+            for place in [0, 3, 7, 8, 15] {
+                let (mut before, mut after) = clean.clone();
+                let (flight, k) = if place < 8 { (&mut before, place) } else { (&mut after, place - 8) };
+                let mut step = vec![0.0; chain.nv()];
+                (step[0], step[1]) = (size, -size);
+                flight.poses[k] = chain.integrate(&flight.poses[k], &step, 1.0).unwrap();
+                let time = flight.times[k];
+                let found = join_flights(chain, GRAVITY, &before, &after).unwrap();
+                assert_eq!(found.outliers, [time], "{} m or rad at {time} s", size);
+                // One sample of sixteen less moves the estimate by less than its own deviation.
+                for (a, b) in [(&found.qd_minus, &truth.qd_minus), (&found.qd_plus, &truth.qd_plus)] {
+                    for (a, b) in a.iter().zip(b) {
+                        assert!((a - b).abs() < 0.15, "{size} at {time}: {a} instead of {b}");
+                    }
+                }
+                assert!(found.rest < 2.0 * truth.rest, "{} {}", found.rest, truth.rest);
+            }
+        }
+    }
+}
+
 #[test]
 fn noisy_flights_give_unbiased_velocities_and_their_standard_deviation() {
     let mut rng = Rng::with_seed(11);

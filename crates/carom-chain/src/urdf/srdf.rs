@@ -1,0 +1,65 @@
+//! Reads from an SRDF which pairs of links are not checked for collision. Groups, states and end effectors are not used.
+
+use super::names::listed;
+use super::robot::Link;
+use super::source::Source;
+use super::warnings::Warnings;
+use crate::error::ChainError;
+use roxmltree::{Document, Node};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// The pairs that `<disable_collisions>` names, and those of `<disable_default_collisions>` that no `<enable_collisions>`
+/// enables again. Each pair is in the order of the links in the URDF.
+///
+/// # Errors
+/// [`ChainError::Unreadable`]; [`ChainError::Urdf`] with file and line for XML that is not well-formed, another root than
+/// `<robot>`, and a missing attribute.
+pub(super) fn disabled_pairs(
+    path: &Path,
+    links: &[Link],
+    warnings: &mut Warnings,
+) -> Result<Vec<[String; 2]>, ChainError> {
+    let unreadable = |error: std::io::Error| ChainError::Unreadable { path: path.into(), reason: error.to_string() };
+    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let file = path.display().to_string();
+    let document = Document::parse(&text).map_err(|error| super::not_xml(&file, &error))?;
+    let source = Source::new(&file, &document);
+    if source.root.tag_name().name() != "robot" {
+        return Err(source.error(source.root, None, "is not an SRDF: its root must be <robot>"));
+    }
+    let mut unknown = BTreeSet::new();
+    let mut index = |node: Node, attribute: &str| -> Result<Option<usize>, ChainError> {
+        let name = node
+            .attribute(attribute)
+            .ok_or_else(|| source.error(node, Some(attribute), "is missing: give the name of a link"))?;
+        let found = links.iter().position(|link| link.name == name);
+        if found.is_none() {
+            unknown.insert(name.to_owned());
+        }
+        Ok(found)
+    };
+    let (mut disabled, mut enabled) = (BTreeSet::new(), BTreeSet::new());
+    for node in source.root.children().filter(Node::is_element) {
+        match node.tag_name().name() {
+            tag @ ("disable_collisions" | "enable_collisions") => {
+                if let (Some(a), Some(b)) = (index(node, "link1")?, index(node, "link2")?) {
+                    let pairs = if tag == "disable_collisions" { &mut disabled } else { &mut enabled };
+                    pairs.insert((a.min(b), a.max(b)));
+                }
+            }
+            "disable_default_collisions" => {
+                if let Some(a) = index(node, "link")? {
+                    disabled.extend((0..links.len()).filter(|b| *b != a).map(|b| (a.min(b), a.max(b))));
+                }
+            }
+            _ => {}
+        }
+    }
+    if !unknown.is_empty() {
+        let names: Vec<&str> = unknown.iter().map(String::as_str).collect();
+        warnings.note_text(format!("{file} names links that the robot does not have: {}", listed(&names)));
+    }
+    let name = |k: usize| links[k].name.clone();
+    Ok(disabled.difference(&enabled).map(|&(a, b)| [name(a), name(b)]).collect())
+}

@@ -1,0 +1,261 @@
+//! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several.
+
+use super::drive::{Drives, World};
+use super::file::{Control, Member, Robot, Robots, tip};
+use super::tip_velocity::tip_velocity;
+use crate::contact::Surface;
+use crate::error::SimError;
+use crate::model::{Drive, RobotDrive};
+use carom_chain::urdf::{JointType, LoadOptions};
+use carom_chain::{Chain, ChainError, Placed};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use std::path::Path;
+
+/// The loaded robots.
+pub(crate) struct Loaded {
+    /// All robots as one chain.
+    pub chain: Chain,
+    /// Configuration of all robots at the start.
+    pub q: Vec<f64>,
+    robots: Vec<One>,
+}
+
+/// One robot.
+struct One {
+    /// Its name; `None` for `[robot]`, whose links and joints have no prefix.
+    name: Option<String>,
+    /// The heading of its table, for messages.
+    table: String,
+    chain: Chain,
+    q: Vec<f64>,
+    given: Member,
+}
+
+/// `[robot]` as a table of one robot; its controller is that of `[run]`.
+fn member(robot: Robot) -> Member {
+    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia } = robot;
+    let name = String::new();
+    Member {
+        name,
+        urdf,
+        srdf,
+        q: Some(q),
+        qd,
+        tip_velocity,
+        tip,
+        floating,
+        strict,
+        repair,
+        package_dirs,
+        rotor_inertia,
+        ..Member::default()
+    }
+}
+
+impl Robots {
+    /// Loads the robots and places them.
+    pub fn load(self, folder: &Path, refuse: &impl Fn(String) -> SimError) -> Result<Loaded, SimError> {
+        let robots = match self {
+            Self::One(robot) => vec![One::load(folder, member(*robot), None, refuse)?],
+            Self::Several(all) => {
+                let robots = all.into_iter().map(|it| {
+                    let name = it.name.clone();
+                    One::load(folder, it, Some(name), refuse)
+                });
+                robots.collect::<Result<Vec<_>, _>>()?
+            }
+        };
+        let [first, ..] = robots.as_slice() else {
+            return Err(refuse("[[robot]] is empty: give one table for each robot".into()));
+        };
+        let chain = match first.name {
+            None => first.chain.clone(),
+            Some(_) => {
+                let names: Vec<&str> = robots.iter().filter_map(|it| it.name.as_deref()).collect();
+                let placed = robots.iter().zip(&names).map(|(it, name)| it.placed(name));
+                let joined = Chain::join(&names.join(", "), &placed.collect::<Vec<_>>());
+                joined.map_err(|e| refuse(format!("[[robot]] {e}")))?
+            }
+        };
+        let q = robots.iter().flat_map(|it| &it.q).copied().collect();
+        Ok(Loaded { chain, q, robots })
+    }
+}
+
+impl One {
+    fn load(
+        folder: &Path,
+        given: Member,
+        name: Option<String>,
+        refuse: &impl Fn(String) -> SimError,
+    ) -> Result<Self, SimError> {
+        let options = LoadOptions {
+            floating_base: given.floating,
+            strict: given.strict,
+            repair: given.repair,
+            package_dirs: given.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
+            rotor_inertia: given.rotor_inertia.clone(),
+            srdf: given.srdf.as_ref().map(|file| folder.join(file)),
+            ..LoadOptions::default()
+        };
+        let chain = Chain::from_urdf_file_with(folder.join(&given.urdf), &options)?;
+        chain.check_dynamics()?;
+        let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
+        let q = start(&chain, &given).map_err(|why| refuse(format!("{table} {why}")))?;
+        let robot = Self { name, table, chain, q, given };
+        robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]), refuse)?;
+        Ok(robot)
+    }
+
+    /// An error of the state, with the name of the robot where there are several.
+    fn checked<T>(&self, done: Result<T, ChainError>, refuse: &impl Fn(String) -> SimError) -> Result<T, SimError> {
+        done.map_err(|e| if self.name.is_some() { refuse(format!("{} {e}", self.table)) } else { e.into() })
+    }
+
+    fn placed<'a>(&'a self, name: &'a str) -> Placed<'a> {
+        // The place of a floating robot is in its q.
+        let pose = if self.given.floating { Isometry3::identity() } else { pose(&self.given) };
+        Placed { name, chain: &self.chain, pose }
+    }
+
+    fn full(&self, own: &str) -> String {
+        self.name.as_ref().map_or_else(|| own.to_owned(), |name| format!("{name}/{own}"))
+    }
+}
+
+fn pose(given: &Member) -> Isometry3<f64> {
+    let [roll, pitch, yaw] = given.rpy.unwrap_or_default();
+    let position = Translation3::from(Vector3::from(given.position.unwrap_or_default()));
+    Isometry3::from_parts(position, UnitQuaternion::from_euler_angles(roll, pitch, yaw))
+}
+
+/// Configuration of a robot at the start.
+fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
+    let numbers = [given.position, given.rpy].into_iter().flatten().flatten();
+    if let Some(x) = numbers.into_iter().find(|x| !x.is_finite()) {
+        return Err(format!("position and rpy have the number {x}: every number must be finite"));
+    }
+    let placed = given.position.is_some() || given.rpy.is_some();
+    let base = if given.floating && !given.name.is_empty() {
+        let pose = pose(given);
+        [pose.translation.vector.as_slice(), pose.rotation.coords.as_slice()].concat()
+    } else {
+        Vec::new()
+    };
+    match &given.q {
+        None => Ok(chain.zero_configuration().iter().enumerate().map(|(k, x)| *base.get(k).unwrap_or(x)).collect()),
+        Some(q) if !base.is_empty() && q.len() + base.len() == chain.nq() => Ok([base.as_slice(), q].concat()),
+        Some(q) if !base.is_empty() && q.len() == chain.nq() && placed => Err(format!(
+            "q has {} numbers, of which the first seven are the pose of the floating base, which position and rpy also give: \
+             give one of them",
+            q.len()
+        )),
+        Some(q) => Ok(q.clone()),
+    }
+}
+
+impl Loaded {
+    /// Joint velocities of all robots at the start.
+    pub fn velocities(&self, surfaces: &[Surface], refuse: &impl Fn(String) -> SimError) -> Result<Vec<f64>, SimError> {
+        let (mut all, mut from) = (Vec::with_capacity(self.chain.nv()), 0);
+        for robot in &self.robots {
+            let nv = robot.chain.nv();
+            let own = match (&robot.given.qd, &robot.given.tip_velocity) {
+                (Some(qd), None) => qd.clone(),
+                (None, None) => vec![0.0; nv],
+                (Some(_), Some(_)) => {
+                    return Err(refuse(format!("{} has both qd and tip_velocity: give one of them", robot.table)));
+                }
+                (None, Some(tip)) => {
+                    let link = robot.full(&robot.given.tip);
+                    let found = tip_velocity((&self.chain, &self.q), &link, tip, surfaces.first());
+                    found.map_err(|why| refuse(format!("{} {why}", robot.table)))?[from..from + nv].to_vec()
+                }
+            };
+            robot.checked(robot.chain.check_state(&robot.q, &own), refuse)?;
+            all.extend(own);
+            from += nv;
+        }
+        Ok(all)
+    }
+
+    /// The drive, and that after the first impact. `run` is the controller of `[run]`.
+    pub fn drives(
+        &self,
+        folder: &Path,
+        run: &Control,
+        surfaces: &[Surface],
+        qd: &[f64],
+    ) -> Result<(Drive, Option<Drive>), String> {
+        let world = World { chain: &self.chain, q: &self.q, qd };
+        let own: Vec<Control> = self.robots.iter().map(|robot| robot.given.control()).collect();
+        if own.iter().all(|it| *it == Control::default()) {
+            // One controller for everything.
+            let tip = self.robots.first().filter(|it| it.name.is_none()).map(|it| it.given.tip.as_str());
+            let (q, chain) = (&self.q, &self.chain);
+            return Drives { folder, table: "[run]", control: run, chain, q, tip, tip_in_world: tip, surfaces, world }
+                .both();
+        }
+        if *run != Control::default() {
+            return Err("[run] has keys of a controller, and so has a [[robot]]: give each robot its own".into());
+        }
+        let mut drives = Vec::new();
+        for (robot, control) in self.robots.iter().zip(&own) {
+            let One { table, chain, q, given, .. } = robot;
+            let full = robot.full(&given.tip);
+            let (tip, tip_in_world) = (Some(given.tip.as_str()), Some(full.as_str()));
+            let both = Drives { folder, table, control, chain, q, tip, tip_in_world, surfaces, world }.both()?;
+            for drive in std::iter::once(&both.0).chain(&both.1) {
+                drive.check(chain).map_err(|e| format!("{table} {e}"))?;
+            }
+            drives.push(both);
+        }
+        let lengths = (self.chain.nq(), self.chain.nv());
+        let members = drives.into_iter().zip(self.chain.members()).map(|((drive, after), member)| RobotDrive {
+            robot: member.name.clone(),
+            v: member.v.clone(),
+            drive: drive.of_member(member, lengths),
+            after_impact: after.map(|after| after.of_member(member, lengths)),
+        });
+        Ok((Drive::Robots(members.collect()), None))
+    }
+
+    /// The link that is the tip: that of the first robot that has one.
+    ///
+    /// # Errors
+    /// A key `tip` that names no link.
+    pub fn tip(&self) -> Result<Option<String>, String> {
+        let mut first = None;
+        for robot in &self.robots {
+            let name = &robot.given.tip;
+            match robot.chain.frame(name) {
+                Ok(_) => first = first.or(Some(robot.full(name))),
+                Err(_) if *name == tip() => {}
+                Err(unknown) => return Err(format!("{} tip = \"{name}\": {unknown}", robot.table)),
+            }
+        }
+        Ok(first)
+    }
+
+    /// Warnings about gravity compensation, which holds no floating base.
+    pub fn falling(&self, drives: [Option<&Drive>; 2]) -> Vec<String> {
+        let compensates = |name: Option<&str>| {
+            let each = drives.into_iter().flatten().flat_map(Drive::each_robot);
+            let mut own = each.filter(|(robot, _)| robot.is_none() || *robot == name);
+            own.any(|(_, drive)| matches!(drive, Drive::GravityCompensation))
+        };
+        let falls = |robot: &One| {
+            let mut joints = robot.chain.joints().iter();
+            let base = joints.find(|joint| joint.kind == JointType::Floating)?;
+            let table = robot.name.as_ref().map_or("[run]", |_| robot.table.as_str());
+            compensates(robot.name.as_deref()).then(|| {
+                format!(
+                    "{table} controller = \"gravity-compensation\" drives joints only: nothing but contacts holds the \
+                     floating joint '{}', so the robot falls",
+                    base.name
+                )
+            })
+        };
+        self.robots.iter().filter_map(falls).collect()
+    }
+}
