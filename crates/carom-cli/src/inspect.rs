@@ -172,10 +172,6 @@ impl Inspect {
         };
         let found = chain.report();
         let entries = |range: &Range<usize>| [range.start, range.len()];
-        let part = |it| {
-            let Member { name, q, v } = it;
-            Part { name, q: entries(q), qd: entries(v) }
-        };
         let report = Report {
             name: chain.name(),
             dof: chain.nv(),
@@ -186,7 +182,9 @@ impl Inspect {
             total_mass: chain.total_mass(),
             planar: planar(&chain),
             massless: chain.massless_links(),
-            robots: chain.members().iter().map(part).collect(),
+            robots: (chain.members().iter())
+                .map(|Member { name, q, v }| Part { name, q: entries(q), qd: entries(v) })
+                .collect(),
             repairs: found.repairs.iter().filter_map(change).collect(),
             warnings: found.warnings.iter().chain(&found.unused).map(String::as_str).collect(),
         };
