@@ -1,0 +1,274 @@
+"""Judges engines: sends the cases to adapters, evaluates the invariants and writes verdicts. See README.md.
+
+    judge.py [--engine NAME...] [--case NAME...] [--settings default|best] [--adapter "COMMAND"] [--out FILE.json]
+"""
+
+import argparse
+import copy
+import json
+import math
+import os
+import selectors
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from mechanics import Moment
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+EXACT, TOLERANCE = 1e-9, 1e-3
+REFINE = 8  # a step so many times smaller must at least halve an error beyond the tolerance, or the verdict is `fails`
+PATIENCE = 180  # an adapter that does not answer for so long is ended, s
+SETTINGS = ("default", "best")
+
+
+def adapters():
+    """The command of each engine. Environment: PYTHON (with the engines of the Python registry), RAPIER (program)."""
+    python = os.environ.get("PYTHON", sys.executable)
+    here = lambda name: os.path.join(HERE, name)
+    found = {name: [python, here(f"with_{name}.py")] for name in
+             ("carom", "mujoco", "drake", "bullet", "dart", "pinocchio", "mjx", "warp", "newton")}
+    found["siconos"] = ["/usr/bin/python3", here("with_siconos.py")]
+    found["rapier"] = [os.environ.get("RAPIER", "target/peers/rapier/release/judge")]
+    return found
+
+
+ORDER = ("carom", "siconos", "pinocchio", "drake", "mujoco", "mjx", "warp", "newton", "bullet", "dart", "rapier")
+
+
+class Adapter:
+    """A program that answers a line for each line. It is started again if it ends or does not answer."""
+
+    def __init__(self, command):
+        self.command, self.process = command, None
+
+    def ask(self, request):
+        if self.process is None or self.process.poll() is not None:
+            self.process = subprocess.Popen(self.command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        try:
+            self.process.stdin.write(json.dumps(request) + "\n")
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            pass  # the program has ended: the missing answer says so
+        with selectors.DefaultSelector() as ready:
+            ready.register(self.process.stdout, selectors.EVENT_READ)
+            line = self.process.stdout.readline() if ready.select(PATIENCE) else None
+        if line:
+            return json.loads(line)
+        self.close()
+        return {"failed": f"no answer within {PATIENCE} s" if line is None else f"the program ended with status {self.process.returncode}"}
+
+    def close(self):
+        if self.process is not None:
+            self.process.kill()
+            self.process.wait()
+
+
+def chain(spec):
+    """The shorthand {"links": N, "length": m, "mass": kg}: equal rods in a row along x, hinged about z, pinned at the origin;
+    a sphere of `radius` at the end."""
+    n = spec["links"]
+    length, mass = spec["length"] / n, spec["mass"] / n
+    bodies = []
+    for k in range(n):
+        bodies.append({"name": f"link{k + 1}", "parent": f"link{k}" if k else None, "joint": "hinge",
+                       "at": [length if k else 0, 0, 0], "axis": [0, 0, 1], "mass": mass, "centre": [length / 2, 0, 0],
+                       "inertia": [1e-6, mass * length**2 / 12, mass * length**2 / 12]})
+    bodies[-1]["shapes"] = [{"sphere": spec["radius"], "at": [length, 0, 0]}]
+    return bodies
+
+
+def scene_of(case, run):
+    """The scene of a run: that of the case with the run's changes; keys are paths such as `contact.restitution` or `bodies.0.mass`."""
+    scene = copy.deepcopy(case["scene"])
+    for path, value in run.get("change", {}).items():
+        *way, last = path.split(".")
+        at = scene
+        for key in way:
+            at = at[int(key)] if isinstance(at, list) else at[key]
+        at[int(last) if isinstance(at, list) else last] = value
+    if "chain" in scene:
+        scene["bodies"] = chain(scene.pop("chain"))
+        n = len(scene["bodies"])
+        scene["start"] = {key: (values + [0.0] * n)[:n] for key, values in scene["start"].items()}
+    scene.setdefault("planes", [])
+    scene.setdefault("pairs", [])
+    return scene
+
+
+def bounce(h, e, g, t):
+    """Height of the lowest point of a ball dropped from h, at time t: parabolas, each e² as high as the one before."""
+    speed, left = math.sqrt(2 * g * h), t - math.sqrt(2 * h / g)
+    if left < 0:
+        return h - g * t * t / 2
+    for _ in range(10_000):
+        speed *= e
+        flight = 2 * speed / g
+        if flight < 1e-12:
+            return 0.0
+        if left < flight:
+            return speed * left - g * left**2 / 2
+        left -= flight
+    return 0.0
+
+
+MATHS = {name: getattr(math, name) for name in ("sqrt", "sin", "cos", "pi", "hypot", "log")} | {
+    "abs": abs, "max": max, "min": min, "sum": sum, "range": range, "norm": np.linalg.norm, "array": np.array, "bounce": bounce}
+
+
+class Seen:
+    """What an engine answered to one run, under the names that measures use. Index k is the k-th asked time; 0 is the start."""
+
+    def __init__(self, scene, states):
+        moments = [Moment(scene, state["q"], state["qd"]) for state in [scene["start"], *states]]
+        self.names = {"t": [0.0, *(state["t"] for state in states)], "m": [body["mass"] for body in scene["bodies"]],
+                      "g": float(np.linalg.norm(scene["gravity"])), "e": scene["contact"]["restitution"], "mu": scene["contact"]["friction"]}
+        for key in ("q", "qd", "T", "V", "P", "L"):
+            self.names[key] = [getattr(moment, key) for moment in moments]
+        self.names["point"] = lambda k, body, at: moments[k].point(body, at)
+        self.names["axis"] = lambda k, body, axis: moments[k].axis(body, axis)
+
+    def __getattr__(self, name):
+        return self.names[name]
+
+
+def evaluate(expected, names):
+    """One expectation: its measured and expected value, and the error as a share of `scale`."""
+    names = dict(MATHS, **names)
+    for name, formula in expected.get("let", {}).items():
+        names[name] = eval(str(formula), names)
+    got = eval(expected["measure"], names)
+    kind = next(key for key in ("value", "at_most", "at_least") if key in expected)
+    value, scale = (eval(str(formula), names) for formula in (expected[kind], expected.get("scale", 1)))
+    difference = np.max(np.abs(np.asarray(got) - value)) if kind == "value" else max(0.0, got - value if kind == "at_most" else value - got)
+    plain = lambda x: np.asarray(x, float).tolist()
+    return {"name": expected["name"], "got": plain(got), kind: plain(value), "error": float(difference / scale)}
+
+
+def figure_of(case, runs, answers):
+    """All expectations of the runs that are there, as rows, and the largest error."""
+    rows, seen = [], {}
+    for run, answer in zip(runs, answers):
+        seen[run["run"]] = Seen(scene_of(case, run), answer["states"])
+        names = dict(seen[run["run"]].names, **run.get("with", {}))
+        for expected in case.get("expect", []) + run.get("expect", []):
+            rows.append(dict(evaluate(expected, names), run=run["run"]))
+    for expected in case.get("across", []):
+        rows.append(dict(evaluate(expected, {"of": lambda name: seen[name]}), run="all"))
+    return rows, max(row["error"] for row in rows)
+
+
+def judge(case, adapter, settings):
+    """The verdict on one case with one setting."""
+    def ask(run, step=None):
+        request = {"id": f"{case['case']}/{run['run']}", "settings": settings, "scene": scene_of(case, run), "times": run["times"]}
+        step = step or run.get("step")
+        return adapter.ask(request | ({"step": step} if step else {}))
+
+    found = {"case": case["case"], "settings": settings}
+    answers = []
+    for run in case["runs"]:
+        answer = ask(run)
+        for kind, verdict in (("refused", "refused"), ("failed", "fails")):
+            if kind in answer:
+                return found | {"verdict": verdict, "figure": None, "reason": f"{run['run']}: {answer[kind]}"}
+        answers.append(answer)
+    rows, figure = figure_of(case, case["runs"], answers)
+    found |= {"figure": figure, "used": answers[-1].get("used", {}), "rows": rows}
+    if not math.isfinite(figure):
+        return found | {"verdict": "fails", "figure": None, "reason": "a measure is not finite"}
+    if figure <= TOLERANCE:
+        return found | {"verdict": "exact" if figure <= EXACT else "within tolerance"}
+    # Beyond the tolerance: does a smaller step help?
+    steps = [answer.get("used", {}).get("step") for answer in answers]
+    if None in steps:
+        return found | {"verdict": "fails", "reason": "the method has no step to refine"}
+    if any("step" in run for run in case["runs"]):
+        least = case["runs"][int(np.argmin(steps))]["run"]
+        refined = max(row["error"] for row in rows if row["run"] == least)
+    else:
+        finer = [ask(run, step / REFINE) for run, step in zip(case["runs"], steps)]
+        if not all("states" in answer for answer in finer):
+            return found | {"verdict": "fails", "reason": f"with a step {REFINE} times smaller: {next(a for a in finer if 'states' not in a)}"}
+        refined = figure_of(case, case["runs"], finer)[1]
+    return found | {"verdict": "degrades" if refined <= figure / 2 else "fails", "refined": refined}
+
+
+def cases(only):
+    found = []
+    for name in sorted(os.listdir(os.path.join(HERE, "cases"))):
+        if name.endswith(".json"):
+            with open(os.path.join(HERE, "cases", name)) as file:
+                found += json.load(file)
+    names = [case["case"] for case in found]
+    for name in only or []:
+        if name not in names:
+            sys.exit(f"no case {name!r}; the cases are {', '.join(names)}")
+    return sorted((case for case in found if not only or case["case"] in only), key=lambda case: case["number"])
+
+
+def judged(engine, command, chosen, settings):
+    """All verdicts on one engine; the reason if its adapter does not start."""
+    adapter = Adapter(command)
+    try:
+        about = adapter.ask({"about": True, "id": "about"})
+        if "engine" not in about:
+            return {"engine": engine, "missing": about.get("failed", "no answer to about")}, []
+        about.pop("id", None)
+        found = []
+        for case in chosen:
+            for setting in settings:
+                verdict = dict(judge(case, adapter, setting), engine=engine)
+                found.append(verdict)
+                print(told(verdict), file=sys.stderr, flush=True)
+        return about, found
+    except FileNotFoundError as why:
+        return {"engine": engine, "missing": str(why)}, []
+    finally:
+        adapter.close()
+
+
+def told(verdict):
+    figure = "" if verdict.get("figure") is None else f" {verdict['figure']:.2g}"
+    refined = f" (step/{REFINE}: {verdict['refined']:.2g})" if "refined" in verdict else ""
+    reason = f": {verdict['reason']}" if "reason" in verdict else ""
+    return f"{verdict['engine']:10} {verdict['case']:16} {verdict['settings']:8} {verdict['verdict']}{figure}{refined}{reason}"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--engine", nargs="+", choices=ORDER, help="engines to judge [default: all]")
+    parser.add_argument("--case", nargs="+", help="cases to judge [default: all]")
+    parser.add_argument("--settings", choices=SETTINGS, help="one setting only")
+    parser.add_argument("--adapter", help="command of an adapter that is not listed here, judged alone")
+    parser.add_argument("--out", help="file for the answers and verdicts, JSON")
+    parser.add_argument("--jobs", type=int, default=2, help="engines judged at the same time")
+    args = parser.parse_args()
+    chosen, settings = cases(args.case), [args.settings] if args.settings else SETTINGS
+    commands = adapters()
+    engines = {"adapter": args.adapter.split()} if args.adapter else {name: commands[name] for name in args.engine or ORDER}
+    with ThreadPoolExecutor(args.jobs) as pool:
+        results = list(pool.map(lambda item: judged(*item, chosen, settings), engines.items()))
+    for about, found in results:
+        if "missing" in about:
+            print(f"could not run: {about['engine']}: {about['missing']}", file=sys.stderr)
+        if args.case and not args.out:
+            for verdict in found:
+                print(told(verdict))
+                for row in verdict.get("rows", []):
+                    expected = next(f"{word} {row[key]}" for key, word in
+                                    (("value", "expected"), ("at_most", "at most"), ("at_least", "at least")) if key in row)
+                    print(f"  {row['run']}, {row['name']}: {row['got']}, {expected}, error {row['error']:.3g}")
+    if args.out:
+        import common
+        with open(args.out, "w") as file:
+            json.dump({"machine": common.machine(), "exact": EXACT, "tolerance": TOLERANCE, "refine": REFINE,
+                       "engines": [about for about, _ in results],
+                       "cases": [{key: case[key] for key in ("case", "title", "asks", "law", "source")} for case in chosen],
+                       "verdicts": [verdict for _, found in results for verdict in found]}, file, indent=1)
+
+
+if __name__ == "__main__":
+    main()
