@@ -8,24 +8,23 @@ import numpy as np
 from adapter import Refused, floats, march, parts, restitution_asked, serve  # first: it makes `common` importable
 import common
 
-# Half period of a contact's spring in steps, so that the rebound depends on the damping and not on the step.
-CONTACT_STEPS = 40
 STEP = {"default": 2e-3, "best": 1e-4}
 ABOUT = {"engine": "mujoco", "version": mujoco.__version__, "law": "linear spring and damper in acceleration space", "settings": {
     "default": {"method": "step 2 ms, Euler, pyramidal cone; restitution is not expressible",
-                "source": "mujoco.readthedocs.io, XML reference, option"},
-    "best": {"method": f"step 0.1 ms, direct solref (−k, −c) with half period {CONTACT_STEPS} steps and the damping ratio of e, solimp 0.9999, "
+                "source": "mujoco.readthedocs.io/en/stable/XMLreference.html#option"},
+    "best": {"method": "step 0.1 ms, RK4, direct solref (−k, −c) with a half period of 40 steps and the damping ratio of e, solimp 0.9999, "
                        "elliptic cone, Newton tolerance 1e-15, solreffriction 10 steps",
-             "source": "mujoco.readthedocs.io, Modeling, Solver parameters (solref, solimp, solreffriction), Friction cones"}}}
+             "source": "mujoco.readthedocs.io/en/stable/modeling.html#solver-parameters"}}}
 
 
 def spec_of(scene, settings, step):
     best, contact = settings == "best", scene["contact"]
     spec = mujoco.MjSpec()
+    spec.compiler.degree = False
     spec.option.timestep, spec.option.gravity = step, scene["gravity"]
     if best:
         spec.option.cone, spec.option.tolerance = mujoco.mjtCone.mjCONE_ELLIPTIC, 1e-15
-        spec.option.iterations = 200
+        spec.option.iterations, spec.option.integrator = 200, mujoco.mjtIntegrator.mjINT_RK4
     bodies, geoms = {None: spec.worldbody}, {}
     for body in scene["bodies"]:
         at = body.get("at", [0, 0, 0])
@@ -65,11 +64,16 @@ def spec_of(scene, settings, step):
     return spec
 
 
+def contact_steps(step):
+    """Half period of a contact's spring in steps. More steps at a smaller step, so that the rebound and the duration converge."""
+    return max(10.0, 40.0 * math.sqrt(1e-4 / step))
+
+
 def solref(restitution, step):
     """Direct format (−stiffness, −damping); at e = 0 the default's critical damping, with the shortest documented time, 2 steps."""
     if restitution == 0.0:
         return [2 * step, 1]
-    ratio, frequency = common.spring_damping(restitution), math.pi / (CONTACT_STEPS * step)
+    ratio, frequency = common.spring_damping(restitution), math.pi / (contact_steps(step) * step)
     return [-frequency**2, -2.0 * ratio * frequency]
 
 
