@@ -82,7 +82,7 @@ fn about() -> Value {
     json!({"engine": "rapier", "version": "0.36.1 (f64)", "law": "Newton's e for each contact, Coulomb", "settings": {
         "default": {"method": "step 1/60 s, impulse joints, restitution and friction set, all else default",
                     "source": "docs.rs/rapier3d, IntegrationParameters"},
-        "best": {"method": "step 0.1 ms, impulse joints, prediction distance and allowed error 0, no recycled contacts, no CCD, 16 iterations, Coulomb friction",
+        "best": {"method": "step 0.1 ms, multibody joints for chains that hang on the world, prediction distance and allowed error 0, no recycled contacts, no CCD, 16 iterations",
                  "source": "docs.rs/rapier3d, IntegrationParameters"}}})
 }
 
@@ -95,6 +95,8 @@ struct Run<'a> {
     world: PhysicsWorld,
     bodies: Vec<RigidBodyHandle>,
     above: Vec<Option<usize>>,
+    /// The chain in reduced coordinates, if there is one.
+    multibody: Option<MultibodyJointHandle>,
 }
 
 impl<'a> Run<'a> {
@@ -108,7 +110,6 @@ impl<'a> Run<'a> {
             parameters.contact_recycling = false;
             parameters.max_ccd_substeps = 0;
             parameters.num_solver_iterations = 16;
-            parameters.friction_model = FrictionModel::Coulomb;
         }
         let contact = &scene.contact;
         // The planes are in group 1, the bodies in groups of their own, as far as they have shapes.
@@ -130,6 +131,8 @@ impl<'a> Run<'a> {
         let (mut bodies, mut above): (Vec<RigidBodyHandle>, Vec<Option<usize>>) = Default::default();
         let mut poses: Vec<(Rotation, Vector, Vector, Vector)> = Vec::new(); // rotation, origin, velocity, angular velocity
         let (mut q, mut qd) = (&scene.start.q[..], &scene.start.qd[..]);
+        let reduced = best && scene.bodies.iter().all(|body| body.joint == "hinge");
+        let mut multibody = None;
         for body in &scene.bodies {
             let parent = body.parent.as_ref().and_then(|name| scene.bodies.iter().position(|it| &it.name == name));
             let pose = match body.joint.as_str() {
@@ -183,12 +186,30 @@ impl<'a> Run<'a> {
                 if let Some(limits) = body.limits {
                     hinge = hinge.limits(limits);
                 }
-                world.insert_impulse_joint(parent.map_or(base, |p| bodies[p]), handle, hinge);
+                let parent = parent.map_or(base, |p| bodies[p]);
+                if reduced {
+                    multibody = world.insert_multibody_joint(parent, handle, hinge);
+                } else {
+                    world.insert_impulse_joint(parent, handle, hinge);
+                }
             }
             bodies.push(handle);
             above.push(parent);
         }
-        Ok(Run { scene, world, bodies, above })
+        if let Some(handle) = multibody {
+            let (tree, _) = world.multibody_joints.get_mut(handle).ok_or("the multibody is gone")?;
+            tree.forward_kinematics(&world.bodies, true);
+            tree.damping_mut().fill(0.0);
+            let skipped = tree.ndofs() - scene.start.q.len(); // the root's, none for a fixed one
+            let mut displacement = vec![0.0; skipped];
+            displacement.extend(&scene.start.q);
+            tree.apply_displacements(&displacement);
+            let rates = &scene.start.qd;
+            tree.generalized_velocity_mut().rows_mut(skipped, rates.len()).copy_from_slice(rates);
+            tree.forward_kinematics(&world.bodies, false);
+            tree.update_rigid_bodies(&mut world.bodies, true);
+        }
+        Ok(Run { scene, world, bodies, above, multibody })
     }
 
     fn state(&self, time: f64) -> Value {
@@ -209,6 +230,10 @@ impl<'a> Run<'a> {
             let angle = 2.0 * Vector::new(relative.x, relative.y, relative.z).dot(axis).atan2(relative.w);
             q.push((angle + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI) - std::f64::consts::PI);
             qd.push((spin - above_spin).dot(turn * axis));
+        }
+        if let Some((tree, _)) = self.multibody.and_then(|handle| self.world.multibody_joints.get(handle)) {
+            // The velocities of the bodies do not contain the restitution yet; those of the joints do.
+            qd = tree.generalized_velocity().iter().skip(tree.ndofs() - q.len()).copied().collect();
         }
         json!({"t": time, "q": q, "qd": qd})
     }
