@@ -26,7 +26,7 @@ def serve(about, answer):
     os.dup2(2, 1)
 
     def late(*_):
-        raise Refused(f"no answer within {BUDGET} s")
+        raise TimeoutError(f"no answer within {BUDGET} s")
 
     signal.signal(signal.SIGALRM, late)
     for line in sys.stdin:

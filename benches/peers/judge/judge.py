@@ -8,9 +8,10 @@ import copy
 import json
 import math
 import os
-import selectors
+import queue
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -28,14 +29,15 @@ def adapters():
     """The command of each engine. Environment: PYTHON (with the engines of the Python registry), RAPIER (program)."""
     python = os.environ.get("PYTHON", sys.executable)
     here = lambda name: os.path.join(HERE, name)
-    found = {name: [python, here(f"with_{name}.py")] for name in
-             ("carom", "mujoco", "drake", "bullet", "dart", "pinocchio", "mjx", "warp", "newton")}
+    found = {name: [python, here(f"with_{name.split('-')[-1].removeprefix('py')}.py")] for name in
+             ("carom", "mujoco", "drake", "pybullet", "dart", "pinocchio", "mjx", "mujoco-warp", "newton")}
+    found["drake-discrete"] = [*found["drake"], "--discrete"]
     found["siconos"] = ["/usr/bin/python3", here("with_siconos.py")]
     found["rapier"] = [os.environ.get("RAPIER", "target/peers/rapier/release/judge")]
     return found
 
 
-ORDER = ("carom", "siconos", "pinocchio", "drake", "mujoco", "mjx", "warp", "newton", "bullet", "dart", "rapier")
+ORDER = ("carom", "siconos", "pinocchio", "drake", "drake-discrete", "mujoco", "mjx", "mujoco-warp", "newton", "pybullet", "dart", "rapier")
 
 
 class Adapter:
@@ -47,18 +49,28 @@ class Adapter:
     def ask(self, request):
         if self.process is None or self.process.poll() is not None:
             self.process = subprocess.Popen(self.command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            self.lines = queue.Queue()
+            threading.Thread(target=self.read, args=(self.process, self.lines), daemon=True).start()
         try:
             self.process.stdin.write(json.dumps(request) + "\n")
             self.process.stdin.flush()
+            line = self.lines.get(timeout=PATIENCE)
         except BrokenPipeError:
-            pass  # the program has ended: the missing answer says so
-        with selectors.DefaultSelector() as ready:
-            ready.register(self.process.stdout, selectors.EVENT_READ)
-            line = self.process.stdout.readline() if ready.select(PATIENCE) else None
+            line = ""
+        except queue.Empty:
+            line = None
         if line:
             return json.loads(line)
         self.close()
         return {"failed": f"no answer within {PATIENCE} s" if line is None else f"the program ended with status {self.process.returncode}"}
+
+    @staticmethod
+    def read(process, lines):
+        for line in process.stdout:
+            if line.startswith("{"):  # the rest is what a library prints
+                lines.put(line)
+        process.wait()
+        lines.put("")
 
     def close(self):
         if self.process is not None:
@@ -157,7 +169,7 @@ def figure_of(case, runs, answers):
             rows.append(dict(evaluate(expected, names), run=run["run"]))
     for expected in case.get("across", []):
         rows.append(dict(evaluate(expected, {"of": lambda name: seen[name]}), run="all"))
-    return rows, max(row["error"] for row in rows)
+    return rows, max((row["error"] for row in rows), default=None)
 
 
 def judge(case, adapter, settings):
@@ -168,14 +180,21 @@ def judge(case, adapter, settings):
         return adapter.ask(request | ({"step": step} if step else {}))
 
     found = {"case": case["case"], "settings": settings}
-    answers = []
+    runs, answers, refused = [], [], []
     for run in case["runs"]:
         answer = ask(run)
-        for kind, verdict in (("refused", "refused"), ("failed", "fails")):
-            if kind in answer:
-                return found | {"verdict": verdict, "figure": None, "reason": f"{run['run']}: {answer[kind]}"}
-        answers.append(answer)
-    rows, figure = figure_of(case, case["runs"], answers)
+        if "failed" in answer:
+            return found | {"verdict": "fails", "figure": None, "reason": f"{run['run']}: {answer['failed']}"}
+        if "refused" in answer:
+            refused.append(f"{run['run']}: {answer['refused']}")
+        else:
+            runs.append(run)
+            answers.append(answer)
+    if refused:
+        # What it answered is told beside the refusal.
+        rows, figure = figure_of({key: case[key] for key in case if key != "across"}, runs, answers)
+        return found | {"verdict": "refused", "figure": figure, "answered": len(runs), "runs": len(case["runs"]), "reason": refused[0], "rows": rows}
+    rows, figure = figure_of(case, runs, answers)
     found |= {"figure": figure, "used": answers[-1].get("used", {}), "rows": rows}
     if not math.isfinite(figure):
         return found | {"verdict": "fails", "figure": None, "reason": "a measure is not finite"}
@@ -190,8 +209,11 @@ def judge(case, adapter, settings):
         refined = max(row["error"] for row in rows if row["run"] == least)
     else:
         finer = [ask(run, step / REFINE) for run, step in zip(case["runs"], steps)]
-        if not all("states" in answer for answer in finer):
-            return found | {"verdict": "fails", "reason": f"with a step {REFINE} times smaller: {next(a for a in finer if 'states' not in a)}"}
+        silent = next((answer for answer in finer if "states" not in answer), None)
+        if silent is not None:
+            why = silent.get("failed", silent.get("refused"))
+            # Too slow to tell is not an error of the engine.
+            return found | {"verdict": "degrades" if "no answer within" in why else "fails", "reason": f"with a step {REFINE} times smaller: {why}"}
         refined = figure_of(case, case["runs"], finer)[1]
     return found | {"verdict": "degrades" if refined <= figure / 2 else "fails", "refined": refined}
 
@@ -216,6 +238,7 @@ def judged(engine, command, chosen, settings):
         about = adapter.ask({"about": True, "id": "about"})
         if "engine" not in about:
             return {"engine": engine, "missing": about.get("failed", "no answer to about")}, []
+        about = dict(about, engine=engine)
         about.pop("id", None)
         found = []
         for case in chosen:
@@ -230,11 +253,26 @@ def judged(engine, command, chosen, settings):
         adapter.close()
 
 
+def worst(rows):
+    """Of each run the expectation with the largest error."""
+    found = {}
+    for row in rows:
+        if row["run"] not in found or row["error"] > found[row["run"]]["error"]:
+            found[row["run"]] = row
+    return list(found.values())
+
+
 def told(verdict):
     figure = "" if verdict.get("figure") is None else f" {verdict['figure']:.2g}"
     refined = f" (step/{REFINE}: {verdict['refined']:.2g})" if "refined" in verdict else ""
     reason = f": {verdict['reason']}" if "reason" in verdict else ""
     return f"{verdict['engine']:10} {verdict['case']:16} {verdict['settings']:8} {verdict['verdict']}{figure}{refined}{reason}"
+
+
+def lines(whole):
+    """JSON with one engine, case and verdict on each line."""
+    text = lambda value: "[\n" + ",\n".join(json.dumps(it, ensure_ascii=False) for it in value) + "\n]" if isinstance(value, list) else json.dumps(value)
+    return "{" + ",\n".join(f"{json.dumps(key)}: {text(value)}" for key, value in whole.items()) + "}\n"
 
 
 def main():
@@ -262,12 +300,30 @@ def main():
                                     (("value", "expected"), ("at_most", "at most"), ("at_least", "at least")) if key in row)
                     print(f"  {row['run']}, {row['name']}: {row['got']}, {expected}, error {row['error']:.3g}")
     if args.out:
-        import common
-        with open(args.out, "w") as file:
-            json.dump({"machine": common.machine(), "exact": EXACT, "tolerance": TOLERANCE, "refine": REFINE,
-                       "engines": [about for about, _ in results],
-                       "cases": [{key: case[key] for key in ("case", "title", "asks", "law", "source")} for case in chosen],
-                       "verdicts": [verdict for _, found in results for verdict in found]}, file, indent=1)
+        write(args.out, chosen, results)
+
+
+def write(path, chosen, results):
+    """Writes the file; what it already holds about other engines and cases stays."""
+    import common
+    told = {"engines": [], "cases": [], "verdicts": []}
+    if os.path.exists(path):
+        with open(path) as file:
+            told = json.load(file)
+    engines = {about["engine"]: about for about in told["engines"]} | {about["engine"]: about for about, _ in results}
+    verdicts = {(it["engine"], it["case"], it["settings"]): it for it in told["verdicts"]}
+    verdicts |= {(it["engine"], it["case"], it["settings"]): it for _, found in results for it in found}
+    listed = {case["case"]: case for case in told["cases"]} | {
+        case["case"]: {key: case[key] for key in ("case", "number", "title", "asks", "law", "source")} for case in chosen}
+    place = lambda name: ORDER.index(name) if name in ORDER else len(ORDER)
+    whole = {
+        "machine": common.machine(), "exact": EXACT, "tolerance": TOLERANCE, "refine": REFINE,
+        "engines": sorted(engines.values(), key=lambda about: place(about["engine"])),
+        "cases": sorted(listed.values(), key=lambda case: case["number"]),
+        "verdicts": [dict(verdicts[key], **({"rows": worst(verdicts[key]["rows"])} if "rows" in verdicts[key] else {})) for key in sorted(verdicts, key=lambda key: (listed[key[1]]["number"], place(key[0]), key[2] == "best"))]}
+    with open(path + ".part", "w") as file:
+        file.write(lines(whole))
+    os.replace(path + ".part", path)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,114 @@
+"""Writes the page and the picture of the judge: page.py judge.json page.md OUT.md OUT.svg."""
+
+import json
+import os
+import sys
+
+import matplotlib
+
+matplotlib.use("svg")
+import matplotlib.pyplot as plt
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+# Distinguishable without colour vision: lightness falls with the quality.
+COLOURS = {"exact": "#2166ac", "within tolerance": "#92c5de", "degrades": "#fee090", "fails": "#d6604d", "refused": "#e0e0e0"}
+INK = {"exact": "white", "fails": "white"}
+
+
+def short(verdict):
+    figure = verdict.get("figure")
+    number = "" if figure is None else f"{figure:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    return {"exact": "exact", "within tolerance": f"≤ {number}", "degrades": f"*degrades, {number}*",
+            "fails": f"**fails**, {number}" if number else "**fails**", "refused": "refused"}[verdict["verdict"]]
+
+
+def picture(told, path):
+    plt.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "judge", "font.family": "sans-serif", "font.size": 8})
+    engines, cases = [about["engine"] for about in told["engines"] if "missing" not in about], told["cases"]
+    verdicts = {(it["engine"], it["case"], it["settings"]): it for it in told["verdicts"]}
+    figure, axes = plt.subplots(1, 2, figsize=(2.6 + 1.1 * len(engines), 0.27 * len(cases) + 1.6), sharey=True, layout="constrained")
+    for axis, settings, title in zip(axes, ("default", "best"), ("default settings", "best documented settings")):
+        for row, case in enumerate(cases):
+            for column, engine in enumerate(engines):
+                verdict = verdicts.get((engine, case["case"], settings))
+                if verdict is None:
+                    continue
+                kind = verdict["verdict"]
+                axis.add_patch(plt.Rectangle((column - 0.48, row - 0.46), 0.96, 0.92, color=COLOURS[kind], linewidth=0))
+                word = short(verdict).strip("*").replace("**, ", " ").replace("degrades, ", "").replace("fails ", "").replace("≤ ", "")
+                if kind == "refused":
+                    word = "–"
+                axis.text(column, row, word, ha="center", va="center", color=INK.get(kind, "black"), fontsize=6.5)
+        axis.set_xlim(-0.5, len(engines) - 0.5)
+        axis.set_ylim(len(cases) - 0.5, -0.5)
+        axis.set_xticks(range(len(engines)), engines, rotation=40, ha="left")
+        axis.xaxis.tick_top()
+        axis.set_yticks(range(len(cases)), [case["title"] for case in cases])
+        axis.tick_params(length=0)
+        axis.set_title(title, fontsize=10)
+        for side in axis.spines.values():
+            side.set_visible(False)
+    patches = [plt.Rectangle((0, 0), 1, 1, color=COLOURS[kind], linewidth=0) for kind in COLOURS]
+    names = ["exact (≤ 1e-9)", "within tolerance (≤ 1e-3)", "degrades: a smaller step helps", "fails: it does not help", "refused: not expressible"]
+    figure.legend(patches, names, loc="outside lower center", ncols=5, frameon=False)
+    figure.savefig(path, metadata={"Date": None, "Creator": None})
+
+
+def table(told, settings):
+    engines = [about["engine"] for about in told["engines"] if "missing" not in about]
+    verdicts = {(it["engine"], it["case"]): it for it in told["verdicts"] if it["settings"] == settings}
+    lines = ["| case | " + " | ".join(engines) + " |", "| --- |" + " --- |" * len(engines)]
+    for case in told["cases"]:
+        cells = [short(verdicts[engine, case["case"]]) if (engine, case["case"]) in verdicts else "" for engine in engines]
+        lines.append(f"| {case['case']} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def counts(told):
+    """One line for each engine: how often each verdict with the best settings."""
+    lines = ["| engine | exact | within tolerance | degrades | fails | refused |", "| --- | --- | --- | --- | --- | --- |"]
+    for about in told["engines"]:
+        own = [it["verdict"] for it in told["verdicts"] if it["engine"] == about["engine"] and it["settings"] == "best"]
+        if own:
+            lines.append(f"| {about['engine']} | " + " | ".join(str(own.count(kind)) for kind in COLOURS) + " |")
+    return "\n".join(lines)
+
+
+def refusals(told):
+    """The reasons of refusals with the best settings, once for each engine and reason."""
+    lines = []
+    for about in told["engines"]:
+        reasons = {}
+        for it in told["verdicts"]:
+            if it["engine"] == about["engine"] and it["settings"] == "best" and it["verdict"] == "refused":
+                reasons.setdefault(it["reason"].split(": ", 1)[1], []).append(it["case"])
+        lines += [f"- {about['engine']}: {reason} ({', '.join(cases)})" for reason, cases in reasons.items()]
+    return "\n".join(lines)
+
+
+def page(told, template, path):
+    machine = told["machine"]
+    engines = [about for about in told["engines"] if "missing" not in about]
+    with open(template) as file:
+        text = file.read()
+    rows = "\n".join(f"### {case['case']}: {case['title']}\n\n{case['asks']} Law: {case['law']}. Source: {case['source']}.\n" for case in told["cases"])
+    settings = "\n".join(
+        f"| {about['engine']} {about['version']} | {about['law']} | {about['settings']['default']['method']} | "
+        f"{about['settings']['best']['method']} | {about['settings']['best']['source']} |" for about in engines)
+    settings = "| engine | contact law | default | best | source of the settings |\n| --- | --- | --- | --- | --- |\n" + settings
+    missing = "".join(f"\n- not run: {about['engine']}: {about['missing']}" for about in told["engines"] if "missing" in about)
+    text = text.format(
+        engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
+        counts=counts(told), refusals=refusals(told), list=rows.rstrip(), settings=settings + ("\n" + missing if missing else ""),
+        machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
+                "Times do not enter the verdicts, except that an answer must come within two minutes.")
+    with open(path, "w") as file:
+        file.write(text)
+
+
+if __name__ == "__main__":
+    source, template, out, drawing = sys.argv[1:]
+    with open(source) as file:
+        told = json.load(file)
+    picture(told, drawing)
+    page(told, template, out)
