@@ -12,7 +12,7 @@ import sys
 
 sys.path.insert(1, os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # common.py and symbolic.py of the peers
 
-BUDGET = 120  # longest time for one answer, s
+BUDGET = 120  # longest processor time for one answer, s
 
 
 class Refused(Exception):
@@ -26,15 +26,15 @@ def serve(about, answer):
     os.dup2(2, 1)
 
     def late(*_):
-        raise TimeoutError(f"no answer within {BUDGET} s")
+        raise TimeoutError(f"no answer within {BUDGET} s of processor time")
 
-    signal.signal(signal.SIGALRM, late)
+    signal.signal(signal.SIGPROF, late)
     for line in sys.stdin:
         request = json.loads(line)
         if "about" in request:
             reply = about
         else:
-            signal.alarm(BUDGET)
+            signal.setitimer(signal.ITIMER_PROF, BUDGET)
             try:
                 reply = answer(request)
                 if not all(math.isfinite(x) for state in reply["states"] for x in state["q"] + state["qd"]):
@@ -43,7 +43,7 @@ def serve(about, answer):
                 reply = {"refused": str(why)}
             except Exception as why:  # an exception of an engine is its answer
                 reply = {"failed": f"{type(why).__name__}: {str(why).splitlines()[0] if str(why) else ''}"}
-            signal.alarm(0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
             reply["id"] = request["id"]
         out.write(json.dumps(reply) + "\n")
         out.flush()

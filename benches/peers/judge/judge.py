@@ -21,8 +21,10 @@ from mechanics import Moment
 HERE = os.path.dirname(os.path.abspath(__file__))
 EXACT, TOLERANCE = 1e-9, 1e-3
 REFINE = 8  # a step so many times smaller must at least halve an error beyond the tolerance, or the verdict is `fails`
-PATIENCE = 180  # an adapter that does not answer for so long is ended, s
+PATIENCE = 1200  # an adapter that does not answer for so long is ended, s
 SETTINGS = ("default", "best")
+# Programs for GPUs take milliseconds for a step on the CPU: there they are judged by cases that simulate at most so long in all, s.
+SLOW, SHORT = ("newton", "mujoco-warp"), 2.0
 
 
 def adapters():
@@ -231,8 +233,8 @@ def cases(only):
     return sorted((case for case in found if not only or case["case"] in only), key=lambda case: case["number"])
 
 
-def judged(engine, command, chosen, settings):
-    """All verdicts on one engine; the reason if its adapter does not start."""
+def judged(engine, command, chosen, settings, shown):
+    """All verdicts on one engine, or the reason why its adapter does not start; progress on standard error unless all is `shown` later."""
     adapter = Adapter(command)
     try:
         about = adapter.ask({"about": True, "id": "about"})
@@ -242,10 +244,13 @@ def judged(engine, command, chosen, settings):
         about.pop("id", None)
         found = []
         for case in chosen:
+            if engine in SLOW and sum(run["times"][-1] for run in case["runs"]) > SHORT:
+                continue
             for setting in settings:
                 verdict = dict(judge(case, adapter, setting), engine=engine)
                 found.append(verdict)
-                print(told(verdict), file=sys.stderr, flush=True)
+                if not shown:
+                    print(told(verdict), file=sys.stderr, flush=True)
         return about, found
     except FileNotFoundError as why:
         return {"engine": engine, "missing": str(why)}, []
@@ -288,7 +293,7 @@ def main():
     commands = adapters()
     engines = {"adapter": args.adapter.split()} if args.adapter else {name: commands[name] for name in args.engine or ORDER}
     with ThreadPoolExecutor(args.jobs) as pool:
-        results = list(pool.map(lambda item: judged(*item, chosen, settings), engines.items()))
+        results = list(pool.map(lambda item: judged(*item, chosen, settings, bool(args.case and not args.out)), engines.items()))
     for about, found in results:
         if "missing" in about:
             print(f"could not run: {about['engine']}: {about['missing']}", file=sys.stderr)

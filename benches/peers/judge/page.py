@@ -101,7 +101,7 @@ def page(told, template, path):
         engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
         counts=counts(told), refusals=refusals(told), list=rows.rstrip(), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
-                "Times do not enter the verdicts, except that an answer must come within two minutes.")
+                "Times do not enter the verdicts, except that an answer must come within two minutes of processor time.")
     with open(path, "w") as file:
         file.write(text)
 

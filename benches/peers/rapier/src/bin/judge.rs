@@ -182,7 +182,9 @@ impl<'a> Run<'a> {
                 world.insert_collider(collider, Some(handle));
             }
             if body.joint == "hinge" {
-                let mut hinge = RevoluteJointBuilder::new(vector(body.axis)).local_anchor1(vector(body.at)).local_anchor2(Vector::ZERO);
+                let mut hinge = RevoluteJointBuilder::new(vector(body.axis))
+                    .local_anchor1(vector(body.at))
+                    .local_anchor2(Vector::ZERO);
                 if let Some(limits) = body.limits {
                     hinge = hinge.limits(limits);
                 }
@@ -263,7 +265,9 @@ fn answer(request: &Request) -> Value {
         states.push(run.state(made as f64 * step));
     }
     // serde_json writes numbers that are not finite as null.
-    let finite = |state: &Value| ["q", "qd"].iter().all(|key| state[key].as_array().is_some_and(|it| it.iter().all(Value::is_number)));
+    let finite = |state: &Value| {
+        ["q", "qd"].iter().all(|key| state[key].as_array().is_some_and(|it| it.iter().all(Value::is_number)))
+    };
     if states.iter().all(finite) {
         json!({"states": states, "used": {"step": step}})
     } else {
