@@ -100,19 +100,20 @@ pub enum SimError {
     },
     /// A loop of the mechanism cannot be closed near the start.
     #[error(
-        "loop '{name}' stays open by {} m however the joints turn from this start: correct its frames or choose a start \
-         near a closed configuration", four_digits(*distance)
+        "loop '{name}' stays open by ({}, {}, {}) m, world axes, however the joints move from this start: correct its frames, or \
+         choose a start near a closed configuration", four_digits(gap[0]), four_digits(gap[1]), four_digits(gap[2])
     )]
     Loop {
         /// The loop.
         name: String,
-        /// Distance that is left, m.
-        distance: f64,
+        /// From the second of two points that it should keep together to the first, m, world axes.
+        gap: [f64; 3],
     },
-    /// A mechanism with loops does not pass a pose at which it could branch.
+    /// A mechanism with loops is at a pose at which it could branch and does not pass it.
     #[error(
-        "at t = {time} s the loops come to a pose at which the mechanism could branch (their constraints depend on each other), \
-         and it stops, turns back or touches something there: its further motion is not determined"
+        "at t = {time} s the mechanism is at a pose at which it could branch (the constraints of its loops depend on each other \
+         there), and its further motion is not determined: it is followed through such a pose only if it does not start, stop, \
+         turn back or touch anything there. Choose another start, or let a joint limit keep it away from this pose"
     )]
     Branch {
         /// Time, s.

@@ -67,6 +67,14 @@ impl Rows {
         self.numbers.chunks_exact_mut(self.nv.max(1))
     }
 
+    /// Takes the rows from row `i` on away and returns them.
+    ///
+    /// # Panics
+    /// If there are fewer than `i` rows.
+    pub fn split_off(&mut self, i: usize) -> Self {
+        Self { nv: self.nv, numbers: self.numbers.split_off(i * self.nv) }
+    }
+
     /// The product of row `i` with a vector of length nv.
     pub fn dot(&self, i: usize, v: &[f64]) -> f64 {
         self.row(i).iter().zip(v).map(|(r, v)| r * v).sum()

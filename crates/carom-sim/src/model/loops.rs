@@ -104,7 +104,10 @@ impl Loop {
     /// The pairs of points that it keeps together: the origins; for a pin two points of the axis; for a weld three points. They
     /// are a quarter of the chain's reach apart, so that velocities of rotation and translation have similar weight.
     pub(crate) fn couplings<A: Space>(&self, chain: &Chain, model: &A::Model) -> Vec<Coupling<A>> {
-        let size = Some(0.25 * reach(chain)).filter(|size| *size > 0.0 && size.is_finite()).unwrap_or(1.0);
+        // A chain ends at the frame of its last link, which may reach further.
+        let ends = self.frames.iter().filter(|frame| frame.link.is_some()).map(|frame| frame.origin.norm());
+        let reach = Some(ends.fold(reach(chain), f64::max)).filter(|it| *it > 0.0 && it.is_finite()).unwrap_or(1.0);
+        let size = 0.25 * reach;
         let name: Arc<str> = self.name.as_str().into();
         let at = |frame: &LoopFrame| frame.link.as_ref().and_then(|link| chain.frame(link).ok());
         let [one, other] = &self.frames;
@@ -124,7 +127,8 @@ impl Loop {
             }
             LoopJoint::Weld => [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| axis * size).to_vec(),
         };
-        let couple = |offset| Coupling::new(&name, model, (frame, one.place(offset)), (at(other), other.place(offset)));
+        let couple =
+            |offset| Coupling::new(&name, model, (frame, one.place(offset)), (at(other), other.place(offset)), reach);
         offsets.into_iter().map(couple).collect()
     }
 }

@@ -223,15 +223,26 @@ impl Simulation {
     }
 
     fn check_loops(&self) -> Result<(), SimError> {
-        let Some(first) = self.loops.first() else { return Ok(()) };
-        let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        let mut each = drives.flat_map(Drive::each_robot);
-        if each.any(|(_, drive)| matches!(drive, Drive::Transition(_) | Drive::ImpactInvariant(_))) {
-            let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
-                        those of a tree: choose another controller";
-            return Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() });
-        }
+        [Some(&self.drive), self.after_impact.as_ref()]
+            .into_iter()
+            .flatten()
+            .try_for_each(|it| self.check_loops_of(it))?;
         self.loops.iter().try_for_each(|own| own.check(&self.chain))
+    }
+
+    /// # Errors
+    /// [`SimError::BadLoop`] for a drive that cannot be combined with loops.
+    pub(crate) fn check_loops_of(&self, drive: &Drive) -> Result<(), SimError> {
+        let of_trees =
+            |(_, it): &(Option<&str>, &Drive)| matches!(it, Drive::Transition(_) | Drive::ImpactInvariant(_));
+        match self.loops.first() {
+            Some(first) if drive.each_robot().iter().any(of_trees) => {
+                let rule = "cannot be combined with the controllers \"transition\" and \"impact-invariant\", whose formulas are \
+                            those of a tree: choose another controller, or remove the loop";
+                Err(SimError::BadLoop { name: first.name.clone(), rule: rule.to_owned() })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// The pairs of points that the loops keep together.

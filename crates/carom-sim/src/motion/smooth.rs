@@ -37,7 +37,7 @@ pub(crate) struct Motion<'a, A: Space> {
     /// The loops of the mechanism.
     pub couplings: Vec<Coupling<A>>,
     /// The largest number of independent rows of the loops so far.
-    rank: usize,
+    pub rank: usize,
     /// The closed form of q̈, if the chain has one.
     row: Option<PlanarRow>,
     /// Viscous damping of every velocity.

@@ -1,34 +1,40 @@
-//! The passage of a mechanism with loops through a pose at which it could branch.
-//!
-//! At a flat four-bar linkage the rows of its loop depend on each other. The motion through this pose is smooth: the mechanism
-//! stays on its branch by its inertia, with forces that stay finite. But near the pose they are quotients of small numbers,
-//! and an error of the state is amplified by the reciprocal of the [regularity](crate::state::Loops::regularity) r. So the
-//! pose is not integrated through: where r falls below [`LEAST`], the motion is continued by the polynomial through its past
-//! to the time at which r has the same value on the other side, and then the loops are closed there.
-//!
-//! The past are [`NODES`] states at the Chebyshev points of a time [`PAST`] times as long as the leap, integrated backwards from
-//! its start, away from the pose. A polynomial of degree n−1 in these points amplifies their errors by T₍ₙ₋₁₎(1 + 2/PAST),
-//! about 140 (Trefethen, *Approximation Theory and Approximation Practice*, chapter 15, for the growth beyond the interval).
+//! The passage of a mechanism with loops through a pose at which it could branch: see `leap.rs`.
 
 use super::events::{Run, TOUCHING};
+use super::leap::{LEAST, Leap, NODES, PAST};
 use super::leg::{Accuracy, pass};
 use super::trajectory::Segment;
 use super::watch::Watched;
 use crate::error::SimError;
 use crate::motion::Lasting;
 use crate::state::Space;
-use std::f64::consts::PI;
 
-/// The regularity below which the loops count as near a branching pose.
-pub(crate) const LEAST: f64 = 1e-3;
-/// Number of states of the past.
-const NODES: usize = 10;
-/// Length of the past, in lengths of the leap.
-const PAST: f64 = 10.0;
 /// A leap that changes the energy by more than this share of the kinetic energy has failed.
 const TRUST: f64 = 1e-6;
 
+/// A start within this distance of a pose at which the mechanism could branch is refused, rad or m.
+const ASIDE: f64 = 1e-2;
+
 impl<A: Space> Run<'_, '_, A> {
+    /// # Errors
+    /// [`SimError::Branch`] at or near a pose at which the mechanism could branch: its loops have more independent rows, or are
+    /// much more regular, a little aside.
+    pub fn refuse_branching_start(&mut self) -> Result<(), SimError> {
+        if self.motion.couplings.is_empty() {
+            return Ok(());
+        }
+        let (q, qd) = self.q_qd();
+        let (here, rank) = (self.motion.regularity(&q)?, self.motion.rank);
+        let aside: Vec<f64> = (0..qd.len()).map(|k| ASIDE * (1.0 + 2.4 * k as f64).sin()).collect();
+        let mut near = [self.motion.sim.chain.integrate(&q, &aside, 1.0)?, qd].concat();
+        // A linkage that closes nowhere aside has no other branch there.
+        let branches = self.motion.close_loops(&mut near).is_ok() && {
+            let there = self.motion.regularity(&near[..q.len()])?;
+            self.motion.rank > rank || (here < LEAST && there > 10.0 * here)
+        };
+        if branches { Err(SimError::Branch { time: self.time }) } else { Ok(()) }
+    }
+
     /// Leaps over a pose at which the mechanism could branch.
     ///
     /// # Errors
@@ -39,7 +45,6 @@ impl<A: Space> Run<'_, '_, A> {
         let kinetic = self.motion.kinetic_energy(&self.y)?;
         let (q, qd) = self.q_qd();
         let here = self.motion.regularity(&q)?;
-        let (nq, nv) = (q.len(), qd.len());
         let speed = qd.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
         if speed == 0.0 || self.motion.lasting.iter().any(Lasting::is_rigid) {
             return Err(failed);
@@ -61,39 +66,48 @@ impl<A: Space> Run<'_, '_, A> {
             gives_up: false,
         };
         let (from, past) = (self.time, PAST * leap);
-        let angle = |k: usize| (2 * k + 1) as f64 * PI / (2 * NODES) as f64;
         let mut states = Vec::with_capacity(NODES);
         let mut flow = Watched::new(&mut self.motion, (from, f64::INFINITY), &self.y)?;
         let (mut time, mut y) = (from, self.y.clone());
         for k in 0..NODES {
-            let node = from - 0.5 * past * (1.0 - angle(k).cos());
-            y = pass(&mut flow, (time, &y), node, accuracy, &mut self.statistics)?;
-            time = node;
+            let node = Leap::node(from, past, k);
+            // A motion that comes to rest at the pose grows without bound backwards.
+            let Ok(earlier) = pass(&mut flow, (time, &y), node, accuracy, &mut self.statistics) else {
+                return Err(failed);
+            };
+            (time, y) = (node, earlier);
             states.push(y.clone());
         }
-        // Barycentric interpolation, with the weights of Chebyshev points of the first kind.
-        let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
-        let at = |time: f64| {
-            let x = 1.0 + 2.0 * (time - from) / past;
-            let weights: Vec<f64> = (0..NODES).map(|k| sign(k) * angle(k).sin() / (x - angle(k).cos())).collect();
-            let sum: f64 = weights.iter().sum();
-            let number =
-                |i: usize| states.iter().zip(&weights).map(|(state, weight)| state[i] * weight).sum::<f64>() / sum;
-            (0..y.len()).map(number).collect::<Vec<f64>>()
-        };
-        self.time = from + leap;
-        let works = |y: &[f64]| y[nq + nv] + y[nq + nv + 1];
-        let work = works(&self.y);
-        self.y = at(self.time);
-        sim.normalise(&mut self.y);
-        self.motion.close_loops(&mut self.y)?;
-        let change = energy - self.motion.energy(&self.y)? + works(&self.y) - work;
-        let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
-        if !clear || change.abs() > TRUST * energy.abs().max(kinetic) {
-            return Err(failed);
+        let work = self.work();
+        self.follow(Leap { from, to: from + leap, past, states, energy, kinetic, work })
+    }
+
+    /// Goes on with a leap, to its end or to that of the run.
+    ///
+    /// # Errors
+    /// As [`Run::pass_branch`].
+    pub fn follow(&mut self, leap: Leap) -> Result<(), SimError> {
+        let start = std::mem::replace(&mut self.time, leap.to.min(self.end));
+        self.y = leap.at(self.time);
+        self.motion.sim.normalise(&mut self.y);
+        let ends = self.time == leap.to;
+        if ends {
+            self.motion.close_loops(&mut self.y)?;
+            let change = leap.energy - self.motion.energy(&self.y)? + self.work() - leap.work;
+            let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+            if !clear || change.abs() > TRUST * leap.energy.abs().max(leap.kinetic) {
+                return Err(SimError::Branch { time: leap.from });
+            }
+            self.lost += change;
         }
-        self.lost += change;
-        self.sampler.stretch((from, self.time, Segment::POINTS), at, |_, _| Vec::new());
+        self.sampler.stretch((start, self.time, Segment::POINTS), |time| leap.at(time), |_, _| Vec::new());
+        self.leap = Some(leap).filter(|_| !ends);
         Ok(())
+    }
+
+    /// The work of drive and resistance so far, J.
+    fn work(&self) -> f64 {
+        let first = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
+        self.y[first] + self.y[first + 1]
     }
 }

@@ -13,6 +13,7 @@
 //! **No consistent mode**: a contact that slides has an impact without collision (Painlevé); what has no solution at all is
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
+use super::leap::Leap;
 use super::leg::{Accuracy, LegEnd, Sampler, leg};
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
@@ -41,6 +42,8 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub blows: VecDeque<f64>,
     /// Whether the chain is at rest and stays so.
     pub resting: bool,
+    /// A leap over a pose at which the mechanism could branch, if the run stands within it.
+    pub leap: Option<Leap>,
 }
 
 /// How a leg ended.

@@ -42,6 +42,8 @@ pub(crate) trait Flow {
     fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
     /// The lasting contacts at (t, y).
     fn contacts(&mut self, t: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError>;
+    /// Closes the loops at a state between two steps.
+    fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
 }
@@ -387,6 +389,7 @@ impl SolOut for Observer<'_, '_, '_> {
             let (buffer, system) = (&mut self.buffer, self.system);
             let mut at = |time| {
                 dense.interpolate(time, buffer);
+                system.ask(|flow| flow.close(buffer));
                 buffer.clone()
             };
             if let Some(path) = &mut sampler.path {
@@ -483,6 +486,9 @@ mod tests {
         }
         fn contacts(&mut self, _: f64, _: &[f64]) -> Result<Vec<ContactState>, SimError> {
             Ok(Vec::new())
+        }
+        fn close(&mut self, _: &mut [f64]) -> Result<(), SimError> {
+            Ok(())
         }
         fn settle(&mut self, _: f64, _: &mut [f64]) -> Result<bool, SimError> {
             Ok(false)

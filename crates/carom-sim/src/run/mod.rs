@@ -3,6 +3,7 @@
 mod branch;
 mod events;
 mod impacts;
+mod leap;
 mod leg;
 mod root;
 mod sensitivity;

@@ -146,6 +146,7 @@ impl Session {
     /// [`SimError`]: a drive that does not fit the chain.
     pub fn set_drive(&mut self, drive: Drive) -> Result<(), SimError> {
         drive.check(self.chain())?;
+        self.simulation.check_loops_of(&drive)?;
         self.state.changed |= drive != self.simulation.drive || self.simulation.after_impact.is_some();
         (self.simulation.drive, self.simulation.after_impact) = (drive, None);
         Ok(())

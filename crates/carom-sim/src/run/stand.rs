@@ -1,6 +1,7 @@
 //! Beginning, pausing and continuing a run.
 
 use super::events::Run;
+use super::leap::Leap;
 use super::leg::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason};
 use crate::error::SimError;
@@ -22,6 +23,7 @@ pub(crate) struct Stand {
     recent: VecDeque<f64>,
     blows: VecDeque<f64>,
     resting: bool,
+    leap: Option<Leap>,
 }
 
 /// What a run remembers of its last events.
@@ -71,24 +73,27 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             recent: VecDeque::new(),
             blows: VecDeque::new(),
             resting: false,
+            leap: None,
         };
-        Ok(Self::resume(motion, stand, sampling, watch))
+        let mut run = Self::resume(motion, stand, sampling, watch);
+        run.refuse_branching_start()?;
+        Ok(run)
     }
 
     /// A run that goes on from where another one stood.
     pub fn resume(mut motion: Motion<'a, A>, stand: Stand, sampling: Sampling, watch: &'w mut dyn FnMut(Seen)) -> Self {
         let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
-        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting } = stand;
+        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, leap } = stand;
         motion.keep(kept);
         let count = sampling.every.map_or(0, |every| (time / every).ceil().max(0.0) as usize);
         let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
-        Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting }
+        Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting, leap }
     }
 
     /// Where the run stands.
     pub fn stand(self) -> Stand {
-        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, .. } = self;
-        Stand { time, y, kept: motion.kept(), events, statistics, lost, stepped, recent, blows, resting }
+        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, leap, .. } = self;
+        Stand { time, y, kept: motion.kept(), events, statistics, lost, stepped, recent, blows, resting, leap }
     }
 
     /// Runs to the end, or with `to_event` to the next event.
@@ -98,7 +103,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             if self.events >= self.motion.sim.max_events {
                 return Ok(StopReason::Events);
             }
-            if self.motion.stepping {
+            if let Some(leap) = self.leap.take() {
+                self.follow(leap)?;
+            } else if self.motion.stepping {
                 self.several_contacts()?;
             } else {
                 self.one_leg()?;
@@ -109,6 +116,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The modes after a pause, in which the drive may have `changed`.
     pub fn wake(&mut self, changed: bool) -> Result<(), SimError> {
+        if self.leap.is_some() {
+            return Ok(());
+        }
         if changed && !self.motion.stepping && !self.motion.moves_freely() {
             let before = self.y.clone();
             self.measure();

@@ -1,6 +1,6 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
-use super::branch::LEAST;
+use super::leap::LEAST;
 use super::leg::{Flow, Witness};
 use crate::contact::{APART, Placed};
 use crate::error::SimError;
@@ -134,6 +134,14 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
         let time = time.min(self.latest);
         self.motion.told(time, y)
+    }
+
+    fn close(&mut self, y: &mut [f64]) -> Result<(), SimError> {
+        if !self.motion.couplings.is_empty() {
+            self.motion.sim.normalise(y);
+            self.motion.close_loops(y)?;
+        }
+        Ok(())
     }
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {

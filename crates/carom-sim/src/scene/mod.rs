@@ -313,7 +313,7 @@ impl Scene {
             )));
         }
         let mut q = robots.q.clone();
-        let mut qd = robots.velocities(&surfaces, &refuse)?;
+        let mut qd = robots.velocities(&surfaces, !file.loops.is_empty(), &refuse)?;
 
         let mut warnings: Vec<String> = chain.outside_limits(&q).iter().map(ToString::to_string).collect();
         let full = file.run.model == Model::Full;

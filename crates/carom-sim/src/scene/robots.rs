@@ -156,7 +156,12 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
 
 impl Loaded {
     /// Joint velocities of all robots at the start.
-    pub fn velocities(&self, surfaces: &[Surface], refuse: &impl Fn(String) -> SimError) -> Result<Vec<f64>, SimError> {
+    pub fn velocities(
+        &self,
+        surfaces: &[Surface],
+        has_loops: bool,
+        refuse: &impl Fn(String) -> SimError,
+    ) -> Result<Vec<f64>, SimError> {
         let (mut all, mut from) = (Vec::with_capacity(self.chain.nv()), 0);
         for robot in &self.robots {
             let nv = robot.chain.nv();
@@ -165,6 +170,10 @@ impl Loaded {
                 (None, None) => vec![0.0; nv],
                 (Some(_), Some(_)) => {
                     return Err(refuse(format!("{} has both qd and tip_velocity: give one of them", robot.table)));
+                }
+                (None, Some(_)) if has_loops => {
+                    let why = "tip_velocity cannot be combined with [[loop]], which changes it: give qd instead";
+                    return Err(refuse(format!("{} {why}", robot.table)));
                 }
                 (None, Some(tip)) => {
                     let link = robot.full(&robot.given.tip);

@@ -30,6 +30,8 @@ pub(crate) struct Coupling<A: Space> {
     second: Option<Point<A>>,
     /// The constant part of the difference of the points: places of the world, and what is perpendicular to the plane.
     apart: Vector3<f64>,
+    /// What may stay open along dependent rows, m.
+    slack: f64,
 }
 
 impl<A: Space> Coupling<A> {
@@ -39,6 +41,7 @@ impl<A: Space> Coupling<A> {
         model: &A::Model,
         (frame, offset): (FrameId, Vector3<f64>),
         (other, place): (Option<FrameId>, Vector3<f64>),
+        reach: f64,
     ) -> Self {
         let (first, beside) = A::material_point(model, frame, offset);
         let (second, other_beside) = match other {
@@ -48,7 +51,7 @@ impl<A: Space> Coupling<A> {
             }
             None => (None, place),
         };
-        Self { name: name.clone(), first, second, apart: beside - other_beside }
+        Self { name: name.clone(), first, second, apart: beside - other_beside, slack: SLACK * reach }
     }
 
     /// From the second point to the first, m, world axes.
@@ -89,6 +92,11 @@ impl Loops {
         for (row, force) in rows.iter().zip(self.factor.solve(&missing).iter()) {
             x.iter_mut().zip(self.responses.row(*row)).for_each(|(x, response)| *x += force * response);
         }
+    }
+
+    /// The largest size of a number of the independent rows; not a number if one of them is not.
+    fn most(&self, number: impl Fn(usize) -> f64) -> f64 {
+        self.basis.rows.iter().fold(0.0, |most, row| if number(*row).abs() <= most { most } else { number(*row).abs() })
     }
 
     /// Number of independent rows.
@@ -140,6 +148,39 @@ impl<A: Space> View<'_, A> {
         Ok(Loops::new(rows, responses, A::LINEAR))
     }
 
+    /// M⁻¹fᵀ for every row f, as far as the loops allow, with q̈ under joint forces and gravity alone if it is asked for: by one
+    /// factorisation of M, of which the rows of the loops are the first.
+    pub(super) fn respond_in_loops(
+        &mut self,
+        dynamics: Option<(&[f64], &[f64], Vector3<f64>, &mut [f64])>,
+        rows: &Rows,
+        responses: &mut Rows,
+    ) -> Result<(), SimError> {
+        let mut all = self.loop_rows()?;
+        let own = all.len();
+        rows.iter().for_each(|row| all.add().copy_from_slice(row));
+        let mut answers = Rows::default();
+        let accelerated = match dynamics {
+            Some((qd, tau, gravity, qdd)) => {
+                let gravity = A::project(self.model, gravity);
+                self.kin.accelerate_and_respond((qd, tau, gravity), qdd, &all, &mut answers)?;
+                Some((qd, qdd))
+            }
+            None => {
+                self.kin.respond(&all, &mut answers)?;
+                None
+            }
+        };
+        *responses = answers.split_off(own);
+        all.split_off(own);
+        let Some(closed) = Loops::new(all, answers, A::LINEAR) else { return Ok(()) };
+        if let Some((qd, qdd)) = accelerated {
+            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
+        }
+        responses.iter_mut().for_each(|response| closed.bind(response, None));
+        Ok(())
+    }
+
     /// −d(L q̇)/dt at q̈ = 0: what L q̈ must be.
     pub fn loop_acceleration(&mut self, qd: &[f64]) -> Result<Vec<f64>, SimError> {
         let mut wanted = Vec::with_capacity(self.couplings.len());
@@ -150,11 +191,9 @@ impl<A: Space> View<'_, A> {
         Ok(self.along(&wanted))
     }
 
-    /// The largest distance of two points that should be together, m, and the index of their coupling.
-    fn widest(&self, gaps: &[Vector3<f64>]) -> (f64, usize) {
-        gaps.iter()
-            .enumerate()
-            .fold((0.0, 0), |most, (k, gap)| if gap.norm() > most.0 { (gap.norm(), k) } else { most })
+    /// The differences of the points that should be together.
+    fn gaps(&self) -> Vec<Vector3<f64>> {
+        self.couplings.iter().map(|coupling| coupling.gap(self)).collect()
     }
 }
 
@@ -164,6 +203,9 @@ const ROUNDING: f64 = 1e-15;
 const CLOSED: f64 = 1e-12;
 /// Newton's steps from any start.
 const STEPS: usize = 50;
+/// Share of the chain's reach that may stay open along rows that depend on others: no joint closes it. Axes that a file gives
+/// with five digits are parallel to some 1e-6; `Basis` takes such rows for dependent up to 1e-5.
+const SLACK: f64 = 1e-5;
 
 /// Closes the loops by the smallest changes of q and q̇ in the metric of M: Newton's method, then a projection of q̇. Returns
 /// whether anything changed.
@@ -183,25 +225,27 @@ pub(crate) fn close_loops<A: Space>(
     let mut changed = false;
     for step in 0.. {
         let mut view = View::closed_by(model, workspace, q, couplings)?;
-        let gaps: Vec<_> = couplings.iter().map(|coupling| coupling.gap(&view)).collect();
-        let (distance, worst) = view.widest(&gaps);
-        if distance <= if step == 0 { ROUNDING } else { CLOSED } {
+        let gaps = view.gaps();
+        let closed = view.closed()?;
+        let along = view.along(&gaps);
+        let open = closed.as_ref().map_or(0.0, |closed| closed.most(|row| along[row]));
+        if open <= if step == 0 { ROUNDING } else { CLOSED } || step == STEPS {
+            let excess = |k: &usize| gaps[*k].norm() / couplings[*k].slack;
+            let worst = (0..gaps.len()).max_by(|a, b| excess(a).total_cmp(&excess(b))).unwrap_or(0);
+            if !(open <= CLOSED && excess(&worst) <= 1.0) {
+                return Err(SimError::Loop { name: couplings[worst].name.to_string(), gap: gaps[worst].into() });
+            }
+            if let Some(closed) = closed.filter(|closed| closed.most(|row| closed.rows.dot(row, qd)) > ROUNDING) {
+                closed.bind(qd, None);
+                changed = true;
+            }
             break;
         }
-        let closed = if step < STEPS { view.closed()? } else { None };
-        let Some(closed) = closed.filter(|_| distance.is_finite()) else {
-            return Err(SimError::Loop { name: couplings[worst].name.to_string(), distance });
-        };
         let mut back = vec![0.0; qd.len()];
-        closed.bind(&mut back, Some(&view.along(&gaps)));
+        if let Some(closed) = closed {
+            closed.bind(&mut back, Some(&along));
+        }
         q.copy_from_slice(&chain.integrate(q, &back, -1.0)?);
-        changed = true;
-    }
-    let mut view = View::closed_by(model, workspace, q, couplings)?;
-    if let Some(closed) = view.closed()?
-        && (0..closed.rows.len()).any(|row| closed.rows.dot(row, qd).abs() > ROUNDING)
-    {
-        closed.bind(qd, None);
         changed = true;
     }
     Ok(changed)

@@ -199,11 +199,10 @@ impl<'a, A: Space> View<'a, A> {
 
     /// M⁻¹fᵀ for every row f, as far as the loops allow: see [`Kinematics::respond`].
     pub fn respond(&mut self, rows: &Rows, responses: &mut Rows) -> Result<(), SimError> {
-        self.kin.respond(rows, responses)?;
-        if let Some(closed) = self.closed()? {
-            responses.iter_mut().for_each(|response| closed.bind(response, None));
+        if !self.couplings.is_empty() {
+            return self.respond_in_loops(None, rows, responses);
         }
-        Ok(())
+        Ok(self.kin.respond(rows, responses)?)
     }
 
     /// [`View::respond`], with q̈ under joint forces and gravity alone.
@@ -214,13 +213,11 @@ impl<'a, A: Space> View<'a, A> {
         rows: &Rows,
         responses: &mut Rows,
     ) -> Result<(), SimError> {
-        let gravity = A::project(self.model, gravity);
-        self.kin.accelerate_and_respond((qd, tau, gravity), qdd, rows, responses)?;
-        if let Some(closed) = self.closed()? {
-            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
-            responses.iter_mut().for_each(|response| closed.bind(response, None));
+        if !self.couplings.is_empty() {
+            return self.respond_in_loops(Some((qd, tau, gravity, qdd)), rows, responses);
         }
-        Ok(())
+        let gravity = A::project(self.model, gravity);
+        Ok(self.kin.accelerate_and_respond((qd, tau, gravity), qdd, rows, responses)?)
     }
 
     /// q̈ under joint forces and gravity alone.
@@ -231,11 +228,11 @@ impl<'a, A: Space> View<'a, A> {
         gravity: Vector3<f64>,
         qdd: &mut [f64],
     ) -> Result<(), SimError> {
-        self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?;
-        if let Some(closed) = self.closed()? {
-            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
+        if !self.couplings.is_empty() {
+            let none = Rows::new(qd.len());
+            return self.respond_in_loops(Some((qd, tau, gravity, qdd)), &none, &mut Rows::default());
         }
-        Ok(())
+        Ok(self.kin.forward_dynamics_into(qd, tau, A::project(self.model, gravity), qdd)?)
     }
 
     /// The joint forces that balance gravity.
