@@ -60,9 +60,17 @@ impl<A: Algebra> Chain<A> {
     /// [`ChainError::WrongLength`], [`ChainError::NotFinite`], [`ChainError::NotUnitQuaternion`] (norm off by more than
     /// 1e-3; smaller deviations are accepted as rounding of the input, because the recursions normalise).
     pub fn check_state(&self, q: &[f64], qd: &[f64]) -> Result<(), ChainError> {
+        self.check_q(q)?;
+        self.check_v("qd", qd)
+    }
+
+    /// Checks a configuration as [`Chain::check_state`] does.
+    ///
+    /// # Errors
+    /// As [`Chain::check_state`].
+    pub fn check_q(&self, q: &[f64]) -> Result<(), ChainError> {
         self.check_nq(q.len())?;
         check_finite("q", q)?;
-        self.check_v("qd", qd)?;
         for (joint, at) in self.floating_joints() {
             let norm = q[at + 3..at + 7].iter().map(|x| x * x).sum::<f64>().sqrt();
             if (norm - 1.0).abs() > 1e-3 {

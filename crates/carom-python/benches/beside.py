@@ -1,14 +1,16 @@
-"""Times of the Python package beside Pinocchio and MuJoCo.
+"""Times of the Python package beside the Rust crates, Pinocchio and MuJoCo, in one run.
 
     pip install carom pin mujoco
     python crates/carom-python/benches/beside.py
 
-Prints the least time of repeated runs. The Rust times of the same work: `cargo run --release -p carom-study --example doors` (one
-impact) and `--example batches` (batches). With RAYON_NUM_THREADS=1 batches use one core.
+Prints the least time of repeated runs. The Rust times of one impact are those of `cargo run --release -p carom-study --example doors`,
+which the script runs before and after its own; without cargo they are left out. All compute with the same file and its inertias; the
+results are compared. With RAYON_NUM_THREADS=1 batches use one core.
 """
 
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import threading
@@ -34,6 +36,11 @@ def least(work, repeats, runs=7):
     return min(times)
 
 
+def least_in_pieces(work, count, size=1000):
+    """The sum of the least times of the pieces of a long work, s: on a busy machine no long run is left alone."""
+    return sum(least(lambda: work(range(first, min(first + size, count))), 1) for first in range(0, count, size))
+
+
 def states(chain, count):
     rng = np.random.default_rng(7)
     return rng.uniform(-2, 2, (count, chain.nq)), rng.uniform(-2, 2, (count, chain.nv))
@@ -41,6 +48,23 @@ def states(chain, count):
 
 def tell(what, seconds, count=1):
     print(f"{what:66} {seconds / count * 1e9:10.0f} ns", flush=True)
+
+
+def doors():
+    """Least times of the Rust calls, s, by robot and name of the law; empty without cargo."""
+    command = ["cargo", "run", "-q", "--release", "--locked", "-p", "carom-study", "--example", "doors"]
+    try:
+        lines = subprocess.run(command, cwd=ROBOTS.parent, capture_output=True, text=True, check=True).stdout.splitlines()
+    except (OSError, subprocess.CalledProcessError) as missing:
+        print(f"Rust is left out: {missing}")
+        return {}
+    robots, times = lines[0].split()[2:], {}
+    for line in lines[1:]:
+        if line.startswith("chain.impact"):
+            law = "frictionless" if "Frictionless" in line else "energetic"
+            numbers = re.findall(r"([\d.]+) \(", line[line.index("resolve(") + 8 :])
+            times.update({(robot, law): float(number) * 1e-9 for robot, number in zip(robots, numbers)})
+    return times
 
 
 def pinocchio_impact(urdf):
@@ -89,27 +113,40 @@ def mujoco_impact(urdf):
 
 
 def singles():
-    print("one impact of one state")
+    print("one impact of one state, 64 states in turn")
+    rust = doors()
+    own = {}
     for robot in ("planar2", "arm7"):
         urdf = ROBOTS / f"{robot}.urdf"
         chain = carom.Chain.from_urdf(urdf)
-        Q, QD = states(chain, 1)
-        q, qd = Q[0], QD[0]
-        qd = -qd if (chain.jacobian(q, "tip") @ qd)[0] < 0 else qd
+        Q, QD = states(chain, 64)
+        approach = [(chain.jacobian(q, "tip") @ qd)[0] for q, qd in zip(Q, QD)]
+        QD *= np.sign(approach)[:, None]
+        pairs = list(zip(Q, QD))
+
+        def each(impact):
+            # Short runs, as in Rust: on a busy machine some of them are not interrupted.
+            return least(lambda: [impact(q, qd) for q, qd in pairs], 1, runs=2000) / len(pairs)
+
         for law in (FRICTIONLESS, ENERGETIC):
-            work = lambda: chain.impact(q, qd, frame="tip", normal=NORMAL, law=law)
-            tell(f"{robot}: chain.impact, {law.name}", least(work, 20_000))
-        tell(f"{robot}: chain.mass_matrix", least(lambda: chain.mass_matrix(q), 20_000))
-        expected = chain.impact(q, qd, frame="tip", normal=NORMAL, law=FRICTIONLESS).qd_plus
+            own[robot, law.name] = each(lambda q, qd: chain.impact(q, qd, frame="tip", normal=NORMAL, law=law))
+            tell(f"{robot}: chain.impact, {law.name}", own[robot, law.name])
+        tell(f"{robot}: chain.mass_matrix", each(lambda q, qd: chain.mass_matrix(q)))
+        expected = [chain.impact(q, qd, frame="tip", normal=NORMAL, law=FRICTIONLESS).qd_plus for q, qd in pairs]
         for name, make in (("Pinocchio", pinocchio_impact), ("MuJoCo", mujoco_impact)):
             try:
                 impact = make(urdf)
-                found = impact(q, qd)
-            except Exception as missing:  # a peer that is not installed, or does not read the file
+            except ImportError as missing:
                 print(f"{robot}: {name} is left out: {missing}")
                 continue
-            error = np.abs(found - expected).max() / np.abs(expected).max()
-            tell(f"{robot}: {name}, frictionless (differs by {error:.0e})", least(lambda: impact(q, qd), 5_000))
+            found = [impact(q, qd) for q, qd in pairs]
+            error = np.abs(np.subtract(found, expected)).max() / np.abs(expected).max()
+            tell(f"{robot}: {name}, frictionless (differs by {error:.0e})", each(impact))
+    again = doors()
+    for key, seconds in own.items():
+        if key in rust:
+            least_rust = min(rust[key], again.get(key, rust[key]))
+            print(f"{key[0]}, {key[1]}: in Rust {least_rust * 1e9:.0f} ns, the call from Python adds {(seconds - least_rust) * 1e9:.0f} ns")
 
 
 def batches():
@@ -118,18 +155,20 @@ def batches():
         urdf = ROBOTS / f"{robot}.urdf"
         chain = carom.Chain.from_urdf(urdf)
         q, qd = states(chain, count)
-        work = lambda: chain.impact(q, qd, frame="tip", normal=NORMAL, law=law)
-        tell(f"{robot}: {count} impacts, {law.name}", least(work, 1), count)
-    try:
-        impact = pinocchio_impact(urdf)
-    except ImportError as missing:
-        return print(f"Pinocchio is left out: {missing}")
+        tell(f"{robot}: {count} impacts, {law.name}", least(lambda: chain.impact(q, qd, frame="tip", normal=NORMAL, law=law), 1), count)
+    batch = lambda k: chain.impact(q[k.start : k.stop], qd[k.start : k.stop], frame="tip", normal=NORMAL, law=law)
+    own = least_in_pieces(batch, count)
+    tell(f"{robot}: the same in batches of 1000", own, count)
+    for name, make in (("Pinocchio", pinocchio_impact), ("MuJoCo", mujoco_impact)):
+        try:
+            impact = make(urdf)
+        except ImportError as missing:
+            print(f"{name} is left out: {missing}")
+            continue
 
-    def loop():
-        for k in range(count):
-            impact(q[k], qd[k])
-
-    tell(f"{robot}: {count} impacts, a loop over Pinocchio, frictionless", least(loop, 1, runs=3), count)
+        peer = least_in_pieces(lambda piece: [impact(q[k], qd[k]) for k in piece], count)
+        tell(f"{robot}: {count} impacts, a loop over {name}, frictionless", peer, count)
+        print(f"the batches with friction take {own / peer:.2f} of the time of the loop without")
 
 
 def threads():

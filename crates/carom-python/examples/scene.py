@@ -1,7 +1,6 @@
-"""Simulates a scene under a law of one's own, looks at its tables, and records it.
+"""Simulates a scene under a law of one's own and looks at its tables.
 
-Needs `pip install carom` and the folders robots/ and scenes/ of the repository. Writes events.csv into the folder given by --out,
-and run.rrd if the package is built with recordings.
+Needs `pip install carom` and the folders robots/ and scenes/ of the repository. Writes events.csv into the folder given by --out.
 """
 
 import argparse
@@ -38,6 +37,3 @@ for law in (carom.Newton(0.8), carom.PythonLaw(softening, restitution=0.5)):
 
 run.event_table.write(out / "events.csv")
 print(f"\nwritten to {out / 'events.csv'}")
-if carom.can_record():
-    carom.record(run, out / "run.rrd")
-    print(f"written to {out / 'run.rrd'}; open it with: rerun {out / 'run.rrd'}")

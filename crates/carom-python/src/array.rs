@@ -173,8 +173,8 @@ impl<'a> Plain<'a> {
 ///
 /// # Errors
 /// `StateError` for batches of different lengths.
-pub fn together(all: &[(&str, &Rows)]) -> PyResult<Option<usize>> {
-    let mut batches = all.iter().filter_map(|(what, rows)| Some((*what, rows.count?)));
+pub fn together<'a, 'py: 'a>(all: impl IntoIterator<Item = (&'a str, &'a Rows<'py>)>) -> PyResult<Option<usize>> {
+    let mut batches = all.into_iter().filter_map(|(what, rows)| Some((what, rows.count?)));
     let Some((first, count)) = batches.next() else { return Ok(None) };
     match batches.find(|(_, other)| *other != count) {
         None => Ok(Some(count)),

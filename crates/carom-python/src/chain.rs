@@ -31,7 +31,13 @@ pub struct Chain {
 
 impl From<carom_chain::Chain> for Chain {
     fn from(chain: carom_chain::Chain) -> Self {
-        Self { chain: Arc::new(chain), pool: Mutex::default() }
+        Arc::new(chain).into()
+    }
+}
+
+impl From<Arc<carom_chain::Chain>> for Chain {
+    fn from(chain: Arc<carom_chain::Chain>) -> Self {
+        Self { chain, pool: Mutex::default() }
     }
 }
 
@@ -377,7 +383,7 @@ impl Chain {
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (q, qd) = (self.q(q)?, self.v("qd", qd)?);
-        let count = together(&[("q", &q), ("qd", &qd)])?;
+        let count = together([("q", &q), ("qd", &qd)])?;
         let mut target = Target::new(out, count, &[self.chain.nq()])?;
         let (chain, nq, slice) = (&self.chain, self.chain.nq(), target.slice());
         let (q, qd) = (q.plain(), qd.plain());
@@ -406,7 +412,7 @@ impl Chain {
         out: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (from, to) = (self.named_q("q_from", q_from)?, self.named_q("q_to", q_to)?);
-        let count = together(&[("q_from", &from), ("q_to", &to)])?;
+        let count = together([("q_from", &from), ("q_to", &to)])?;
         let mut target = Target::new(out, count, &[self.chain.nv()])?;
         let (chain, nv, slice) = (&self.chain, self.chain.nv(), target.slice());
         let (from, to) = (from.plain(), to.plain());
@@ -429,11 +435,10 @@ impl Chain {
     }
 
     /// q, or the pair (q, v), in the order and the coordinates of a Pinocchio model of the same file: children sorted by the
-    /// names of their joints, continuous joints as (cos, sin), planar joints with (x, y, cos, sin) and velocities in child
-    /// axes, mimic joints with coordinates of their own.
+    /// names of their joints, continuous joints as (cos, sin), mimic joints with coordinates of their own.
     ///
     /// Raises:
-    ///     ChainError: a planar joint about another axis than z, which Pinocchio does not read.
+    ///     ChainError: a planar joint, whose axis Pinocchio does not read.
     #[pyo3(signature = (q, v=None))]
     fn to_pinocchio<'py>(
         &self,

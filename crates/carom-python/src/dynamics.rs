@@ -1,32 +1,41 @@
 //! Methods of `Chain`: kinematics and dynamics of a state or of a batch.
 
-use crate::array::{Rows, Target, array, together, vector};
+use crate::array::{Target, array, together, vector};
 use crate::batch::each_row;
 use crate::chain::Chain;
 use crate::error::raise;
-use carom_chain::{ChainError, Kinematics, Point, Spatial};
+use carom_chain::{ChainError, Kinematics, Point, Spatial, Workspace};
 use nalgebra::{DMatrix, Vector3};
 use pyo3::prelude::*;
 
 type Kin<'a> = Kinematics<'a, Spatial<f64>>;
 
+/// An argument of a method, and one that may be missing.
+type Given<'a, 'py> = &'a Bound<'py, PyAny>;
+type Maybe<'a, 'py> = Option<Given<'a, 'py>>;
+
 impl Chain {
-    /// Computes `work` at each configuration and writes its numbers into `out`, of the shape `each` for one state.
-    fn at_states<'py>(
+    /// Reads configurations and `vectors` of length nv with their names, computes `work` at each state, and writes its numbers
+    /// into `out`, of the shape `each` for one state.
+    fn at_states<'py, const N: usize>(
         &self,
         py: Python<'py>,
-        (q, count): (&Rows<'py>, Option<usize>),
-        each: &[usize],
-        out: Option<&Bound<'py, PyAny>>,
-        work: impl Fn(&mut Kin, usize, &mut [f64]) -> Result<(), ChainError> + Sync + Send,
+        q: Given<'_, 'py>,
+        vectors: [(&'static str, Given<'_, 'py>); N],
+        (each, out): (&[usize], Maybe<'_, 'py>),
+        work: impl Fn(&mut Kin, [&[f64]; N], &mut [f64]) -> Result<(), ChainError> + Sync + Send,
     ) -> PyResult<Bound<'py, PyAny>> {
+        let (q, chain) = (self.q(q)?, &*self.chain);
+        let given = vectors.map(|(what, given)| self.v(what, given).map(|rows| (what, rows)));
+        let given = given.into_iter().collect::<PyResult<Vec<_>>>()?;
+        let count = together([("q", &q)].into_iter().chain(given.iter().map(|(what, rows)| (*what, rows))))?;
         let mut target = Target::new(out, count, each)?;
-        let (chain, q) = (&*self.chain, q.plain());
-        let (slice, still) = (target.slice(), vec![0.0; chain.nv()]);
-        let one = |workspace: &mut _, k: usize, out: &mut [f64]| -> Result<(), ChainError> {
-            let workspace: &mut carom_chain::Workspace<Spatial<f64>> = workspace;
-            chain.check_state(q.row(k), &still)?;
-            work(&mut workspace.update(chain, q.row(k))?, k, out)
+        let (slice, q, plain) = (target.slice(), q.plain(), given.iter().map(|(what, rows)| (*what, rows.plain())));
+        let plain: Vec<_> = plain.collect();
+        let one = |workspace: &mut Workspace<Spatial<f64>>, k: usize, out: &mut [f64]| -> Result<(), ChainError> {
+            chain.check_q(q.row(k))?;
+            plain.iter().try_for_each(|(what, rows)| chain.check_v(what, rows.row(k)))?;
+            work(&mut workspace.update(chain, q.row(k))?, std::array::from_fn(|i| plain[i].1.row(k)), out)
         };
         if count.is_none() {
             self.with_workspace(|workspace| one(workspace, 0, slice)).map_err(raise)?;
@@ -64,14 +73,9 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
     #[pyo3(signature = (q, *, out=None))]
-    fn mass_matrix<'py>(
-        &self,
-        py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        out: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, nv) = (self.q(q)?, self.chain.nv());
-        self.at_states(py, (&q, q.count()), &[nv, nv], out, |kin, _, out| {
+    fn mass_matrix<'py>(&self, py: Python<'py>, q: Given<'_, 'py>, out: Maybe<'_, 'py>) -> PyResult<Bound<'py, PyAny>> {
+        let nv = self.chain.nv();
+        self.at_states(py, q, [], (&[nv, nv], out), |kin, [], out| {
             // A symmetric matrix has the same entries in the order of C and of Fortran.
             kin.mass_matrix_into(&mut nalgebra::DMatrixViewMut::from_slice(out, nv, nv));
             Ok(())
@@ -88,20 +92,20 @@ impl Chain {
     fn jacobian<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
         frame: &str,
-        point: Option<&Bound<'py, PyAny>>,
+        point: Maybe<'_, 'py>,
         full: bool,
-        out: Option<&Bound<'py, PyAny>>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, nv, frame_id) = (self.q(q)?, self.chain.nv(), self.frame(frame)?);
+        let (nv, frame_id) = (self.chain.nv(), self.frame(frame)?);
         if full && point.is_some() {
             let message = "full=True gives the Jacobian of the frame's origin: leave point out";
             return Err(pyo3::exceptions::PyTypeError::new_err(message));
         }
         let point = self.point(frame, point)?;
         let rows = if full { 6 } else { 3 };
-        self.at_states(py, (&q, q.count()), &[rows, nv], out, |kin, _, out| {
+        self.at_states(py, q, [], (&[rows, nv], out), |kin, [], out| {
             if full {
                 by_rows(&kin.geometric_jacobian(frame_id), out);
             } else {
@@ -119,12 +123,12 @@ impl Chain {
     fn pose<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
         frame: &str,
-        out: Option<&Bound<'py, PyAny>>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, frame) = (self.q(q)?, self.frame(frame)?);
-        self.at_states(py, (&q, q.count()), &[4, 4], out, |kin, _, out| {
+        let frame = self.frame(frame)?;
+        self.at_states(py, q, [], (&[4, 4], out), |kin, [], out| {
             let pose = kin.pose(frame);
             for i in 0..3 {
                 (0..3).for_each(|k| out[4 * i + k] = pose.rotation[(i, k)]);
@@ -140,13 +144,13 @@ impl Chain {
     fn position<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
         frame: &str,
-        point: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        point: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, point) = (self.q(q)?, self.point(frame, point)?);
-        self.at_states(py, (&q, q.count()), &[3], out, |kin, _, out| {
+        let point = self.point(frame, point)?;
+        self.at_states(py, q, [], (&[3], out), |kin, [], out| {
             out.copy_from_slice(kin.position(point).as_slice());
             Ok(())
         })
@@ -160,17 +164,14 @@ impl Chain {
     fn bias<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        gravity: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        gravity: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, qd, gravity) = (self.q(q)?, self.v("qd", qd)?, free_fall(gravity)?);
-        let count = together(&[("q", &q), ("qd", &qd)])?;
-        let rates = qd.plain();
-        self.at_states(py, (&q, count), &[self.chain.nv()], out, |kin, k, out| {
-            kin.chain().check_v("qd", rates.row(k))?;
-            out.copy_from_slice(kin.bias(rates.row(k), gravity)?.as_slice());
+        let gravity = free_fall(gravity)?;
+        self.at_states(py, q, [("qd", qd)], (&[self.chain.nv()], out), |kin, [qd], out| {
+            out.copy_from_slice(kin.bias(qd, gravity)?.as_slice());
             Ok(())
         })
     }
@@ -184,19 +185,16 @@ impl Chain {
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        qdd: &Bound<'py, PyAny>,
-        gravity: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        qdd: Given<'_, 'py>,
+        gravity: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, qd, qdd, gravity) = (self.q(q)?, self.v("qd", qd)?, self.v("qdd", qdd)?, free_fall(gravity)?);
-        let count = together(&[("q", &q), ("qd", &qd), ("qdd", &qdd)])?;
-        let (rates, accelerations) = (qd.plain(), qdd.plain());
-        self.at_states(py, (&q, count), &[self.chain.nv()], out, |kin, k, out| {
-            kin.chain().check_v("qd", rates.row(k))?;
-            kin.chain().check_v("qdd", accelerations.row(k))?;
-            kin.inverse_dynamics_into(rates.row(k), accelerations.row(k), gravity, out)
+        let gravity = free_fall(gravity)?;
+        let vectors = [("qd", qd), ("qdd", qdd)];
+        self.at_states(py, q, vectors, (&[self.chain.nv()], out), |kin, [qd, qdd], out| {
+            kin.inverse_dynamics_into(qd, qdd, gravity, out)
         })
     }
 
@@ -212,22 +210,17 @@ impl Chain {
     fn forward_dynamics<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        tau: Option<&Bound<'py, PyAny>>,
-        gravity: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        tau: Maybe<'_, 'py>,
+        gravity: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let nv = self.chain.nv();
         let zero = array(py, vec![0.0; nv], &[nv])?;
-        let (q, qd, tau) = (self.q(q)?, self.v("qd", qd)?, self.v("tau", tau.unwrap_or(&zero))?);
-        let gravity = free_fall(gravity)?;
-        let count = together(&[("q", &q), ("qd", &qd), ("tau", &tau)])?;
-        let (rates, forces) = (qd.plain(), tau.plain());
-        self.at_states(py, (&q, count), &[nv], out, |kin, k, out| {
-            kin.chain().check_v("qd", rates.row(k))?;
-            kin.chain().check_v("tau", forces.row(k))?;
-            kin.forward_dynamics_into(rates.row(k), forces.row(k), gravity, out)
+        let (vectors, gravity) = ([("qd", qd), ("tau", tau.unwrap_or(&zero))], free_fall(gravity)?);
+        self.at_states(py, q, vectors, (&[nv], out), |kin, [qd, tau], out| {
+            kin.forward_dynamics_into(qd, tau, gravity, out)
         })
     }
 
@@ -239,13 +232,13 @@ impl Chain {
     fn delassus<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
         frame: &str,
-        point: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        point: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, point) = (self.q(q)?, self.point(frame, point)?);
-        self.at_states(py, (&q, q.count()), &[3, 3], out, |kin, _, out| {
+        let point = self.point(frame, point)?;
+        self.at_states(py, q, [], (&[3, 3], out), |kin, [], out| {
             let response = kin.contact(point, Vector3::zeros(), &[])?;
             (0..9).for_each(|k| out[k] = response.delassus[k % 3][k / 3]);
             Ok(())
@@ -261,18 +254,18 @@ impl Chain {
     fn effective_mass<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
         frame: &str,
-        normal: &Bound<'py, PyAny>,
-        point: Option<&Bound<'py, PyAny>>,
-        out: Option<&Bound<'py, PyAny>>,
+        normal: Given<'_, 'py>,
+        point: Maybe<'_, 'py>,
+        out: Maybe<'_, 'py>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (q, point, given) = (self.q(q)?, self.point(frame, point)?, vector("normal", normal)?);
+        let (point, given) = (self.point(frame, point)?, vector("normal", normal)?);
         let Some(normal) = Vector3::from(given).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite())) else {
             let length = Vector3::from(given).norm();
             return Err(raise(ChainError::NoDirection { given: given.to_vec(), length }));
         };
-        self.at_states(py, (&q, q.count()), &[], out, |kin, _, out| {
+        self.at_states(py, q, [], (&[], out), |kin, [], out| {
             let response = kin.contact(point, normal, &[])?;
             out[0] = if response.moves() { 1.0 / response.mobility } else { f64::INFINITY };
             Ok(())
@@ -287,19 +280,17 @@ impl Chain {
     fn energies<'py>(
         &self,
         py: Python<'py>,
-        q: &Bound<'py, PyAny>,
-        qd: &Bound<'py, PyAny>,
-        gravity: Option<&Bound<'py, PyAny>>,
+        q: Given<'_, 'py>,
+        qd: Given<'_, 'py>,
+        gravity: Maybe<'_, 'py>,
     ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let (q, qd, gravity) = (self.q(q)?, self.v("qd", qd)?, free_fall(gravity)?);
-        let count = together(&[("q", &q), ("qd", &qd)])?;
-        let rates = qd.plain();
-        let kinetic = self.at_states(py, (&q, count), &[], None, |kin, k, out| {
-            kin.chain().check_v("qd", rates.row(k))?;
-            out[0] = kin.kinetic_energy(rates.row(k))?;
+        let gravity = free_fall(gravity)?;
+        let kinetic = self.at_states(py, q, [("qd", qd)], (&[], None), |kin, [qd], out| {
+            out[0] = kin.kinetic_energy(qd)?;
             Ok(())
         })?;
-        let potential = self.at_states(py, (&q, count), &[], None, |kin, _, out| {
+        // With qd, so that both have the length of a batch of velocities at one configuration.
+        let potential = self.at_states(py, q, [("qd", qd)], (&[], None), |kin, _, out| {
             out[0] = kin.potential_energy(gravity);
             Ok(())
         })?;

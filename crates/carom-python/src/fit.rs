@@ -204,7 +204,7 @@ pub fn fit_joints(
     let own = chain.get();
     let (q, before, after) = (own.q(q)?, own.v("qd_minus", qd_minus)?, own.v("qd_plus", qd_plus)?);
     let (frame, offset, normal) = (own.frame(frame)?, offset(point)?, vector("normal", normal)?);
-    let count = crate::array::together(&[("q", &q), ("qd_minus", &before), ("qd_plus", &after)])?;
+    let count = crate::array::together([("q", &q), ("qd_minus", &before), ("qd_plus", &after)])?;
     let Some(count) = count else {
         return Err(PyTypeError::new_err(
             "q, qd_minus and qd_plus are one impact: give batches (N, nq), (N, nv), (N, nv)",

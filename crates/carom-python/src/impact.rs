@@ -69,7 +69,7 @@ impl Joints {
     }
 }
 
-/// What is computed beside the impact.
+/// What is to be computed beside the impact.
 #[derive(Clone, Copy)]
 pub struct Wanted {
     pub derivatives: bool,
@@ -82,6 +82,12 @@ pub struct Wanted {
 #[pyclass(frozen, module = "carom")]
 pub struct Impact {
     pub hit: ChainImpact,
+    /// Most calls do not want it: a small object is made faster.
+    more: Option<Box<More>>,
+}
+
+/// What is computed beside the impact.
+struct More {
     derivatives: Option<Derivatives>,
     band: Option<ImpactBand>,
     saltation: Option<Saltation>,
@@ -97,13 +103,17 @@ pub struct Derivatives {
 
 impl Impact {
     pub fn of_event(hit: ChainImpact) -> Self {
-        Self { hit, derivatives: None, band: None, saltation: None }
+        Self { hit, more: None }
     }
 
     /// Computes what is wanted at one state.
-    pub fn compute(strike: &Strike<'_>, law: &GivenLaw, wanted: &Wanted) -> Result<Self, carom_sim::SimError> {
+    pub fn compute(strike: Strike<'_>, law: &GivenLaw, wanted: &Wanted) -> Result<Self, carom_sim::SimError> {
         let law = law.in_space();
-        let (hit, derivatives) = if wanted.derivatives {
+        let Wanted { derivatives, band, saltation } = wanted;
+        if !derivatives && band.is_none() && saltation.is_none() {
+            return Ok(Self { hit: strike.resolve(law)?, more: None });
+        }
+        let (hit, derivatives) = if *derivatives {
             let ImpactDerivative { hit, q, qd, restitution, friction } = strike.clone().derivative(law)?;
             let vector = |v: nalgebra::DVector<f64>| v.as_slice().to_vec();
             let own = Derivatives { q, qd, restitution: vector(restitution), friction: vector(friction) };
@@ -111,13 +121,13 @@ impl Impact {
         } else {
             (strike.clone().resolve(law)?, None)
         };
-        let band = wanted.band.map(|ranges| strike.clone().band(law, &ranges)).transpose()?;
-        let saltation = wanted.saltation.map(|gravity| strike.clone().saltation(law, gravity)).transpose()?;
-        Ok(Self { hit, derivatives, band, saltation })
+        let band = band.map(|ranges| strike.clone().band(law, &ranges)).transpose()?;
+        let saltation = saltation.map(|gravity| strike.saltation(law, gravity)).transpose()?;
+        Ok(Self { hit, more: Some(Box::new(More { derivatives, band, saltation })) })
     }
 
     pub fn by(&self) -> Option<&Derivatives> {
-        self.derivatives.as_ref()
+        self.more.as_ref()?.derivatives.as_ref()
     }
 }
 
@@ -231,7 +241,7 @@ impl Impact {
     /// of shape (nv,). Column k of "q" is the derivative along the motion with unit qd[k]. Else None.
     #[getter]
     fn derivatives<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(by) = &self.derivatives else { return Ok(None) };
+        let Some(by) = self.by() else { return Ok(None) };
         let dict = PyDict::new(py);
         dict.set_item("q", matrix(py, &by.q)?)?;
         dict.set_item("qd", matrix(py, &by.qd)?)?;
@@ -244,7 +254,7 @@ impl Impact {
     /// shape (3, 2), "exact" (False: sampled, possibly too narrow) and "evaluations". Else None.
     #[getter]
     fn band<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(band) = &self.band else { return Ok(None) };
+        let Some(band) = self.more.as_ref().and_then(|more| more.band.as_ref()) else { return Ok(None) };
         let pairs = |pairs: &[[f64; 2]]| array(py, pairs.concat(), &[pairs.len(), 2]);
         let dict = PyDict::new(py);
         dict.set_item("qd_plus", pairs(&band.qd_plus)?)?;
@@ -260,7 +270,7 @@ impl Impact {
     /// Else None.
     #[getter]
     fn saltation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(found) = &self.saltation else { return Ok(None) };
+        let Some(found) = self.more.as_ref().and_then(|more| more.saltation.as_ref()) else { return Ok(None) };
         let dict = PyDict::new(py);
         dict.set_item("matrix", matrix(py, &found.matrix)?)?;
         dict.set_item("closing", found.closing)?;
@@ -327,7 +337,7 @@ impl Chain {
         let saltation = if saltation { Some(free_fall(gravity)?.into()) } else { None };
         let band = band.map(|(restitution, friction)| CoefficientRanges { restitution, friction });
         let wanted = Wanted { derivatives, band, saltation };
-        let count = crate::array::together(&[("q", &q), ("qd", &qd)])?;
+        let count = crate::array::together([("q", &q), ("qd", &qd)])?;
         if count.is_some() && (wanted.band.is_some() || wanted.saltation.is_some()) {
             return Err(PyTypeError::new_err(
                 "band and saltation need one state: call impact for each state of the batch",
@@ -341,7 +351,7 @@ impl Chain {
             };
             let one = |law: &GivenLaw| -> PyResult<Bound<'py, PyAny>> {
                 if still {
-                    let hit = Impact::compute(&strike(0), law, &wanted).map_err(|e| law.raise(raise(e)))?;
+                    let hit = Impact::compute(strike(0), law, &wanted).map_err(|e| law.raise(raise(e)))?;
                     return Ok(Bound::new(py, hit)?.into_any());
                 }
                 let found =

@@ -126,7 +126,7 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
         for k in 0..piece.codes.len() / 2 {
             let state = first + k;
             if derivatives {
-                let found = Impact::compute(&strike(state), law, &wanted).map_err(own(state))?;
+                let found = Impact::compute(strike(state), law, &wanted).map_err(own(state))?;
                 piece.write(k, &found.hit);
                 piece.write_derivatives(k, &found);
                 continue;

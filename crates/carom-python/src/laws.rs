@@ -1,6 +1,7 @@
 //! Impact laws: the eight laws of carom as classes, and laws written in Python.
 
 use crate::array::{Numbers, array, numpy};
+use crate::callable::Callable;
 use crate::error::{Raise, exceptions};
 use carom_impact::{AnyLaw, Brach, Coefficients, ImpactError, ImpactOutcome, ImpactProblem, Law};
 use carom_sim::ContactLaw;
@@ -242,11 +243,10 @@ pub struct PythonLaw {
     friction: f64,
 }
 
-/// The function, with the exception that it has raised last.
+/// The function with the name of its law.
 pub struct Own {
-    function: Py<PyAny>,
+    function: Callable,
     name: &'static str,
-    raised: Mutex<Option<PyErr>>,
 }
 
 #[pymethods]
@@ -254,15 +254,11 @@ impl PythonLaw {
     #[new]
     #[pyo3(signature = (function, restitution=0.0, friction=0.0, name=None))]
     fn new(function: &Bound<'_, PyAny>, restitution: f64, friction: f64, name: Option<String>) -> PyResult<Self> {
-        if !function.is_callable() {
-            return Err(PyTypeError::new_err("function cannot be called: give a function of H and u"));
-        }
-        let own = |name: &str| function.getattr(name).and_then(|name| name.extract::<String>());
-        let name = name.or_else(|| own("__name__").ok()).unwrap_or_else(|| "python".into());
+        let (function, own) = Callable::new(function, "H and u")?;
         // The coefficients have the rules of those of the laws of carom.
         known("", AnyLaw::from(carom_impact::Energetic { restitution, friction }), &[])?;
-        let own = Own { function: function.clone().unbind(), name: kept(name), raised: Mutex::default() };
-        Ok(Self { own: Arc::new(own), restitution, friction })
+        let own = Arc::new(Own { function, name: kept(name.unwrap_or(own)) });
+        Ok(Self { own, restitution, friction })
     }
 
     /// Name of the law.
@@ -301,22 +297,6 @@ fn kept(name: String) -> &'static str {
     name
 }
 
-impl Own {
-    fn call<const D: usize>(&self, problem: &ImpactProblem<f64, D>) -> PyResult<SVector<f64, D>> {
-        Python::attach(|py| {
-            let h = array(py, problem.delassus().as_slice().to_vec(), &[D, D])?;
-            let u = array(py, problem.u_minus().as_slice().to_vec(), &[D])?;
-            let impulse = self.function.bind(py).call1((h, u))?;
-            let numbers = Numbers::read("the impulse of the law", &impulse)?;
-            let found = <[f64; D]>::try_from(numbers.slice()).map_err(|_| {
-                let shape = crate::array::shown(numbers.shape());
-                PyTypeError::new_err(format!("the impulse of the law has the shape {shape}: ({D},) is needed"))
-            })?;
-            Ok(SVector::from(found))
-        })
-    }
-}
-
 impl<const D: usize> Law<f64, D> for Own {
     fn name(&self) -> &'static str {
         self.name
@@ -326,14 +306,15 @@ impl<const D: usize> Law<f64, D> for Own {
         if problem.approach_speed() <= 0.0 {
             return ImpactOutcome::of_impulse(self.name, problem, SVector::zeros());
         }
-        match self.call(problem) {
-            Ok(impulse) => ImpactOutcome::of_impulse(self.name, problem, impulse),
-            Err(raised) => {
-                let reason = raised.to_string();
-                *self.raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(raised);
-                Err(ImpactError::UsersLaw { law: self.name, reason })
-            }
-        }
+        let arguments = |py: Python<'_>| {
+            let h = array(py, problem.delassus().as_slice().to_vec(), &[D, D])?;
+            let u = array(py, problem.u_minus().as_slice().to_vec(), &[D])?;
+            Ok((h.unbind(), u.unbind()))
+        };
+        let mut impulse = SVector::<f64, D>::zeros();
+        let done = self.function.call("the impulse of the law", arguments, impulse.as_mut_slice());
+        done.map_err(|reason| ImpactError::UsersLaw { law: self.name, reason })?;
+        ImpactOutcome::of_impulse(self.name, problem, impulse)
     }
 }
 
@@ -405,14 +386,17 @@ impl GivenLaw {
         }
     }
 
-    /// The exception that the function of a law has raised; `error` if there is none.
-    pub fn raise(&self, error: PyErr) -> PyErr {
+    /// Takes the exception that the function of the law has raised last.
+    pub fn raised(&self) -> Option<PyErr> {
         match self {
-            Self::Known(_) => error,
-            Self::Python(own, _) => {
-                own.raised.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take().unwrap_or(error)
-            }
+            Self::Known(_) => None,
+            Self::Python(own, _) => own.function.raised(),
         }
+    }
+
+    /// The exception that the function of the law has raised; `error` if there is none.
+    pub fn raise(&self, error: PyErr) -> PyErr {
+        self.raised().unwrap_or(error)
     }
 }
 

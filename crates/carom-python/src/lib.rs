@@ -1,14 +1,16 @@
 //! The Python package of carom: impacts of kinematic chains, scenes, maps and fits on NumPy arrays.
 //!
-//! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `chain`, `order` and
-//! `dynamics` (the class `Chain`), `laws` and `outcome` (laws on
-//! plain numbers), `impact` and `impacts` (one impact, a batch of impacts), `diagram`, `table`, `scene` and `run`
-//! (simulations), `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
+//! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `callable` (functions of
+//! Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
+//! `impacts` (one impact, a batch of impacts), `diagram`, `table`, `controller`, `scene`, `run` and `session` (simulations),
+//! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
 mod array;
 mod batch;
+mod callable;
 mod chain;
+mod controller;
 mod diagram;
 mod dynamics;
 mod error;
@@ -20,6 +22,7 @@ mod order;
 mod outcome;
 mod run;
 mod scene;
+mod session;
 mod study;
 mod table;
 mod text;
@@ -48,6 +51,8 @@ mod _carom {
     use crate::run::{Run, RunEvent, can_record, record};
     #[pymodule_export]
     use crate::scene::Scene;
+    #[pymodule_export]
+    use crate::session::{Session, SessionState};
     #[pymodule_export]
     use crate::study::{Study, map};
     #[pymodule_export]

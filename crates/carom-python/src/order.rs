@@ -199,6 +199,6 @@ fn converted<'py>(
     };
     let changed = all(q, nq, &write_q)?;
     let Some(v) = v else { return Ok(changed) };
-    together(&[("q", q), ("v", v)])?;
+    together([("q", q), ("v", v)])?;
     Ok((changed, all(v, nv, &write_v)?).into_pyobject(py)?.into_any())
 }

@@ -5,7 +5,7 @@ use crate::chain::Chain;
 use crate::error::exceptions;
 use crate::impact::Impact;
 use crate::table::Table;
-use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Seen, Simulation, Summary};
+use carom_sim::{ContactState, EnergyBooks, Event, EventKind, Moment, Plan, Seen, Simulation, Summary};
 use carom_study::Column;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -76,6 +76,40 @@ fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
     }
 }
 
+/// Lasting contacts at some times as a table.
+pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a [ContactState])>) -> Table {
+    const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
+    let mut columns = vec![
+        Column::number("time"),
+        Column::word("contact", sim.touches.iter().map(|it| &it.name).chain([&String::new()])),
+        Column::word("mode", MODES),
+    ];
+    let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
+    columns.extend(numbers.map(Column::number));
+    let mut table = Table::new(columns);
+    for (time, states) in told {
+        for state in states {
+            let mode = MODES.iter().position(|mode| *mode == state.mode.name());
+            let head = [time, state.touch as f64, mode.map_or(f64::NAN, |k| k as f64)];
+            let place = state.point.iter().chain(state.normal.iter()).chain([&state.gap]);
+            table.push(head.iter().chain(place).chain(state.force.iter()).chain([&state.normal_force]).copied());
+        }
+    }
+    table
+}
+
+/// The energy balance as a dict.
+pub fn energy_dict<'py>(py: Python<'py>, energy: &EnergyBooks) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("start", energy.start)?;
+    dict.set_item("end", energy.end)?;
+    dict.set_item("drive", energy.drive)?;
+    dict.set_item("resistance", energy.resistance)?;
+    dict.set_item("lost_in_impacts", energy.impacts)?;
+    dict.set_item("error", energy.error())?;
+    Ok(dict)
+}
+
 #[pymethods]
 impl Run {
     /// The simulated robot.
@@ -107,13 +141,7 @@ impl Run {
     /// The events in the order of time, a list of Event.
     #[getter]
     fn events(&self) -> Vec<RunEvent> {
-        let sim = &self.plan.simulation;
-        let one = |event: &Event| RunEvent {
-            event: event.clone(),
-            contact: contact(sim, &event.kind).map(str::to_owned),
-            blows: event.blows.iter().map(|blow| sim.touches[blow.touch].name.clone()).collect(),
-        };
-        self.all_events().map(one).collect()
+        self.all_events().map(|event| RunEvent::of(&self.plan.simulation, event.clone())).collect()
     }
 
     /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
@@ -168,25 +196,13 @@ impl Run {
     /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit).
     #[getter]
     fn contacts(&self) -> Table {
-        const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
-        let mut columns = vec![
-            Column::number("time"),
-            Column::word("contact", self.plan.simulation.touches.iter().map(|it| &it.name).chain([&String::new()])),
-            Column::word("mode", MODES),
-        ];
-        let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
-        columns.extend(numbers.map(Column::number));
-        let mut table = Table::new(columns);
-        for told in &self.told {
-            let Told::Contacts(time, states) = told else { continue };
-            for state in states {
-                let mode = MODES.iter().position(|mode| *mode == state.mode.name());
-                let head = [*time, state.touch as f64, mode.map_or(f64::NAN, |k| k as f64)];
-                let place = state.point.iter().chain(state.normal.iter()).chain([&state.gap]);
-                table.push(head.iter().chain(place).chain(state.force.iter()).chain([&state.normal_force]).copied());
-            }
-        }
-        table
+        let told = self.told.iter();
+        contact_table(
+            &self.plan.simulation,
+            told.filter_map(
+                |told| if let Told::Contacts(time, states) = told { Some((*time, &states[..])) } else { None },
+            ),
+        )
     }
 
     /// Why the run has ended: "duration" or "events".
@@ -211,15 +227,7 @@ impl Run {
     /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.
     #[getter]
     fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let energy = &self.summary.energy;
-        let dict = PyDict::new(py);
-        dict.set_item("start", energy.start)?;
-        dict.set_item("end", energy.end)?;
-        dict.set_item("drive", energy.drive)?;
-        dict.set_item("resistance", energy.resistance)?;
-        dict.set_item("lost_in_impacts", energy.impacts)?;
-        dict.set_item("error", energy.error())?;
-        Ok(dict)
+        energy_dict(py, &self.summary.energy)
     }
 
     /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, worst_residual,
@@ -258,6 +266,15 @@ pub struct RunEvent {
     blows: Vec<String>,
 }
 
+impl RunEvent {
+    /// An event of this simulation.
+    pub fn of(sim: &Simulation, event: Event) -> Self {
+        let contact = contact(sim, &event.kind).map(str::to_owned);
+        let blows = event.blows.iter().map(|blow| sim.touches[blow.touch].name.clone()).collect();
+        Self { event, contact, blows }
+    }
+}
+
 #[pymethods]
 impl RunEvent {
     /// Time, s.
@@ -266,7 +283,8 @@ impl RunEvent {
         self.event.time
     }
 
-    /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "rest", or the new contact mode.
+    /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "stepping", "rest", or the new
+    /// contact mode.
     #[getter]
     fn kind(&self) -> &'static str {
         self.event.kind.name()

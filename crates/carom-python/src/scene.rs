@@ -2,11 +2,13 @@
 
 use crate::array::array;
 use crate::chain::Chain;
+use crate::controller::PythonController;
 use crate::error::raise;
 use crate::laws::GivenLaw;
 use crate::run::Run;
+use crate::session::Session;
 use crate::text::toml_text;
-use carom_sim::{Bounded, Decision, Sampling, Seen};
+use carom_sim::{Bounded, Decision, Sampling, Seen, SimError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -22,13 +24,34 @@ const SAMPLE: f64 = 0.004;
 #[pyclass(frozen, module = "carom")]
 pub struct Scene {
     pub scene: Arc<carom_sim::Scene>,
-    /// The laws in Python, whose exceptions a run passes on.
+    functions: Functions,
+}
+
+/// The functions in Python that a scene calls.
+#[derive(Clone, Default)]
+pub struct Functions {
     laws: Vec<GivenLaw>,
+    controller: Option<PythonController>,
+}
+
+impl Functions {
+    /// The result of a simulation, or the exception that a function has raised in it.
+    ///
+    /// # Errors
+    /// The exception, or else that of the error of the simulation.
+    pub fn pass<T>(&self, done: Result<T, SimError>) -> PyResult<T> {
+        let controller = self.controller.as_ref().and_then(PythonController::raised);
+        // All are taken, so that none is left for a later run.
+        match self.laws.iter().filter_map(GivenLaw::raised).chain(controller).reduce(|first, _| first) {
+            Some(raised) => Err(raised),
+            None => done.map_err(raise),
+        }
+    }
 }
 
 impl From<carom_sim::Scene> for Scene {
     fn from(scene: carom_sim::Scene) -> Self {
-        Self { scene: Arc::new(scene), laws: Vec::new() }
+        Self { scene: Arc::new(scene), functions: Functions::default() }
     }
 }
 
@@ -38,7 +61,7 @@ impl Scene {
     }
 
     fn other(&self, scene: carom_sim::Scene) -> Self {
-        Self { scene: Arc::new(scene), laws: self.laws.clone() }
+        Self { scene: Arc::new(scene), functions: self.functions.clone() }
     }
 }
 
@@ -130,7 +153,7 @@ impl Scene {
 
     /// The same scene with another duration, s.
     fn with_duration(&self, duration: f64) -> Self {
-        Self { scene: Arc::new(carom_sim::Scene { duration, ..(*self.scene).clone() }), laws: self.laws.clone() }
+        self.other(carom_sim::Scene { duration, ..(*self.scene).clone() })
     }
 
     /// The same scene with another impact law at its contacts with surfaces and between links.
@@ -163,8 +186,32 @@ impl Scene {
         }
         let mut other = self.other(scene);
         if law.is_python() {
-            other.laws.push(law);
+            other.functions.laws.push(law);
         }
+        Ok(other)
+    }
+
+    /// The same scene with motors that a function in Python drives, instead of the controllers of the scene.
+    ///
+    /// Args:
+    ///     function: called as `function(time, q, qd)` with the time in s and arrays of shapes (nq,) and (nv,) of the whole chain
+    ///         (`scene.chain`); returns the joint forces, shape (nv,), N m and N. The entries of floating and planar joints are
+    ///         not used: no motor drives them.
+    ///     rate: calls per second, from the start on; the forces are constant between the calls. None: the forces are a
+    ///         continuous function of time and state. The integrator then calls the function some hundred to some thousand times
+    ///         for each simulated second, also at states that it tries and rejects, so the function must not remember earlier
+    ///         calls. A call costs some microseconds and holds the GIL.
+    ///
+    /// Raises:
+    ///     TypeError: function cannot be called.
+    ///     ValueError: a rate that is not positive.
+    #[pyo3(signature = (function, *, rate=None))]
+    fn with_controller(&self, function: &Bound<'_, PyAny>, rate: Option<f64>) -> PyResult<Self> {
+        let controller = PythonController::new(function, rate)?;
+        let mut scene = (*self.scene).clone();
+        (scene.simulation.drive, scene.simulation.after_impact) = (controller.drive(), None);
+        let mut other = self.other(scene);
+        other.functions.controller = Some(controller);
         Ok(other)
     }
 
@@ -198,31 +245,46 @@ impl Scene {
         Ok(dict)
     }
 
-    /// Simulates the scene from event to event. The GIL is released, except while a law in Python is called.
+    /// Simulates the scene from event to event. The GIL is released, except while a function in Python is called.
     ///
     /// Args:
     ///     sample: time between samples, s; by default that of the scene, or 0.004 s.
     ///
     /// Raises:
-    ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law in Python are passed on.
+    ///     SimulationError: an overlap at the start, a motion that cannot be continued. Exceptions of a law or a controller in
+    ///         Python are passed on as they are.
     #[pyo3(signature = (*, sample=None))]
     fn simulate(&self, py: Python<'_>, sample: Option<f64>) -> PyResult<Run> {
-        let every = sample.or(self.scene.sample).unwrap_or(SAMPLE);
+        let sampling = Sampling { every: Some(sample.or(self.scene.sample).unwrap_or(SAMPLE)), dense: false };
+        let rated = self.functions.controller.as_ref().and_then(|it| Some((it, it.rate()?)));
         let done = py.detach(|| {
             let plan = self.scene.plan()?;
-            let mut seen = Vec::new();
-            let sampling = Sampling { every: Some(every), dense: false };
-            let summary =
-                plan.stream(self.scene.duration, sampling, &mut |it: Seen| seen.extend(crate::run::Told::of(&it)))?;
+            let (mut seen, duration) = (Vec::new(), self.scene.duration);
+            let watch = &mut |it: Seen| seen.extend(crate::run::Told::of(&it));
+            let summary = match rated {
+                Some((controller, rate)) => controller.run((&plan, rate), duration, sampling, watch)?,
+                None => plan.stream(duration, sampling, watch)?,
+            };
             Ok((plan, seen, summary))
         });
-        match done {
-            Ok((plan, seen, summary)) => Ok(Run::new(self.scene.clone(), plan, seen, summary)),
-            Err(error) => {
-                let error = raise::<carom_sim::SimError>(error);
-                Err(self.laws.iter().fold(error, |error, law| law.raise(error)))
-            }
+        let (plan, seen, summary) = self.functions.pass(done)?;
+        Ok(Run::new(self.scene.clone(), plan, seen, summary))
+    }
+
+    /// Starts a Session: a simulation that a loop of one's own advances.
+    ///
+    /// Raises:
+    ///     SimulationError: an overlap at the start.
+    ///     ValueError: the scene has a controller with a rate.
+    fn session(&self, py: Python<'_>) -> PyResult<Session> {
+        if self.functions.controller.as_ref().is_some_and(|it| it.rate().is_some()) {
+            return Err(PyValueError::new_err(
+                "the scene has a controller with a rate, but in a session your loop samples: start the session of the scene \
+                 without it, and set the joint forces with set_forces",
+            ));
         }
+        let session = py.detach(|| self.scene.plan()?.start());
+        Ok(Session::new(self.functions.pass(session)?, self.functions.clone()))
     }
 
     fn __repr__(&self) -> String {

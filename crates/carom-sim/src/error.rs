@@ -155,6 +155,14 @@ pub enum SimError {
         /// The problem and what to do.
         problem: String,
     },
+    /// A user's own [`Controller`](crate::Controller) has failed.
+    #[error("controller '{controller}': {reason}")]
+    UsersController {
+        /// Name of the controller.
+        controller: String,
+        /// What it says.
+        reason: String,
+    },
     /// The force of a rigid contact was requested.
     #[error("{touch} is a rigid contact, which has impulses and no force: give it a compliance")]
     Rigid {

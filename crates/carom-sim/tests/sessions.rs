@@ -4,7 +4,9 @@ use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
-use carom_sim::{ContactRule, EventKind, Scene, Session, Simulation, Surface, Touch};
+use carom_sim::{
+    ContactRule, EventKind, Moment, Sampling, Scene, Seen, Session, Simulation, StopReason, Surface, Touch,
+};
 use nalgebra::Vector3;
 
 const G: f64 = 9.81;
@@ -57,6 +59,40 @@ fn a_run_in_pieces_is_the_whole_run() {
         }
         let (a, b) = (session.energy().unwrap(), whole.summary.energy);
         assert!((a.impacts - b.impacts).abs() < 1e-6 * b.start.abs().max(1.0), "{name}: {a:?} {b:?}");
+    }
+}
+
+/// The moments of a run in pieces are those of the run in one piece, each once, also at the ends of the pieces and at rest.
+#[test]
+fn a_run_in_pieces_has_each_moment_once() {
+    let falls = |e| (ball(e, 0.2), [0.0, 0.1], [0.5, 0.0]);
+    for (sim, q, qd) in [falls(0.7), falls(0.0)] {
+        let sampling = Sampling { every: Some(0.01), dense: false };
+        let collect = |moments: &mut Vec<Moment>, seen: Seen| {
+            if let Seen::Moment(moment) = seen {
+                moments.push(moment.clone());
+            }
+        };
+        let mut whole = Vec::new();
+        let summary = sim.stream(&q, &qd, 1.0, sampling, &mut |seen| collect(&mut whole, seen)).unwrap();
+        let mut session = sim.start(&q, &qd).unwrap();
+        let mut pieces = Vec::new();
+        // Pieces that end at moments, up to rounding, and pieces that end between them.
+        for until in (1..=50).map(|k| f64::from(k) * 0.01).chain((1..=7).map(|k| 0.5 + f64::from(k) / 14.0)) {
+            let duration = until - session.time();
+            session.stream(duration, sampling, &mut |seen| collect(&mut pieces, seen)).unwrap();
+        }
+        let times = |moments: &[Moment]| moments.iter().map(|moment| moment.time).collect::<Vec<_>>();
+        assert_eq!(times(&pieces), times(&whole));
+        assert_eq!(whole.len(), 101);
+        for (a, b) in pieces.iter().zip(&whole) {
+            // Both integrate with a tolerance of 1e-11.
+            assert!((a.q[1] - b.q[1]).abs() < 1e-8 && (a.q[0] - b.q[0]).abs() < 1e-8, "{a:?} {b:?}");
+        }
+        let own = session.summary(StopReason::Duration).unwrap();
+        assert_eq!((own.events, own.mode.name(), own.stop), (summary.events, summary.mode.name(), summary.stop));
+        assert!((own.energy.impacts - summary.energy.impacts).abs() < 1e-8 && own.energy.error().abs() < 1e-9);
+        assert!((own.contacts.len() == summary.contacts.len()) && (own.last.q[1] - summary.last.q[1]).abs() < 1e-8);
     }
 }
 

@@ -21,7 +21,7 @@ use crate::contact::Compliance;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion};
-use crate::state::{Blow, Moment, Space};
+use crate::state::{Blow, Space};
 use std::collections::VecDeque;
 
 /// The state of a run.
@@ -73,18 +73,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let start = run.motion.energy(&run.y)?;
         run.begin()?;
         let stop = run.until_end(false)?;
-        let contacts = run.contacts()?;
-        let energy = run.books(start)?;
-        let (q, qd) = run.q_qd();
-        Ok(Summary {
-            last: Moment { time: run.time, q, qd },
-            mode: run.motion.mode(),
-            contacts,
-            stop,
-            events: run.events,
-            statistics: run.statistics,
-            energy,
-        })
+        run.summary(start, stop)
     }
 
     pub fn one_leg(&mut self) -> Result<(), SimError> {
@@ -394,6 +383,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if !rested {
             self.note(EventKind::Rest, &before, Vec::new());
         }
+        self.stay()
+    }
+
+    /// Stays at rest to the end.
+    pub fn stay(&mut self) -> Result<(), SimError> {
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
         let told = self.motion.told(start, &y)?;
         self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());

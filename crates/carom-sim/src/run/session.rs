@@ -2,7 +2,7 @@
 
 use super::events::Run;
 use super::stand::Stand;
-use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason};
+use super::trajectory::{EnergyBooks, Event, Sampling, Seen, StopReason, Summary};
 use crate::contact::ContactMode;
 use crate::error::SimError;
 use crate::model::{Drive, Simulation};
@@ -169,6 +169,29 @@ impl Session {
         self.go(longest, true)
     }
 
+    /// Advances by `duration` seconds and calls `watch` with every event, moment and segment, as [`Simulation::stream`] does.
+    /// The moments are those after the present time, up to the end; at the start of the session also that of the start.
+    ///
+    /// # Errors
+    /// As [`Session::advance`]; what was passed to `watch` before is then to be dropped.
+    pub fn stream(
+        &mut self,
+        duration: f64,
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<StopReason, SimError> {
+        self.pass(duration, false, sampling, watch)
+    }
+
+    /// The results so far, as those of a run that ends now for the reason `stop`.
+    ///
+    /// # Errors
+    /// [`SimError`] of the computation of forces and energies.
+    pub fn summary(&self, stop: StopReason) -> Result<Summary, SimError> {
+        let start = self.state.start;
+        self.ask(|run| run.summary(start, stop), |run| run.summary(start, stop))
+    }
+
     /// The state, for [`Session::restore`].
     pub fn save(&self) -> SessionState {
         self.state.clone()
@@ -204,27 +227,38 @@ impl Session {
     }
 
     fn go(&mut self, duration: f64, to_event: bool) -> Result<Advance, SimError> {
-        let moment = self.moment();
-        self.simulation.check(&moment.q, &moment.qd, duration, None)?;
-        let mut events = self.state.pending.clone();
-        if to_event && !events.is_empty() {
-            self.state.pending.clear();
-            return Ok(Advance { events, stop: StopReason::Duration });
-        }
-        let end = self.time() + duration;
-        let (changed, stand) = (self.state.changed, self.state.stand.clone());
+        let mut events = Vec::new();
         let watch = &mut |seen: Seen| {
             if let Seen::Event(event) = seen {
                 events.push(event.clone());
             }
         };
-        let sim = &self.simulation;
+        let stop = self.pass(duration, to_event, Sampling::default(), watch)?;
+        Ok(Advance { events, stop })
+    }
+
+    fn pass(
+        &mut self,
+        duration: f64,
+        to_event: bool,
+        sampling: Sampling,
+        watch: &mut dyn FnMut(Seen),
+    ) -> Result<StopReason, SimError> {
+        let moment = self.moment();
+        self.simulation.check(&moment.q, &moment.qd, duration, sampling.every)?;
+        self.state.pending.iter().for_each(|event| watch(Seen::Event(event)));
+        if to_event && !self.state.pending.is_empty() {
+            self.state.pending.clear();
+            return Ok(StopReason::Duration);
+        }
+        let go = (self.time() + duration, self.state.changed, to_event);
+        let (sim, stand) = (&self.simulation, self.state.stand.clone());
         let (stop, stand) = match &self.flat {
-            Some(model) => advance::<Planar<f64>>(sim, model, stand, (end, changed, to_event), watch)?,
-            None => advance::<Spatial<f64>>(sim, &sim.chain, stand, (end, changed, to_event), watch)?,
+            Some(model) => advance::<Planar<f64>>(sim, model, stand, go, sampling, watch)?,
+            None => advance::<Spatial<f64>>(sim, &sim.chain, stand, go, sampling, watch)?,
         };
         self.state = SessionState { stand, start: self.state.start, pending: Vec::new(), changed: false };
-        Ok(Advance { events, stop })
+        Ok(stop)
     }
 
     /// Asks a run that stands where the session does.
@@ -270,9 +304,10 @@ fn advance<A: Space>(
     model: &A::Model,
     stand: Stand,
     (end, changed, to_event): (f64, bool, bool),
+    sampling: Sampling,
     watch: &mut dyn FnMut(Seen),
 ) -> Result<(StopReason, Stand), SimError> {
-    let mut run = Run::<A>::resume(Motion::new(sim, model), stand, Sampling::default(), watch);
+    let mut run = Run::<A>::resume(Motion::new(sim, model), stand, sampling, watch);
     run.end = end;
     run.wake(changed)?;
     let stop = run.until_end(to_event)?;

@@ -3,11 +3,11 @@
 use super::events::Run;
 use super::leap::Leap;
 use super::leg::Sampler;
-use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason};
+use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ContactState, Kept, Motion, bristles};
-use crate::state::Space;
+use crate::state::{Moment, Space};
 use std::collections::VecDeque;
 
 /// Where a run stands: all that its further motion depends on, beside the simulation.
@@ -85,7 +85,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
         let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, leap } = stand;
         motion.keep(kept);
-        let count = sampling.every.map_or(0, |every| (time / every).ceil().max(0.0) as usize);
+        let count = sampling.every.map_or(0, |every| next_moment(time, every, time == motion.sim.start_time));
         let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
         Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting, leap }
     }
@@ -127,7 +127,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if changed {
             self.resting = false;
         } else if self.resting && self.is_steady() {
-            self.time = self.end;
+            return self.stay();
         }
         Ok(())
     }
@@ -137,10 +137,34 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if self.motion.stepping { Ok(self.stepped.clone()) } else { self.motion.told(self.time, &self.y) }
     }
 
+    /// The results so far, with the energy balance from a start with this energy.
+    pub fn summary(&mut self, start: f64, stop: StopReason) -> Result<Summary, SimError> {
+        let (contacts, energy, (q, qd)) = (self.contacts()?, self.books(start)?, self.q_qd());
+        Ok(Summary {
+            last: Moment { time: self.time, q, qd },
+            mode: self.motion.mode(),
+            contacts,
+            stop,
+            events: self.events,
+            statistics: self.statistics,
+            energy,
+        })
+    }
+
     /// The energy balance from a start with this energy.
     pub fn books(&mut self, start: f64) -> Result<EnergyBooks, SimError> {
         let end = self.motion.energy(&self.y)?;
         let work = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
         Ok(EnergyBooks { start, end, drive: self.y[work], resistance: self.y[work + 1], impacts: self.lost })
     }
+}
+
+/// Number of the next moment after `time`, at multiples of `every`; of the one at `time` itself if it is `included`.
+fn next_moment(time: f64, every: f64, included: bool) -> usize {
+    let mut count = (time / every).floor().max(0.0) as usize;
+    let passed = |count: usize| if included { (count as f64) * every < time } else { count as f64 * every <= time };
+    while passed(count) {
+        count += 1;
+    }
+    count
 }

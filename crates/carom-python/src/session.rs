@@ -1,0 +1,166 @@
+//! A simulation that a loop in Python advances.
+
+use crate::array::array;
+use crate::chain::Chain;
+use crate::error::{exceptions, raise};
+use crate::run::{RunEvent, contact_table, energy_dict};
+use crate::scene::Functions;
+use crate::table::Table;
+use carom_sim::{Advance, SimError, StopReason};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A simulation that a loop advances: read state and contacts, set joint forces, advance. Made by `Scene.session`.
+///
+/// q and qd have the coordinates of `session.chain`, the reduced chain of the scene's plan. One thread at a time may use a session.
+#[pyclass(module = "carom")]
+pub struct Session {
+    session: carom_sim::Session,
+    chain: Chain,
+    functions: Functions,
+}
+
+impl Session {
+    pub fn new(session: carom_sim::Session, functions: Functions) -> Self {
+        let chain = session.chain().clone().into();
+        Self { session, chain, functions }
+    }
+
+    fn go(
+        &mut self,
+        py: Python<'_>,
+        advance: impl FnOnce(&mut carom_sim::Session) -> Result<Advance, SimError> + Send,
+    ) -> PyResult<Vec<RunEvent>> {
+        let session = &mut self.session;
+        let Advance { events, stop } = self.functions.pass(py.detach(|| advance(session)))?;
+        let sim = self.session.simulation();
+        if stop == StopReason::Events && events.is_empty() {
+            let (most, time) = (sim.max_events, self.session.time());
+            let message =
+                format!("the session has had {most} events by {time} s: raise max_events in [run] of the scene");
+            return Err(exceptions::SimulationError::new_err(message));
+        }
+        Ok(events.into_iter().map(|event| RunEvent::of(sim, event)).collect())
+    }
+
+    fn numbers<'py>(py: Python<'py>, numbers: Vec<f64>) -> PyResult<Bound<'py, PyAny>> {
+        let length = numbers.len();
+        array(py, numbers, &[length])
+    }
+}
+
+#[pymethods]
+impl Session {
+    /// The simulated robot.
+    #[getter]
+    fn chain(&self) -> Chain {
+        self.chain.chain.clone().into()
+    }
+
+    /// Time, s.
+    #[getter]
+    fn time(&self) -> f64 {
+        self.session.time()
+    }
+
+    /// Configuration, shape (nq,); rad, m, quaternion.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::numbers(py, self.session.moment().q)
+    }
+
+    /// Joint velocities, shape (nv,); rad/s, m/s.
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        Self::numbers(py, self.session.moment().qd)
+    }
+
+    /// The contact mode: "free", "sliding", "sticking", "latched", "pressing" or "stepping".
+    #[getter]
+    fn mode(&self) -> &'static str {
+        self.session.mode().name()
+    }
+
+    /// The lasting contacts, with their forces under the present joint forces; a Table with the columns of `Run.contacts`.
+    #[getter]
+    fn contacts(&self) -> PyResult<Table> {
+        let states = self.functions.pass(self.session.contacts())?;
+        Ok(contact_table(self.session.simulation(), [(self.session.time(), &states[..])].into_iter()))
+    }
+
+    /// Energy balance since the start; the dict of `Run.energy`.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        energy_dict(py, &self.functions.pass(self.session.energy())?)
+    }
+
+    /// Sets constant joint forces instead of the controller, from now on.
+    ///
+    /// Args:
+    ///     forces: shape (nv,), N m and N. The entries of a floating or planar joint are forces and torques on it.
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, numbers that are not finite.
+    fn set_forces(&mut self, forces: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.session.set_forces(&self.chain.v("forces", forces)?.single("forces")?).map_err(raise)
+    }
+
+    /// Advances by a duration (s); returns the events in it.
+    ///
+    /// Raises:
+    ///     SimulationError: a motion that cannot be continued, more events than max_events. The session then stays where it was.
+    ///         Exceptions of a law or a controller in Python are passed on as they are.
+    fn advance(&mut self, py: Python<'_>, duration: f64) -> PyResult<Vec<RunEvent>> {
+        self.go(py, |session| session.advance(duration))
+    }
+
+    /// Advances to the next event, by `longest` seconds at most; returns the events of its time, an empty list if there is none.
+    /// Errors as `advance`.
+    fn advance_to_event(&mut self, py: Python<'_>, longest: f64) -> PyResult<Vec<RunEvent>> {
+        self.go(py, |session| session.advance_to_event(longest))
+    }
+
+    /// The whole state, for `restore`: time, q, qd, the contacts and what they remember. The joint forces are not part of it.
+    fn save(&self) -> SessionState {
+        SessionState { state: self.session.save() }
+    }
+
+    /// Returns to a saved state of this session or of another one of the same scene.
+    ///
+    /// Raises:
+    ///     SimulationError: a state of another scene.
+    fn restore(&mut self, state: &SessionState) -> PyResult<()> {
+        self.session.restore(&state.state).map_err(raise)
+    }
+
+    /// Starts again from another state at the present time; contacts, energies and the count of events begin anew.
+    ///
+    /// Args:
+    ///     q, qd: shapes (nq,) and (nv,).
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, numbers that are not finite, a quaternion that is not a unit quaternion.
+    ///     SimulationError: an overlap.
+    fn restart(&mut self, q: &Bound<'_, PyAny>, qd: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (q, qd) = (self.chain.q(q)?.single("q")?, self.chain.v("qd", qd)?.single("qd")?);
+        self.functions.pass(self.session.restart(&q, &qd))
+    }
+
+    fn __repr__(&self) -> String {
+        let (name, time, mode) = (self.session.chain().name(), self.time(), self.mode());
+        format!("<carom.Session of '{name}' at {time} s, {mode}>")
+    }
+}
+
+/// A saved state of a Session, for `Session.restore`.
+#[pyclass(frozen, module = "carom")]
+pub struct SessionState {
+    state: carom_sim::SessionState,
+}
+
+#[pymethods]
+impl SessionState {
+    fn __repr__(&self) -> &'static str {
+        "<carom.SessionState>"
+    }
+}
