@@ -71,6 +71,7 @@ fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
         links: vec![link("base", None), link("body", inertial)],
         joints: vec![joint],
         root: 0,
+        disabled_pairs: Vec::new(),
         report: Default::default(),
     }
 }

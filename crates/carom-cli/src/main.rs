@@ -26,6 +26,7 @@ mod plan;
 mod record;
 mod runs;
 mod scene;
+mod sensitivity;
 mod simulate;
 mod stress;
 mod survey;

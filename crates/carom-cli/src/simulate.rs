@@ -8,6 +8,7 @@ use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
+use crate::sensitivity::{self, Sensitivity};
 use carom_chain::{Chain, Coordinates};
 use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
 use carom_study::{Column, Table, TableError};
@@ -34,6 +35,9 @@ const SAMPLE: f64 = 0.004;
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
 ///     neglected_frictions, neglected_bound, neglected_depth}.
+/// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
+///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
+///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
 /// JSON keys with --runs: runs, refused, first_refusal; impacts, first_impact, lost_in_impacts, each
 ///   {count, mean, deviation (of the sample), least, most} over the runs.
 /// If the run fails or is interrupted, nothing is printed, and no table and no recording is written.
@@ -81,6 +85,14 @@ pub struct Simulate {
         value_parser = clap::value_parser!(u64).range(1..)
     )]
     runs: Option<u64>,
+    /// Differentiate the final state and the times of the events by the start and by parameters
+    ///
+    /// Exact to about 1e-8 of their size. The parameters: restitution and friction of all contacts
+    /// together; of the controller kp, kd, target or torque of each joint. A change of q is a
+    /// displacement: of a floating joint along and about the axes of its link. Where the outcome is
+    /// not differentiable, the time and the reason are given.
+    #[arg(long, verbatim_doc_comment, conflicts_with = "runs")]
+    sensitivity: bool,
     #[command(flatten)]
     record: Record,
     /// Print one line of JSON instead of text
@@ -97,6 +109,8 @@ struct Summary<'a> {
     r#final: Last<'a>,
     energy: Energy,
     statistics: Cost,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sensitivity: Option<Sensitivity>,
 }
 
 #[derive(Serialize)]
@@ -210,6 +224,9 @@ impl Simulate {
             }
             return runs::run((&self.scene, &scene, &plan), runs, csv.or(parquet), self.json, out);
         }
+        if self.sensitivity {
+            sensitivity::check(&self.scene, &plan)?;
+        }
         let sim = &plan.simulation;
         let mut tables = Tables::begin([csv, parquet], &sim.chain)?;
         let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim)?;
@@ -230,13 +247,18 @@ impl Simulate {
             }
         });
         let run = run.map_err(refuse)?;
+        let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
+        let derivatives = derivatives.transpose().map_err(refuse)?;
         tables.finish()?;
         contacts.finish()?;
         if let Some(recorder) = recorder {
             recorder.finish(&run)?;
         }
-        let written =
-            answer(out, &summary(&plan, &events, &run), self.json, |_, out| for_people(sim, &events, &run, out));
+        let summary = Summary { sensitivity: derivatives, ..summary(&plan, &events, &run) };
+        let written = answer(out, &summary, self.json, |summary, out| {
+            for_people(sim, &events, &run, out)?;
+            summary.sensitivity.as_ref().map_or(Ok(()), |derivatives| derivatives.for_people(out))
+        });
         written.map_err(|refused| CliError::refused(&self.scene, refused))
     }
 }
@@ -320,6 +342,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             neglected_bound: s.neglected_bound,
             neglected_depth: s.neglected_depth,
         },
+        sensitivity: None,
     }
 }
 

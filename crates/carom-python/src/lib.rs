@@ -2,7 +2,8 @@
 //!
 //! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `callable` (functions of
 //! Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
-//! `impacts` (one impact, a batch of impacts), `diagram`, `table`, `controller`, `scene`, `run` and `session` (simulations),
+//! `impacts` (one impact, a batch of impacts), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
+//! (simulations),
 //! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
 
@@ -22,6 +23,7 @@ mod order;
 mod outcome;
 mod run;
 mod scene;
+mod sensitivity;
 mod session;
 mod study;
 mod table;
@@ -52,6 +54,7 @@ mod _carom {
     #[pymodule_export]
     use crate::scene::Scene;
     #[pymodule_export]
+    use crate::sensitivity::Sensitivity;
     use crate::session::{Session, SessionState};
     #[pymodule_export]
     use crate::study::{Study, map};

@@ -60,6 +60,47 @@ def test_an_impact_of_a_run_is_the_impact_of_its_state(bounce):
     assert bounce.events[0].contact
 
 
+def test_sensitivities_of_a_run_are_differences_of_runs():
+    keys = tomllib.loads((ROOT / "scenes/planar2.toml").read_text())
+    keys["contact"]["friction"] = 0.1
+    keys["run"]["tolerance"] = 1e-12
+    scene = carom.Scene.from_dict(keys, folder=ROOT / "scenes")
+    found = scene.sensitivity()
+    names = ["q shoulder", "q elbow", "qd shoulder", "qd elbow"]
+    assert found.names == [*names, "restitution", "friction"] and found.broken is None and "6" in repr(found)
+    h = 1e-5
+
+    def end(run):
+        _, q, qd = run.last
+        return np.concatenate([q, qd]), run.events[0].time
+
+    def compare(j, more, less):
+        (late, later), (soon, sooner) = end(more.simulate()), end(less.simulate())
+        close(found.last_by[:, j], (late - soon) / (2 * h), 1e-6)
+        close(found.events[0]["time_by"][j], (later - sooner) / (2 * h), 1e-6)
+
+    for j, step in enumerate(h * np.eye(4)):
+        compare(j, *(scene.with_start(scene.q + s * step[:2], scene.qd + s * step[2:]) for s in (1, -1)))
+    law = [carom.Energetic(keys["contact"]["restitution"] + s * h, 0.1) for s in (1, -1)]
+    compare(4, *(scene.with_law(law, link="tip") for law in law))
+    time, q, qd = scene.simulate().last
+    close(found.last[1], q, 1e-12)
+    assert found.events[0]["kinds"] == ["impact"] and found.last[0] == time
+
+    one = scene.sensitivity(["restitution"])
+    assert one.names == [*names, "restitution"]
+    close(one.last_by, found.last_by[:, :5], 1e-14)
+    with pytest.raises(ValueError, match="'kp elbow' is no parameter of the scene: they are restitution, friction"):
+        scene.sensitivity(["kp elbow"])
+
+
+def test_a_run_without_derivatives_tells_where_they_end():
+    keys = tomllib.loads((ROOT / "scenes/bounce.toml").read_text())
+    keys["run"]["method"] = "steps"
+    found = carom.Scene.from_dict(keys, folder=ROOT / "scenes").sensitivity()
+    assert found.last_by is None and found.broken["time"] == 0 and "time steps" in found.broken["reason"]
+
+
 def test_samples_are_at_the_interval_that_is_asked_for():
     scene = carom.Scene.from_file(ROOT / "scenes/planar2.toml").with_duration(0.1)
     run = scene.simulate(sample=0.01)

@@ -74,6 +74,78 @@ fn invalid_scenes_are_refused_with_the_reason() {
     );
 }
 
+/// The derivatives of the answer are differences of answers from starts beside that of the scene.
+#[test]
+fn sensitivities_agree_with_differences_of_answers() {
+    let desk = Desk::new("sensitivity");
+    desk.scene(|text| text.replace("friction = 0.0", "friction = 0.1").replace("1e-9", "1e-11"));
+    let answer = &desk.answers("simulate s.toml --sensitivity --json", "")[0];
+    assert!(has_no_null(answer));
+    let own = &answer["sensitivity"];
+    assert_eq!(keys(own), ["events", "final", "names"]);
+    let names = ["q shoulder", "q elbow", "qd shoulder", "qd elbow", "restitution", "friction"];
+    assert_eq!(texts(&own["names"]), names);
+    let rows = own["final"].as_array().unwrap();
+    assert_eq!(rows.iter().map(|row| row["of"].as_str().unwrap()).collect::<Vec<_>>(), names[..4]);
+
+    desk.scene(|text| text.replace("friction = 0.0", "friction = 0.1").replace("1e-9", "1e-12"));
+    // The first row of the table is the start, whose velocity the scene gives as that of the tip.
+    done(&desk.run("simulate s.toml --csv start.csv"));
+    let table = std::fs::read_to_string(desk.0.join("start.csv")).unwrap();
+    let start: Vec<f64> = table.lines().nth(1).unwrap().split(',').skip(1).map(|x| x.parse().unwrap()).collect();
+    let state = |by: [f64; 4]| {
+        let moved: Vec<f64> = start.iter().zip(by).map(|(x, d)| x + d).collect();
+        desk.write("from.json", serde_json::json!({"q": moved[..2], "qd": moved[2..]}).to_string());
+        let answer = &desk.answers("simulate s.toml --from-state from.json --json", "")[0];
+        let last = [numbers(&answer["final"]["q"]), numbers(&answer["final"]["qd"])].concat();
+        (last, number(&answer["events"][0]["time"]))
+    };
+    let h = 1e-5;
+    for j in 0..4 {
+        let at = |h: f64| state(std::array::from_fn(|k| if k == j { h } else { 0.0 }));
+        let ((more, later), (less, earlier)) = (at(h), at(-h));
+        for (k, row) in rows.iter().enumerate() {
+            let difference = (more[k] - less[k]) / (2.0 * h);
+            close(names[k], numbers(&row["by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
+        }
+        let difference = (later - earlier) / (2.0 * h);
+        close("time", numbers(&own["events"][0]["time_by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
+    }
+    let text = desk.run("simulate s.toml --sensitivity").out;
+    assert!(text.contains("\n  time of impact at 0") && text.contains("\n  final qd elbow: "), "{text}");
+}
+
+/// Where the derivatives end, the time and the reason are told, and there is no matrix. What has no derivative at all is refused.
+#[test]
+fn sensitivities_that_do_not_exist_are_told_or_refused() {
+    let desk = Desk::new("sensitivity-ends");
+    let slide = r#"<robot name="ball"><link name="world"/><link name="ball">
+        <inertial><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+        <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="fall" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
+        <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
+    desk.write("ball.urdf", slide);
+    let scene = r#"robot = { urdf = "ball.urdf", tip = "ball", q = [0.1], qd = [-1] }
+        surface = [{ shape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } } }]
+        contact = { restitution = 0.5 }
+        run = { duration = 0.1, gravity = [0, 0, -9.81] }"#;
+    desk.write("b.toml", scene);
+    let answer = &desk.answers("simulate b.toml --sensitivity --json", "")[0]["sensitivity"];
+    assert_eq!(keys(answer), ["broken", "events", "names"]);
+    assert_eq!(number(&answer["broken"]["time"]), 0.0);
+    let reason = answer["broken"]["reason"].as_str().unwrap();
+    assert!(reason.contains("begins with an impact"), "{reason}");
+    let text = desk.run("simulate b.toml --sensitivity").out;
+    assert!(text.contains("no derivatives: they end at 0 s: "), "{text}");
+
+    desk.write("b.toml", scene.replace("duration", "method = \"steps\", time_step = 1e-3, duration"));
+    refused(
+        desk.run("simulate b.toml --sensitivity"),
+        "b.toml: --sensitivity: time steps have no derivative: take method = \"events\" in [run]",
+    );
+    usage(desk.run("simulate b.toml --sensitivity --runs 3"), "cannot be used with");
+}
+
 /// A surface out of reach is no error: the run has no events.
 #[test]
 fn a_surface_out_of_reach_gives_no_events() {

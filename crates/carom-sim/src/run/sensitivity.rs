@@ -92,7 +92,8 @@ impl Simulation {
     /// Runs from `(q, qd)` for `duration` seconds, and differentiates the final state and the times of the events by the initial
     /// state and by these parameters.
     ///
-    /// The derivatives are those of the motion that is computed, to about 1e-8 of their size.
+    /// The derivatives are those of the motion that is computed, to about 1e-8 of their size. Those of a start in which contacts
+    /// last compare it with the nearest starts in which they last.
     ///
     /// # Errors
     /// As [`Simulation::run`]; [`SimError::Setting`] for a parameter that changes the chain or the number of possible contacts.
@@ -351,7 +352,7 @@ impl<A: Space> Follow<'_, '_, A> {
             return self.broken(time, "time steps begin, which have no derivative");
         }
         let is_force = matches!(watch, Some(Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_)));
-        if !is_force && rate.abs() <= GRAZING * pace {
+        if rate == 0.0 || !is_force && rate.abs() <= GRAZING * pace {
             return self.broken(time, "it grazes: a neighbouring motion may miss this event");
         }
         let (x, time_after) = (DVector::from_vec(self.run.x()), self.run.time);

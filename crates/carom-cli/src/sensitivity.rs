@@ -1,0 +1,98 @@
+//! `carom simulate --sensitivity`: derivatives of the final state and of the times of events.
+
+use crate::error::CliError;
+use crate::output::brief;
+use carom_sim::{Parameter, Plan, SimError};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Number of derivatives of each number that people are shown.
+const SHOWN: usize = 3;
+
+#[derive(Serialize)]
+pub struct Sensitivity {
+    names: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    r#final: Option<Vec<Row>>,
+    events: Vec<EventTime>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    broken: Option<Broken>,
+}
+
+/// The derivatives of one number of the final state.
+#[derive(Serialize)]
+struct Row {
+    of: String,
+    by: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct EventTime {
+    time: f64,
+    kinds: Vec<&'static str>,
+    time_by: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct Broken {
+    time: f64,
+    reason: String,
+}
+
+/// Refuses what has no derivative anywhere.
+pub fn check(file: &Path, plan: &Plan) -> Result<(), CliError> {
+    if plan.simulation.stepping {
+        let why = "--sensitivity: time steps have no derivative: take method = \"events\" in [run]";
+        return Err(CliError::Scene(format!("{}: {why}", file.display())));
+    }
+    Ok(())
+}
+
+impl Sensitivity {
+    /// Of the whole run of a scene, by its initial state and by the parameters of its contacts and its drive.
+    pub fn of(plan: &Plan, duration: f64) -> Result<Self, SimError> {
+        let found = plan.sensitivity(duration, &Parameter::all(&plan.simulation))?;
+        let row = |(of, row): (&String, Vec<f64>)| Row { of: of.clone(), by: row };
+        let last = found.last_by.map(|by| {
+            let rows = by.row_iter().map(|row| row.iter().copied().collect());
+            found.names.iter().zip(rows).map(row).collect()
+        });
+        let events = found.events.into_iter();
+        Ok(Self {
+            r#final: last,
+            events: events.map(|it| EventTime { time: it.time, kinds: it.kinds, time_by: it.time_by }).collect(),
+            broken: found.broken.map(|it| Broken { time: it.time, reason: it.reason }),
+            names: found.names,
+        })
+    }
+
+    /// The largest derivatives of each number.
+    pub fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(
+            out,
+            "\nderivatives by the start and by parameters, SI units and radians, the {SHOWN} largest of each:"
+        )?;
+        for event in &self.events {
+            let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));
+            self.line(&what, &event.time_by, out)?;
+        }
+        for row in self.r#final.iter().flatten() {
+            self.line(&format!("final {}", row.of), &row.by, out)?;
+        }
+        match &self.broken {
+            Some(Broken { time, reason }) => {
+                writeln!(out, "the final state has no derivatives: they end at {} s: {reason}", brief(*time))
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn line(&self, what: &str, by: &[f64], out: &mut dyn Write) -> io::Result<()> {
+        let mut order: Vec<usize> = (0..by.len()).filter(|&j| by[j] != 0.0).collect();
+        order.sort_by(|&i, &j| by[j].abs().total_cmp(&by[i].abs()));
+        let shown = order.iter().take(SHOWN).map(|&j| format!("{} by {}", brief(by[j]), self.names[j]));
+        let shown: Vec<String> = shown.collect();
+        writeln!(out, "  {what}: {}", if shown.is_empty() { "none".to_owned() } else { shown.join(", ") })
+    }
+}

@@ -1,0 +1,44 @@
+//! Time of all derivatives of a run of a scene, beside the time of the run itself; the shortest of several.
+//!
+//! `cargo run --release -p carom-sim --example sensitivity -- strike7 [DURATION]`
+
+use carom_sim::{Parameter, Sampling, Scene};
+use std::time::{Duration, Instant};
+
+/// Time for measuring.
+const LONGEST: Duration = Duration::from_secs(10);
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mut arguments = std::env::args().skip(1);
+    let name = arguments.next().ok_or("usage: sensitivity SCENE [DURATION]")?;
+    let scene = Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR")))?;
+    let duration = arguments.next().map_or(Ok(scene.duration), |text| text.parse())?;
+    let plan = scene.plan()?;
+    let parameters = Parameter::all(&plan.simulation);
+    let found = plan.sensitivity(duration, &parameters)?;
+    let run = best(|| plan.stream(duration, Sampling::default(), &mut |_| {}).map(|_| ()))?;
+    let all = best(|| plan.sensitivity(duration, &parameters).map(|_| ()))?;
+    println!(
+        "{name}, {duration} s: {} columns, {} events, run {:.3} ms, all derivatives {:.3} ms, {:.1} times",
+        found.names.len(),
+        found.events.len(),
+        run * 1e3,
+        all * 1e3,
+        all / run
+    );
+    if let Some(broken) = found.broken {
+        println!("the derivatives end at {} s: {}", broken.time, broken.reason);
+    }
+    Ok(())
+}
+
+fn best<E>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, E> {
+    let begin = Instant::now();
+    let mut best = f64::INFINITY;
+    while begin.elapsed() < LONGEST {
+        let start = Instant::now();
+        work()?;
+        best = best.min(start.elapsed().as_secs_f64());
+    }
+    Ok(best)
+}
