@@ -185,9 +185,11 @@ def judge(case, adapter, settings):
     runs, answers, refused = [], [], []
     for run in case["runs"]:
         answer = ask(run)
-        if "failed" in answer:
+        if "no answer within" in answer.get("failed", ""):
+            refused.append(f"{run['run']}: {answer['failed']}")  # too slow to tell is no error of the engine
+        elif "failed" in answer:
             return found | {"verdict": "fails", "figure": None, "reason": f"{run['run']}: {answer['failed']}"}
-        if "refused" in answer:
+        elif "refused" in answer:
             refused.append(f"{run['run']}: {answer['refused']}")
         else:
             runs.append(run)

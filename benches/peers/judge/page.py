@@ -49,7 +49,7 @@ def picture(told, path):
         for side in axis.spines.values():
             side.set_visible(False)
     patches = [plt.Rectangle((0, 0), 1, 1, color=COLOURS[kind], linewidth=0) for kind in COLOURS]
-    names = ["exact (≤ 1e-9)", "within tolerance (≤ 1e-3)", "degrades: a smaller step helps", "fails: it does not help", "refused: not expressible"]
+    names = ["exact (≤ 1e-9)", "within tolerance (≤ 1e-3)", "degrades: a smaller step helps", "fails: it does not help", "refused, or too slow"]
     figure.legend(patches, names, loc="outside lower center", ncols=5, frameon=False)
     figure.savefig(path, metadata={"Date": None, "Creator": None})
 
@@ -101,7 +101,7 @@ def page(told, template, path):
         engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
         counts=counts(told), refusals=refusals(told), list=rows.rstrip(), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
-                "Times do not enter the verdicts, except that an answer must come within two minutes of processor time.")
+                "Times do not enter the verdicts, except that an engine has two minutes of processor time for an answer.")
     with open(path, "w") as file:
         file.write(text)
 

@@ -13,11 +13,12 @@ ABOUT = {"engine": "mujoco", "version": mujoco.__version__, "law": "linear sprin
     "default": {"method": "step 2 ms, Euler, pyramidal cone; restitution is not expressible",
                 "source": "mujoco.readthedocs.io/en/stable/XMLreference.html#option"},
     "best": {"method": "step 0.1 ms, RK4, direct solref (−k, −c) with a half period of 40 steps and the damping ratio of e, solimp 0.9999, "
-                       "elliptic cone, Newton tolerance 1e-15, solreffriction 10 steps",
+                       "elliptic cone, Newton tolerance 1e-15, solreffriction 50 steps",
              "source": "mujoco.readthedocs.io/en/stable/modeling.html#solver-parameters"}}}
 
 
-def spec_of(scene, settings, step):
+def spec_of(scene, settings, step, impedance=0.9999):
+    solimp = [impedance, impedance, 1e-3, 0.5, 2]
     best, contact = settings == "best", scene["contact"]
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -38,7 +39,7 @@ def spec_of(scene, settings, step):
             if "limits" in body:
                 joint.limited, joint.range = mujoco.mjtLimited.mjLIMITED_TRUE, body["limits"]
                 if best:
-                    joint.solref_limit, joint.solimp_limit = solref(contact.get("limit_restitution", 0.0), step), [0.9999, 0.9999, 1e-3, 0.5, 2]
+                    joint.solref_limit, joint.solimp_limit = solref(contact.get("limit_restitution", 0.0), step), solimp
         geoms[body["name"]] = []
         for k, shape in enumerate(body.get("shapes", [])):
             name, place = f"{body['name']}{k}", shape.get("at", [0, 0, 0])
@@ -59,8 +60,8 @@ def spec_of(scene, settings, step):
     for a, b in touching:
         pair = spec.add_pair(geomname1=a, geomname2=b, condim=3 if mu else 1, friction=[mu, mu, 0, 0, 0])
         if best:
-            pair.solref, pair.solimp = solref(contact["restitution"], step), [0.9999, 0.9999, 1e-3, 0.5, 2]
-            pair.solreffriction = [10 * step, 1]
+            pair.solref, pair.solimp = solref(contact["restitution"], step), solimp
+            pair.solreffriction = [50 * step, 1]
     return spec
 
 
