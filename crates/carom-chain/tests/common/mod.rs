@@ -54,7 +54,14 @@ fn inertial(rng: &mut fastrand::Rng) -> Inertial {
 pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
     let tilt = rotation(rng);
     let normal = tilt * Vector3::z();
-    let mut robot = Robot { name: "zoo".into(), links: vec![], joints: vec![], root: 0, disabled_pairs: vec![], report: Default::default() };
+    let mut robot = Robot {
+        name: "zoo".into(),
+        links: vec![],
+        joints: vec![],
+        root: 0,
+        disabled_pairs: vec![],
+        report: Default::default(),
+    };
     robot.links.push(Link { name: "link0".into(), inertial: Some(inertial(rng)), collisions: vec![] });
     for k in 0..joints {
         let parent = if rng.f64() < 0.7 { k } else { rng.usize(0..=k) };
