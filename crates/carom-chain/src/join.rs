@@ -55,7 +55,8 @@ impl Chain {
     /// ```
     pub fn join(name: &str, robots: &[Placed]) -> Result<Self, ChainError> {
         let mut about = About { name: name.into(), ..About::default() };
-        let (mut bodies, mut frames): (Vec<Body<Spatial<f64>>>, Vec<Frame<Spatial<f64>>>) = Default::default();
+        let mut bodies: Vec<Body<Spatial<f64>>> = Vec::new();
+        let mut frames: Vec<Frame<Spatial<f64>>> = Vec::new();
         let (mut nq, mut nv) = (0, 0);
         for (k, Placed { name, chain, pose }) in robots.iter().enumerate() {
             let refuse = |problem| Err(ChainError::RobotName { name: (*name).into(), problem });

@@ -55,6 +55,7 @@ mod _carom {
     use crate::scene::Scene;
     #[pymodule_export]
     use crate::sensitivity::Sensitivity;
+    #[pymodule_export]
     use crate::session::{Session, SessionState};
     #[pymodule_export]
     use crate::study::{Study, map};

@@ -303,7 +303,7 @@ impl Scene {
         let plan = py.detach(|| self.scene.plan()).map_err(raise)?;
         let parameters = sensitivity::chosen(&plan, parameters)?;
         let found = py.detach(|| sensitivity::of(&plan, self.scene.duration, &parameters));
-        found.map_err(|error| self.laws.iter().fold(raise(error), |error, law| law.raise(error)))
+        self.functions.pass(found)
     }
 
     fn __repr__(&self) -> String {

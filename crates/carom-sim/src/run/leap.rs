@@ -46,7 +46,7 @@ impl Leap {
 
     /// The state at a time, by barycentric interpolation with the weights of Chebyshev points of the first kind.
     pub fn at(&self, time: f64) -> Vec<f64> {
-        let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let x = 1.0 + 2.0 * (time - self.from) / self.past;
         let weights: Vec<f64> = (0..NODES).map(|k| sign(k) * angle(k).sin() / (x - angle(k).cos())).collect();
         let sum: f64 = weights.iter().sum();

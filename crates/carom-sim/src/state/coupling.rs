@@ -150,6 +150,7 @@ impl<A: Space> View<'_, A> {
 
     /// M⁻¹fᵀ for every row f, as far as the loops allow, with q̈ under joint forces and gravity alone if it is asked for: by one
     /// factorisation of M, of which the rows of the loops are the first.
+    #[expect(clippy::type_complexity, reason = "the inputs and the output of the forward dynamics, private")]
     pub(super) fn respond_in_loops(
         &mut self,
         dynamics: Option<(&[f64], &[f64], Vector3<f64>, &mut [f64])>,
