@@ -126,7 +126,7 @@ fn points_and_contact_inertias_are_those_of_the_robot_alone_at_its_place() {
         let alone = turn.matrix() * own.delassus(alone).unwrap() * turn.matrix().transpose();
         let joined_h = kin.delassus(point).unwrap();
         let scale = alone.abs().max();
-        assert!((&joined_h - &alone).abs().max() < ROUNDING * scale, "{name}: {joined_h} {alone}");
+        assert!((&joined_h - alone).abs().max() < ROUNDING * scale, "{name}: {joined_h} {alone}");
         // An impulse at the point moves no other robot.
         let j = kin.point_jacobian(point);
         for v in (0..joined.nv()).filter(|v| !member.v.contains(v)) {
