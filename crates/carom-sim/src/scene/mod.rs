@@ -260,7 +260,7 @@ pub struct Scene {
     /// Every file that was read: scene, robot, meshes of robot and surfaces, tables.
     pub files: Vec<PathBuf>,
     /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
-    /// [`Chain::report`].
+    /// [`Chain::report`](carom_chain::Chain::report).
     pub warnings: Vec<String>,
 }
 
