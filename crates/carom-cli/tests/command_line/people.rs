@@ -69,7 +69,7 @@ fn help_and_version_are_printed() {
     for (args, words) in [
         ("--help", "Usage: carom <COMMAND>"),
         ("help impact", "--normal <X,Y,Z>"),
-        ("inspect --help", "<ROBOT.urdf>"),
+        ("inspect --help", "<ROBOT.urdf|SCENE.toml>"),
         ("dynamics --help", "--joints"),
         ("impact --help", "from the environment to the robot"),
         ("law --help", "tangents first, normal last"),

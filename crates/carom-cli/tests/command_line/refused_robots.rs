@@ -126,10 +126,13 @@ fn massless_moving_links_are_accepted_if_a_link_below_has_inertia() {
     desk.write("r.urdf", two("1 0 0"));
     let answer = desk.answer(args, &json!({"q": [0, 0], "qd": [0, 0]}));
     assert_eq!(answer["mass_matrix"], json!([[2.0, 1.0], [1.0, 1.0]]));
-    // Both hinges have the same axis, so the acceleration of each is undetermined.
+    // Both hinges have the same axis, so the acceleration of each is undetermined. M is served, a solution with it is not.
     desk.write("r.urdf", two("0 0 1"));
+    let answer = desk.answer(args, &json!({"q": [0, 0], "qd": [0, 0]}));
+    assert_eq!(answer["mass_matrix"], json!([[1.0, 1.0], [1.0, 1.0]]));
+    assert!(answer["singular"].as_str().unwrap().starts_with("joint 'j' moves no inertia"), "{answer}");
     refused(
-        desk.feed(args, r#"{"q":[0,0],"qd":[0,0]}"#),
+        desk.feed(args, r#"{"q":[0,0],"qd":[0,0],"tau":[1,0]}"#),
         "<stdin>:1: joint 'j' moves no inertia at this pose, so its acceleration is not determined: give the links below it mass and inertia, or lock it",
     );
 }

@@ -392,9 +392,9 @@ fn invalid_settings_are_refused() {
             (
                 "contact_stp = 1",
                 "line 14: unknown field `contact_stp`, expected one of `duration`, `tolerance`, `gravity`, `sample`, \
-                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `controller`, \
-                 `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, `feed_forward`, \
-                 `effort_limits`, `perturb`, `gain`, `press`, `compensate`; did you mean `contact_step`?",
+                 `max_step`, `zeno_time`, `contact_step`, `max_events`, `method`, `model`, `neglect`, `effort_limits`, \
+                 `perturb`, `controller`, `after_impact`, `target`, `kp`, `kd`, `torque`, `torque_file`, `reference`, \
+                 `feed_forward`, `gain`, `press`, `compensate`; did you mean `contact_step`?",
             ),
         ],
     );

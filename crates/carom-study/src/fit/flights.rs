@@ -11,9 +11,9 @@
 //! | L, m | nv×nv, 1 | M = L Lᵀ at the reference pose, total mass | `metric` = Lᵀ/√m |
 //!
 //! A mistracked sample must not move the fit. Straight lines with median slopes (H. Theil, 1950; P. K. Sen, 1968) give the
-//! start, Huber's loss with the median residual as its threshold the first fit, and samples whose residual exceeds the median by
-//! eight times the median deviation from it, and four medians, are left out of the final fit, which is by least squares. Of
-//! normal residuals in one dimension that leaves out one in 10⁴, in more dimensions fewer.
+//! start, Huber's loss with the median residual as its threshold the first fit, and samples whose residual exceeds ten medians are
+//! left out of the final fit, which is by least squares. Ten medians are 6.7 standard deviations of normal noise in one direction,
+//! and more in several.
 //!
 //! Residuals are differences of poses in that metric, m. The solver is Levenberg–Marquardt, implemented here because the crate
 //! for it depends on another version of nalgebra.
@@ -65,8 +65,8 @@ const SETTLED: f64 = 1e-9;
 const ROUGH: f64 = 1e-4;
 /// Residuals below this are rounding errors and the error of the integration, m.
 const ROUNDING: f64 = 1e-8;
-/// Residuals beyond the median by more than this number of median deviations, and this number of medians, are outliers.
-const OUTLYING: (f64, f64) = (8.0, 4.0);
+/// Residuals beyond this number of medians are outliers.
+const OUTLYING: f64 = 10.0;
 /// Fewest samples of a flight that remain without outliers.
 const FEWEST: usize = 2;
 /// Step of the numerical derivative: m, rad, m/s, rad/s, s.
@@ -223,9 +223,7 @@ impl<'a> Pair<'a> {
     /// would remain.
     fn leave_out(&mut self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
         let misses = self.misses(&self.residual(z)?);
-        let middle = median(misses.iter().copied());
-        let deviation = median(misses.iter().map(|miss| (miss - middle).abs()));
-        let greatest = (middle + OUTLYING.0 * deviation).max(OUTLYING.1 * middle).max(ROUNDING);
+        let greatest = (OUTLYING * median(misses.iter().copied())).max(ROUNDING);
         let (mut gone, mut misses) = (Vec::new(), misses.into_iter());
         for flight in [&mut self.before, &mut self.after] {
             let fits: Vec<bool> = misses.by_ref().take(flight.times.len()).map(|miss| miss <= greatest).collect();
