@@ -168,11 +168,8 @@ impl Plan {
         let joints = self.simulation.loops.iter().map(|own| format!("{} ({})", own.name, own.joint.name()));
         let joints: Vec<String> = joints.collect();
         if !joints.is_empty() {
-            self.keep(
-                "loops",
-                joints.join("; "),
-                "bilateral constraints of motion and impacts, part of the inverse inertia",
-            );
+            let why = "bilateral constraints of motion and impacts, part of the inverse inertia";
+            self.keep("loops", joints.join("; "), why);
         }
     }
 

@@ -14,7 +14,8 @@
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
 use super::leap::Leap;
-use super::leg::{Accuracy, LegEnd, Sampler, leg};
+use super::leg::{Accuracy, LegEnd, leg};
+use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
 use crate::contact::Compliance;

@@ -6,6 +6,7 @@ mod impacts;
 mod leap;
 mod leg;
 mod root;
+mod sampler;
 mod sensitivity;
 mod session;
 mod several;

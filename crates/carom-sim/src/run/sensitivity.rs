@@ -24,7 +24,7 @@
 //! with its own second differences, and the modes after the event must be the same.
 
 use super::events::{Ending, Run};
-use super::leg::Step;
+use super::sampler::Step;
 use super::stand::Memory;
 use super::trajectory::{Sampling, Seen};
 use super::variation::{Gauss, left_inverse, over_step};

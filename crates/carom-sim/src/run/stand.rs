@@ -2,7 +2,7 @@
 
 use super::events::Run;
 use super::leap::Leap;
-use super::leg::Sampler;
+use super::sampler::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;

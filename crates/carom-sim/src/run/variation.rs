@@ -13,7 +13,7 @@
 //! equations are linear, so its stages are the solution of one linear system.
 
 use super::events::Run;
-use super::leg::Step;
+use super::sampler::Step;
 use crate::error::SimError;
 use crate::motion::{Hold, Lasting};
 use crate::state::Space;

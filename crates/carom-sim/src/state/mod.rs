@@ -2,6 +2,7 @@
 
 mod basis;
 mod blow;
+mod closing;
 mod coupling;
 mod moment;
 mod profile;
@@ -10,7 +11,8 @@ mod space;
 
 pub(crate) use basis::Basis;
 pub use blow::Blow;
-pub(crate) use coupling::{Coupling, Loops, close_loops};
+pub(crate) use closing::close_loops;
+pub(crate) use coupling::{Coupling, Loops};
 pub use moment::Moment;
 pub use profile::Profile;
 pub(crate) use profile::{between, next_of};

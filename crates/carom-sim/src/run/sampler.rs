@@ -1,0 +1,66 @@
+//! What a run outputs between its events.
+
+use super::trajectory::{Sampling, Seen, Segment};
+use crate::motion::ContactState;
+use crate::state::Moment;
+
+/// Passes moments at multiples of an interval, and segments, to the callback.
+pub(crate) struct Sampler<'a> {
+    pub sampling: Sampling,
+    /// Lengths of q and qd.
+    pub sizes: (usize, usize),
+    /// Number of moments so far.
+    pub count: usize,
+    /// End of the last segment: a leg that failed is repeated, and its segments are not output twice.
+    pub until: f64,
+    /// The callback.
+    pub watch: &'a mut dyn FnMut(Seen),
+    /// The integration steps of the last leg, if they are wanted.
+    pub path: Option<Vec<Step>>,
+}
+
+/// One integration step: its states at given points.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub start: f64,
+    pub end: f64,
+    /// At `start + (end − start) c` for the points c of [`Step::POINTS`].
+    pub states: Vec<Vec<f64>>,
+}
+
+impl Step {
+    /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
+    pub const POINTS: [f64; 4] =
+        [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
+}
+
+impl Sampler<'_> {
+    /// Outputs the moments and the segment between `start` and `end`. `at` computes the state at a time, `contacts` the lasting
+    /// contacts there; a segment has `points` points.
+    pub fn stretch(
+        &mut self,
+        (start, end, points): (f64, f64, usize),
+        mut at: impl FnMut(f64) -> Vec<f64>,
+        mut contacts: impl FnMut(f64, &[f64]) -> Vec<ContactState>,
+    ) {
+        let (nq, nv) = self.sizes;
+        if let Some(every) = self.sampling.every {
+            while self.count as f64 * every <= end {
+                let time = self.count as f64 * every;
+                let y = at(time);
+                (self.watch)(Seen::Moment(&Moment { time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }));
+                let states = contacts(time, &y);
+                if !states.is_empty() {
+                    (self.watch)(Seen::Contacts(time, &states));
+                }
+                self.count += 1;
+            }
+        }
+        let start = start.max(self.until);
+        if self.sampling.dense && end > start {
+            self.until = end;
+            let states = Segment::times(start, end, points).map(|time| at(time)[..nq + nv].to_vec()).collect();
+            (self.watch)(Seen::Segment(&Segment { start, end, states }));
+        }
+    }
+}
