@@ -114,3 +114,42 @@ fn ten_links_fall_without_touching_and_keep_their_energy() {
     let moving = run.summary.last.qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     assert!(moving > 1.0, "it falls: {moving} rad/s");
 }
+
+/// The crank turns back and strikes again; the loop is closed at every event.
+#[test]
+fn a_four_bar_linkage_strikes_a_stop() {
+    let (scene, run) = run("four_bar");
+    happens(&run, &["impact", "impact"]);
+    for event in &run.events {
+        let (again, most) = scene.simulation.close_loops(&event.q, &event.qd_plus).unwrap();
+        assert!(most < 1e-10, "{again:?}");
+    }
+}
+
+/// Energy of the start, through the flat pose, at all samples.
+#[test]
+fn an_n_four_bar_falls_through_its_flat_pose() {
+    let (scene, run) = run("n_four_bar");
+    assert!(run.events.is_empty());
+    let balance = run.summary.energy;
+    assert!((balance.end - balance.start).abs() < 1e-9 * balance.start, "{balance:?}");
+    let turned = (0..=100).map(|k| run.at(&scene.simulation.chain, 0.1 * f64::from(k)).q[0]).fold(0.0, f64::min);
+    assert!(turned < -3.0, "{turned} rad: it passes the flat pose twice in a turn");
+}
+
+/// The platform strikes the ground beside its centre and tilts; it keeps the directions that its legs prevent.
+#[test]
+fn a_delta_mechanism_strikes_the_ground_and_tilts() {
+    let (scene, run) = run("delta");
+    happens(&run, &["impact"]);
+    let tilts = |time: f64| {
+        let q = run.at(&scene.simulation.chain, time).q;
+        (2.0 * (q[6] * q[4] - q[5] * q[3])).asin()
+    };
+    assert!(tilts(0.05).abs() < 1e-9 && (0..60).any(|k| tilts(0.01 * f64::from(k)).abs() > 0.05));
+    // The mechanism and the stroke are symmetric about the x–z plane: no motion across it.
+    for k in 0..=60 {
+        let q = run.at(&scene.simulation.chain, 0.01 * f64::from(k)).q;
+        assert!(q[1].abs() < 1e-9 && q[5].abs() < 1e-9, "{q:?}");
+    }
+}

@@ -1,0 +1,236 @@
+//! Loops as joints: a robot whose joint is a loop moves and is struck as the same robot with the joint in its tree.
+
+use carom::Chain;
+use carom::sim::{ContactLaw, ContactRule, Event, Loop, LoopFrame, LoopJoint, Sampling, Simulation, Surface, Touch};
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use carom_impact::Coefficients;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+const G: f64 = 9.81;
+/// A turn and a place in general position.
+const RPY: [f64; 3] = [0.4, -0.7, 1.1];
+const XYZ: [f64; 3] = [0.3, 0.1, -0.2];
+
+/// A link of 1.3 kg with a ball at its centre of mass, 0.4 m below its origin.
+fn body(name: &str) -> String {
+    format!(
+        r#"<link name="{name}"><inertial><origin xyz="0.1 0 -0.4"/><mass value="1.3"/>
+        <inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="0.002" izz="0.014"/></inertial>
+        <collision><origin xyz="0.1 0 -0.4"/><geometry><sphere radius="0.08"/></geometry></collision></link>"#
+    )
+}
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, place: ([f64; 3], [f64; 3]), more: &str) -> String {
+    let list = |v: [f64; 3]| format!("{} {} {}", v[0], v[1], v[2]);
+    format!(
+        r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+        <origin xyz="{}" rpy="{}"/>{more}</joint>"#,
+        list(place.0),
+        list(place.1)
+    )
+}
+
+const HINGE: &str = r#"<axis xyz="0.2 1 0.1"/>"#;
+
+fn chain(links: &str) -> Chain {
+    let text = format!(r#"<robot name="robot"><link name="ground"/>{links}</robot>"#);
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+/// With a wall of some friction and restitution at this height in the way of the balls.
+fn simulation(chain: Chain, loops: Vec<Loop>, height: f64) -> Simulation {
+    let law = Coefficients { restitution: 0.5, friction: 0.3, ..Coefficients::default() };
+    let contact = ContactRule::new(ContactLaw::named("energetic", law).unwrap());
+    let obstacle = Obstacle::half_space(Vector3::new(0.0, 0.0, height), Vector3::new(0.2, -0.1, 1.0)).unwrap();
+    let surface = Surface { name: "wall".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    Simulation { loops, gravity: Vector3::new(2.0, 0.0, -G), tolerance: 1e-12, ..Simulation::new(chain, touches) }
+}
+
+fn tie(joint: LoopJoint, first: LoopFrame, second: LoopFrame) -> Vec<Loop> {
+    vec![Loop { name: "tie".into(), joint, frames: [first, second] }]
+}
+
+/// Place and turn of a floating link at a frame of another link.
+fn at(chain: &Chain, q: &[f64], link: &str, offset: LoopFrame) -> [f64; 7] {
+    let mut workspace = chain.workspace();
+    let kin = workspace.update(chain, q).unwrap();
+    let pose = kin.pose(chain.frame(link).unwrap());
+    let turn = UnitQuaternion::from_matrix(&pose.rotation) * offset.rotation;
+    let place = pose.point(offset.origin);
+    let turn = turn.coords;
+    [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+}
+
+/// The same events, with the same impulses, and the same path of a point of the link `body`.
+fn same(tree: &Simulation, q: &[f64], tied: &Simulation, tied_q: &[f64]) -> Vec<Event> {
+    let duration = 1.2;
+    let zeros = |sim: &Simulation| vec![0.0; sim.chain.nv()];
+    let one = tree.run(q, &zeros(tree), duration).unwrap();
+    let other = tied.run(tied_q, &zeros(tied), duration).unwrap();
+    assert_eq!(one.events.len(), other.events.len(), "{:?}\n{:?}", one.events, other.events);
+    for (a, b) in one.events.iter().zip(&other.events) {
+        assert_eq!(a.kind.name(), b.kind.name());
+        assert!((a.time - b.time).abs() < 1e-8, "{} {}", a.time, b.time);
+        for (a, b) in a.blows.iter().zip(&b.blows) {
+            assert!((a.impulse - b.impulse).norm() < 1e-7 * a.impulse.norm(), "{a:?} {b:?}");
+        }
+    }
+    let place = |sim: &Simulation, q: &[f64]| {
+        let mut workspace = sim.chain.workspace();
+        let kin = workspace.update(&sim.chain, q).unwrap();
+        kin.position(sim.chain.point(sim.chain.frame("body").unwrap(), Vector3::new(0.3, -0.2, 0.5)))
+    };
+    for k in 0..=60 {
+        let time = duration * f64::from(k) / 60.0;
+        let [a, b] = [place(tree, &one.at(&tree.chain, time).q), place(tied, &other.at(&tied.chain, time).q)];
+        // Impacts amplify errors of 1e-10 by their number.
+        assert!((a - b).norm() < 1e-7, "{a} {b} at {time}");
+    }
+    let balance = other.summary.energy;
+    assert!(balance.error().abs() < 1e-9, "{balance:?}");
+    one.events
+}
+
+fn strikes(events: &[Event]) {
+    assert!(events.iter().any(|event| event.kind.name() == "impact"), "{events:?}");
+}
+
+/// A floating body that is pinned to the world is one on a hinge.
+#[test]
+fn a_pin_is_a_hinge() {
+    let tree = chain(&(body("body") + &joint("hinge", "continuous", "ground", "body", (XYZ, RPY), HINGE)));
+    let tied = chain(&(body("body") + &joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "")));
+    let axis = Vector3::new(0.2, 1.0, 0.1);
+    for length in [1.0, 7.0] {
+        let pin = LoopJoint::Pin { axis: axis * length };
+        for swapped in [false, true] {
+            let (mut first, mut second) =
+                (LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]), LoopFrame::new(None, XYZ, RPY));
+            if swapped {
+                (first, second) = (second, first);
+            }
+            let start = at(&tree, &[0.3], "body", LoopFrame::new(None, [0.0; 3], [0.0; 3]));
+            let loops = tie(pin, first, second);
+            strikes(&same(
+                &simulation(tree.clone(), Vec::new(), -0.62),
+                &[0.3],
+                &simulation(tied.clone(), loops, -0.62),
+                &start,
+            ));
+        }
+    }
+}
+
+/// Two bodies that are welded by a loop are one with a fixed joint, the first on a hinge, the second floating.
+#[test]
+fn a_weld_is_a_fixed_joint() {
+    let arm = r#"<link name="arm"><inertial><origin xyz="0 0.1 -0.2"/><mass value="0.8"/>
+        <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.012" iyz="0" izz="0.009"/></inertial></link>"#;
+    let hinge = joint("hinge", "continuous", "ground", "arm", ([0.0, 0.0, 0.1], [0.2, 0.1, 0.0]), HINGE);
+    let tree =
+        chain(&(arm.to_owned() + &body("body") + &hinge + &joint("fix", "fixed", "arm", "body", (XYZ, RPY), "")));
+    let free = joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "");
+    let tied = chain(&(arm.to_owned() + &body("body") + &hinge + &free));
+    let loops =
+        tie(LoopJoint::Weld, LoopFrame::new(Some("arm"), XYZ, RPY), LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]));
+    let mut start = vec![0.4];
+    start.extend(at(&tree, &[0.4], "body", LoopFrame::new(None, [0.0; 3], [0.0; 3])));
+    // A wall 2 cm below the start.
+    let slope = Vector3::new(0.2, -0.1, 1.0_f64).norm();
+    let height = simulation(tree.clone(), Vec::new(), -0.7).smallest_gap(&[0.4]).unwrap() * slope - 0.72;
+    strikes(&same(&simulation(tree, Vec::new(), height), &[0.4], &simulation(tied, loops, height), &start));
+}
+
+/// A floating body on a point of the world is a heavy body about a fixed point: its attitude is that of Euler's equations
+/// I ω̇ = m c × g − ω × I ω about this point, integrated independently (Runge & Kutta's method, 2e-5 s).
+#[test]
+fn a_point_is_a_spherical_pendulum() {
+    let tied = chain(&(body("body") + &joint("free", "floating", "ground", "body", ([0.0; 3], [0.0; 3]), "")));
+    let loops = tie(LoopJoint::Point, LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]), LoopFrame::new(None, XYZ, RPY));
+    let mut sim = simulation(tied, loops, -2.0);
+    sim.touches.clear();
+    let turn = UnitQuaternion::from_euler_angles(0.5, 0.3, -0.2);
+    let mut rate = Vector3::new(1.0, -2.0, 4.0);
+    let [x, y, z, w] = [turn.i, turn.j, turn.k, turn.w];
+    let (q, qd) = ([XYZ[0], XYZ[1], XYZ[2], x, y, z, w], [0.0, 0.0, 0.0, rate.x, rate.y, rate.z]);
+    let duration = 1.0;
+    let mut states = Vec::new();
+    let sampling = Sampling { every: Some(0.25), dense: false };
+    sim.stream(&q, &qd, duration, sampling, &mut |seen| {
+        if let carom::sim::Seen::Moment(moment) = seen {
+            states.push(moment.clone());
+        }
+    })
+    .unwrap();
+
+    let (mass, centre) = (1.3, Vector3::new(0.1, 0.0, -0.4));
+    let own = Matrix3::new(0.02, 0.001, 0.0, 0.001, 0.03, 0.002, 0.0, 0.002, 0.014);
+    let inertia: Matrix3<f64> =
+        own + mass * (Matrix3::identity() * centre.norm_squared() - centre * centre.transpose());
+    let inverse = inertia.try_inverse().unwrap();
+    let slope = |turn: &Quaternion<f64>, w: &Vector3<f64>| {
+        let gravity = UnitQuaternion::from_quaternion(*turn).inverse() * sim.gravity;
+        let spin = inverse * (centre.cross(&gravity) * mass - w.cross(&(inertia * w)));
+        (turn * Quaternion::from_imag(*w) * 0.5, spin)
+    };
+    let mut turn = turn.into_inner();
+    let h = 2e-5;
+    for state in &states[1..] {
+        for _ in 0..12500 {
+            let (a, b) = slope(&turn, &rate);
+            let (c, d) = slope(&(turn + a * (h / 2.0)), &(rate + b * (h / 2.0)));
+            let (e, f) = slope(&(turn + c * (h / 2.0)), &(rate + d * (h / 2.0)));
+            let (g, i) = slope(&(turn + e * h), &(rate + f * h));
+            turn = (turn + (a + c * 2.0 + e * 2.0 + g) * (h / 6.0)).normalize();
+            rate += (b + d * 2.0 + f * 2.0 + i) * (h / 6.0);
+        }
+        let found = Vector3::new(state.qd[3], state.qd[4], state.qd[5]);
+        assert!((found - rate).norm() < 1e-8, "{found} {rate}");
+        let found = Quaternion::new(state.q[6], state.q[3], state.q[4], state.q[5]);
+        let apart = (found - turn).norm().min((found + turn).norm());
+        assert!(apart < 1e-9, "{found} {turn}");
+        // The point stays where it is.
+        assert!((Vector3::new(state.q[0], state.q[1], state.q[2]) - Vector3::from(XYZ)).norm() < 1e-9);
+    }
+}
+
+/// A mimic joint in a loop: a gear whose second wheel is fixed to the first by a rod and a slot. The rod between two hinges that
+/// turn by the same angle is the coupler of a parallelogram: the loop and the mimic joint demand the same, and the linkage
+/// moves as without the mimic joint.
+#[test]
+fn a_mimic_joint_agrees_with_the_loop_that_demands_the_same() {
+    let rod = |name: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+            <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.0833" iyz="0" izz="0.0833"/></inertial></link>"#
+        )
+    };
+    let z = r#"<axis xyz="0 0 1"/>"#;
+    let links = |mimic: &str| {
+        rod("left")
+            + &rod("coupler")
+            + &rod("right")
+            + &joint("left", "continuous", "ground", "left", ([0.0; 3], [0.0; 3]), z)
+            + &joint("coupler", "continuous", "left", "coupler", ([1.0, 0.0, 0.0], [0.0; 3]), z)
+            + &joint("right", "continuous", "ground", "right", ([1.0, 0.0, 0.0], [0.0; 3]), &format!("{z}{mimic}"))
+    };
+    let pin = LoopJoint::Pin { axis: Vector3::z() };
+    let end = |link| LoopFrame::new(Some(link), [1.0, 0.0, 0.0], [0.0; 3]);
+    let loops = tie(pin, end("coupler"), end("right"));
+    let gravity = Vector3::new(0.0, -G, 0.0);
+    let run = |chain: Chain, q: &[f64], qd: &[f64]| {
+        let sim = Simulation { loops: loops.clone(), gravity, tolerance: 1e-11, ..Simulation::new(chain, Vec::new()) };
+        sim.run(q, qd, 0.5).unwrap().summary.last
+    };
+    let free = run(chain(&links("")), &[1.3, -1.3, 1.3], &[-0.5, 0.5, -0.5]);
+    let geared = run(chain(&links(r#"<mimic joint="left"/>"#)), &[1.3, -1.3], &[-0.5, 0.5]);
+    assert_eq!(geared.q.len(), 2);
+    for k in 0..2 {
+        assert!(
+            (free.q[k] - geared.q[k]).abs() < 1e-9 && (free.qd[k] - geared.qd[k]).abs() < 1e-9,
+            "{free:?} {geared:?}"
+        );
+    }
+}
