@@ -15,7 +15,7 @@ use carom::sim::Sampling;
 use carom::sim::{Drive, Parameter, Plan, Scene};
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/racket.toml");
-/// Where the centre of the ball is to be at the end, m: 7 cm above the plate.
+/// Where the centre of the ball is to be at the end, m: 14 cm above the plate.
 const TARGET: [f64; 3] = [0.7, 1.8, 0.3];
 const JOINTS: [&str; 4] = ["yaw", "shoulder", "elbow", "roll"];
 const GRAVITY: f64 = 9.81;
@@ -128,7 +128,7 @@ fn miss(
 
 /// Each of the last iterations has twice the digits of the one before.
 fn check(errors: &[f64]) -> Result<(), Box<dyn std::error::Error>> {
-    let near: Vec<&f64> = errors.iter().filter(|error| **error < 0.05).collect();
+    let near: Vec<&f64> = errors.iter().filter(|error| **error < 0.02).collect();
     let quadratic = near.windows(2).all(|pair| *pair[1] < (5.0 * pair[0] * pair[0]).max(ROUNDING));
     if near.len() < 3 || !quadratic || errors.last().is_none_or(|last| *last >= ROUNDING) {
         return Err(format!("the iterations do not converge quadratically: {errors:?}").into());

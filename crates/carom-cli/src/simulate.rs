@@ -87,10 +87,10 @@ pub struct Simulate {
     runs: Option<u64>,
     /// Differentiate the final state and the times of the events by the start and by parameters
     ///
-    /// Exact to about 1e-8 of their size. The parameters: restitution and friction of all contacts
-    /// together; of the controller kp, kd, target or torque of each joint. A change of q is a
-    /// displacement: of a floating joint along and about the axes of its link. Where the outcome is
-    /// not differentiable, the time and the reason are given.
+    /// Exact to about 1e-8 of their size. The parameters: restitution and friction of all
+    /// contacts together; of the controller kp, kd, target or torque of each joint. A change
+    /// of q is a displacement: of a floating joint along and about the axes of its link.
+    /// Where the outcome is not differentiable, the time and the reason are given.
     #[arg(long, verbatim_doc_comment, conflicts_with = "runs")]
     sensitivity: bool,
     #[command(flatten)]

@@ -1,6 +1,7 @@
 //! The run of a simulation from event to event, and its results.
 
 mod branch;
+mod crossing;
 mod events;
 mod impacts;
 mod leap;

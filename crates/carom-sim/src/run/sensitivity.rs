@@ -5,7 +5,7 @@
 //! | S⁻, S⁺ | n×k | derivatives before and after an event | `s` |
 //! | w | 1 | the witness function that fired | – |
 //! | τ′ | k | derivatives of the time of the event | `time_by` |
-//! | E | – | what an event does: (t, x) before it to (t, x) after it | [`Run::act`] |
+//! | E | – | what an event does: (t, x) before it to (t, x) after it | `crossing.rs` |
 //!
 //! Between events S follows the variational equations (`variation.rs`). An event at w(t, x) = 0 has
 //! τ′ = −(∂w S⁻ + ∂ₚw)/ẇ. For a change of the j-th quantity by δ the event takes place at t + τ′ⱼδ in the state
@@ -23,12 +23,12 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
+use super::crossing::{After, Before, WIDE, normal, outcome, rate, value};
 use super::events::{Ending, Run};
 use super::sampler::Step;
-use super::stand::Memory;
 use super::trajectory::{Sampling, Seen};
 use super::variation::{Gauss, left_inverse, over_step};
-use super::watch::{Watch, look};
+use super::watch::Watch;
 use crate::error::SimError;
 use crate::model::{Parameter, Simulation};
 use crate::motion::Kept;
@@ -80,8 +80,6 @@ pub struct Broken {
 
 /// Step of the central differences of events, for a column of size one.
 const DIFFERENCE: f64 = 1e-5;
-/// Step of those of witness functions.
-const WIDE: f64 = 1e-4;
 /// An event whose witness function changes by less than this in the time in which the state changes by its own size is a grazing
 /// one.
 const GRAZING: f64 = 1e-7;
@@ -146,29 +144,6 @@ struct Follow<'a, 'w, A: Space> {
     s: DMatrix<f64>,
     gauss: Gauss,
     kinds: &'a RefCell<Vec<&'static str>>,
-}
-
-/// The end of a leg, before its event.
-struct Before {
-    time: f64,
-    x: DVector<f64>,
-    /// f⁻.
-    f: DVector<f64>,
-    ending: Ending,
-    /// The witness that fired, and its rate.
-    watch: Option<Watch>,
-    rate: f64,
-    kept: Kept,
-    memory: Memory,
-}
-
-/// What an event has led to.
-struct After {
-    time: f64,
-    x: DVector<f64>,
-    /// f⁺.
-    f: DVector<f64>,
-    kept: Kept,
 }
 
 /// Why a step could not be differentiated.
@@ -345,8 +320,14 @@ impl<A: Space> Follow<'_, '_, A> {
             Some(watch) => rate(&mut self.probe, watch, (time, &x), (&f, DIFFERENCE / pace))?,
             None => 1.0,
         };
-        let memory = self.run.memory();
-        let before = Before { time, x: DVector::from_vec(x), f, ending, watch, rate, kept: kept.clone(), memory };
+        let normal = match watch {
+            Some(watch @ (Watch::Gap(_) | Watch::Pair(_) | Watch::Rest(_))) => {
+                normal(&mut self.probe, watch, time, &x)?
+            }
+            _ => None,
+        };
+        let (memory, kept) = (self.run.memory(), kept.clone());
+        let before = Before { time, x: DVector::from_vec(x), f, ending, watch, rate, normal, kept, memory };
         self.run.act(ending)?;
         if self.run.motion.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
@@ -455,69 +436,3 @@ impl<A: Space> Follow<'_, '_, A> {
 
 /// The kinds of events that are impacts.
 const BLOWS: [&str; 4] = ["impact", "several", "limit", "latch"];
-
-/// A witness function.
-fn value<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<f64, SimError> {
-    let y = run.y_of(x);
-    let mut found = 0.0;
-    look(&mut run.motion, &[watch], time, &y, |witness| found = witness.value)?;
-    Ok(found)
-}
-
-/// ẇ, for witnesses without a rate of their own by a difference over the time `h`.
-fn rate<A: Space>(
-    run: &mut Run<A>,
-    watch: Watch,
-    (time, x): (f64, &[f64]),
-    (f, h): (&DVector<f64>, f64),
-) -> Result<f64, SimError> {
-    let y = run.y_of(x);
-    let mut own = None;
-    look(&mut run.motion, &[watch], time, &y, |witness| own = witness.rate)?;
-    if let Some(own) = own {
-        return Ok(own);
-    }
-    let at = |times: f64| DVector::from_column_slice(x) + f * (times * h);
-    Ok((value(run, watch, time + h, at(1.0).as_slice())? - value(run, watch, time - h, at(-1.0).as_slice())?)
-        / (2.0 * h))
-}
-
-/// E: the state and the time after an event, of a state beside that of the event, which is first moved onto the constraints and
-/// along f to the zero of the witness function.
-///
-/// Where slip stops, both of its components vanish: friction makes neighbouring motions stop in the same direction. So that
-/// state is also moved onto the constraints of the mode `after` it.
-fn outcome<A: Space>(
-    run: &mut Run<A>,
-    before: &Before,
-    after: &Kept,
-    (mut time, x): (f64, &[f64]),
-    end: f64,
-) -> Result<(DVector<f64>, f64), SimError> {
-    run.motion.keep(before.kept.clone());
-    let mut y = run.y_of(x);
-    let remembered = &x[y.len() - 2..];
-    run.motion.sim.normalise(&mut y);
-    run.motion.settle(time, &mut y)?;
-    if let Some(watch) = before.watch {
-        for _ in 0..3 {
-            let x = run.x_of(&y, remembered);
-            let span = -value(run, watch, time, &x)? / before.rate;
-            time += span;
-            let moved = DVector::from_vec(x) + &before.f * span;
-            y = run.y_of(moved.as_slice());
-            run.motion.sim.normalise(&mut y);
-            run.motion.settle(time, &mut y)?;
-        }
-        if matches!(watch, Watch::SlipStops(_) | Watch::JointStops(_)) {
-            run.motion.keep(after.clone());
-            run.motion.settle(time, &mut y)?;
-            run.motion.keep(before.kept.clone());
-        }
-        run.y_of(x); // what compliant contacts remember is not moved
-    }
-    (run.time, run.y, run.end) = (time, y, end);
-    run.recall(&before.memory);
-    run.act(before.ending)?;
-    Ok((DVector::from_vec(run.x()), run.time))
-}

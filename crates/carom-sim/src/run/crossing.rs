@@ -1,0 +1,129 @@
+//! The event at the end of a leg as a map E from time and state before it to time and state after it, which `sensitivity.rs`
+//! differentiates.
+
+use super::events::{Ending, Run};
+use super::stand::Memory;
+use super::watch::{Watch, look};
+use crate::error::SimError;
+use crate::motion::Kept;
+use crate::state::Space;
+use nalgebra::DVector;
+
+/// Step of the differences of witness functions.
+pub(crate) const WIDE: f64 = 1e-4;
+
+/// The end of a leg, before its event.
+pub(crate) struct Before {
+    pub time: f64,
+    pub x: DVector<f64>,
+    /// f⁻.
+    pub f: DVector<f64>,
+    pub ending: Ending,
+    /// The witness that fired, and its rate.
+    pub watch: Option<Watch>,
+    pub rate: f64,
+    /// Of a gap the displacement that increases it by 1, of least size.
+    pub normal: Option<DVector<f64>>,
+    pub kept: Kept,
+    pub memory: Memory,
+}
+
+/// What an event has led to.
+pub(crate) struct After {
+    pub time: f64,
+    pub x: DVector<f64>,
+    /// f⁺.
+    pub f: DVector<f64>,
+    pub kept: Kept,
+}
+
+/// A witness function.
+pub(crate) fn value<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<f64, SimError> {
+    let y = run.y_of(x);
+    let mut found = 0.0;
+    look(&mut run.motion, &[watch], time, &y, |witness| found = witness.value)?;
+    Ok(found)
+}
+
+/// ẇ, for witnesses without a rate of their own by a difference over the time `h`.
+pub(crate) fn rate<A: Space>(
+    run: &mut Run<A>,
+    watch: Watch,
+    (time, x): (f64, &[f64]),
+    (f, h): (&DVector<f64>, f64),
+) -> Result<f64, SimError> {
+    let y = run.y_of(x);
+    let mut own = None;
+    look(&mut run.motion, &[watch], time, &y, |witness| own = witness.rate)?;
+    if let Some(own) = own {
+        return Ok(own);
+    }
+    let at = |times: f64| DVector::from_column_slice(x) + f * (times * h);
+    Ok((value(run, watch, time + h, at(1.0).as_slice())? - value(run, watch, time - h, at(-1.0).as_slice())?)
+        / (2.0 * h))
+}
+
+/// ∂w/|∂w|² of a gap, by the displacements; `None` where none of them changes it.
+pub(crate) fn normal<A: Space>(
+    probe: &mut Run<A>,
+    watch: Watch,
+    time: f64,
+    x: &[f64],
+) -> Result<Option<DVector<f64>>, SimError> {
+    let nv = probe.motion.sim.chain.nv();
+    let tangent = probe.tangent(x).columns(0, nv).into_owned();
+    let here = DVector::from_column_slice(x);
+    let mut slope = DVector::zeros(nv);
+    for j in 0..nv {
+        let mut at = |h: f64| value(probe, watch, time, (&here + tangent.column(j) * h).as_slice());
+        slope[j] = (at(WIDE)? - at(-WIDE)?) / (2.0 * WIDE);
+    }
+    let size = slope.norm_squared();
+    Ok((size > 0.0).then(|| tangent * (slope / size)))
+}
+
+/// E: the state and the time after an event, of a state beside that of the event, which is first moved onto the constraints and
+/// to the zero of the witness function: along f, or of a gap along its normal, because the last contacts of an accumulation close too
+/// slowly for a distance of second order.
+///
+/// Where slip stops, both of its components vanish: friction makes neighbouring motions stop in the same direction. So that
+/// state is also moved onto the constraints of the mode `after` it.
+pub(crate) fn outcome<A: Space>(
+    run: &mut Run<A>,
+    before: &Before,
+    after: &Kept,
+    (mut time, x): (f64, &[f64]),
+    end: f64,
+) -> Result<(DVector<f64>, f64), SimError> {
+    run.motion.keep(before.kept.clone());
+    let mut y = run.y_of(x);
+    let remembered = &x[y.len() - 2..];
+    run.motion.sim.normalise(&mut y);
+    run.motion.settle(time, &mut y)?;
+    if let Some(watch) = before.watch {
+        for _ in 0..3 {
+            let x = run.x_of(&y, remembered);
+            let beyond = value(run, watch, time, &x)?;
+            let moved = if let Some(normal) = &before.normal {
+                DVector::from_vec(x) - normal * beyond
+            } else {
+                let span = -beyond / before.rate;
+                time += span;
+                DVector::from_vec(x) + &before.f * span
+            };
+            y = run.y_of(moved.as_slice());
+            run.motion.sim.normalise(&mut y);
+            run.motion.settle(time, &mut y)?;
+        }
+        if matches!(watch, Watch::SlipStops(_) | Watch::JointStops(_)) {
+            run.motion.keep(after.clone());
+            run.motion.settle(time, &mut y)?;
+            run.motion.keep(before.kept.clone());
+        }
+        run.y_of(x); // what compliant contacts remember is not moved
+    }
+    (run.time, run.y, run.end) = (time, y, end);
+    run.recall(&before.memory);
+    run.act(before.ending)?;
+    Ok((DVector::from_vec(run.x()), run.time))
+}
