@@ -139,7 +139,7 @@ fn a_weld_is_a_fixed_joint() {
     start.extend(at(&tree, &[0.4], "body", LoopFrame::new(None, [0.0; 3], [0.0; 3])));
     // A wall 2 cm below the start.
     let slope = Vector3::new(0.2, -0.1, 1.0_f64).norm();
-    let height = simulation(tree.clone(), Vec::new(), -0.7).smallest_gap(&[0.4]).unwrap() * slope - 0.72;
+    let height = simulation(tree.clone(), Vec::new(), -0.5).smallest_gap(&[0.4]).unwrap() * slope - 0.52;
     strikes(&same(&simulation(tree, Vec::new(), height), &[0.4], &simulation(tied, loops, height), &start));
 }
 
