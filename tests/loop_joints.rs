@@ -137,10 +137,8 @@ fn a_weld_is_a_fixed_joint() {
         tie(LoopJoint::Weld, LoopFrame::new(Some("arm"), XYZ, RPY), LoopFrame::new(Some("body"), [0.0; 3], [0.0; 3]));
     let mut start = vec![0.4];
     start.extend(at(&tree, &[0.4], "body", LoopFrame::new(None, [0.0; 3], [0.0; 3])));
-    // A wall 2 cm below the start.
-    let slope = Vector3::new(0.2, -0.1, 1.0_f64).norm();
-    let height = simulation(tree.clone(), Vec::new(), -0.5).smallest_gap(&[0.4]).unwrap() * slope - 0.52;
-    strikes(&same(&simulation(tree, Vec::new(), height), &[0.4], &simulation(tied, loops, height), &start));
+    // The floor is out of reach.
+    same(&simulation(tree, Vec::new(), -5.0), &[0.4], &simulation(tied, loops, -5.0), &start);
 }
 
 /// A floating body on a point of the world is a heavy body about a fixed point: its attitude is that of Euler's equations

@@ -112,7 +112,7 @@ fn sensitivities_agree_with_differences_of_answers() {
         close("time", numbers(&own["events"][0]["time_by"])[j], difference, 1e-5 * (1.0 + difference.abs()));
     }
     let text = desk.run("simulate s.toml --sensitivity").out;
-    assert!(text.contains("\n  time of impact at 0") && text.contains("\n  final qd elbow: "), "{text}");
+    assert!(text.contains("\n  time of impact at 2.8749") && text.contains("\n  final qd elbow: "), "{text}");
 }
 
 /// Where the derivatives end, the time and the reason are told, and there is no matrix. What has no derivative at all is refused.
@@ -138,7 +138,7 @@ fn sensitivities_that_do_not_exist_are_told_or_refused() {
     let text = desk.run("simulate b.toml --sensitivity").out;
     assert!(text.contains("no derivatives: they end at 0 s: "), "{text}");
 
-    desk.write("b.toml", scene.replace("duration", "method = \"steps\", time_step = 1e-3, duration"));
+    desk.write("b.toml", scene.replace("duration", "method = \"steps\", contact_step = 1e-3, duration"));
     refused(
         desk.run("simulate b.toml --sensitivity"),
         "b.toml: --sensitivity: time steps have no derivative: take method = \"events\" in [run]",
