@@ -131,10 +131,9 @@ fn messages_name_the_loop_and_the_remedy() {
 fn controllers_of_trees_are_refused() {
     let wall = "[[surface]]\nshape = { halfspace = { point = [-0.12, 0, 0], normal = [1, 0, 0] } }\n";
     let robot = format!("{CLOSED}tip = \"tip\"\n");
-    for controller in ["controller = \"impact-invariant\"\nkp = 1\nkd = 1\ntarget = [0, 0, 0]\n"] {
-        let said = said("transition", &(scene(&robot, &pin()) + controller + wall));
-        assert!(said.contains("loop 1") && said.contains("choose another controller"), "{said}");
-    }
+    let controller = "controller = \"impact-invariant\"\nkp = 1\nkd = 1\ntarget = [0, 0, 0]\n";
+    let said = said("transition", &(scene(&robot, &pin()) + controller + wall));
+    assert!(said.contains("loop 1") && said.contains("choose another controller"), "{said}");
 }
 
 /// A plan leaves out what no contact reaches, but no link of a loop; and says which loops it keeps.
@@ -161,6 +160,6 @@ fn a_linkage_with_rounded_axes_moves() {
         let text = scene(rounded, &pin) + &format!("model = \"{model}\"\n");
         let plan = read(model, &text).unwrap().plan().unwrap();
         let last = plan.run(0.1).unwrap().summary.last;
-        assert!((last.q[0] - 1.5708 - 0.1).abs() < 0.02, "{last:?}");
+        assert!((last.q[0] - std::f64::consts::FRAC_PI_2 - 0.1).abs() < 0.02, "{last:?}");
     }
 }
