@@ -247,7 +247,11 @@ impl Simulation {
 
     /// The pairs of points that the loops keep together.
     pub(crate) fn couplings<A: Space>(&self, model: &A::Model) -> Vec<Coupling<A>> {
-        self.loops.iter().flat_map(|own| own.couplings::<A>(&self.chain, model)).collect()
+        let mut couplings = Vec::new();
+        for own in &self.loops {
+            couplings.extend(own.couplings::<A>(&self.chain, model));
+        }
+        couplings
     }
 
     /// The state nearest to `(q, qd)` in the metric of M that closes the loops, and the largest change of a coordinate.
