@@ -93,9 +93,9 @@ fn a_crank_rocker_moves_by_freudensteins_equation() {
     }
 }
 
-/// Some hundred revolutions change neither the linkage nor its energy.
-#[test]
-fn a_crank_rocker_does_not_drift_over_many_revolutions() {
+/// A crank-rocker turns for `duration` seconds, at 7 revolutions per second: afterwards its loop is closed, its angles and angular
+/// velocities are those of Freudenstein's equation, and its energy is the one of the start to `within` of it.
+fn does_not_drift(duration: f64, at_least: f64, within: f64) {
     let bar = FourBar { crank: 0.3, coupler: 0.9, rocker: 0.8, ground: 0.7 };
     let sim = Simulation {
         tolerance: 1e-10,
@@ -103,20 +103,30 @@ fn a_crank_rocker_does_not_drift_over_many_revolutions() {
         ..simulation(bar.chain(Cut::Joint, Default::default(), [""; 3]), vec![bar.closure(Cut::Joint, pin())])
     };
     let [q, qd] = bar.state(Cut::Joint, 0.0, 30.0);
-    let summary = sim.stream(&q, &qd, duration(), Sampling::default(), &mut |_| {}).unwrap();
-    eprintln!("{:?}", summary);
-    let last = summary.last;
+    let summary = sim.stream(&q, &qd, duration, Sampling::default(), &mut |_| {}).unwrap();
+    let (last, books) = (summary.last, summary.energy);
     let revolutions = last.q[0] / (2.0 * std::f64::consts::PI);
-    assert!(revolutions > 250.0, "{revolutions}");
+    assert!(revolutions > at_least, "{revolutions}");
     let [wanted, rates] = bar.state(Cut::Joint, last.q[0], last.qd[0]);
+    // Angles of x rad are rounded to 1e-16 x.
+    let rounding = last.q[0] * 1e-15;
     for k in 0..3 {
-        // Angles of 2000 rad are rounded to 2e-13.
-        assert!(turned(last.q[k], wanted[k]).abs() < 1e-11, "{last:?} {wanted:?}");
-        assert!((last.qd[k] - rates[k]).abs() < 1e-9, "{last:?} {rates:?}");
+        assert!(turned(last.q[k], wanted[k]).abs() < 1e-11 + rounding, "{last:?} {wanted:?}");
+        assert!((last.qd[k] - rates[k]).abs() < 1e-9 + 100.0 * rounding, "{last:?} {rates:?}");
     }
-    let books = summary.energy;
-    // The error of a step is a tolerance at most, of either sign; there are some ten thousand.
-    assert!((books.end - books.start).abs() < 1e-6 * books.start, "{books:?}");
+    // The error of a step is a tolerance at most; there are 60 to a revolution.
+    assert!((books.end - books.start).abs() < within * books.start, "{books:?}");
+}
+
+#[test]
+fn a_crank_rocker_does_not_drift_over_many_revolutions() {
+    does_not_drift(60.0, 400.0, 1e-7);
+}
+
+#[test]
+#[ignore = "ten minutes: cargo test --test loops -- --ignored"]
+fn a_crank_rocker_does_not_drift_over_a_hundred_thousand_revolutions() {
+    does_not_drift(13_900.0, 1e5, 1e-5);
 }
 
 /// A crank that has turned 10⁵ times has an angle that is rounded to 1e-10: it closes and moves to these digits.
@@ -139,7 +149,7 @@ fn a_crank_that_has_turned_a_hundred_thousand_times_goes_on() {
 /// tolerances. The leap over the pose has an error of its own, of 1e-11.
 #[test]
 fn an_n_four_bar_keeps_its_energy_through_its_flat_pose() {
-    for n in std::env::var("MANY").map_or(vec![1, 2], |n| vec![n.parse().unwrap()]) {
+    for n in [1, 2] {
         let mut ends: Vec<Moment> = Vec::new();
         for cut in [Cut::Joint, Cut::Foot] {
             for (tolerance, within) in [(1e-9, 1e-7), (1e-11, 1e-9), (1e-12, 1e-9)] {
@@ -147,12 +157,6 @@ fn an_n_four_bar_keeps_its_energy_through_its_flat_pose() {
                 let sim = Simulation { tolerance, ..simulation(chain, loops) };
                 let (moments, summary) = sampled(&sim, (&q, &qd), 10.0, 0.05);
                 let books = summary.energy;
-                eprintln!(
-                    "{n} {cut:?} {tolerance} {:e} J of {} {:?}",
-                    books.end - books.start,
-                    books.start,
-                    summary.statistics
-                );
                 assert!((books.end - books.start).abs() < within * books.start, "{n} {cut:?} {tolerance}: {books:?}");
                 let flat = moments.iter().filter(|it| it.q[0] < 0.0).count();
                 assert!(flat > 20, "it passes the flat pose");
@@ -261,8 +265,4 @@ fn a_session_goes_on_within_the_leap_over_a_flat_pose() {
         again.advance(2.0 - again.time()).unwrap();
         assert!(near(&again.moment()) < 1e-7, "{:?} {whole:?}", again.moment());
     }
-}
-
-fn duration() -> f64 {
-    std::env::var("DURATION").map_or(60.0, |x| x.parse().unwrap())
 }
