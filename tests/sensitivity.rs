@@ -115,6 +115,18 @@ fn sensitivities_of_a_quadruped_that_lands_tilted_equal_differences_of_runs() {
     assert_eq!(impacts, 2, "{:?}", found.events);
 }
 
+/// A PD-controlled arm strikes a wall that is in front of its target, bounces, slides, and stays pressed on it.
+#[test]
+fn sensitivities_of_an_arm_that_comes_to_press_on_a_wall_equal_differences_of_runs() {
+    let pd = "controller = \"pd\"\nkp = { shoulder = 40, elbow = 10 }\nkd = { shoulder = 6, elbow = 1.5 }\ntarget = [0.85, -1.5]";
+    let own =
+        [("controller = \"off\"", pd), ("friction = 0.0", "friction = 0.3"), ("duration = 0.5", "duration = 1.5")];
+    let found = check("pressed", &scene("planar2", &own), 1.5, None, 1e-6);
+    let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+    assert!(kinds.contains(&"impact") && kinds.contains(&"zeno"), "{kinds:?}");
+    assert_eq!(found.names.len(), 4 + 2 + 6, "{:?}", found.names);
+}
+
 /// A bristle holds, slips and swings: its deflection is among what is differentiated.
 #[test]
 fn sensitivities_through_a_contact_with_a_bristle_equal_differences_of_runs() {

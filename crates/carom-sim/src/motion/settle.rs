@@ -1,9 +1,10 @@
 //! Projection of a state onto its constraints, in the metric of M: gaps and normal velocities of the lasting contacts, slip of
 //! those that stick.
 
+use super::assembled::Assembled;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
-use super::smooth::Motion;
+use super::smooth::{Kept, Motion};
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_chain::Rows;
@@ -94,11 +95,13 @@ impl<A: Space> Motion<'_, A> {
         Ok(changed)
     }
 
-    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them.
-    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
+    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them. Returns the slowest slip,
+    /// m/s.
+    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let (q, qd) = self.split(y);
         let (sim, noise) = (self.sim, self.noise());
+        let mut slowest = f64::INFINITY;
         let view = self.view(q)?;
         for own in &mut lasting {
             if let Hold::Slides { toward } = &mut own.hold
@@ -106,9 +109,48 @@ impl<A: Space> Motion<'_, A> {
             {
                 let u = sim.touches[own.touch].u(&place, &view, qd, time)?;
                 *toward = direction_of_slip(u, place.normal, noise).unwrap_or(*toward);
+                slowest = slowest.min(u.dot(toward).abs());
             }
         }
         self.lasting = lasting;
+        Ok(slowest)
+    }
+
+    /// Takes out the components of slip across the directions of slip, of the contacts that slide and stick in the mode `after`: by
+    /// impulses of friction across these directions, with those of the constraints. Slip whose direction turns ends so.
+    pub fn straighten(&mut self, after: &Kept, time: f64, y: &mut [f64]) -> Result<(), SimError> {
+        let lasting = std::mem::take(&mut self.lasting);
+        let mut found = std::mem::take(&mut self.assembled);
+        let assembled = self.assemble((time, y), &lasting, &mut found);
+        let (q, qd) = self.split(y);
+        let (nq, nv, sim) = (q.len(), qd.len(), self.sim);
+        let mut across = Rows::new(nv);
+        let mut errors = vec![0.0; found.constraints.rows.len()];
+        let mut view = self.view(q)?;
+        for own in lasting.iter().filter(|own| after.sticks(own.touch)) {
+            if let Hold::Slides { toward } = own.hold
+                && let Some(place) = sim.touches[own.touch].at(&view, q, time).surface
+            {
+                let direction = place.normal.cross(&toward);
+                place.row_into(&view, direction, across.add())?;
+                errors.push(sim.touches[own.touch].u(&place, &view, qd, time)?.dot(&direction));
+            }
+        }
+        let mut responses = Rows::new(nv);
+        let responded = view.respond(&across, &mut responses);
+        (self.lasting, self.assembled) = (lasting, found);
+        (assembled?, responded?);
+        let Assembled { constraints, responses: held, .. } = &self.assembled;
+        let rows: Vec<&[f64]> = constraints.rows.iter().chain(across.iter()).collect();
+        let impulses: Vec<&[f64]> = held.iter().chain(responses.iter()).collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let k = DMatrix::from_fn(rows.len(), rows.len(), |i, j| dot(rows[i], impulses[j]));
+        let least = 1e-12 * k.amax();
+        // Constraints may depend on each other: the solution of least squares.
+        let found = k.svd(true, true).solve(&DVector::from_vec(errors), least).unwrap_or_default();
+        for (impulse, response) in found.iter().zip(impulses) {
+            y[nq..nq + nv].iter_mut().zip(response).for_each(|(v, x)| *v -= impulse * x);
+        }
         Ok(())
     }
 

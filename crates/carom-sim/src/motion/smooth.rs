@@ -69,6 +69,11 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
+    /// Whether a contact sticks.
+    pub fn sticks(&self, touch: usize) -> bool {
+        self.lasting.iter().any(|own| own.touch == touch && own.hold == Hold::Sticks)
+    }
+
     /// Whether both have the same contacts in the same modes.
     pub fn is_alike(&self, other: &Self) -> bool {
         let same = |(own, other): (&Lasting, &Lasting)| {

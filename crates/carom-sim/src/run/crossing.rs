@@ -86,8 +86,8 @@ pub(crate) fn normal<A: Space>(
 /// to the zero of the witness function: along f, or of a gap along its normal, because the last contacts of an accumulation close too
 /// slowly for a distance of second order.
 ///
-/// Where slip stops, both of its components vanish: friction makes neighbouring motions stop in the same direction. So that
-/// state is also moved onto the constraints of the mode `after` it.
+/// Where slip stops, both of its components vanish: the slower the slip, the faster its direction turns towards the one in which
+/// all neighbouring motions stop. What is left of the component across that direction is taken out by the friction that does so.
 pub(crate) fn outcome<A: Space>(
     run: &mut Run<A>,
     before: &Before,
@@ -116,6 +116,7 @@ pub(crate) fn outcome<A: Space>(
             run.motion.settle(time, &mut y)?;
         }
         if matches!(watch, Watch::SlipStops(_) | Watch::JointStops(_)) {
+            run.motion.straighten(after, time, &mut y)?;
             run.motion.keep(after.clone());
             run.motion.settle(time, &mut y)?;
             run.motion.keep(before.kept.clone());

@@ -83,6 +83,8 @@ const DIFFERENCE: f64 = 1e-5;
 /// An event whose witness function changes by less than this in the time in which the state changes by its own size is a grazing
 /// one.
 const GRAZING: f64 = 1e-7;
+/// The share of its approach speed by which an impact may be slower beside the motion.
+const SLOWER: f64 = 1e-2;
 /// A second difference above this share of the first may be a kink.
 const KINK: f64 = 0.05;
 
@@ -288,8 +290,9 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// One leg, and the event at its end.
     fn leg(&mut self, events: &mut Vec<EventTime>) -> Result<(), Stop> {
-        let kept = self.run.motion.kept();
+        let mut kept = self.run.motion.kept();
         self.run.sampler.path = Some(Vec::new());
+        self.run.sampler.graded = self.run.slips();
         let ending = self.run.leg()?;
         let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
         self.probe.motion.keep(kept.clone());
@@ -298,6 +301,7 @@ impl<A: Space> Follow<'_, '_, A> {
         }
         for step in &path {
             self.s = over_step(&self.gauss, step, &mut self.probe, &mut self.changed, &self.s)?;
+            kept = self.probe.motion.kept(); // with the last direction of slip
         }
         match ending {
             Ending::Passed => Ok(self.run.act(ending)?),
@@ -384,8 +388,9 @@ impl<A: Space> Follow<'_, '_, A> {
     fn column_after(&mut self, j: usize, time_by: f64, before: &Before, after: &After) -> Result<DVector<f64>, Stop> {
         let own = self.s.column(j).into_owned();
         let parameter = self.parameter(j);
-        let h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
+        let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
         let along = own + &before.f * time_by;
+        h *= self.share(before, &along, h)?;
         let end = self.run.end;
         let mut found = Vec::with_capacity(AT.len());
         for (k, times) in AT.iter().enumerate() {
@@ -417,6 +422,16 @@ impl<A: Space> Follow<'_, '_, A> {
                 .broken(before.time, "neighbouring motions have other events at the same time, in another order");
         }
         Ok(moved - &after.f * later)
+    }
+
+    /// By what the step `h` is too long: the approach speed of a slow impact changes by as much as itself within a small change of
+    /// the state, and the outcome is not smooth beyond that.
+    fn share(&mut self, before: &Before, along: &DVector<f64>, h: f64) -> Result<f64, Stop> {
+        let Before { watch: Some(watch), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
+        self.probe.motion.keep(before.kept.clone());
+        let beside = &before.x + along * h;
+        let there = rate(&mut self.probe, watch, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
+        Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
     }
 
     /// The largest velocity, 1/s: the reciprocal of the time in which the state changes by its own size.

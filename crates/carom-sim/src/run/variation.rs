@@ -21,6 +21,8 @@ use nalgebra::{DMatrix, DVector, Matrix4, Vector3, Vector4};
 
 /// Step of the central differences of f, relative to the size of the number that is changed.
 const DIFFERENCE: f64 = 1e-6;
+/// Largest step of these differences relative to the slowest slip.
+const SHORT: f64 = 0.01;
 
 /// Gauss's collocation method with four stages.
 pub(crate) struct Gauss {
@@ -110,19 +112,26 @@ impl<A: Space> Run<'_, '_, A> {
         tangent
     }
 
+    /// Whether a contact slides with friction.
+    pub fn slips(&self) -> bool {
+        let slips = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } if toward != Vector3::zeros());
+        self.motion.lasting.iter().any(slips)
+    }
+
     /// A.
     fn slope(&mut self, time: f64, x: &[f64]) -> Result<DMatrix<f64>, SimError> {
         let tangent = self.tangent(x);
         let mut slope = DMatrix::zeros(x.len(), tangent.ncols());
-        // The direction of a slow slip is strongly curved in the velocities: differences of fourth order.
-        let turns = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } if toward != Vector3::zeros());
-        let slips = self.motion.lasting.iter().any(turns);
+        // The direction of a slow slip is strongly curved in the velocities: differences of fourth order, on this side of its stop.
+        let slips = self.slips();
+        let y = self.y_of(x);
+        let slowest = if slips { self.motion.follow_slip(time, &y)? } else { f64::INFINITY };
         for (j, direction) in tangent.column_iter().enumerate() {
             let size = x
                 .iter()
                 .zip(direction.iter())
                 .fold(1.0, |most: f64, (x, d)| if *d == 0.0 { most } else { most.max(x.abs()) });
-            let h = DIFFERENCE * size;
+            let h = (DIFFERENCE * size).min(SHORT * slowest).max(DIFFERENCE * DIFFERENCE);
             let moved = |h: f64| x.iter().zip(direction.iter()).map(|(x, d)| x + h * d).collect::<Vec<_>>();
             let mut difference = (self.field(time, &moved(h))? - self.field(time, &moved(-h))?) / (2.0 * h);
             if slips {
