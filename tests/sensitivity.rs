@@ -95,24 +95,33 @@ fn sensitivities_equal_differences_of_runs() {
     }
 }
 
-/// A box tumbles until its third corner and on: accumulations of impacts of one and of two corners, edges that slide and stop.
+/// A box tumbles until its third corner and on: accumulations of impacts of one and of two corners, edges that slide, stop, and
+/// are lifted by the impact of the other edge.
 #[test]
 fn sensitivities_of_a_tumbling_box_equal_differences_of_runs() {
-    let found = check("box", &scene("box", &[]), 0.38, None, 1e-6);
+    let found = check("box", &scene("box", &[]), 0.6, None, 1e-7);
     let zeno = found.events.iter().filter(|event| event.kinds.contains(&"zeno")).count();
-    assert_eq!(zeno, 2);
+    assert_eq!(zeno, 3);
 }
 
-/// Two feet land one after another, the second beside the first one that stands, and slide and stop. (The third foot follows at
-/// 0.1446 s; its impact amplifies the error of the slip that stopped to 7e-6 of the largest derivative.)
+/// Feet land in five impacts, the later ones beside those that stand, and slide and stop.
 #[test]
 fn sensitivities_of_a_quadruped_that_lands_tilted_equal_differences_of_runs() {
     let (x, y) = (0.06, 0.05);
     let start = format!("q = [0, 0, 0.40, {x}, {y}, 0.0, {}, ", (1.0_f64 - x * x - y * y).sqrt());
     let own = [("q = [0, 0, 0.376, 0, 0, 0, 1, ", start.as_str()), ("effort_limits = true\n", ""), ("1e-8", "1e-9")];
-    let found = check("quadruped", &scene("quadruped", &own), 0.144, Some(&[2, 3, 6, 10, 20, 24, 36, 37]), 1e-6);
-    let impacts = found.events.iter().filter(|event| ["impact", "several"].contains(&event.kinds[0])).count();
-    assert_eq!(impacts, 2, "{:?}", found.events);
+    let found = check("quadruped", &scene("quadruped", &own), 0.15, Some(&[2, 3, 6, 10, 20, 24, 36, 37]), 1e-7);
+    let kinds = || found.events.iter().map(|event| &event.kinds);
+    assert_eq!(kinds().filter(|kinds| ["impact", "several"].contains(&kinds[0])).count(), 5, "{:?}", found.events);
+    assert!(kinds().filter(|kinds| kinds.contains(&"sticking")).count() >= 3, "{:?}", found.events);
+}
+
+/// A four-bar linkage whose coupler strikes a stop three times. (It comes to rest later, wherever it started.)
+#[test]
+fn sensitivities_of_a_four_bar_that_strikes_a_stop_equal_differences_of_runs() {
+    let found = check("four_bar", &scene("four_bar", &[]), 0.41, None, 1e-6);
+    let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
+    assert_eq!(kinds, ["impact"; 3]);
 }
 
 /// A PD-controlled arm strikes a wall that is in front of its target, bounces, slides, and stays pressed on it.
@@ -121,7 +130,7 @@ fn sensitivities_of_an_arm_that_comes_to_press_on_a_wall_equal_differences_of_ru
     let pd = "controller = \"pd\"\nkp = { shoulder = 40, elbow = 10 }\nkd = { shoulder = 6, elbow = 1.5 }\ntarget = [0.85, -1.5]";
     let own =
         [("controller = \"off\"", pd), ("friction = 0.0", "friction = 0.3"), ("duration = 0.5", "duration = 1.5")];
-    let found = check("pressed", &scene("planar2", &own), 1.5, None, 1e-6);
+    let found = check("pressed", &scene("planar2", &own), 1.5, None, 1e-5);
     let kinds: Vec<&str> = found.events.iter().flat_map(|event| event.kinds.iter().copied()).collect();
     assert!(kinds.contains(&"impact") && kinds.contains(&"zeno"), "{kinds:?}");
     assert_eq!(found.names.len(), 4 + 2 + 6, "{:?}", found.names);

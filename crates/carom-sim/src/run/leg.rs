@@ -333,7 +333,8 @@ impl SolOut for Observer<'_, '_, '_> {
             };
             if let Some(path) = &mut sampler.path {
                 path.retain(|step| step.start < start); // a leg that failed is repeated
-                Step::divided((start, until), sampler.graded && first.is_some(), &mut at, path);
+                let states = Step::POINTS.map(|point| at(start + (until - start) * point)).to_vec();
+                path.push(Step { start, end: until, states });
             }
             sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
         }
@@ -440,7 +441,7 @@ mod tests {
         let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, gives_up: false };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
-        let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None, graded: false };
+        let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };
         let found = leg(&mut flow, 0.0, &[1.0], end, accuracy, &mut statistics, &mut sampler).unwrap();
         (found, statistics, flow.latest)
     }

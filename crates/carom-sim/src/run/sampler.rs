@@ -17,9 +17,6 @@ pub(crate) struct Sampler<'a> {
     pub watch: &'a mut dyn FnMut(Seen),
     /// The integration steps of the last leg, if they are wanted.
     pub path: Option<Vec<Step>>,
-    /// Whether the path's last step is divided towards its end: near a stop of slip the direction of slip turns as fast as the
-    /// slip is slow.
-    pub graded: bool,
 }
 
 /// One integration step: its states at given points.
@@ -35,24 +32,6 @@ impl Step {
     /// Gauss's points: the zeros of Legendre's polynomial of degree 4, in 0 … 1.
     pub const POINTS: [f64; 4] =
         [0.069_431_844_202_973_71, 0.330_009_478_207_571_9, 0.669_990_521_792_428_1, 0.930_568_155_797_026_3];
-    /// Ratio of the lengths of divided steps. Gauss's method integrates 1/t over t = 0.7 … 1 to 3e-9.
-    const RATIO: f64 = 0.7;
-    /// The last divided step is 0.7⁴⁰ = 6e-7 of the whole.
-    const DIVISIONS: i32 = 40;
-
-    /// The step, or its parts.
-    pub fn divided((start, end): (f64, f64), graded: bool, at: &mut impl FnMut(f64) -> Vec<f64>, path: &mut Vec<Self>) {
-        let divisions = if graded { Self::DIVISIONS } else { 0 };
-        let mut from = start;
-        for k in 1..=divisions + 1 {
-            let to = if k > divisions { end } else { end - (end - start) * Self::RATIO.powi(k) };
-            if to > from || k > divisions {
-                let states = Self::POINTS.map(|point| at(from + (to - from) * point)).to_vec();
-                path.push(Self { start: from, end: to, states });
-                from = to;
-            }
-        }
-    }
 }
 
 impl Sampler<'_> {

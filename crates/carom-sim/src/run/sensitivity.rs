@@ -292,7 +292,6 @@ impl<A: Space> Follow<'_, '_, A> {
     fn leg(&mut self, events: &mut Vec<EventTime>) -> Result<(), Stop> {
         let mut kept = self.run.motion.kept();
         self.run.sampler.path = Some(Vec::new());
-        self.run.sampler.graded = self.run.slips();
         let ending = self.run.leg()?;
         let path: Vec<Step> = self.run.sampler.path.take().unwrap_or_default();
         self.probe.motion.keep(kept.clone());
@@ -344,11 +343,12 @@ impl<A: Space> Follow<'_, '_, A> {
         let rests = time_after >= self.run.end;
         let f = if rests { DVector::zeros(x.len()) } else { self.run.field(time_after, x.as_slice())? };
         let after = After { time: time_after, x, f, kept: self.run.motion.kept() };
+        let (middle, _) = outcome(&mut self.probe, &before, &after.kept, (time, before.x.as_slice()), self.run.end)?;
         let mut s = DMatrix::zeros(after.x.len(), self.s.ncols());
         let mut time_by = Vec::with_capacity(s.ncols());
         for j in 0..s.ncols() {
             time_by.push(self.time_by(j, &before)?);
-            s.set_column(j, &self.column_after(j, time_by[j], &before, &after)?);
+            s.set_column(j, &self.column_after(j, time_by[j], &before, (&after, &middle))?);
         }
         self.s = s;
         let kinds = std::mem::take(&mut *self.kinds.borrow_mut());
@@ -384,8 +384,14 @@ impl<A: Space> Follow<'_, '_, A> {
         Ok(-slope / before.rate)
     }
 
-    /// S⁺ⱼ.
-    fn column_after(&mut self, j: usize, time_by: f64, before: &Before, after: &After) -> Result<DVector<f64>, Stop> {
+    /// S⁺ⱼ. `middle`: the outcome without a change.
+    fn column_after(
+        &mut self,
+        j: usize,
+        time_by: f64,
+        before: &Before,
+        (after, middle): (&After, &DVector<f64>),
+    ) -> Result<DVector<f64>, Stop> {
         let own = self.s.column(j).into_owned();
         let parameter = self.parameter(j);
         let mut h = parameter.map_or_else(|| DIFFERENCE / own.amax().max(1.0), |p| self.changed[p].1);
@@ -416,7 +422,7 @@ impl<A: Space> Follow<'_, '_, A> {
             later += (time - after.time) * (weight / h);
         }
         // Of a smooth outcome the second differences at one and two steps are as 1 : 4, at a kink as 1 : 2, at a jump as 1 : 1.
-        let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - &after.x * 2.0).amax() / h);
+        let bends = [1, 0].map(|k| (&found[k].0 + &found[3 - k].0 - middle * 2.0).amax() / h);
         if bends[0] > KINK * moved.amax().max(1.0) && bends[1] < 3.0 * bends[0] {
             return self
                 .broken(before.time, "neighbouring motions have other events at the same time, in another order");

@@ -86,7 +86,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, leap } = stand;
         motion.keep(kept);
         let count = sampling.every.map_or(0, |every| next_moment(time, every, time == motion.sim.start_time));
-        let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None, graded: false };
+        let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
         Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting, leap }
     }
 
