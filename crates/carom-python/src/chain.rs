@@ -182,7 +182,12 @@ impl Chain {
         py.import("robot_descriptions").map_err(|_| {
             refuse("the package robot_descriptions is not installed: pip install robot_descriptions, or give the file to from_urdf")
         })?;
-        let module = py.import(format!("robot_descriptions.{name}")).map_err(|e| refuse(&e.to_string()))?;
+        let module = py.import(format!("robot_descriptions.{name}")).map_err(|e| {
+            refuse(&format!(
+                "{e}; `python -m robot_descriptions list` prints the names; a robot that cannot be downloaded is read from a file, \
+                 by from_urdf"
+            ))
+        })?;
         let path = module.getattr("URDF_PATH").map_err(|_| refuse("it has no URDF: choose one with URDF_PATH"))?;
         if let Ok(package) = module.getattr("PACKAGE_PATH").and_then(|path| path.extract()) {
             package_dirs.push(package);
@@ -462,7 +467,10 @@ impl Chain {
 
     fn __repr__(&self) -> String {
         let (name, nq, nv, links) = (self.name(), self.nq(), self.nv(), self.chain.frames().len());
-        format!("<carom.Chain '{name}': nq {nq}, nv {nv}, {links} links, {} kg>", self.total_mass())
+        // Six digits: a sum of masses has more, of rounding.
+        let mass = self.total_mass();
+        let mass = format!("{mass:.5e}").parse().unwrap_or(mass);
+        format!("<carom.Chain '{name}': nq {nq}, nv {nv}, {links} links, {mass} kg>")
     }
 
     fn __reduce__(&self) -> PyResult<Py<PyAny>> {

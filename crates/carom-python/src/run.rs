@@ -345,14 +345,7 @@ pub fn can_record() -> bool {
     cfg!(feature = "rerun")
 }
 
-/// Writes the recording of a run for the Rerun viewer.
-///
-/// Args:
-///     run: a Run.
-///     path: the file, X.rrd; complete or not there.
-///
-/// Raises:
-///     RecordError: the file cannot be written, or this package is built without recordings (`can_record()`).
+/// Writes the recording of a run to a file; `carom.record` says more.
 #[pyfunction]
 #[cfg(feature = "rerun")]
 pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<()> {
@@ -372,21 +365,13 @@ pub fn record(py: Python<'_>, run: &Bound<'_, Run>, path: PathBuf) -> PyResult<(
     done.map_err(|e| exceptions::RecordError::new_err(e.to_string()))
 }
 
-/// Writes the recording of a run for the Rerun viewer.
-///
-/// Args:
-///     run: a Run.
-///     path: the file, X.rrd; complete or not there.
-///
-/// Raises:
-///     RecordError: the file cannot be written, or this package is built without recordings (`can_record()`).
+/// Refuses to write a recording.
 #[pyfunction]
 #[cfg(not(feature = "rerun"))]
-pub fn record(run: &Bound<'_, Run>, path: PathBuf) -> PyResult<()> {
+pub fn record(run: &Bound<'_, Run>, _path: PathBuf) -> PyResult<()> {
     let message = format!(
-        "{}: {} is not recorded: this package is built without recordings; build it with maturin build --features rerun, or use \
+        "{} is not recorded: this package is built without recordings; build it with maturin build --features rerun, or use \
          carom simulate --out",
-        path.display(),
         run.get().__repr__()
     );
     Err(exceptions::RecordError::new_err(message))

@@ -63,7 +63,7 @@ def test_a_robot_description_gives_file_and_packages(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "robot_descriptions", package)
     monkeypatch.setitem(sys.modules, "robot_descriptions.rod_description", module)
     assert carom.Chain.from_robot_description("rod_description").name == "rod"
-    with pytest.raises(ImportError, match="robot_descriptions.no_description"):
+    with pytest.raises(ImportError, match="robot_descriptions.no_description: .*list` prints the names"):
         carom.Chain.from_robot_description("no_description")
 
 

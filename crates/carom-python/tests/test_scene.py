@@ -238,12 +238,75 @@ def test_a_fit_finds_the_coefficients_that_made_the_data(arm7, rng):
     json.dumps(fit.coefficients)
 
 
-def test_a_recording_is_written_or_refused(bounce, tmp_path):
+records = pytest.mark.skipif(not carom.can_record(), reason="this wheel is built without recordings")
+
+
+@pytest.mark.skipif(carom.can_record(), reason="this wheel is built with recordings")
+def test_a_wheel_without_recordings_says_how_to_get_them(bounce, tmp_path):
+    with pytest.raises(carom.RecordError, match="--features rerun"):
+        carom.record(bounce, tmp_path / "run.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+@records
+def test_a_recording_is_complete_or_not_there(bounce, tmp_path):
     path = tmp_path / "run.rrd"
-    if carom.can_record():
-        carom.record(bounce, path)
-        assert path.read_bytes()[:3] == b"RRF"
-    else:
-        with pytest.raises(carom.RecordError, match="--features rerun"):
-            carom.record(bounce, path)
-        assert not path.exists()
+    carom.record(bounce, path)
+    assert path.read_bytes()[:3] == b"RRF"
+    with pytest.raises(carom.RecordError, match="no/such/run.rrd"):
+        carom.record(bounce, tmp_path / "no/such/run.rrd")
+
+
+def logged(path):
+    """What a recording holds: for each entity and column of data the values on each timeline."""
+    rerun = pytest.importorskip("rerun.experimental")
+    [recording] = rerun.RrdReader(path).recordings()
+    rows = {}
+    for chunk in rerun.RrdReader(path).stream(store=recording):
+        entity = str(chunk.entity_path)
+        if entity.startswith("/__properties"):  # the name of the recording, its own
+            continue
+        table = chunk.to_record_batch().to_pydict()
+        for column in table:
+            if not column.endswith("RowId") and column != "log_time":  # both differ between two writings of one run
+                rows.setdefault((entity, column), []).extend(map(repr, table[column]))
+    return {key: sorted(values) for key, values in rows.items()}, recording
+
+
+def written_by_rerun(run, path):
+    """A recording in place of one of carom's: an entity in time, one without, and a second timeline."""
+    rerun = pytest.importorskip("rerun")
+    stream = rerun.RecordingStream("carom", recording_id="theirs")
+    stream.save(path)
+    stream.log("ground", rerun.Points3D([[0, 0, 0], [1, 0, 0]]), static=True)
+    for k, time in enumerate(run.time):
+        stream.set_time("time", duration=time)
+        stream.set_time("event", sequence=k)
+        stream.log("robot/q", rerun.Scalars(run.q[k]))
+    stream.disconnect()
+
+
+@pytest.mark.parametrize("writer", [pytest.param(None, marks=records, id="carom"), pytest.param(written_by_rerun, id="rerun")])
+def test_a_recording_stream_gets_what_the_file_has_and_keeps_its_own(bounce, tmp_path, monkeypatch, writer):
+    rerun = pytest.importorskip("rerun")
+    if writer:
+        monkeypatch.setattr(carom._carom, "record", writer)
+    carom.record(bounce, tmp_path / "file.rrd")
+    stream = rerun.RecordingStream("own", recording_id="mine")
+    stream.save(tmp_path / "stream.rrd")
+    stream.log("note", rerun.TextLog("before"), static=True)
+    carom.record(bounce, stream)
+    stream.log("note", rerun.TextLog("after"), static=True)
+    stream.disconnect()
+    (expected, _), (found, recording) = logged(tmp_path / "file.rrd"), logged(tmp_path / "stream.rrd")
+    assert (recording.application_id, recording.recording_id) == ("own", "mine")
+    own = {key for key in found if key[0] == "/note"}
+    assert own
+    assert max(len(values) for (_, column), values in expected.items() if column == "time") >= len(bounce.time)
+    assert {key: found[key] for key in found.keys() - own} == expected
+
+
+@pytest.mark.parametrize("to", [None, 3, object()])
+def test_a_recording_goes_to_a_path_or_a_stream(bounce, to):
+    with pytest.raises(TypeError, match="RecordingStream"):
+        carom.record(bounce, to)

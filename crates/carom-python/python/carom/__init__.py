@@ -7,6 +7,9 @@ of carom.
 
 import enum as _enum
 import importlib.metadata as _metadata
+import os as _os
+import pathlib as _pathlib
+import tempfile as _tempfile
 
 from . import _carom
 from ._carom import (
@@ -37,7 +40,6 @@ from ._carom import (
     diagram,
     law,
     map,
-    record,
 )
 from ._errors import (
     CaromError,
@@ -148,6 +150,36 @@ def fit(
     if given[0] == "joints":
         return _carom.fit_joints(chain, q, qd_minus, qd_plus, frame, point, normal, options)
     return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, options)
+
+
+def record(run, to):
+    """Records a run for the Rerun viewer: in a file, or in a recording stream of the package rerun-sdk.
+
+    A stream gets the entities and timelines of the file and keeps its own application, recording and layout, so that a program
+    logs its own data beside them.
+
+    Args:
+        run: a Run.
+        to: the file, X.rrd, which is complete or not there; or a stream, such as ``rerun.RecordingStream("strike")`` or
+            ``rerun.get_global_data_recording()``, of rerun-sdk 0.36.3.
+
+    Raises:
+        RecordError: the file cannot be written, or this package is built without recordings (``can_record()``).
+        TypeError: `to` is neither a path nor a stream.
+    """
+    if not hasattr(to, "send_chunks"):
+        try:
+            path = _os.fspath(to)
+        except TypeError:
+            found = type(to).__qualname__
+            raise TypeError(f"to is {found}: give the path of a file or a RecordingStream of rerun-sdk 0.36.3") from None
+        return _carom.record(run, path)
+    with _tempfile.TemporaryDirectory() as folder:
+        path = _pathlib.Path(folder, "run.rrd")
+        _carom.record(run, path)
+        from rerun.experimental import RrdReader
+
+        to.send_chunks(RrdReader(path).stream())
 
 
 __all__ = [

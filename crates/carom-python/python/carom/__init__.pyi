@@ -4,7 +4,7 @@ import enum
 import os
 from collections.abc import Callable, Mapping, Sequence
 from types import CapsuleType
-from typing import Any, Literal, overload
+from typing import Any, Literal, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,12 @@ _Floats = NDArray[np.float64]
 _Path = str | os.PathLike[str]
 _Function = Callable[[_Floats, _Floats], ArrayLike]
 _AnyLaw = Law | PythonLaw | _Function
+
+class _Stream(Protocol):
+    """rerun.RecordingStream."""
+
+    def send_chunks(self, chunks: Any) -> None: ...
+
 _Mode = Literal["open", "stick", "slip", "reverse-slip"]
 
 __version__: str
@@ -511,7 +517,7 @@ def fit(
     seed: int = 0,
     confidence: float = 0.95,
 ) -> Fit: ...
-def record(run: Run, path: _Path) -> None: ...
+def record(run: Run, to: _Path | _Stream) -> None: ...
 def can_record() -> bool: ...
 
 __all__: list[str]
