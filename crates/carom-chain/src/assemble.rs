@@ -141,7 +141,7 @@ impl Chain {
 
 fn add_floating_base(robot: &mut Robot) {
     let world = robot.links.len();
-    robot.links.push(urdf::Link { name: "world".into(), inertial: None, collisions: Vec::new() });
+    robot.links.push(urdf::Link { name: "world".into(), inertial: None, collisions: Vec::new(), visuals: Vec::new() });
     robot.joints.insert(
         0,
         Joint {
@@ -275,7 +275,7 @@ fn about(robot: &Robot, links: usize, coordinates: Vec<Coordinates>) -> About {
         joints: joints.collect(),
         links: robot.links[..links]
             .iter()
-            .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone() })
+            .map(|l| LinkInfo { name: l.name.clone(), collisions: l.collisions.clone(), visuals: l.visuals.clone() })
             .collect(),
         total_mass: robot.links.iter().filter_map(|l| l.inertial).fold(0.0, |sum, i| sum + i.mass),
         report: robot.report.clone(),

@@ -18,7 +18,7 @@ use crate::error::ChainError;
 use crate::join::Member;
 use crate::planarize::PlanarChain;
 use crate::prepare::Step;
-use crate::urdf::{Collision, JointType, Limits, LoadReport, suggestion};
+use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual, suggestion};
 use num_traits::Zero;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -118,13 +118,15 @@ pub struct JointInfo {
     pub coordinates: Coordinates,
 }
 
-/// A link of the file with its collision geometry. This crate stores the geometry and does not use it.
+/// A link of the file with its geometry. This crate stores the geometry and does not use it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkInfo {
     /// Its name.
     pub name: String,
     /// Collision shapes, in link axes.
     pub collisions: Vec<Collision>,
+    /// Visual shapes, in link axes.
+    pub visuals: Vec<Visual>,
 }
 
 /// The part of the model that does not depend on the algebra.

@@ -99,7 +99,7 @@ impl Chain {
                 ..joint.clone()
             }));
             let links = chain.links().iter();
-            about.links.extend(links.map(|it| LinkInfo { name: full(&it.name), collisions: it.collisions.clone() }));
+            about.links.extend(links.map(|it| LinkInfo { name: full(&it.name), ..it.clone() }));
             let pairs = chain.disabled_pairs().iter();
             about.disabled_pairs.extend(pairs.map(|pair| pair.each_ref().map(|link| full(link))));
             about.total_mass += chain.total_mass();

@@ -53,7 +53,7 @@ fn double_pendulum_equals_its_closed_form() {
 }
 
 fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
-    let link = |name: &str, inertial| Link { name: name.into(), inertial, collisions: vec![] };
+    let link = |name: &str, inertial| Link { name: name.into(), inertial, collisions: vec![], visuals: vec![] };
     let joint = Joint {
         name: "joint".into(),
         kind,
@@ -131,7 +131,7 @@ fn coaxial_hinges_without_inertia_between_are_refused_at_every_pose() {
             com: Vector3::new(0.01, 0.0, 1.0),
             inertia_at_com: Matrix3::from_diagonal(&Vector3::new(0.2, 0.2, slender)),
         };
-        robot.links.push(Link { name: "blade".into(), inertial: Some(body), collisions: vec![] });
+        robot.links.push(Link { name: "blade".into(), inertial: Some(body), collisions: vec![], visuals: vec![] });
         let second = Joint { name: "second".into(), parent: 1, child: 2, ..robot.joints[0].clone() };
         robot.joints.push(second);
         // An axis that no frame is aligned with, to avoid exact cancellation.

@@ -213,6 +213,10 @@ impl Parts {
         let mut planes: Vec<(Vector3<f64>, f64)> = Vec::new();
         let mut sides = std::collections::BTreeMap::<(u32, u32), Vec<usize>>::new();
         for triangle in hull.triangles() {
+            // A face has three edges at least, and an edge two faces.
+            if planes.len() > MANY_EDGES {
+                return None;
+            }
             let [a, b, c] = triangle.map(|k| vertices[k as usize]);
             let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
             let known = planes.iter().position(|(n, _)| (n - normal).norm() <= COPLANAR);

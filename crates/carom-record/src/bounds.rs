@@ -1,8 +1,9 @@
 //! Extent of a scene, for the sizes of what is drawn and for the position of the viewer's eye.
 
+use crate::geometry::{Body, Look};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, FrameId, Kinematics, Spatial};
-use carom_contact::{LinkShape, Obstacle, Surface as Form};
+use carom_contact::{Obstacle, Surface as Form};
 use nalgebra::Vector3;
 
 /// A growing box along the world's axes, m.
@@ -68,18 +69,23 @@ impl Outline {
     /// A shape with more corners than this is enclosed by one ball.
     const MANY: usize = 32;
 
-    pub fn of(chain: &Chain, shapes: &[LinkShape]) -> Self {
+    pub fn of(chain: &Chain, looks: &[Look]) -> Self {
         let mut balls = Vec::new();
         for frame in chain.frames() {
             balls.extend(chain.frame(&frame.name).map(|frame| (frame, Vector3::zeros(), 0.0)));
         }
-        for shape in shapes {
-            let corners = shape.corners();
+        for Look { frame, origin, body, .. } in looks {
+            let corners: Vec<(Vector3<f64>, f64)> = match body {
+                Body::Solid(solid) => solid.corners().iter().map(|corner| (corner.position, corner.radius)).collect(),
+                Body::Mesh(mesh) => mesh.vertices().iter().map(|vertex| (*vertex, 0.0)).collect(),
+            };
+            let ball = |(centre, radius): (Vector3<f64>, f64)| (*frame, origin.point(centre), radius);
             if corners.len() > Self::MANY {
-                let (centre, radius) = shape.solid().bounding_sphere();
-                balls.push((shape.frame(), shape.origin().point(centre), radius));
+                let mut bounds = Bounds::empty();
+                corners.iter().for_each(|(corner, radius)| bounds.include(*corner, *radius));
+                balls.push(ball((bounds.centre(), bounds.size() / 2.0)));
             } else {
-                balls.extend(corners.iter().map(|corner| (shape.frame(), corner.position, corner.radius)));
+                balls.extend(corners.into_iter().map(ball));
             }
         }
         Self(balls)
@@ -102,11 +108,12 @@ pub(crate) struct Eye {
 impl Eye {
     /// Tangent of half the viewer's vertical field of view.
     const SLOPE: f64 = 0.52;
-    /// Assumed ratio of width to height of the view.
-    const ASPECT: f64 = 1.3;
+    /// Ratio of width to height of a view that is wider than high, in a window of the usual shape.
+    pub const WIDE: f64 = 1.3;
 
-    /// The eye in the direction `from` of the centre, as near as all of the bounds are seen.
-    pub fn looking(bounds: &Bounds, from: Vector3<f64>, up: Vector3<f64>) -> Self {
+    /// The eye in the direction `from` of the centre, as near as all of the bounds are seen in a view of the ratio `aspect` of width
+    /// to height.
+    pub fn looking(bounds: &Bounds, from: Vector3<f64>, up: Vector3<f64>, aspect: f64) -> Self {
         let right = up.cross(&from).try_normalize(1e-9).unwrap_or_else(|| z_onto(from).column(0).into_owned());
         let above = from.cross(&right);
         let target = bounds.centre();
@@ -117,7 +124,7 @@ impl Eye {
             Vector3::new(side(1, half.x), side(2, half.y), side(4, half.z))
         };
         let needed = |c: Vector3<f64>| {
-            let across = (c.dot(&right).abs() / Self::ASPECT).max(c.dot(&above).abs());
+            let across = (c.dot(&right).abs() / aspect).max(c.dot(&above).abs());
             c.dot(&from) + across / Self::SLOPE
         };
         let distance = (0..8).map(|k| needed(corner(k))).fold(0.0, f64::max).max(0.1 * bounds.size());
@@ -135,4 +142,30 @@ pub(crate) fn quaternion(pose: &Pose<Spatial<f64>>) -> rerun::Quaternion {
 /// A vector in `f32`, for the viewer.
 pub(crate) fn xyz(v: Vector3<f64>) -> [f32; 3] {
     v.map(|x| x as f32).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// In a view of any shape every point of the bounds is within the pyramid of sight, and one is nearly on its side.
+    #[test]
+    fn all_of_the_bounds_are_seen_in_wide_and_in_narrow_views() {
+        let mut bounds = Bounds::empty();
+        [[0.0, -0.4, 0.1], [1.5, 0.3, 0.2]].iter().for_each(|at| bounds.include(Vector3::from(*at), 0.05));
+        for (from, up) in [(Vector3::z(), Vector3::y()), (Vector3::new(0.48, -0.8, 0.36), Vector3::z())] {
+            for aspect in [0.65, Eye::WIDE] {
+                let eye = Eye::looking(&bounds, from, up, aspect);
+                let (ahead, right) = (-from, eye.up.cross(&from));
+                let mut greatest = 0.0_f64;
+                for k in 0..8 {
+                    let side = |bit: usize, i: usize| if k & bit == 0 { bounds.lower[i] } else { bounds.upper[i] };
+                    let ray = Vector3::new(side(1, 0), side(2, 1), side(4, 2)) - eye.position;
+                    let slope = |across: f64| across.abs() / (Eye::SLOPE * ray.dot(&ahead));
+                    greatest = greatest.max(slope(ray.dot(&right)) / aspect).max(slope(ray.dot(&eye.up)));
+                }
+                assert!((greatest - 1.0).abs() < 1e-9, "{greatest}: {from} {aspect}");
+            }
+        }
+    }
 }

@@ -7,7 +7,7 @@
 
 use crate::bounds::{Bounds, Eye};
 use crate::geometry::fixed;
-use crate::layout::{self, Tile};
+use crate::layout::{self, Cursor, Tile};
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
 use carom_study::{Diagram, Mark, Stroke, Symbol};
@@ -40,12 +40,12 @@ pub fn record_diagrams(
         for end in [0, 1] {
             bounds.include(Vector3::from(space.window.map(|ends| ends[end])), 0.0);
         }
-        let eye = Eye::looking(&bounds, Vector3::new(0.6, -0.8, 0.3).normalize(), Vector3::z());
+        let eye = Eye::looking(&bounds, Vector3::new(0.6, -0.8, 0.3).normalize(), Vector3::z(), Eye::WIDE);
         views.push((1.0, layout::diagram_in_space(&space.title, "/space", &eye)));
     }
     fixed(&sink, &"laws".into(), &rerun::TextDocument::from_markdown(words))?;
     let root = Tile::Column(vec![(2.2, Tile::Row(views)), (1.0, layout::text("the laws", "/laws"))]);
-    layout::send(&sink, &root, 1.0)?;
+    layout::send(&sink, &root, &Cursor::Newest { speed: 1.0 })?;
     sink.finish()
 }
 

@@ -4,9 +4,9 @@ use crate::RecordError;
 use crate::bounds::{Bounds, quaternion, xyz};
 use crate::target::Sink;
 use carom_chain::algebra::{Pose, z_onto};
-use carom_chain::urdf::Shape;
+use carom_chain::urdf::{Collision, Shape, Visual};
 use carom_chain::{Chain, ChainError, FrameId, Kinematics, Plane, Spatial};
-use carom_contact::{LinkShape, Mesh, Solid, Surface as Form};
+use carom_contact::{ContactError, LinkShape, Mesh, Solid, Surface as Form};
 use carom_sim::Surface;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rerun::{AsComponents, EntityPath, EntityPathPart, FillMode};
@@ -33,26 +33,82 @@ pub(crate) struct Drawn {
     pub path: EntityPath,
 }
 
+/// What is drawn of a link, in its axes.
+pub(crate) struct Look {
+    pub frame: FrameId,
+    link: String,
+    pub origin: Pose<Spatial<f64>>,
+    pub body: Body,
+    /// Its own colour; without it, that of the link.
+    colour: Option<u32>,
+}
+
+/// A body that is drawn.
+pub(crate) enum Body {
+    Solid(Solid),
+    Mesh(Mesh),
+}
+
+/// What is drawn of each link: its visual shapes, or its collision shapes if it has no visual shape that can be drawn. Also
+/// returns a sentence for each visual mesh that cannot be read.
+pub(crate) fn looks(chain: &Chain, shapes: &[LinkShape]) -> Result<(Vec<Look>, Vec<String>), RecordError> {
+    let (mut looks, mut unread) = (Vec::new(), Vec::new());
+    for link in chain.links() {
+        let Ok(frame) = chain.frame(&link.name) else { continue };
+        let before = looks.len();
+        for visual in &link.visuals {
+            match look(&link.name, frame, visual) {
+                Ok(look) => looks.push(look),
+                Err(error) => unread.push(error.to_string()),
+            }
+        }
+        if looks.len() > before {
+            continue;
+        }
+        let of_link = shapes.iter().filter(|shape| shape.link() == link.name);
+        let found = link.collisions.iter().filter(|collision| !matches!(collision.shape, Shape::MissingMesh { .. }));
+        for (shape, collision) in of_link.zip(found) {
+            let body = match &collision.shape {
+                Shape::Mesh { file, scale } => Body::Mesh(Mesh::read(file, *scale, &link.name)?),
+                _ => Body::Solid(shape.solid().clone()),
+            };
+            looks.push(Look { frame, link: link.name.clone(), origin: *shape.origin(), body, colour: None });
+        }
+    }
+    Ok((looks, unread))
+}
+
+fn look(link: &str, frame: FrameId, visual: &Visual) -> Result<Look, ContactError> {
+    let (origin, body) = match &visual.shape {
+        Shape::Mesh { file, scale } => (in_world(&visual.origin), Body::Mesh(Mesh::read(file, *scale, link)?)),
+        shape => {
+            let same = Collision { name: None, origin: visual.origin, shape: shape.clone() };
+            let shape = LinkShape::new(link, frame, &same)?;
+            (*shape.origin(), Body::Solid(shape.solid().clone()))
+        }
+    };
+    // Opaque, whatever the file says, so that nothing is invisible.
+    let byte = |part: f64| (255.0 * part).round() as u32;
+    let colour = visual.colour.map(|[r, g, b, _]| byte(r) << 24 | byte(g) << 16 | byte(b) << 8 | 0xff);
+    Ok(Look { frame, link: link.into(), origin, body, colour })
+}
+
 /// Draws all links in their own axes, and returns those that may move.
 ///
 /// Lines from the origin of each link to those of its child joints (bones) show links without a shape.
-pub(crate) fn links(sink: &Sink, chain: &Chain, shapes: &[LinkShape], size: f64) -> Result<Vec<Drawn>, RecordError> {
+pub(crate) fn links(sink: &Sink, chain: &Chain, looks: &[Look], size: f64) -> Result<Vec<Drawn>, RecordError> {
     let mut drawn = Vec::new();
     let (mut workspace, zero) = (chain.workspace(), chain.zero_configuration());
     let at_zero = workspace.update(chain, &zero)?;
     for (k, frame) in chain.frames().iter().enumerate() {
         let path = entity("links", &frame.name);
-        let of_link = shapes.iter().filter(|shape| shape.link() == frame.name);
-        let collisions = chain.links().iter().find(|link| link.name == frame.name);
-        let collisions = collisions.iter().flat_map(|link| &link.collisions);
-        let collisions = collisions.filter(|collision| !matches!(collision.shape, Shape::MissingMesh { .. }));
-        for (n, (shape, collision)) in of_link.zip(collisions).enumerate() {
+        for (n, look) in looks.iter().filter(|look| look.link == frame.name).enumerate() {
             let path = part(&path, format!("shape {}", n + 1));
-            let colour = LINKS[k % LINKS.len()];
-            place(sink, &path, shape.origin())?;
-            match &collision.shape {
-                Shape::Mesh { file, scale } => mesh(sink, &path, &Mesh::read(file, *scale, shape.link())?, colour)?,
-                _ => solid(sink, &path, shape.solid(), colour)?,
+            let colour = look.colour.unwrap_or(LINKS[k % LINKS.len()]);
+            place(sink, &path, &look.origin)?;
+            match &look.body {
+                Body::Mesh(triangles) => mesh(sink, &path, triangles, colour)?,
+                Body::Solid(body) => solid(sink, &path, body, colour)?,
             }
         }
         let ends = children(&at_zero, &frame.name)?;

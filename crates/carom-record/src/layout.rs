@@ -23,13 +23,13 @@ pub(crate) enum Tile {
 pub(crate) struct View {
     class: &'static str,
     name: String,
-    origin: &'static str,
+    origin: String,
     settings: Vec<(String, Box<dyn AsComponents>)>,
 }
 
 impl View {
-    fn new(class: &'static str, name: &str, origin: &'static str) -> Self {
-        Self { class, name: name.into(), origin, settings: Vec::new() }
+    fn new(class: &'static str, name: &str, origin: &str) -> Self {
+        Self { class, name: name.into(), origin: origin.into(), settings: Vec::new() }
     }
 }
 
@@ -51,6 +51,11 @@ pub(crate) fn space(name: &str, eye: &Eye, trails: &[&str]) -> Tile {
         view.settings.push((place, Box::new(blueprint::VisibleTimeRanges::new([past]))));
     }
     Tile::View(view)
+}
+
+/// The 2D view of an image, all of it.
+pub(crate) fn image(name: &str, origin: &str) -> Tile {
+    Tile::View(View::new("2D", name, origin))
 }
 
 /// The 2D view of a diagram, y up, that shows its window.
@@ -114,11 +119,21 @@ pub(crate) fn text(name: &str, origin: &'static str) -> Tile {
     Tile::View(View::new("TextDocument", name, origin))
 }
 
-/// Sends a layout. The cursor follows the newest time; a replay shows `speed` seconds of the recording per second.
+/// How the viewer moves its cursor.
+pub(crate) enum Cursor {
+    /// It follows the newest time, of which a replay shows `speed` seconds per second.
+    Newest { speed: f64 },
+    /// It replays the run, and repeats it from the time `from` to `to`, s.
+    Replay { speed: f64, from: f64, to: f64 },
+    /// It passes over the rows, `speed` times as fast as 30 rows a second, again and again.
+    Rows { speed: f64 },
+}
+
+/// Sends a layout.
 ///
 /// # Errors
 /// [`RecordError`] of the recorder.
-pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordError> {
+pub(crate) fn send(sink: &Sink, root: &Tile, cursor: &Cursor) -> Result<(), RecordError> {
     let told = || -> rerun::RecordingStreamResult<Vec<LogMsg>> {
         let (rec, messages) = rerun::RecordingStreamBuilder::new(APPLICATION)
             .recording_id(rerun::external::re_log_types::RecordingId::random())
@@ -133,11 +148,23 @@ pub(crate) fn send(sink: &Sink, root: &Tile, speed: f64) -> Result<(), RecordErr
         for panel in ["blueprint_panel", "selection_panel"] {
             rec.log(panel, &blueprint::PanelBlueprint::new().with_state(part::PanelState::Hidden))?;
         }
-        let time = blueprint::TimePanelBlueprint::new().with_timeline("time").with_playback_speed(speed);
-        rec.log(
-            "time_panel",
-            &time.with_state(part::PanelState::Collapsed).with_play_state(part::PlayState::Following),
-        )?;
+        let panel = blueprint::TimePanelBlueprint::new().with_state(part::PanelState::Collapsed);
+        let of = |timeline: &str, speed: &f64| panel.clone().with_timeline(timeline).with_playback_speed(*speed);
+        let panel = match cursor {
+            Cursor::Newest { speed } => of("time", speed).with_play_state(part::PlayState::Following),
+            Cursor::Replay { speed, from, to } => {
+                let [min, max] = [from, to].map(|time| rerun::datatypes::TimeInt((time * 1e9) as i64));
+                let repeated = rerun::datatypes::AbsoluteTimeRange { min, max };
+                of("time", speed)
+                    .with_play_state(part::PlayState::Playing)
+                    .with_loop_mode(part::LoopMode::Selection)
+                    .with_time_selection(repeated)
+            }
+            Cursor::Rows { speed } => {
+                of("row", speed).with_play_state(part::PlayState::Playing).with_loop_mode(part::LoopMode::All)
+            }
+        };
+        rec.log("time_panel", &panel)?;
         Ok(messages.take())
     };
     let messages = told().map_err(|e| sink.error(e.to_string()))?;
@@ -181,7 +208,7 @@ impl Page<'_> {
     fn view(&mut self, view: &View) -> rerun::RecordingStreamResult<(String, [u8; 16])> {
         let (path, number) = self.number("view");
         let about = blueprint::ViewBlueprint::new(view.class).with_display_name(view.name.as_str());
-        self.rec.log(path.as_str(), &about.with_space_origin(view.origin))?;
+        self.rec.log(path.as_str(), &about.with_space_origin(view.origin.as_str()))?;
         self.rec.log(format!("{path}/ViewContents"), &blueprint::ViewContents::new(["$origin/**"]))?;
         for (place, setting) in &view.settings {
             self.rec.log(format!("{path}/{place}"), setting.as_ref())?;

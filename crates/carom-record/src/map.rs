@@ -1,16 +1,18 @@
 //! The recording of an impact map: the map as images, its rows as points at the positions of the tip, and poses of the arm on
 //! the timeline `row`.
 //!
-//! `/map/k`: image k; `/map/k/here`: the pixel of the row on the timeline. `/workspace/k`: the same rows as points in space.
-//! `/arm`: the pose of the row. `/legend`: the meaning of the colours.
+//! `/map/k`: image k; `/map/k/here`: the pixel of the row on the timeline. `/space/tip/k`: the same rows as points in space.
+//! `/space/arm`: the pose of the row. `/colours`: the colour bar, or a square for each word. `/legend`: the axes, and how often each word
+//! occurs.
 
 use crate::RecordError;
+use crate::bounds::{Bounds, Eye};
+use crate::layout::{self, Cursor, Tile};
 use crate::target::{Sink, Target};
 use carom_chain::{Chain, Spatial, Workspace};
 use carom_study::map_study::{Evaluator, Values};
 use carom_study::{Study, StudyError};
-use rerun::blueprint as view;
-use rerun::blueprint::components::PanelState;
+use nalgebra::Vector3;
 
 /// Largest number of rows of a recording; each row is a point.
 const MOST: usize = 1 << 20;
@@ -18,6 +20,9 @@ const MOST: usize = 1 << 20;
 const POSES: usize = 400;
 const ARM: u32 = 0xe8ec_f0ff;
 const HERE: u32 = 0xffff_ffff;
+const WORDS: u32 = 0xe8ec_f0ff;
+/// Duration of one pass over all rows, s.
+const REPLAY: f64 = 10.0;
 
 /// Records one column of a whole map.
 ///
@@ -53,7 +58,7 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
             })
             .unzip();
         let points = rerun::Points3D::new(points).with_colors(colours).with_radii([rerun::Radius::new_ui_points(1.5)]);
-        rec.log_static(format!("workspace/{k}"), &points).map_err(trouble)?;
+        rec.log_static(format!("space/tip/{k}"), &points).map_err(trouble)?;
         let name = values.axes.get(if values.is_curve() { 1 } else { 2 }).map_or(column.to_owned(), |axis| {
             let names = axis.names();
             format!(
@@ -62,22 +67,25 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
                 names.get(k).cloned().unwrap_or_else(|| axis.value(k as u64).to_string())
             )
         });
-        let image = view::Spatial2DView::new(name).with_origin(format!("map/{k}"));
-        images.push(view::ContainerLike::from(image));
+        images.push((1.0, layout::image(&name, &format!("/map/{k}"))));
     }
     let legend = rerun::TextDocument::from_markdown(legend(&values));
     rec.log_static("legend", &legend).map_err(trouble)?;
+    let bar = colours(&sink, &values, range)?;
 
     let with_pose: Vec<usize> = (0..values.rows.len()).filter(|i| evaluator.pose(values.rows[*i]).is_some()).collect();
     let mut workspace = study.chain().workspace();
+    let mut bounds = Bounds::empty();
     for &i in with_pose.iter().step_by(with_pose.len().div_ceil(POSES).max(1)) {
         let Some(q) = evaluator.pose(values.rows[i]) else { continue };
         rec.set_time_sequence("row", values.rows[i] as i64);
-        let links = rerun::LineStrips3D::new(links(study.chain(), &mut workspace, &q)?);
+        let links = links(study.chain(), &mut workspace, &q)?;
+        links.iter().flatten().for_each(|end| bounds.include(Vector3::from(*end).cast(), 0.0));
+        let links = rerun::LineStrips3D::new(links);
         let links = links.with_colors([ARM]).with_radii([rerun::Radius::new_ui_points(3.0)]);
-        rec.log("arm", &links).map_err(trouble)?;
+        rec.log("space/arm", &links).map_err(trouble)?;
         let (panel, cell) = (i / (width * height), i % (width * height));
-        for k in 0..images.len() {
+        for k in 0..values.rows.len() / (width * height) {
             let at = [(cell % width) as f32 + 0.5, (height - 1 - cell / width) as f32 + 0.5];
             let here = rerun::Points2D::new((k == panel).then_some(at));
             let here = here.with_colors([HERE]).with_radii([rerun::Radius::new_ui_points(5.0)]);
@@ -85,21 +93,12 @@ pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), Re
         }
     }
 
-    let layout = view::Horizontal::new([
-        view::Vertical::new(images).into(),
-        view::Spatial3DView::new("positions of the tip, and the arm").with_contents(["/workspace/**", "/arm"]).into(),
-        view::TextDocumentView::new("colours").with_origin("legend").into(),
-    ])
-    .with_column_shares([3.0, 3.0, 1.0]);
-    let blueprint = view::Blueprint::new(layout)
-        .with_auto_views(false)
-        .with_selection_panel(view::SelectionPanel::from_state(PanelState::Hidden))
-        .with_blueprint_panel(view::BlueprintPanel::from_state(PanelState::Hidden))
-        .with_time_panel(
-            view::TimePanel::new().with_state(PanelState::Collapsed).with_timeline("row").with_playback_speed(1.0),
-        );
-    let at_once = view::BlueprintActivation { make_active: true, make_default: true };
-    blueprint.send(rec, at_once).map_err(trouble)?;
+    let space = layout::diagram_in_space("positions of the tip, and the arm", "/space", &eye(&bounds));
+    let meaning = Tile::Column(vec![(3.0, bar), (1.0, layout::text("the map", "/legend"))]);
+    let root = Tile::Row(vec![(3.0, Tile::Column(images)), (3.0, space), (1.3, meaning)]);
+    // The viewer passes over 30 rows a second at speed 1.
+    let speed = (study.rows() as f64 / (30.0 * REPLAY)).max(0.1);
+    layout::send(&sink, &root, &Cursor::Rows { speed })?;
     sink.finish()
 }
 
@@ -107,6 +106,54 @@ impl From<StudyError> for RecordError {
     fn from(error: StudyError) -> Self {
         Self::Map(error.to_string())
     }
+}
+
+/// The eye from which all poses are seen: at right angles to the plane in which they are, if there is one.
+fn eye(bounds: &Bounds) -> Eye {
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let flat = axes.iter().position(|axis| bounds.half_depth(axis) < 1e-9 * bounds.size());
+    let (from, up) = match flat {
+        Some(0) => (axes[0], axes[2]),
+        Some(1) => (-axes[1], axes[2]),
+        Some(_) => (axes[2], axes[1]),
+        None => (Vector3::new(0.45, -0.8, 0.4).normalize(), axes[2]),
+    };
+    // The view is one of three columns over the whole height.
+    Eye::looking(bounds, from, up, 0.65)
+}
+
+/// Draws the colour bar with numbers beside it, or a square with each word that occurs.
+fn colours(sink: &Sink, values: &Values, (low, high): (f64, f64)) -> Result<Tile, RecordError> {
+    const HEIGHT: usize = 240;
+    const WIDTH: usize = 24;
+    let occurs = |k: &usize| values.values.iter().any(|x| *x == *k as f64);
+    let words: Vec<usize> = (0..values.words.len()).filter(occurs).collect();
+    let count = words.len();
+    let value = |line: usize| match count {
+        0 => high + (low - high) * line as f64 / (HEIGHT - 1) as f64,
+        _ => words[line * count / HEIGHT] as f64,
+    };
+    let pixels: Vec<u8> =
+        (0..HEIGHT).flat_map(|line| [values.colour(value(line), (low, high)); WIDTH]).flatten().collect();
+    let bar = rerun::Image::from_rgb24(pixels, [WIDTH as u32, HEIGHT as u32]);
+    let labels: Vec<(f64, String)> = match count {
+        0 => {
+            (0..=5).map(|k| (f64::from(k) / 5.0, format!("{:.3e}", high + (low - high) * f64::from(k) / 5.0))).collect()
+        }
+        _ => {
+            words.iter().enumerate().map(|(k, w)| ((k as f64 + 0.5) / count as f64, values.words[*w].clone())).collect()
+        }
+    };
+    // The viewer writes a label below its point.
+    let at = labels.iter().map(|(share, _)| [3.0 * WIDTH as f32, (*share * HEIGHT as f64) as f32 - 7.0]);
+    let texts = rerun::Points2D::new(at).with_labels(labels.iter().map(|(_, text)| text.as_str()));
+    let texts = texts.with_show_labels(true).with_colors([WORDS]).with_radii([rerun::Radius::new_ui_points(0.0)]);
+    let trouble = |e: rerun::RecordingStreamError| sink.error(e.to_string());
+    sink.rec.log_static("colours", &bar).map_err(trouble)?;
+    sink.rec.log_static("colours/words", &texts).map_err(trouble)?;
+    let margin = 0.08 * HEIGHT as f64;
+    let seen = [[-margin, 7.0 * WIDTH as f64], [-(HEIGHT as f64) - margin, margin]];
+    Ok(layout::plane(&values.label, "/colours", seen))
 }
 
 /// The position of the tip in a row, m; `None` for a row without a pose.
@@ -127,20 +174,14 @@ fn links(chain: &Chain, workspace: &mut Workspace<Spatial<f64>>, q: &[f64]) -> R
     ends.map(|joint| Ok([place(&joint.parent)?, place(&joint.child)?])).collect()
 }
 
-/// The meaning of the colours, as Markdown.
+/// Name and axes of the map, and how often each word occurs, as Markdown.
 fn legend(values: &Values) -> String {
     let mut text = format!("## {}\n\n", values.label);
-    if values.words.is_empty() {
-        let (low, high) = values.colour_range();
-        text += &format!("dark or blue: {low:.4e}\n\nlight or red: {high:.4e}\n\n");
-    } else {
-        let total = values.values.len() as f64;
-        for (k, word) in values.words.iter().enumerate() {
-            let share = values.values.iter().filter(|x| **x == k as f64).count() as f64 / total;
-            let [r, g, b] = values.colour(k as f64, (0.0, 1.0));
-            if share > 0.0 {
-                text += &format!("- {word}: {:.1} % (red {r}, green {g}, blue {b})\n", 100.0 * share);
-            }
+    let total = values.values.len() as f64;
+    for (k, word) in values.words.iter().enumerate() {
+        let share = values.values.iter().filter(|x| **x == k as f64).count() as f64 / total;
+        if share > 0.0 {
+            text += &format!("- {word}: {:.1} %\n", 100.0 * share);
         }
     }
     let axes: Vec<&str> = values.axes.iter().map(|axis| axis.name.as_str()).collect();

@@ -2,7 +2,7 @@
 //!
 //! | entity | what |
 //! | --- | --- |
-//! | `/world/links/…` | the links' shapes, once; their poses |
+//! | `/world/links/…` | the links' visual shapes, or collision shapes without any, once; their poses |
 //! | `/world/surfaces/…` | the surfaces; the displacement of those that move |
 //! | `/world/tip` | the tip's path, piece by piece |
 //! | `/world/contacts`, `/world/impulses`, `/world/impulse` | points at which impulses acted, arrows of the impulses, size of the last one |
@@ -15,7 +15,7 @@
 
 use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, entity, fixed, transform};
-use crate::layout::{self, Tile};
+use crate::layout::{self, Cursor, Tile};
 use crate::measures::Measures;
 use crate::target::{Sink, Target};
 use crate::{RecordError, round, summary};
@@ -41,6 +41,8 @@ const MODES: [(&str, u32); 7] = [
 ];
 /// Duration of a replay, s, at most real time.
 const REPLAY: f64 = 8.0;
+/// Time before the first event from which a replay is repeated, as a share of the duration.
+const LEAD: f64 = 0.05;
 /// Length of the arrow of the largest impulse, as a share of the size of the scene.
 const ARROW: f64 = 0.3;
 /// Number of events with impulses after which a file fixes the scale of the arrows; later arrows are cut at three times the
@@ -71,10 +73,14 @@ pub struct SceneRecorder {
     /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
     mode: Option<&'static str>,
+    /// Time of the first event, s.
+    first: Option<f64>,
     counts: BTreeMap<&'static str, usize>,
     /// The last time that was recorded, s.
     time: f64,
     failed: Option<RecordError>,
+    /// Why visual meshes are not drawn.
+    unread: Vec<String>,
 }
 
 impl SceneRecorder {
@@ -89,14 +95,15 @@ impl SceneRecorder {
         let plane = plan.flat.as_ref().map(|flat| flat.plane);
         let sink = Sink::open(target, chain.name())?;
 
-        let (mut bounds, outline) = (Bounds::empty(), Outline::of(&chain, &shapes));
+        let (looks, unread) = geometry::looks(&chain, &shapes)?;
+        let (mut bounds, outline) = (Bounds::empty(), Outline::of(&chain, &looks));
         let mut workspace = chain.workspace();
         outline.enter(&workspace.update(&chain, &plan.q)?, &mut bounds);
         scene.surfaces.iter().for_each(|surface| bounds.include_obstacle(&surface.obstacle));
         let size = bounds.size();
         let measures = Measures::of(scene, sim, &shapes, plane.as_ref())?;
         measures.name(&sink, &chain)?;
-        let links = geometry::links(&sink, &chain, &shapes, size)?;
+        let links = geometry::links(&sink, &chain, &looks, size)?;
         let mut recorder = Self {
             sink,
             live: target.is_live(),
@@ -114,9 +121,11 @@ impl SceneRecorder {
             held: Vec::new(),
             path: None,
             mode: None,
+            first: None,
             counts: BTreeMap::new(),
             time: 0.0,
             failed: None,
+            unread,
             chain,
         };
         recorder.begin_world()?;
@@ -151,7 +160,10 @@ impl SceneRecorder {
         let Moment { time, q, qd } = &summary.last;
         self.blows()?;
         self.state(*time, (q, qd), true)?;
-        let page = summary::markdown(&self.chain, summary, &self.counts, self.arrow);
+        let mut page = summary::markdown(&self.chain, summary, &self.counts, self.arrow);
+        for reason in &self.unread {
+            page += &format!("\nNot drawn: {reason}\n");
+        }
         fixed(&self.sink, &"run".into(), &rerun::TextDocument::from_markdown(page))?;
         // Half-spaces are drawn again, now that the extent of the motion is known.
         geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
@@ -200,7 +212,7 @@ impl SceneRecorder {
             },
             |plane| plane.normal,
         );
-        Eye::looking(&self.bounds, from, up)
+        Eye::looking(&self.bounds, from, up, Eye::WIDE)
     }
 
     /// Sends the layout.
@@ -229,7 +241,14 @@ impl SceneRecorder {
         }
         let left = Tile::Column(vec![(2.4, scene), (1.0, words)]);
         let root = Tile::Row(vec![(1.0, left), (1.0, Tile::Column(rows))]);
-        layout::send(&self.sink, &root, (self.duration / REPLAY).min(1.0))
+        let speed = (self.duration / REPLAY).min(1.0);
+        let cursor = match self.first {
+            Some(first) if !self.live => {
+                Cursor::Replay { speed, from: (first - LEAD * self.duration).max(0.0), to: self.time }
+            }
+            _ => Cursor::Newest { speed },
+        };
+        layout::send(&self.sink, &root, &cursor)
     }
 
     /// Logs the poses and all values at a time; `moved`: whether the configuration has changed too.
@@ -269,6 +288,7 @@ impl SceneRecorder {
 
     fn event(&mut self, event: &Event) -> Result<(), RecordError> {
         *self.counts.entry(event.kind.name()).or_default() += 1;
+        self.first.get_or_insert(event.time);
         self.state(event.time, (&event.q, &event.qd_minus), true)?;
         self.state(event.time, (&event.q, &event.qd_plus), false)?;
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");

@@ -45,7 +45,7 @@ fn a_recorded_map_contains_its_images_and_points() {
     let bytes = std::fs::read(&path).unwrap();
     let holds = |name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
     assert!(bytes.starts_with(b"RRF"));
-    for entity in ["/map/0", "/map/1", "/map/1/here", "/workspace/1", "/arm", "/legend"] {
+    for entity in ["/map/0", "/map/1", "/map/1/here", "/space/tip/1", "/space/arm", "/colours/words", "/legend"] {
         assert!(holds(entity), "no {entity}");
     }
     assert!(!holds("/map/2"), "there are two elbow poses");

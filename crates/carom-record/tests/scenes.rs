@@ -107,3 +107,42 @@ fn an_invalid_address_of_a_viewer_is_refused() {
     let error = SceneRecorder::begin(&Target::Connect(Some("nowhere".into())), &scene, &plan).err().unwrap();
     assert!(matches!(error, RecordError::Viewer { .. }), "{error}");
 }
+
+/// The bytes of a recording of a ball with these elements in its link.
+fn ball_with(desk: &Desk, elements: &str) -> Vec<u8> {
+    let urdf = std::fs::read_to_string(format!("{ROOT}/robots/ball.urdf")).unwrap();
+    std::fs::write(desk.0.join("ball.urdf"), urdf.replace("</link>", &format!("{elements}</link>"))).unwrap();
+    let text = "[robot]\nurdf = \"ball.urdf\"\nfloating = true\nq = [0, 0, 1, 0, 0, 0, 1]\n[run]\nduration = 0.1\n";
+    let scene = Scene::from_toml(text, &desk.0).unwrap();
+    let path = desk.0.join("x.rrd");
+    record(&scene, &path, 0.05).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// A link is drawn by its visual shapes; a mesh of them that cannot be read is told, and the collision shapes are drawn instead.
+#[test]
+fn links_are_drawn_by_their_visual_shapes() {
+    let desk = Desk::new("visual");
+    let holds = |bytes: &[u8], name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    let plain = ball_with(&desk, "");
+    assert!(holds(&plain, "Ellipsoids3D") && !holds(&plain, "Boxes3D:"));
+    let cuboid = ball_with(&desk, "<visual><geometry><box size='1 1 1'/></geometry></visual>");
+    assert!(holds(&cuboid, "Boxes3D:") && !holds(&cuboid, "Ellipsoids3D"));
+    std::fs::write(desk.0.join("broken.stl"), "no mesh").unwrap();
+    let broken = ball_with(&desk, "<visual><geometry><mesh filename='broken.stl'/></geometry></visual>");
+    assert!(holds(&broken, "Ellipsoids3D"));
+}
+
+/// The viewer repeats a run from its first event on; a run without events has nothing to repeat.
+#[test]
+fn replays_select_the_time_from_the_first_event() {
+    let desk = Desk::new("replay");
+    let selects = |name: &str, duration: f64| {
+        let path = desk.0.join("x.rrd");
+        record(&Scene { duration, ..scene(name) }, &path, 0.02).unwrap();
+        let (bytes, word) = (std::fs::read(path).unwrap(), b"TimePanelBlueprint:time_selection");
+        bytes.windows(word.len()).any(|window| window == word)
+    };
+    assert!(selects("planar2", 0.5));
+    assert!(!selects("chain10", 0.02), "ten links fall without touching");
+}

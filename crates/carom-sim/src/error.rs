@@ -91,12 +91,17 @@ pub enum SimError {
         found: [f64; 2],
     },
     /// At the start the chain overlaps a surface, another link or a joint limit.
-    #[error("at the start {touch} overlaps by {} m: choose a start without overlap", four_digits(*depth))]
+    #[error(
+        "at the start {touch} overlaps by {} {unit}: choose a start without overlap{}", four_digits(*depth),
+        if *unit == "rad" { " (angles of joints are in rad)" } else { "" }
+    )]
     Overlap {
         /// Name of the touch.
         touch: String,
-        /// Depth of the overlap, m (rad at the limit of a revolute joint).
+        /// Depth of the overlap, in `unit`.
         depth: f64,
+        /// `m`, or `rad` at the limit of a revolute joint.
+        unit: &'static str,
     },
     /// A loop of the mechanism cannot be closed near the start.
     #[error(

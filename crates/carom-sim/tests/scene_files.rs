@@ -248,3 +248,29 @@ fn a_scene_from_text_is_that_of_its_file() {
     let refused = Scene::from_toml("[robot]\nurdf = 3", folder).unwrap_err().to_string();
     assert!(refused.starts_with("<scene>: line 2, urdf = 3: "), "{refused}");
 }
+
+/// What users give first and wrongly: a URDF for a scene, a value in degrees, a number as text, a table without a key.
+#[test]
+fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
+    assert_eq!(
+        rule("xml", "<?xml version=\"1.0\"?>\n<robot name=\"r\"/>"),
+        "line 1: the file is XML; give a TOML file, in which the key urdf names the robot's URDF"
+    );
+    assert_eq!(
+        rule("type", &format!("{ARM}[run]\nduration = \"1 s\"\n")),
+        "line 5, duration = \"1 s\": invalid type: string \"1 s\", expected a number"
+    );
+    let shape = "shape = { cylinder = { radius = 1, centre = [9, 0, 0] } }";
+    assert_eq!(
+        rule("key", &format!("{ARM}[[surface]]\n{shape}\n[run]\nduration = 1\n")),
+        format!("line 5, {shape}: missing field `length`: add it")
+    );
+    let twice = "[[robot]]\nurdf = \"arm.urdf\"\n[[robot]]\nurdf = \"arm.urdf\"\n[run]\nduration = 1\n";
+    assert_eq!(rule("names", twice), "line 1, [[robot]]: missing field `name`: add it");
+    let degrees = read("degrees", "[robot]\nurdf = \"arm.urdf\"\nq = [45, -90]\n[run]\nduration = 1\n").unwrap();
+    let said = degrees.plan().and_then(|plan| plan.run(1.0)).unwrap_err().to_string();
+    assert_eq!(
+        said,
+        "at the start upper limit of shoulder overlaps by 41.9 rad: choose a start without overlap (angles of joints are in rad)"
+    );
+}

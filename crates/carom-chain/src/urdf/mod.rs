@@ -18,10 +18,11 @@
 //!    missing `<inertial>` from a massless one, and does not name the element in its messages.
 //! 3. `tree`, `joint`, `link` and `collision` check the values: exactly one root and no loops, axes, limits, mimic joints,
 //!    inertias, mesh files (`packages`).
-//! 4. `weld` repairs what has no mass, if it is asked to.
+//! 4. `visual` reads what recordings draw; nothing in it is an error.
+//! 5. `weld` repairs what has no mass, if it is asked to.
 //!
-//! **Not supported:** xacro, SDF and MJCF. Visual geometry, materials, transmissions and other extensions are not used;
-//! [`LoadReport::unused`] lists them.
+//! **Not supported:** xacro, SDF and MJCF. Textures, transmissions and other extensions are not used;
+//! [`LoadReport::unused`] lists extensions, and visual shapes that cannot be drawn.
 
 mod collision;
 mod joint;
@@ -33,6 +34,7 @@ mod schema;
 mod source;
 mod srdf;
 mod tree;
+mod visual;
 mod warnings;
 mod weld;
 mod xml;
@@ -61,7 +63,7 @@ use warnings::Warnings;
 pub struct LoadOptions {
     /// Whether the root link moves freely, on a floating joint that is added. Otherwise the root link is fixed to the world.
     pub floating_base: bool,
-    /// Treatment of missing collision meshes.
+    /// Treatment of missing collision meshes, and whether visual meshes are searched for.
     pub meshes: Meshes,
     /// Whether warnings ([`LoadReport::warnings`]) are errors.
     pub strict: bool,
@@ -84,7 +86,7 @@ pub enum Meshes {
     /// A missing mesh is a warning, and an error where its shape is used, for instance in a contact.
     #[default]
     WhenUsed,
-    /// A missing mesh is left out; [`LoadReport::unused`] lists it.
+    /// A missing mesh is left out; [`LoadReport::unused`] lists it. Visual meshes are left out, found or not.
     Ignored,
 }
 
@@ -126,9 +128,15 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
     let inertials = link::inertials(&source, &urdf, &tree, &kinds, options, &mut warnings)?;
     let mut joints = joint::joints(&source, &urdf, &tree, &kinds, &mut warnings)?;
     let collisions = collision::collisions(&source, &urdf, base_dir, options, &mut warnings);
-    let parts = urdf.links.into_iter().zip(inertials).zip(collisions);
-    let links: Vec<Link> =
-        parts.map(|((link, inertial), collisions)| Link { name: link.name, inertial, collisions }).collect();
+    let visuals = visual::visuals(&source, base_dir, options, &mut warnings);
+    let parts = urdf.links.into_iter().zip(inertials).zip(collisions.into_iter().zip(visuals));
+    let link = |((link, inertial), (collisions, visuals)): ((urdf_rs::Link, _), _)| Link {
+        name: link.name,
+        inertial,
+        collisions,
+        visuals,
+    };
+    let links: Vec<Link> = parts.map(link).collect();
     if options.repair {
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));
     }

@@ -100,6 +100,8 @@ pub struct Link {
     pub inertial: Option<Inertial>,
     /// Collision geometry. This crate stores it and does not use it.
     pub collisions: Vec<Collision>,
+    /// Visual geometry. This crate stores it and does not use it.
+    pub visuals: Vec<Visual>,
 }
 
 /// An `<inertial>`, expressed in link axes.
@@ -204,7 +206,18 @@ pub struct Collision {
     pub shape: Shape,
 }
 
-/// Collision shapes of URDF, centred at the origin of [`Collision::origin`]; cylinders and capsules along its z axis.
+/// A `<visual>` element: a shape, its pose and its colour. Its shape is never a [`Shape::MissingMesh`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Visual {
+    /// Pose in the link frame, m.
+    pub origin: Isometry3<f64>,
+    /// The shape.
+    pub shape: Shape,
+    /// Red, green, blue and opacity of its material, each from 0 to 1, if it has one.
+    pub colour: Option<[f64; 4]>,
+}
+
+/// Shapes of URDF, centred at the origin of [`Collision::origin`] or [`Visual::origin`]; cylinders and capsules along its z axis.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A box.

@@ -1,19 +1,20 @@
 //! Table of the elements and attributes of URDF that are used.
 
 /// Tags of the URDF specification and of common extensions that this crate does not use. Other tags are unknown.
-pub(super) const UNUSED: [&str; 11] = [
+pub(super) const UNUSED: [&str; 9] = [
     "calibration",
     "contact",
     "gazebo",
-    "material",
     "mujoco",
     "ros2_control",
     "safety_controller",
     "sensor",
     "transmission",
     "verbose",
-    "visual",
 ];
+
+/// Elements of which `visual` uses what can be drawn.
+pub(super) const DRAWN: [&str; 2] = ["material", "visual"];
 
 /// An element that is used.
 pub(super) struct Element {

@@ -1,6 +1,6 @@
 //! Checks the document against the table of [`schema`](super::schema), before its values are parsed.
 
-use super::schema::{Attribute, Element, GEOMETRY, Occurs, Presence, ROBOT, Range, UNUSED, Value};
+use super::schema::{Attribute, DRAWN, Element, GEOMETRY, Occurs, Presence, ROBOT, Range, UNUSED, Value};
 use super::source::{Source, own_children};
 use super::warnings::Warnings;
 use crate::error::ChainError;
@@ -92,6 +92,7 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
         let name = child.tag_name().name();
         match rule.children.iter().find(|known| own && known.tag == name) {
             Some(known) => check_element(source, child, known, warnings)?,
+            None if own && DRAWN.contains(&name) => {}
             None => {
                 let prefix = child.tag_name().namespace().filter(|_| !own).and_then(|space| child.lookup_prefix(space));
                 let prefix = prefix.map_or(String::new(), |prefix| format!("{prefix}:"));

@@ -62,7 +62,7 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
         disabled_pairs: vec![],
         report: Default::default(),
     };
-    robot.links.push(Link { name: "link0".into(), inertial: Some(inertial(rng)), collisions: vec![] });
+    robot.links.push(Link { name: "link0".into(), inertial: Some(inertial(rng)), collisions: vec![], visuals: vec![] });
     for k in 0..joints {
         let parent = if rng.f64() < 0.7 { k } else { rng.usize(0..=k) };
         let plane = zoo == Zoo::Plane;
@@ -102,7 +102,12 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
             joint.mimic = Some(Mimic { joint: joint_index, multiplier: 0.5 + unit(rng), offset: unit(rng) });
         }
         robot.joints.push(joint);
-        robot.links.push(Link { name: format!("link{}", k + 1), inertial: Some(inertial(rng)), collisions: vec![] });
+        robot.links.push(Link {
+            name: format!("link{}", k + 1),
+            inertial: Some(inertial(rng)),
+            collisions: vec![],
+            visuals: vec![],
+        });
     }
     robot
 }

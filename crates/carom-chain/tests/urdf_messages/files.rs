@@ -129,3 +129,38 @@ fn unreadable_file_is_named_in_the_error() {
     assert!(matches!(&error, ChainError::Unreadable { path, .. } if path == Path::new("no/such/robot.urdf")));
     assert!(error.to_string().starts_with("no/such/robot.urdf: cannot be read: "), "{error}");
 }
+
+/// Visual shapes have their poses and the colours of their materials, by name or their own; what cannot be drawn is listed, also in
+/// strict files, and changes nothing else.
+#[test]
+fn visual_shapes_are_kept_with_their_colours() {
+    let folder = Folder::new("visual");
+    let mesh = folder.write("look/hull.dae", "");
+    let text = "<robot name='r'><material name='red'><color rgba='1 0 0 1'/></material>
+        <link name='a'>
+          <visual><origin xyz='1 2 3' rpy='0 0 1'/><geometry><box size='1 2 3'/></geometry><material name='red'/></visual>
+          <visual><geometry><mesh filename='package://look/hull.dae' scale='2 2 2'/></geometry>
+            <material name='own'><color rgba='0 0.5 1 0.25'/></material></visual>
+          <visual><geometry><sphere radius='0'/></geometry></visual>
+          <visual><geometry><mesh filename='package://look/none.dae'/></geometry></visual>
+          <visual><origin xyz='nan 0 0'/><geometry><sphere radius='1'/></geometry></visual>
+          <visual><geometry><cylinder radius='0.1' length='0.2'/></geometry><material name='unknown'/></visual>
+        </link></robot>";
+    let urdf = folder.write("r.urdf", text);
+    let strict = LoadOptions { strict: true, ..LoadOptions::default() };
+    let robot = urdf::read_file(&urdf, &strict).unwrap();
+    assert_eq!(robot.report.unused, ["<visual> (3 times, first on line 6) is not used"]);
+    let [cuboid, hull, cylinder] = robot.links[0].visuals.as_slice() else { panic!("{:?}", robot.links[0].visuals) };
+    assert_eq!(
+        (&cuboid.shape, cuboid.colour),
+        (&Shape::Box { size: Vector3::new(1.0, 2.0, 3.0) }, Some([1.0, 0.0, 0.0, 1.0]))
+    );
+    assert_eq!(cuboid.origin.translation.vector, Vector3::new(1.0, 2.0, 3.0));
+    assert!((cuboid.origin.rotation.angle() - 1.0).abs() < 1e-15);
+    assert_eq!(hull.shape, Shape::Mesh { file: mesh, scale: Vector3::repeat(2.0) });
+    assert_eq!(hull.colour, Some([0.0, 0.5, 1.0, 0.25]));
+    assert_eq!((&cylinder.shape, cylinder.colour), (&Shape::Cylinder { radius: 0.1, length: 0.2 }, None));
+    assert!(robot.links[0].collisions.is_empty());
+    let without = LoadOptions { meshes: Meshes::Ignored, ..LoadOptions::default() };
+    assert_eq!(urdf::read_file(&urdf, &without).unwrap().links[0].visuals.len(), 2, "meshes are left out on request");
+}

@@ -18,11 +18,12 @@ use super::leg::{Accuracy, LegEnd, leg};
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::Compliance;
+use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion};
 use crate::state::{Blow, Space};
+use carom_chain::urdf::JointType;
 use std::collections::VecDeque;
 
 /// The state of a run.
@@ -180,7 +181,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
                 sunk.push((touch, -rate));
             } else if gap < -TOUCHING {
-                return Err(SimError::Overlap { touch: sim.touches[touch].name.clone(), depth: -gap });
+                let touch = &sim.touches[touch];
+                return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
             } else if gap <= TOUCHING {
                 if rate < 0.0 {
                     hits.push(touch);
@@ -449,3 +451,15 @@ const NEAREST: f64 = 1e-9;
 const TURNING: f64 = 0.1;
 /// With this number of events within one contact step the run continues by time stepping.
 const CROWD: usize = 300;
+
+/// The unit of a touch's gap.
+fn unit(sim: &Simulation, touch: &Touch) -> &'static str {
+    let slides = |joint: &str| {
+        let of_name = sim.chain.joints().iter().find(|it| it.name == joint);
+        of_name.is_some_and(|joint| joint.kind == JointType::Prismatic)
+    };
+    match touch.limit_of() {
+        Some(joint) if !slides(joint) => "rad",
+        _ => "m",
+    }
+}

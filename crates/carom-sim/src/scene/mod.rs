@@ -394,8 +394,9 @@ impl Scene {
             Shape::Mesh { file, .. } => places.mesh(file).ok(),
             _ => None,
         });
-        let shapes = simulation.chain.links().iter().flat_map(|link| &link.collisions);
-        let meshes = shapes.filter_map(|collision| match &collision.shape {
+        let collisions = simulation.chain.links().iter().flat_map(|link| &link.collisions).map(|it| &it.shape);
+        let visuals = simulation.chain.links().iter().flat_map(|link| &link.visuals).map(|it| &it.shape);
+        let meshes = collisions.chain(visuals).filter_map(|shape| match shape {
             carom_chain::urdf::Shape::Mesh { file, .. } => Some(file.clone()),
             _ => None,
         });

@@ -50,9 +50,9 @@ impl Columns {
             if let Some(name) = names.iter().find(|name| *name != "time" && !wanted.contains(name)) {
                 let near = wanted.iter().map(|other| (strsim::jaro_winkler(name, other), other));
                 let near = near.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(likeness, _)| *likeness > 0.7);
-                let hint = near.map_or_else(String::new, |(_, other)| format!("; did you mean {other}?"));
+                let hint = near.map_or_else(String::new, |(_, other)| format!(" (did you mean {other}?)"));
                 return Err(format!(
-                    "column {name} is not known: the columns are time, {}{hint} Remove it or correct its name",
+                    "column {name} is not known: the columns are time, {}{hint}; remove it or correct its name",
                     known()
                 ));
             }
