@@ -72,7 +72,7 @@ fn check(name: &str, scene: &Scene, duration: f64, some: Option<&[usize]>, h: f6
     let size = other.amax();
     for (k, &j) in columns.iter().enumerate() {
         let (column, apart) = (other.column(k).amax(), (own.column(k) - other.column(k)).amax());
-        let fine = apart <= 1e-6 * size && apart <= 1e-4 * column.max(1e-4 * size);
+        let fine = apart <= 1e-6 * size && apart <= 1e-4 * column.max(3e-4 * size);
         assert!(fine, "{name}: {}: apart by {apart:e} of {column:e} and {size:e}", found.names[j]);
     }
     found
