@@ -1,10 +1,12 @@
-//! `carom chart`: work–precision chart of a scene.
+//! `carom chart`: work–precision chart of a scene, and the rigid limit of its compliant contacts.
 
 use crate::error::CliError;
 use crate::files;
 use crate::output::{to_json, write_whole};
 use crate::scene::load;
-use carom_study::chart::{Absent, Chart, PeerOutcome, PeerRun, Run, csv, knob_value, svg};
+use carom_study::chart::{
+    Absent, Chart, PeerOutcome, PeerRun, Run, Stiffened, StiffnessChart, csv, knob_value, stiffness_svg, svg,
+};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
@@ -23,9 +25,12 @@ use std::time::Duration;
 /// Output: a picture (SVG), the numbers (CSV) and a table: method, parameter, run time (ms, median),
 /// error of qd right after the first impact, error of q and qd at the end (both relative to the
 /// largest entry), contact law; then the methods that did not run, with the reason.
+/// With --stiffness instead: errors of the scene's compliant contacts against the same scene with
+/// rigid ones, over a factor of all stiffnesses from 1 to 1e6, beside the order that theory gives.
 /// JSON keys: law, runs [{method, law, knob, value, wall_time (s), after_impact, at_end}],
 ///   absent [{method, reason}], doubt_after_impact and doubt_at_end (errors of the reference
-///   solution).
+///   solution); with --stiffness: runs [{factor, after_impact, at_end}], order_after_impact,
+///   order_at_end (over the two stiffest decades), theory.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct ChartCommand {
@@ -40,6 +45,11 @@ pub struct ChartCommand {
     /// Lines of other scenes are skipped; the scene is recognised by the name of its file.
     #[arg(long, value_name = "F.jsonl", verbatim_doc_comment)]
     peers: Option<PathBuf>,
+    /// Draw the error of compliant contacts against rigid ones over their stiffness
+    ///
+    /// The scene must have compliant contacts.
+    #[arg(long, conflicts_with = "peers", verbatim_doc_comment)]
+    stiffness: bool,
     /// Longest run time of a single run, s
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0, allow_hyphen_values = true)]
     budget: f64,
@@ -125,6 +135,18 @@ impl ChartCommand {
         if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {spinner} {pos} runs, {msg}") {
             bar.set_style(style);
         }
+        if self.stiffness {
+            let chart = StiffnessChart::of(&scene, budget, &mut || bar.inc(1)).map_err(refuse)?;
+            bar.finish_and_clear();
+            let Some(chart) = chart else {
+                let rule = "--stiffness: the scene has no compliant contact: give [contact], a surface or a pair the key \
+                            compliance";
+                return Err(CliError::Option(rule.into()));
+            };
+            write_whole(&self.out, &stiffness_svg(&chart, &title))?;
+            write_whole(&numbers, &chart.csv())?;
+            return stiffness_report(&chart, self.json, out);
+        }
         let mut chart = Chart::of(&scene, budget, &mut |method| {
             bar.set_message(method.to_owned());
             bar.inc(1);
@@ -168,6 +190,49 @@ fn read_peers(file: &Path, scene: &str) -> Result<Vec<PeerRun>, CliError> {
     Ok(peers)
 }
 
+#[derive(Serialize)]
+struct StiffnessReport {
+    runs: Vec<StiffnessLine>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    order_after_impact: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    order_at_end: Option<f64>,
+    theory: f64,
+}
+
+#[derive(Serialize)]
+struct StiffnessLine {
+    factor: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    after_impact: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    at_end: Option<f64>,
+}
+
+fn stiffness_report(chart: &StiffnessChart, json: bool, out: &mut dyn Write) -> Result<(), CliError> {
+    let (after, end) = (chart.order(|run| run.after_impact), chart.order(|run| run.at_end));
+    if json {
+        let line =
+            |&Stiffened { factor, after_impact, at_end }: &Stiffened| StiffnessLine { factor, after_impact, at_end };
+        let runs = chart.runs.iter().map(line).collect();
+        let report = StiffnessReport { runs, order_after_impact: after, order_at_end: end, theory: chart.theory };
+        writeln!(out, "{}", to_json(&report)?)?;
+        return Ok(());
+    }
+    writeln!(out, "{:>10} {:>12} {:>10}", "factor", "after impact", "at the end")?;
+    for run in &chart.runs {
+        let (after, end) = (number(run.after_impact), number(run.at_end));
+        writeln!(out, "{:>10} {after:>12} {end:>10}", knob_value(run.factor))?;
+    }
+    let order = |order: Option<f64>| order.map_or_else(|| "–".to_owned(), |order| format!("{order:.3}"));
+    writeln!(out, "order {:>17} {:>10}; in theory {:.3}", order(after), order(end), chart.theory)?;
+    Ok(())
+}
+
+fn number(x: Option<f64>) -> String {
+    x.map_or_else(|| "–".to_owned(), |x| format!("{x:.1e}"))
+}
+
 fn line(run: &Run) -> Line<'_> {
     let Run { method, law, knob, value, wall_time, after_impact, at_end } = run;
     Line { method, law, knob, value: *value, wall_time: *wall_time, after_impact: *after_impact, at_end: *at_end }
@@ -186,7 +251,6 @@ fn report(chart: &Chart) -> Report<'_> {
 }
 
 fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
-    let number = |x: Option<f64>| x.map_or_else(|| "–".to_owned(), |x| format!("{x:.1e}"));
     writeln!(
         out,
         "{:36} {:>20} {:>10} {:>12} {:>10}  law",

@@ -227,7 +227,13 @@ fn keys_of_answers_are_those_of_the_page() {
         ("map", vec![("map studies/self_motion.toml --advise --json".into(), "")]),
         ("plan", vec![("plan own/scene.toml --json".into(), "")]),
         ("simulate", vec![("simulate scenes/planar2.toml --sensitivity --json".into(), "")]),
-        ("chart", vec![("chart scenes/planar2.toml --out c.svg --budget 0.01 --json".into(), "")]),
+        (
+            "chart",
+            vec![
+                ("chart scenes/planar2.toml --out c.svg --budget 0.01 --json".into(), ""),
+                ("chart scenes/feet.toml --stiffness --out f.svg --json".into(), ""),
+            ],
+        ),
         ("stress", vec![("stress --out stress --scene jam --json".into(), "")]),
         ("paper", vec![("paper --out paper --json".into(), "")]),
         ("consistency", vec![("consistency docs/table1.csv --json".into(), "")]),

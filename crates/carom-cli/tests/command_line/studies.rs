@@ -94,6 +94,28 @@ fn a_chart_contains_every_method_and_the_peers() {
 }
 
 #[test]
+fn a_chart_of_stiffness_draws_both_errors_beside_the_order_in_theory() {
+    let desk = Desk::new("chart-stiffness");
+    let soft = SCENE.replace("[contact]\n", "[contact]\ncompliance = { stiffness = 1e6, exponent = 1 }\n");
+    desk.write("wall.toml", &soft);
+    std::fs::create_dir(desk.0.join("c")).unwrap();
+    let ran = desk.run("chart wall.toml --stiffness --out c/soft.svg --json");
+    assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
+    let chart: Value = serde_json::from_str(&ran.out).unwrap();
+    assert_eq!(chart["theory"], 0.5);
+    assert!((chart["order_after_impact"].as_f64().unwrap() - 0.5).abs() < 0.05, "{chart}");
+    assert_eq!(desk.files("c"), ["soft.csv", "soft.svg"]);
+    let table = std::fs::read_to_string(desk.0.join("c/soft.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + chart["runs"].as_array().unwrap().len());
+    let picture = std::fs::read_to_string(desk.0.join("c/soft.svg")).unwrap();
+    assert!(picture.contains("order in theory: 0.500") && picture.contains("factor of all stiffnesses"));
+    let plan: Value = serde_json::from_str(&desk.run("plan wall.toml --json").out).unwrap();
+    let kept = plan["kept"].as_array().unwrap();
+    let own: Vec<&Value> = kept.iter().filter(|line| line["what"] == "compliance").collect();
+    assert!(own.len() == 1 && own[0]["choice"].as_str().unwrap().contains("hunt-crossley 1e6 N/m"), "{plan}");
+}
+
+#[test]
 fn chart_refuses_invalid_options_and_files() {
     let desk = Desk::new("chart-refused");
     desk.write("wall.toml", SCENE);
@@ -101,6 +123,10 @@ fn chart_refuses_invalid_options_and_files() {
     for (args, message) in [
         ("wall.toml --out wall.png", "--out wall.png: give a file that ends in .svg"),
         ("wall.toml --out w.svg --budget 0", "--budget 0: give a number of seconds above 0"),
+        (
+            "wall.toml --out w.svg --stiffness",
+            "--stiffness: the scene has no compliant contact: give [contact], a surface or a pair the key compliance",
+        ),
         ("no.toml --out w.svg", "no.toml: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers no.jsonl", "no.jsonl: cannot be read: No such file or directory (os error 2)"),
         ("wall.toml --out w.svg --peers broken.jsonl", "broken.jsonl:1: missing field `peer` at line 1 column 16"),

@@ -58,6 +58,27 @@ pub enum Holding {
     },
 }
 
+impl std::fmt::Display for Compliance {
+    /// Its forces with their parameters, as in a plan.
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let k = self.stiffness;
+        match self.normal {
+            Yielding::HuntCrossley { exponent, damping } => {
+                let unit = if exponent == 1.0 { "N/m".to_owned() } else { format!("N/m^{exponent}") };
+                write!(f, "hunt-crossley {k:e} {unit}, damping {}", damping.name())?;
+            }
+            Yielding::KelvinVoigt { pulls } => {
+                write!(f, "kelvin-voigt {k:e} N/m{}", if pulls { ", may pull" } else { "" })?;
+            }
+            Yielding::WaltonBraun => write!(f, "walton-braun {k:e} N/m")?,
+        }
+        match self.tangential {
+            Holding::Smoothed { slip_speed } => write!(f, "; friction smoothed below {slip_speed} m/s"),
+            Holding::Bristle { stiffness, damping } => write!(f, "; bristle {stiffness:e} N/m, {damping} N s/m"),
+        }
+    }
+}
+
 /// The state of a compliant contact beside q and qd.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Memory {
@@ -148,7 +169,9 @@ impl Compliance {
         u: &Vector3<f64>,
     ) -> Result<Pressed, SimError> {
         let along = |v: &Vector3<f64>| v - normal * normal.dot(v);
-        let size = self.normal(law.restitution())?.force(-gap, -rate, memory.damping, memory.deepest);
+        // Rounding and the last step of a contact reach beyond d = 0: without a jump of the dashpot's force there.
+        let penetration = (-gap).max(f64::MIN_POSITIVE);
+        let size = self.normal(law.restitution())?.force(penetration, -rate, memory.damping, memory.deepest);
         let (law, slip, deflection) = (self.tangential(law.friction())?, along(u), along(&memory.deflection));
         let force = normal * size + law.force(&deflection, &slip, size);
         Ok(Pressed { force, bends: law.rate(&deflection, &slip, size) })

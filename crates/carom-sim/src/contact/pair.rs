@@ -15,6 +15,8 @@ use nalgebra::Vector3;
 pub(crate) struct Pair {
     pub shape: LinkShape,
     pub against: Against,
+    /// Whether it is not divided on request.
+    pub whole: bool,
     /// The parts of both bodies, if their contacts are divided into those of parts.
     parts: Option<(Parts, Parts)>,
     /// Whether the contacts of the parts are all contacts of the pair.
@@ -51,7 +53,7 @@ impl Pair {
     /// A pair with the contacts of its parts; none if it touches at one point, or where it is not divided. `whole`: it is not
     /// divided.
     pub fn new(shape: &LinkShape, against: Against, whole: bool) -> (Self, Vec<Meeting>) {
-        let mut pair = Self { shape: shape.clone(), against, parts: None, complete: false };
+        let mut pair = Self { shape: shape.clone(), against, whole, parts: None, complete: false };
         if whole || pair.is_point() {
             return (pair, Vec::new());
         }

@@ -188,6 +188,25 @@ impl Touch {
         }
     }
 
+    /// The touches with each pair of bodies divided into contacts of parts where its contact is rigid, and undivided where it
+    /// is compliant. For touches whose [`ContactRule::compliance`] was changed after they were made.
+    pub fn divided(touches: Vec<Self>) -> Vec<Self> {
+        let mut divided = Vec::new();
+        for touch in touches {
+            let compliant = touch.contact.compliance.is_some();
+            match &touch.kind {
+                TouchKind::Pair { part: Some(_), .. } if compliant => {}
+                TouchKind::Pair { pair, part: None } if pair.whole != compliant => {
+                    let made = Pair::new(&pair.shape, pair.against.clone(), compliant);
+                    let surface = touch.surface().unwrap_or_default().to_owned();
+                    Self::add_pair(&mut divided, made, &surface, &touch.contact, touch.motion.clone());
+                }
+                _ => divided.push(touch),
+            }
+        }
+        divided
+    }
+
     fn limits(chain: &Chain, restitution: f64) -> Vec<Self> {
         let mut touches = Vec::new();
         for joint in chain.joints() {

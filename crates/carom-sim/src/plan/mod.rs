@@ -99,6 +99,7 @@ impl Scene {
         plan.space(self.full);
         plan.loops();
         plan.contacts(self);
+        plan.compliance();
         plan.friction()?;
         plan.gravity();
         plan.drive();
@@ -182,14 +183,12 @@ impl Plan {
         // The contacts of parts stand behind their pair.
         let pairs: Vec<&Touch> = pairs.into_iter().filter(|touch| !touch.is_part()).collect();
         let count = pairs.len();
-        let names: Vec<&str> = pairs.iter().take(8).map(|touch| touch.name.as_str()).collect();
-        let more = if count > 8 { format!(" and {} more", count - 8) } else { String::new() };
         let faces = pairs.iter().any(|touch| !touch.is_covered());
         let several = touches.len() > 1 || faces;
         let step = self.simulation.contact_step;
         let choice = match count {
             0 => "none".to_owned(),
-            _ => format!("{}{more}", names.join("; ")),
+            _ => listed(&pairs),
         };
         let none = touches.is_empty();
         let why = format!("{closed} gaps in closed form, {search} by a distance query; {} joint limits", limits.len());
@@ -212,6 +211,30 @@ impl Plan {
         }
         if count == 0 && !scene.surfaces.is_empty() {
             self.keep("surface", "no contact with a surface", "no link with a collision shape can reach one");
+        }
+    }
+
+    /// The compliant contacts, those with the same compliance together.
+    fn compliance(&mut self) {
+        let touches = &self.simulation.touches;
+        let mut kinds: Vec<(Compliance, Vec<&Touch>)> = Vec::new();
+        for touch in touches {
+            let Some(own) = touch.contact.compliance else { continue };
+            match kinds.iter_mut().find(|(known, _)| *known == own) {
+                Some((_, same)) => same.push(touch),
+                None => kinds.push((own, vec![touch])),
+            }
+        }
+        let others = touches.iter().filter(|touch| !touch.is_part()).count();
+        let others = others - kinds.iter().map(|(_, same)| same.len()).sum::<usize>();
+        let rest = if others > 0 { "; the other contacts and stops are rigid" } else { "" };
+        let lines: Vec<_> = kinds.iter().map(|(own, same)| format!("{}: {own}", listed(same))).collect();
+        for choice in lines {
+            self.keep(
+                "compliance",
+                choice,
+                format!("forces instead of impulses, implicitly integrated where stiff{rest}"),
+            );
         }
     }
 
@@ -386,6 +409,13 @@ impl Plan {
         }
         Ok(())
     }
+}
+
+/// The names of touches, the first ones of many.
+fn listed(touches: &[&Touch]) -> String {
+    let names: Vec<&str> = touches.iter().take(8).map(|touch| touch.name.as_str()).collect();
+    let more = if touches.len() > 8 { format!(" and {} more", touches.len() - 8) } else { String::new() };
+    format!("{}{more}", names.join("; "))
 }
 
 /// The floating and planar joints, which no motor drives.

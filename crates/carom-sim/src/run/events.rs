@@ -14,7 +14,7 @@
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
 use super::leap::Leap;
-use super::leg::{Accuracy, LegEnd, leg};
+use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
@@ -89,7 +89,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
         let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
         let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
-        let accuracy = Accuracy { tolerance, max_step, integrator, gives_up: gives_up || presses };
+        let patience = (gives_up || presses).then_some(PATIENCE);
+        let accuracy = Accuracy { tolerance, max_step, integrator, patience };
         let kink = sim.next_kink(self.time);
         let mut until = kink.min(self.end);
         if until - self.time <= 1e-13 * (1.0 + until) {
@@ -108,11 +109,21 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             until = self.time + 0.125 * (until - self.time);
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
-        if let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (accuracy.gives_up, &ended) {
+        // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
+        // integrator, for slip until the explicit one is tried again. A compliant contact may also oscillate fast without being
+        // stiff, and at a kink of its force the implicit integrator may fail: both take turns, each with growing patience.
+        let mut turn = 0;
+        let turns = if presses { TURNS } else { 1 };
+        let mut integrator = integrator;
+        while let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (patience.is_some() && turn < turns, &ended) {
             (self.time, self.y) = (*time, y.clone());
-            // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
-            // integrator, for slip until the explicit one is tried again.
-            let accuracy = Accuracy { integrator: Integrator::Radau, gives_up: !presses, ..accuracy };
+            integrator = match integrator {
+                Integrator::Radau if presses => Integrator::DormandPrince,
+                _ => Integrator::Radau,
+            };
+            turn += 1;
+            let patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
+            let accuracy = Accuracy { integrator, patience, ..accuracy };
             let until = if presses { until } else { until.min(self.time + TURNING * max_step) };
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
@@ -447,6 +458,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 pub(crate) const TOUCHING: f64 = 1e-9;
 /// A jam within this time counts as reached, s.
 const NEAREST: f64 = 1e-9;
+/// The explicit and the implicit integrator take turns at most so often in one leg with compliant contacts.
+const TURNS: u32 = 20;
 /// Share of the longest step for which a slip that turns fast is integrated implicitly.
 const TURNING: f64 = 0.1;
 /// With this number of events within one contact step the run continues by time stepping.

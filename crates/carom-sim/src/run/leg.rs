@@ -29,8 +29,8 @@ use std::cell::RefCell;
 const HYSTERESIS: f64 = 1e-14;
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
-/// Maximal ratio of the number of steps to the number of steps of maximal length, for legs that have a fallback.
-const PATIENCE: usize = 60;
+/// [`Accuracy::patience`] of the first attempt.
+pub(crate) const PATIENCE: usize = 60;
 
 /// A smooth vector field with witness functions: one contact mode of one chain.
 pub(crate) trait Flow {
@@ -96,8 +96,9 @@ pub(crate) struct Accuracy {
     pub tolerance: f64,
     pub max_step: f64,
     pub integrator: Integrator,
-    /// Whether a stiff leg fails early, because the caller has a fallback.
-    pub gives_up: bool,
+    /// Maximal ratio of the number of steps to the number of steps of maximal length, for a leg that may end early, where it is
+    /// stiff: the caller then has a fallback.
+    pub patience: Option<usize>,
 }
 
 /// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires, and calls the sampler.
@@ -210,9 +211,9 @@ fn integrate(
 ) -> Result<(), SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
-    // Legs with a fallback fail after few steps: a smooth leg needs some hundreds.
-    let max_steps =
-        if accuracy.gives_up { PATIENCE * (1 + ((end - start).abs() / longest) as usize) } else { MAX_STEPS };
+    // Legs with a fallback end after few steps: a smooth leg needs some hundreds.
+    let longest_steps = 1 + ((end - start).abs() / longest) as usize;
+    let max_steps = accuracy.patience.map_or(MAX_STEPS, |steps| MAX_STEPS.min(steps * longest_steps));
     // One tolerance for each component: Radau of ivp 0.6 converts a tolerance in place once for each component, which makes
     // a scalar tolerance 1e-3 whatever it was.
     let (relative, absolute) =
@@ -225,7 +226,7 @@ fn integrate(
                 .max_step(longest)
                 .maybe_first_step(whole)
                 .dense_output(observer.sampler.is_some())
-                .stiff_test(if accuracy.gives_up { 1000 } else { usize::MAX })
+                .stiff_test(if accuracy.patience.is_some() { 1000 } else { usize::MAX })
                 .max_steps(max_steps)
                 .build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
@@ -438,7 +439,7 @@ mod tests {
     /// One leg of a [`Clock`] from time 0 with y = 1, and its latest evaluation.
     fn run(gap: impl Fn(f64) -> Witness, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gap, latest: 0.0 };
-        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, gives_up: false };
+        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };

@@ -227,8 +227,9 @@ impl Watch {
                 let (gap, rate) = look(now.lasting[i].touch)?;
                 let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(Witness::default()) };
                 // Only changes from loading to unloading deeper than the last one count. The comparison also keeps
-                // rounding of the rate from a second event at the same point.
-                Witness::margin(if -gap > deepest { -rate } else { 0.0 })
+                // rounding of the rate from a second event at the same point. Where several contacts turn at one time, the
+                // others have a rate of rounding at the start of the next leg: they fire by the band.
+                Witness::velocity(if -gap > deepest { -rate } else { 0.0 }, now.noise)
             }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];

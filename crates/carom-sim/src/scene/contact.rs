@@ -1,6 +1,6 @@
 //! The contact rules of a scene: `[contact]`, and the values that a surface or a `[[contact.pair]]` replaces.
 
-use super::file::{self, All, Contact, Links, Override};
+use super::file::{self, All, Contact, Links, Override, Softness};
 use crate::contact::{
     Compliance, ContactLaw, ContactRule, Holding, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
 };
@@ -13,13 +13,19 @@ use std::collections::BTreeSet;
 pub(crate) fn rule(contact: &Contact) -> Result<ContactRule, String> {
     let Contact { restitution, tangential_restitution, friction, latch, .. } = *contact;
     let law = law(&contact.law, Coefficients { restitution, tangential_restitution, friction })?;
-    let compliance = contact.compliance.as_ref().map(compliance).transpose();
-    Ok(ContactRule { law, latch, compliance: compliance.map_err(|why| format!("compliance {why}"))? })
+    Ok(ContactRule { law, latch, compliance: softness(&contact.compliance)? })
 }
 
 fn law(name: &str, coefficients: Coefficients) -> Result<ContactLaw, String> {
     let known = || format!("law = \"{name}\": the laws are {}", LAW_NAMES.join(", "));
     ContactLaw::named(name, coefficients).ok_or_else(known)
+}
+
+fn softness(given: &Softness) -> Result<Option<Compliance>, String> {
+    match given {
+        Softness::Rigid => Ok(None),
+        Softness::Compliant(given) => compliance(given).map(Some).map_err(|why| format!("compliance {why}")),
+    }
 }
 
 /// A rule with the values that `own` gives instead.
@@ -31,7 +37,8 @@ pub(crate) fn overridden(rule: &ContactRule, own: &Override) -> Result<ContactRu
         friction: own.friction.unwrap_or(friction),
     };
     let law = law(own.law.as_deref().unwrap_or(rule.law.name()), coefficients)?;
-    Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance: rule.compliance })
+    let compliance = own.compliance.as_ref().map_or(Ok(rule.compliance), softness)?;
+    Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance })
 }
 
 /// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
@@ -156,10 +163,10 @@ pub(crate) fn apply(
     if let Some(joint) = joint {
         chain.joint(joint).map_err(|e| e.to_string())?;
     }
-    let beside = own.law.is_some() || own.tangential_restitution.is_some() || own.friction.is_some();
-    if joint.is_some() && beside {
-        let rule =
-            "has joint: joint limits have restitution and latch only, remove law, tangential_restitution and friction";
+    let tangential = own.tangential_restitution.is_some() || own.friction.is_some();
+    if joint.is_some() && (tangential || own.law.is_some() || own.compliance.is_some()) {
+        let rule = "has joint: joint limits have restitution and latch only, remove law, tangential_restitution, \
+                    friction and compliance";
         return Err(rule.into());
     }
     let mut met = false;

@@ -5,7 +5,7 @@ pub(crate) use super::control::{Control, Controller, PerJoint, Target};
 use super::perturb::Distribution;
 use crate::model::SeveralLaw;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
-use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -259,7 +259,7 @@ pub(crate) struct Contact {
     pub friction: f64,
     pub limit_restitution: f64,
     pub latch: bool,
-    pub compliance: Option<Compliance>,
+    pub compliance: Softness,
     pub several: SeveralLaw,
     pub links: Links,
     pub between_robots: Option<bool>,
@@ -280,7 +280,39 @@ pub(crate) enum All {
     All,
 }
 
-#[derive(Deserialize)]
+/// The value of `compliance`: `"rigid"`, or a table.
+#[derive(Clone)]
+pub(crate) enum Softness {
+    Rigid,
+    Compliant(Compliance),
+}
+
+impl<'de> Deserialize<'de> for Softness {
+    fn deserialize<D: Deserializer<'de>>(given: D) -> Result<Self, D::Error> {
+        given.deserialize_any(ReadSoftness)
+    }
+}
+
+/// Keeps the messages about the keys of the table, which an untagged enum would lose.
+struct ReadSoftness;
+
+impl<'de> Visitor<'de> for ReadSoftness {
+    type Value = Softness;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a table such as { stiffness = 1e7 }, or \"rigid\"")
+    }
+
+    fn visit_str<E: serde::de::Error>(self, text: &str) -> Result<Softness, E> {
+        if text == "rigid" { Ok(Softness::Rigid) } else { Err(E::invalid_value(Unexpected::Str(text), &self)) }
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, table: M) -> Result<Softness, M::Error> {
+        Compliance::deserialize(MapAccessDeserializer::new(table)).map(Softness::Compliant)
+    }
+}
+
+#[derive(Deserialize, Clone)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Compliance {
     pub stiffness: f64,
@@ -308,7 +340,7 @@ impl Default for Contact {
             friction: 0.0,
             limit_restitution: 0.0,
             latch: false,
-            compliance: None,
+            compliance: Softness::Rigid,
             several: SeveralLaw::default(),
             links: Links::Pairs(Vec::new()),
             between_robots: None,
@@ -326,6 +358,7 @@ pub(crate) struct Override {
     pub tangential_restitution: Option<f64>,
     pub friction: Option<f64>,
     pub latch: Option<bool>,
+    pub compliance: Option<Softness>,
 }
 
 /// The values that apply to contacts of one link with one surface, or to the limits of one joint.
@@ -340,12 +373,13 @@ pub(crate) struct Pair {
     pub tangential_restitution: Option<f64>,
     pub friction: Option<f64>,
     pub latch: Option<bool>,
+    pub compliance: Option<Softness>,
 }
 
 impl Pair {
     pub fn values(&self) -> Override {
-        let Self { law, restitution, tangential_restitution, friction, latch, .. } = self.clone();
-        Override { law, restitution, tangential_restitution, friction, latch }
+        let Self { law, restitution, tangential_restitution, friction, latch, compliance, .. } = self.clone();
+        Override { law, restitution, tangential_restitution, friction, latch, compliance }
     }
 }
 

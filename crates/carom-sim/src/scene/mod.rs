@@ -105,7 +105,7 @@ use surface::{Places, surface};
 /// | --- | --- | --- | --- |
 /// | `name` | string, unique | `"surface 1"`, `"surface 2"`, … | name in events, plans and `[[contact.pair]]` |
 /// | `shape` | one of the shapes below | required | shape and pose |
-/// | `contact` | table of `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | those of `[contact]` | values that differ from `[contact]` at this surface |
+/// | `contact` | table of `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance` | those of `[contact]` | values that differ from `[contact]` at this surface |
 /// | `motion` | table, see below | at rest | motion of the shape |
 /// | `belt` | table, see below | – | motion of the material along a surface whose shape stays. Not together with `motion` |
 ///
@@ -145,7 +145,7 @@ use surface::{Places, surface};
 /// | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
 /// | `links` | list of pairs of link names, or `"all"` | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`, or those of [`Touch::within_robots`]. Other pairs of links of one robot are ignored |
 /// | `between_robots` | boolean | `true` | whether links of different robots may touch without being listed: [`Touch::between_robots`]. For several robots only |
-/// | `compliance` | table, see below | rigid | makes all contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Joint limits stay rigid, and while several contacts last they are computed as rigid. Not together with `method = "steps"` |
+/// | `compliance` | table, see below, or `"rigid"` | `"rigid"` | makes contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Any number may press at once, beside rigid ones. Joint limits are rigid. Bodies with faces touch at their nearest points, except on half-spaces, which they touch at their corners. Not together with `method = "steps"` |
 ///
 /// `compliance = { … }`:
 ///
@@ -166,10 +166,11 @@ use surface::{Places, surface};
 /// | `link` | link name, or the name of one of several robots | every link | contacts of this link, or of all links of the robot |
 /// | `surface` | the same, or surface name | every surface | contacts with this surface or link; a pair of links has no order |
 /// | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
-/// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
+/// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
 ///
 /// At least one of `link`, `surface` and `joint` is required. `[contact]` is overruled by `contact` of the surface, and this by
-/// `[[contact.pair]]`; of several that apply to a contact, the last one that sets a value decides.
+/// `[[contact.pair]]`; of several that apply to a contact, the last one that sets a value decides. A `compliance` replaces the whole
+/// table, so that its other keys have their defaults.
 ///
 /// ## `[[spring]]` (one table for each passive spring)
 ///
@@ -335,6 +336,7 @@ impl Scene {
                 warnings.push(format!("[[contact.pair]] {}: applies to no contact of this scene", named.join(", ")));
             }
         }
+        let touches = Touch::divided(touches);
         warnings.extend(unused(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, &file.run.control(), &surfaces, &qd).map_err(&refuse)?;
         let springs = file.spring.iter().enumerate().map(|(k, it)| spring(&chain, k, it));

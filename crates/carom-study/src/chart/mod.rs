@@ -7,12 +7,15 @@
 
 mod kernel;
 mod picture;
+mod stiffness;
 
-pub use picture::svg;
+pub use picture::{stiffness_svg, svg};
+pub use stiffness::{Stiffened, StiffnessChart};
 
 use carom_impact::Damping;
 use carom_sim::{
-    Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Trajectory, Yielding,
+    Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Touch, Trajectory,
+    Yielding,
 };
 use std::time::{Duration, Instant};
 
@@ -198,10 +201,10 @@ impl Chart {
             let stiffnesses = (3..=11).map(|k| 10_f64.powi(k));
             let at = |stiffness| {
                 let mut soft = Simulation { tolerance: 1e-10, planar, ..base.clone() };
-                soft.touches.retain(|touch| !touch.is_part());
                 for touch in soft.touches.iter_mut().filter(|touch| touch.link().is_some()) {
                     touch.contact.compliance = Some(Compliance { normal, ..Compliance::new(stiffness) });
                 }
+                soft.touches = Touch::divided(soft.touches);
                 soft
             };
             let method = (format!("compliant, {name}"), law.to_owned());

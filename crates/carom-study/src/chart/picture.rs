@@ -1,6 +1,6 @@
 //! The chart as SVG: two panels of error over time, both axes logarithmic.
 
-use super::{Chart, Run, knob_value};
+use super::{Chart, Run, Stiffened, StiffnessChart, knob_value};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -147,6 +147,70 @@ fn panel<'a>(
         axes.draw_series(points.iter().map(at))?;
     }
     Ok(())
+}
+
+/// Draws the errors over the factor of the stiffness as SVG, with a line of the order in theory. `title` is the name of the scene.
+pub fn stiffness_svg(chart: &StiffnessChart, title: &str) -> String {
+    let mut text = String::new();
+    let root = SVGBackend::with_string(&mut text, (PANEL.0 + 300, PANEL.1)).into_drawing_area();
+    let drawn = draw_stiffness(&root, chart, title);
+    drop(root);
+    // drawing into a string does not fail
+    debug_assert!(drawn.is_ok(), "{drawn:?}");
+    text
+}
+
+fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> Drawn<'a> {
+    root.fill(&WHITE)?;
+    type Error = fn(&Stiffened) -> Option<f64>;
+    let errors: [(&str, Error); 2] =
+        [("q̇ at the end of the first contact", |run| run.after_impact), ("q and q̇ at the end", |run| run.at_end)];
+    let points = |error: Error| -> Vec<(f64, f64)> {
+        chart.runs.iter().filter_map(|run| Some((run.factor, error(run)?.max(FLOOR)))).collect()
+    };
+    let all: Vec<(f64, f64)> = errors.iter().flat_map(|(_, error)| points(*error)).collect();
+    let font = |size: i32| ("sans-serif", size).into_font().color(&BLACK);
+    let (Some(first), Some(last)) = (chart.runs.first(), chart.runs.last()) else { return Ok(()) };
+    if all.is_empty() {
+        return root.draw(&Text::new(format!("{title}: no data"), (60, 60), font(14)));
+    }
+    let (low, high) = all.iter().fold((f64::INFINITY, 0.0_f64), |(low, high), (_, y)| (low.min(*y), high.max(*y)));
+    let (left, right) = root.split_horizontally(PANEL.0);
+    let mut axes = ChartBuilder::on(&left)
+        .caption(title, font(18))
+        .margin(10)
+        .x_label_area_size(44)
+        .y_label_area_size(66)
+        .build_cartesian_2d((first.factor / 1.6..last.factor * 1.6).log_scale(), (low / 4.0..high * 4.0).log_scale())?;
+    axes.configure_mesh()
+        .light_line_style(WHITE)
+        .x_desc("factor of all stiffnesses")
+        .y_desc("error against the run with rigid contacts")
+        .label_style(("sans-serif", 13))
+        .x_label_formatter(&|x| power(*x))
+        .y_label_formatter(&|x| power(*x))
+        .draw()?;
+    let grey = RGBColor(150, 150, 150);
+    let at_last = points(errors[1].1).last().map_or(low, |point| point.1);
+    // Through the last error at the end, lower by half a decade to be seen beside it.
+    let line = |factor: f64| (factor, 0.3 * at_last * (last.factor / factor).powf(chart.theory));
+    axes.draw_series(DashedLineSeries::new([line(first.factor), line(last.factor)], 6, 4, grey.stroke_width(2)))?;
+    let mut names = vec![(format!("order in theory: {:.3}", chart.theory), grey)];
+    for (k, (name, error)) in errors.into_iter().enumerate() {
+        let points = points(error);
+        axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(3)))?;
+        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), true), colour(k).filled());
+        axes.draw_series(points.iter().map(at))?;
+        let order = chart.order(error).map_or_else(String::new, |order| format!(": order {order:.3}"));
+        names.push((format!("{name}{order}"), colour(k)));
+    }
+    let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));
+    for (k, (name, colour)) in names.into_iter().enumerate() {
+        let y = 60 + 2 * LINE * k as i32;
+        right.draw(&PathElement::new([(4, y), (22, y)], colour.stroke_width(3)))?;
+        right.draw(&Text::new(name, (28, y), text.clone()))?;
+    }
+    root.present()
 }
 
 /// Label of a number on a logarithmic axis: 1, 2 and 5 of each decade, an empty text for others.
