@@ -139,7 +139,8 @@ impl<A: Space> Motion<'_, A> {
         let mut responses = Rows::new(nv);
         let responded = view.respond(&across, &mut responses);
         (self.lasting, self.assembled) = (lasting, found);
-        (assembled?, responded?);
+        assembled?;
+        responded?;
         let Assembled { constraints, responses: held, .. } = &self.assembled;
         let rows: Vec<&[f64]> = constraints.rows.iter().chain(across.iter()).collect();
         let impulses: Vec<&[f64]> = held.iter().chain(responses.iter()).collect();
