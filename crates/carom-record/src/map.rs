@@ -126,7 +126,7 @@ fn eye(bounds: &Bounds) -> Eye {
 fn colours(sink: &Sink, values: &Values, (low, high): (f64, f64)) -> Result<Tile, RecordError> {
     const HEIGHT: usize = 240;
     const WIDTH: usize = 24;
-    let occurs = |k: &usize| values.values.iter().any(|x| *x == *k as f64);
+    let occurs = |k: &usize| values.values.contains(&(*k as f64));
     let words: Vec<usize> = (0..values.words.len()).filter(occurs).collect();
     let count = words.len();
     let value = |line: usize| match count {
