@@ -164,7 +164,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 "contact = { restituton = 0.9 }",
                 "line 7: unknown field `restituton`, expected one of `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`; did you mean `restitution`?",
+                 `tangential_restitution`, `friction`, `latch`, `compliance`; did you mean `restitution`?",
             ),
             ("contact = { law = \"newtn\" }", &format!("[[surface]] 'surface 1': contact law = \"newtn\": {LAWS}")),
             (
