@@ -235,7 +235,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 &pair("joint = \"elbow\"\nfriction = 0.3"),
                 "[[contact.pair]] has joint: joint limits have restitution and latch only, remove law, \
-                 tangential_restitution and friction",
+                 tangential_restitution, friction and compliance",
             ),
             (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
             (
@@ -245,7 +245,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 &pair("link = \"tip\"\nlach = true"),
                 "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`; did you mean `latch`?",
+                 `tangential_restitution`, `friction`, `latch`, `compliance`; did you mean `latch`?",
             ),
         ],
     );
