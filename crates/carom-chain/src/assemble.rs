@@ -154,6 +154,7 @@ fn add_floating_base(robot: &mut Robot) {
             limits: Default::default(),
             damping: 0.0,
             friction: 0.0,
+            rotor_inertia: 0.0,
             mimic: None,
         },
     );
@@ -229,7 +230,7 @@ fn push_axes(
         }
         Coordinates::None => return (parent, pose_of(&joint.origin)),
     };
-    let axis = joint.axis.into_inner();
+    let (axis, rotor) = (joint.axis.into_inner(), joint.rotor_inertia);
     let axes: Vec<(SpatialJoint, Matrix3<f64>)> = match joint.kind {
         JointType::Fixed => unreachable!("a fixed joint has no coordinates"),
         JointType::Revolute | JointType::Continuous => vec![(SpatialJoint::Revolute, z_onto(axis))],
@@ -247,7 +248,7 @@ fn push_axes(
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };
         let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
-        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor: 0.0 });
+        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor });
         nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), moves });
         (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
     }

@@ -64,6 +64,7 @@ fn one_link(kind: JointType, inertial: Option<Inertial>) -> Robot {
         limits: Default::default(),
         damping: 0.0,
         friction: 0.0,
+        rotor_inertia: 0.0,
         mimic: None,
     };
     Robot {

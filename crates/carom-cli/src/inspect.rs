@@ -20,8 +20,9 @@ use std::path::PathBuf;
 /// Output: the robot's name; degrees of freedom; the lengths nq and nv of q and qd; the total mass
 /// (kg); whether all motion stays in one plane, with its unit normal or the reason why not; each
 /// joint with type, parent link, child link, position limits (rad or m), mimic relation, damping
-/// and dry friction (which `simulate` uses); links that move without mass, so that the robot has
-/// no dynamics; changes of --repair; warnings; elements of the file that are not used.
+/// and dry friction (which `simulate` uses), reflected inertia of the rotor; links that move without
+/// mass, so that the robot has no dynamics; changes of --repair; warnings; elements of the file that
+/// are not used.
 /// JSON keys: name, dof, nq, nv, joints, links, total_mass, planar, massless, repairs, warnings;
 /// for scenes with several robots robots [{name, q, qd}] with the first entry and the number of
 /// entries.
@@ -107,6 +108,7 @@ struct Joint<'a> {
     effort: Option<f64>,
     damping: f64,
     friction: f64,
+    rotor_inertia: f64,
     mimic: Option<Mimic<'a>>,
 }
 
@@ -124,7 +126,12 @@ struct Planar {
     reason: Option<String>,
 }
 
-fn joint(joint: &JointInfo) -> Joint<'_> {
+/// A joint of a chain whose velocity coordinates have these inertias of rotors.
+fn joint<'a>(joint: &'a JointInfo, rotors: &[f64]) -> Joint<'a> {
+    let rotor_inertia = match &joint.coordinates {
+        Coordinates::Own { v, .. } if v.len() == 1 => rotors[v.start],
+        _ => 0.0,
+    };
     let mimic = match &joint.coordinates {
         Coordinates::Follows { joint, multiplier, offset } => {
             Some(Mimic { joint, multiplier: *multiplier, offset: *offset })
@@ -142,6 +149,7 @@ fn joint(joint: &JointInfo) -> Joint<'_> {
         effort: joint.limits.effort,
         damping: joint.damping,
         friction: joint.friction,
+        rotor_inertia,
         mimic,
     }
 }
@@ -170,14 +178,14 @@ impl Inspect {
         } else {
             Chain::from_urdf_file_with(urdf, &options).map_err(CliError::Robot)?
         };
-        let found = chain.report();
+        let (found, rotors) = (chain.report(), chain.rotor_inertias());
         let entries = |range: &Range<usize>| [range.start, range.len()];
         let report = Report {
             name: chain.name(),
             dof: chain.nv(),
             nq: chain.nq(),
             nv: chain.nv(),
-            joints: chain.joints().iter().map(joint).collect(),
+            joints: chain.joints().iter().map(|it| joint(it, &rotors)).collect(),
             links: chain.links().iter().map(|l| l.name.as_str()).collect(),
             total_mass: chain.total_mass(),
             planar: planar(&chain),
@@ -232,7 +240,7 @@ fn for_people(r: &Report, repairs: &[Repair], out: &mut dyn Write) -> io::Result
         if let Some(m) = &j.mimic {
             write!(out, "  = {} · {} + {}", brief(m.multiplier), m.joint, brief(m.offset))?;
         }
-        for (name, value) in [("damping", j.damping), ("friction", j.friction)] {
+        for (name, value) in [("damping", j.damping), ("friction", j.friction), ("rotor inertia", j.rotor_inertia)] {
             if value != 0.0 {
                 write!(out, "  {name} {}", brief(value))?;
             }

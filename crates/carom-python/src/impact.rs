@@ -22,7 +22,8 @@ pub enum Joints {
 }
 
 impl Joints {
-    fn read(chain: &Chain, given: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    /// The argument `joints`.
+    pub fn read(chain: &Chain, given: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let Some(given) = given else { return Ok(Self::Free) };
         if let Ok(word) = given.extract::<String>() {
             return match word.as_str() {

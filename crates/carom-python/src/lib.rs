@@ -2,7 +2,7 @@
 //!
 //! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `callable` (functions of
 //! Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
-//! `impacts` (one impact, a batch of impacts), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
+//! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
 //! (simulations),
 //! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
 //! converts the result.
@@ -21,6 +21,7 @@ mod impacts;
 mod laws;
 mod order;
 mod outcome;
+mod points;
 mod run;
 mod scene;
 mod sensitivity;
@@ -49,6 +50,8 @@ mod _carom {
     };
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
+    #[pymodule_export]
+    use crate::points::JointImpact;
     #[pymodule_export]
     use crate::run::{Run, RunEvent, can_record, record};
     #[pymodule_export]

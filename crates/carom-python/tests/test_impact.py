@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import carom
-from conftest import close, states
+from conftest import ROOT, close, states
 
 LAWS = [
     carom.Frictionless(0.5),
@@ -230,3 +230,30 @@ def test_a_diagram_has_the_impulse_of_each_law():
     assert drawn["svg"].startswith("<svg") and drawn["window"].shape == (2, 2) and drawn["shapes"]
     with pytest.raises(carom.ImpactError, match="approach"):
         carom.diagram(H, -u, 0.5, outcomes)
+
+
+def test_points_that_stick_project_the_velocity_and_one_point_is_an_impact():
+    """q̇ projected onto the motions that leave a toe line at rest, by numpy's pseudo-inverse; a face has redundant points."""
+    quadruped = carom.Chain.from_urdf(ROOT / "robots/quadruped.urdf", floating=True)
+    foot = next(name for name in quadruped.frames if "foot" in name)
+    rng = np.random.default_rng(7)
+    q, qd = (x[0] for x in states(quadruped, rng, 1))
+    points = [(foot, (0.1, y, -0.02)) for y in (-0.05, 0.05)]
+    hit = quadruped.impact_at_points(q, qd, points, (0, 0, 1), sticks=True)
+    rows = np.vstack([quadruped.jacobian(q, frame, point=point) for frame, point in points])
+    half = np.linalg.inv(np.linalg.cholesky(quadruped.mass_matrix(q)))
+    jump = -half.T @ np.linalg.pinv(rows @ half.T, rcond=1e-9) @ (rows @ qd)
+    # 1e-9: rounding times the condition number of H.
+    close(hit.qd_plus, qd + jump, 1e-9)
+    assert hit.impulses.shape == (2, 3) and np.abs(hit.u_plus).max() < 1e-9 < np.abs(hit.u_minus).max()
+    assert hit.energy_after < hit.energy_before and hit.residual < 1e-9 and "2 points" in repr(hit)
+
+    one = quadruped.impact_at_points(q, qd, points[:1], [(0, 0, 1)], restitution=0.5, joints="locked")
+    same = quadruped.impact(q, qd, foot, (0, 0, 1), carom.Frictionless(0.5), point=points[0][1], joints="locked")
+    close(one.qd_plus, same.qd_plus, 1e-12)
+    with pytest.raises(carom.ImpactError, match="the laws of several points are moreau, poisson, sequential"):
+        quadruped.impact_at_points(q, qd, points, (0, 0, 1), law="newton")
+    with pytest.raises(carom.StateError, match="normal has 3 rows"):
+        quadruped.impact_at_points(q, qd, points, np.eye(3))
+    with pytest.raises(carom.ImpactError, match="StruckPoint|points"):
+        quadruped.impact_at_points(q, qd, [], (0, 0, 1))

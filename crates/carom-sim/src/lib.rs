@@ -38,18 +38,18 @@ mod scene;
 mod state;
 
 pub use contact::{
-    Belt, Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, Surface, SurfaceMotion, Touch,
-    Touches, Yielding,
+    Belt, Compliance, ContactLaw, ContactMode, ContactRule, Holding, Oscillation, SeveralLaw, Surface, SurfaceMotion,
+    Touch, Touches, Yielding,
 };
 pub use error::SimError;
 pub use impact::{
-    ChainImpact, Contact, ContactRows, FrictionlessJump, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
-    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
-    frictionless_jump_into, saltation,
+    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointImpact,
+    JointModel, Jump, Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
+    StruckPoint, frictionless_jump_into, saltation,
 };
 pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
-    Reference, RobotDrive, SeveralLaw, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
+    Reference, RobotDrive, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
 };
 pub use motion::{ContactState, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};

@@ -74,6 +74,7 @@ pub(super) fn joints(
             limits: Limits::default(),
             damping: 0.0,
             friction: 0.0,
+            rotor_inertia: 0.0,
             mimic: mimics[j],
         };
         if matches!(kind, JointType::Fixed | JointType::Floating) {

@@ -20,9 +20,10 @@
 //!    inertias, mesh files (`packages`).
 //! 4. `visual` reads what recordings draw; nothing in it is an error.
 //! 5. `weld` repairs what has no mass, if it is asked to.
+//! 6. `transmission` reads the inertia of motors' rotors.
 //!
-//! **Not supported:** xacro, SDF and MJCF. Textures, transmissions and other extensions are not used;
-//! [`LoadReport::unused`] lists extensions, and visual shapes that cannot be drawn.
+//! **Not supported:** xacro, SDF and MJCF. Textures and other extensions are not used; [`LoadReport::unused`] lists extensions,
+//! and visual shapes that cannot be drawn.
 
 mod collision;
 mod joint;
@@ -33,6 +34,7 @@ mod robot;
 mod schema;
 mod source;
 mod srdf;
+mod transmission;
 mod tree;
 mod visual;
 mod warnings;
@@ -74,7 +76,8 @@ pub struct LoadOptions {
     /// Folders in which packages (`package://NAME/…`) are searched for first. Each may be the package itself or contain it.
     pub package_dirs: Vec<PathBuf>,
     /// Reflected inertias of motors' rotors by joint name, kg m² or kg: see
-    /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia).
+    /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia). They replace those of the file
+    /// ([`Joint::rotor_inertia`]).
     pub rotor_inertia: BTreeMap<String, f64>,
     /// An SRDF file beside the URDF. The pairs of links that it disables ([`Robot::disabled_pairs`]) make no contact.
     pub srdf: Option<PathBuf>,
@@ -140,6 +143,7 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
     if options.repair {
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));
     }
+    transmission::read_rotors(&source, &mut joints, &mut warnings)?;
 
     let disabled_pairs = match &options.srdf {
         Some(path) => srdf::disabled_pairs(path, &links, &mut warnings)?,

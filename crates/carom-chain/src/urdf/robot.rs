@@ -136,6 +136,9 @@ pub struct Joint {
     pub damping: f64,
     /// Static friction, N m or N.
     pub friction: f64,
+    /// Inertia of motors' rotors reflected to the joint, N² I for the gear ratio N and the rotor's inertia I, from the elements
+    /// `drake:rotor_inertia` and `drake:gear_ratio` of a `<transmission>`; kg m² or kg. 0 without them.
+    pub rotor_inertia: f64,
     /// The joint that this one mimics. Chains of mimic joints are resolved: that joint does not mimic another.
     pub mimic: Option<Mimic>,
 }

@@ -2,6 +2,7 @@
 
 use super::schema::{Attribute, DRAWN, Element, GEOMETRY, Occurs, Presence, ROBOT, Range, UNUSED, Value};
 use super::source::{Source, own_children};
+use super::transmission::has_rotor;
 use super::warnings::Warnings;
 use crate::error::ChainError;
 use roxmltree::Node;
@@ -93,6 +94,7 @@ fn check_element(source: &Source, node: Node, rule: &Element, warnings: &mut War
         match rule.children.iter().find(|known| own && known.tag == name) {
             Some(known) => check_element(source, child, known, warnings)?,
             None if own && DRAWN.contains(&name) => {}
+            None if own && name == "transmission" && has_rotor(child) => {}
             None => {
                 let prefix = child.tag_name().namespace().filter(|_| !own).and_then(|space| child.lookup_prefix(space));
                 let prefix = prefix.map_or(String::new(), |prefix| format!("{prefix}:"));

@@ -95,6 +95,7 @@ pub fn robot(joints: usize, zoo: Zoo, rng: &mut fastrand::Rng) -> Robot {
             limits: Default::default(),
             damping: 0.0,
             friction: 0.0,
+            rotor_inertia: 0.0,
             mimic: None,
         };
         if may_follow && one_dof(&joint) {

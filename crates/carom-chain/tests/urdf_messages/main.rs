@@ -3,6 +3,7 @@
 mod document;
 mod files;
 mod loading;
+mod rotors;
 mod srdf;
 mod texts;
 mod valid_files;

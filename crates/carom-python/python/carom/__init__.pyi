@@ -222,6 +222,38 @@ class Chain:
         band: tuple[tuple[float, float], tuple[float, float]] | None = None,
     ) -> Any:
         """An Impact for one state, Impacts for a batch; a list of them for a list of laws."""
+    def impact_at_points(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike,
+        points: Sequence[tuple[str, Sequence[float]]],
+        normal: ArrayLike,
+        *,
+        restitution: float = 0.0,
+        friction: float = 0.0,
+        law: Literal["moreau", "poisson", "sequential"] = "moreau",
+        sticks: bool = False,
+        joints: Literal["free", "locked"] | Sequence[str] | Mapping[str, Any] | None = None,
+    ) -> JointImpact:
+        """The impact of several points at the same moment, as one problem."""
+
+class JointImpact:
+    @property
+    def qd_plus(self) -> _Floats: ...
+    @property
+    def impulses(self) -> _Floats: ...
+    @property
+    def u_minus(self) -> _Floats: ...
+    @property
+    def u_plus(self) -> _Floats: ...
+    @property
+    def energy_before(self) -> float: ...
+    @property
+    def energy_after(self) -> float: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def flags(self) -> list[str]: ...
 
 class Impact:
     @property

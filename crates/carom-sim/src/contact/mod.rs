@@ -8,6 +8,7 @@ mod links;
 mod mode;
 mod pair;
 mod rule;
+mod several_law;
 mod surface;
 mod touch;
 
@@ -20,6 +21,8 @@ pub(crate) use links::{are_disabled, robot_of};
 pub use mode::ContactMode;
 pub(crate) use pair::{APART, Pair, Placed};
 pub use rule::ContactRule;
+pub use several_law::SeveralLaw;
+pub(crate) use several_law::Solved;
 pub(crate) use surface::Moving;
 pub use surface::{Belt, Oscillation, Surface, SurfaceMotion};
 pub(crate) use touch::TouchKind;

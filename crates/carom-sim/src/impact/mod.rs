@@ -10,6 +10,7 @@ mod joints;
 mod prepared;
 mod saltation;
 mod strike;
+mod together;
 
 pub use band::ImpactBand;
 pub use batch::{FrictionlessJump, Jumped, Outcomes, States};
@@ -21,3 +22,4 @@ pub use joints::JointModel;
 pub use prepared::PreparedStrike;
 pub use saltation::{Jump, Saltation, saltation};
 pub use strike::{Impacts, Strike};
+pub use together::{Grip, JointImpact, StruckPoint};

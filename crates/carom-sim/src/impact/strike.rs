@@ -22,6 +22,8 @@ use super::hit::ChainImpact;
 use super::joints::JointModel;
 use super::prepared::{Aim, PreparedStrike};
 use super::saltation::{Saltation, saltation};
+use super::together::{self, JointImpact, StruckPoint};
+use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::state::Moment;
 use carom_chain::{Chain, ChainError, FrameId, Point, Spatial};
@@ -33,12 +35,64 @@ pub trait Impacts {
     /// Describes an impact of the chain at configuration `q` (length nq; rad, m, quaternion) with joint velocities `qd`
     /// (length nv; rad/s, m/s). The contact point and the normal are set on the returned [`Strike`].
     fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a>;
+
+    /// Computes an impact of the chain at several points at the same moment, as one problem: a toe line, a face, two feet.
+    ///
+    /// # Errors
+    /// [`SimError::Incomplete`] without points; for each point those of [`Strike::contact`]; [`SimError::Impact`] for a
+    /// coefficient out of its range.
+    ///
+    /// ```
+    /// # use carom_chain::{Chain, urdf::LoadOptions};
+    /// # use carom_sim::{Grip, Impacts, JointModel, SeveralLaw, StruckPoint};
+    /// // A free cube with edges of 0.2 m, which falls flat on a toe line through two corners.
+    /// let text = "<robot name='cube'><link name='cube'><inertial><mass value='3'/>
+    ///     <inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02' iyz='0' izz='0.02'/></inertial></link></robot>";
+    /// let cube = Chain::from_urdf_str(text, &LoadOptions { floating_base: true, ..Default::default() })?;
+    /// let (q, qd) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]);
+    /// let corner = |y| StruckPoint {
+    ///     frame: cube.frame("cube").unwrap(),
+    ///     offset: [0.1, y, -0.1],
+    ///     normal: [0.0, 0.0, 1.0],
+    ///     grip: Grip::Sticks,
+    /// };
+    /// let line = [corner(-0.1), corner(0.1)];
+    /// let hit = cube.impact_at_points(&q, &qd, &line, JointModel::Free, SeveralLaw::Moreau)?;
+    /// // It turns about the line at m v r / (I + m r²), with the lever r = 0.1 m and the distance √2 r of the line.
+    /// let rate = -3.0 * 1.0 * 0.1 / (0.02 + 3.0 * 0.02);
+    /// assert!((hit.qd_plus[4] - rate).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    fn impact_at_points(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        points: &[StruckPoint],
+        joints: JointModel,
+        law: SeveralLaw,
+    ) -> Result<JointImpact, SimError>;
 }
 
 impl Impacts for Chain {
     fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a> {
         let joints = JointModel::Free;
         Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None, joints }
+    }
+
+    fn impact_at_points(
+        &self,
+        q: &[f64],
+        qd: &[f64],
+        points: &[StruckPoint],
+        joints: JointModel,
+        law: SeveralLaw,
+    ) -> Result<JointImpact, SimError> {
+        let contact = |point: &StruckPoint| {
+            let StruckPoint { frame, offset, normal, .. } = *point;
+            Ok((point.grip, self.impact(q, qd).at(frame).offset(offset).normal(normal).joints(joints).contact()?))
+        };
+        let contacts: Vec<_> = points.iter().map(contact).collect::<Result<_, SimError>>()?;
+        together::resolve(self, (q, qd), &contacts, law)
     }
 }
 

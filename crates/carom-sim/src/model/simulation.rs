@@ -3,10 +3,9 @@
 use super::drive::Drive;
 use super::gains::motors;
 use super::loops::Loop;
-use super::several_law::SeveralLaw;
 use super::spring::{Spring, SpringAt};
 use super::wrench::Wrench;
-use crate::contact::{Memory, Moving, Touch};
+use crate::contact::{Memory, Moving, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::state::{Coupling, Moment, Space, View, close_loops};
 use carom_chain::{Chain, Coordinates, PlanarChain, Spatial};

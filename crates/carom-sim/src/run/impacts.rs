@@ -15,10 +15,9 @@
 
 use super::events::{Run, TOUCHING};
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{Compliance, friction_bound};
+use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::model::SeveralLaw;
 use crate::motion::{Hold, Lasting, direction_of_slip};
 use crate::state::{Blow, Space};
 use carom_chain::Rows;

@@ -18,14 +18,13 @@
 use super::events::{Run, TOUCHING};
 use super::impacts::Struck;
 use super::trajectory::EventKind;
-use crate::contact::{At, ContactMode, Touch};
+use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch};
 use crate::error::SimError;
-use crate::model::SeveralLaw;
 use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
 use crate::state::{Blow, Loops, Space, View};
 use carom_chain::algebra::z_onto;
 use carom_chain::{ChainError, Rows};
-use carom_impact::{Accuracy, Constraint, Order, SeveralProblem};
+use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 /// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
@@ -38,12 +37,6 @@ const RESUME: usize = 20;
 const STILL_STEPS: usize = 20;
 /// Joint velocities below this count as zero, rad/s or m/s.
 const STILL: f64 = 1e-10;
-
-/// Impulses of all constraints, and the residual of the law.
-struct Solved {
-    impulse: DVector<f64>,
-    residual: f64,
-}
 
 /// The constraints of one instant.
 struct Closures {
@@ -171,21 +164,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows.dot(i, responses.row(j))
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        Ok(match law {
-            SeveralLaw::Moreau => {
-                let found = problem.simultaneous(&ACCURACY, None)?;
-                Solved { impulse: found.impulse, residual: found.residual }
-            }
-            SeveralLaw::Poisson => {
-                let found = problem.poisson(&ACCURACY).total;
-                Solved { impulse: found.impulse, residual: found.residual }
-            }
-            SeveralLaw::Sequential => {
-                let found = problem.sequential(&Order::MostApproaching, &ACCURACY);
-                let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
-                Solved { impulse: found.impulse, residual: found.residual }
-            }
-        })
+        Ok(law.solve(&problem, &ACCURACY)?)
     }
 
     /// The impact of touches that close at the same time, together with a contact that lasts. `ends`: without restitution, as

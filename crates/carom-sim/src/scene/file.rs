@@ -3,7 +3,7 @@
 use super::control::with_controller;
 pub(crate) use super::control::{Control, Controller, PerJoint, Target};
 use super::perturb::Distribution;
-use crate::model::SeveralLaw;
+use crate::contact::SeveralLaw;
 use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
 use serde::de::{MapAccess, SeqAccess, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};

@@ -1,0 +1,141 @@
+//! `Chain.impact_at_points`: an impact at several points at the same moment.
+
+use crate::array::{array, vector};
+use crate::chain::Chain;
+use crate::error::{exceptions, raise};
+use crate::impact::Joints;
+use carom_sim::{Grip, Impacts as _, SeveralLaw, StruckPoint};
+use nalgebra::Vector3;
+use pyo3::prelude::*;
+
+/// The result of an impact at several points.
+#[pyclass(frozen, module = "carom")]
+pub struct JointImpact(carom_sim::JointImpact);
+
+fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Bound<'py, PyAny>> {
+    array(py, vectors.iter().flat_map(|v| v.iter().copied()).collect(), &[vectors.len(), 3])
+}
+
+#[pymethods]
+impl JointImpact {
+    /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
+    #[getter]
+    fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        array(py, self.0.qd_plus.clone(), &[self.0.qd_plus.len()])
+    }
+
+    /// Impulses on the robot, shape (K, 3) for K points, world axes, N s. Where points are redundant (three on one body), other
+    /// impulses with the same effect on the motion are possible.
+    #[getter]
+    fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows(py, &self.0.impulses)
+    }
+
+    /// Velocities of the points before the impact, shape (K, 3), world axes, m/s.
+    #[getter]
+    fn u_minus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows(py, &self.0.u_minus)
+    }
+
+    /// Velocities of the points after the impact, shape (K, 3), world axes, m/s.
+    #[getter]
+    fn u_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        rows(py, &self.0.u_plus)
+    }
+
+    /// Kinetic energy of the robot before the impact, J.
+    #[getter]
+    fn energy_before(&self) -> f64 {
+        self.0.energy_before
+    }
+
+    /// Kinetic energy of the robot after the impact, J.
+    #[getter]
+    fn energy_after(&self) -> f64 {
+        self.0.energy_after
+    }
+
+    /// Violation of the law, relative to the largest velocity of a point; above 1e-9 no solution was found.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.0.residual
+    }
+
+    /// Notes about the result, as for Impact.
+    #[getter]
+    fn flags(&self) -> Vec<&'static str> {
+        self.0.flags.names().collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let hit = &self.0;
+        let (points, before, after) = (hit.impulses.len(), hit.energy_before, hit.energy_after);
+        let flags = if hit.flags.is_empty() { String::new() } else { format!(", flags {}", hit.flags) };
+        format!("<carom.JointImpact: {points} points, qd_plus {:?}, energy {before} -> {after} J{flags}>", hit.qd_plus)
+    }
+}
+
+#[pymethods]
+impl Chain {
+    /// The impact of several points of the robot at the same moment, as one problem: a toe line, a face, two feet.
+    ///
+    /// Args:
+    ///     q, qd: state before the impact, shapes (nq,) and (nv,).
+    ///     points: a list of (frame, point): name of the link, and the point in its axes from its origin, m.
+    ///     normal: contact normal in world axes, from the environment to the robot, of any length but zero; one for all points, or
+    ///         shape (K, 3).
+    ///     restitution, friction: coefficients of every point.
+    ///     law: "moreau" (restitution of velocities, at all points at once), "poisson" (restitution of impulses) or "sequential"
+    ///         (one point after another, always the fastest).
+    ///     sticks: every point stops and neither slips nor leaves, whatever impulse that takes; restitution and friction are not
+    ///         used.
+    ///     joints: as for impact.
+    ///
+    /// Returns:
+    ///     A JointImpact.
+    ///
+    /// Raises:
+    ///     StateError: a wrong shape, or numbers that are not finite.
+    ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range.
+    #[pyo3(signature = (q, qd, points, normal, *, restitution=0.0, friction=0.0, law="moreau", sticks=false, joints=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn impact_at_points(
+        &self,
+        q: &Bound<'_, PyAny>,
+        qd: &Bound<'_, PyAny>,
+        points: Vec<(String, [f64; 3])>,
+        normal: &Bound<'_, PyAny>,
+        restitution: f64,
+        friction: f64,
+        law: &str,
+        sticks: bool,
+        joints: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<JointImpact> {
+        let Some(law) = SeveralLaw::ALL.into_iter().find(|known| known.name() == law) else {
+            let names = SeveralLaw::ALL.map(SeveralLaw::name).join(", ");
+            return Err(exceptions::ImpactError::new_err(format!(
+                "law is '{law}': the laws of several points are {names}"
+            )));
+        };
+        let normals: Vec<[f64; 3]> = match normal.extract::<Vec<[f64; 3]>>() {
+            Ok(each) if each.len() == points.len() => each,
+            Ok(each) => {
+                let why = format!(
+                    "normal has {} rows: give one vector, or one for each of {} points",
+                    each.len(),
+                    points.len()
+                );
+                return Err(exceptions::StateError::new_err(why));
+            }
+            Err(_) => vec![vector("normal", normal)?; points.len()],
+        };
+        let grip = if sticks { Grip::Sticks } else { Grip::Contact { restitution, friction } };
+        let struck = |((frame, offset), normal): (&(String, [f64; 3]), [f64; 3])| {
+            Ok(StruckPoint { frame: self.frame(frame)?, offset: *offset, normal, grip })
+        };
+        let points: Vec<StruckPoint> = points.iter().zip(normals).map(struck).collect::<PyResult<_>>()?;
+        let (q, qd) = (self.q(q)?.single("q")?, self.v("qd", qd)?.single("qd")?);
+        let hit = Joints::read(self, joints)?.with(|model| self.chain.impact_at_points(&q, &qd, &points, model, law));
+        Ok(JointImpact(hit.map_err(raise)?))
+    }
+}

@@ -1,0 +1,143 @@
+//! An impact at several points of a chain at the same moment: a toe line, a face, two feet.
+//!
+//! | symbol | size | meaning | our name |
+//! |---|---|---|---|
+//! | Jᵢ | 3×nv | Jacobian of point i in its contact axes, tangents first, normal last | `rows` |
+//! | Xᵢ | nv×3 | M⁻¹Jᵢᵀ, inertia of drives included | `columns` |
+//! | H | 3k×3k | Delassus matrix of k points, with blocks Jᵢ Xⱼ | `delassus` |
+//! | p | 3k | impulses | `impulse` |
+//!
+//! q̇⁺ = q̇⁻ + Σ Xᵢ pᵢ, and [`SeveralProblem`] gives p. Two points of one body that stick leave the line between them without a
+//! velocity, and three leave the body none: H is then singular, and only the sums of the impulses that the motion depends on are
+//! determined.
+
+use super::contact::Contact;
+use crate::contact::SeveralLaw;
+use crate::error::SimError;
+use carom_chain::{Chain, FrameId};
+use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
+
+/// One of several points at which a chain is struck at the same moment.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StruckPoint {
+    /// The link frame.
+    pub frame: FrameId,
+    /// The point relative to its origin, in its axes, m.
+    pub offset: [f64; 3],
+    /// Contact normal in world axes, from the environment to the robot, of any length except zero.
+    pub normal: [f64; 3],
+    /// What holds at the point.
+    pub grip: Grip,
+}
+
+/// What holds at a struck point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Grip {
+    /// Restitution and Coulomb friction; the impulse pushes.
+    Contact {
+        /// Newton's coefficient; Poisson's under [`SeveralLaw::Poisson`].
+        restitution: f64,
+        /// Coefficient of friction.
+        friction: f64,
+    },
+    /// The point stops and neither slips nor leaves, whatever impulse that takes: a foot that is assumed to stick.
+    Sticks,
+}
+
+/// The result of an impact at several points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointImpact {
+    /// Joint velocities after the impact, length nv; rad/s, m/s.
+    pub qd_plus: Vec<f64>,
+    /// Impulse on the robot at each point, world axes, N s. Where points are redundant (three on one body), other impulses with the
+    /// same effect on the motion are possible.
+    pub impulses: Vec<Vector3<f64>>,
+    /// Velocity of each point before, world axes, m/s.
+    pub u_minus: Vec<Vector3<f64>>,
+    /// Velocity of each point after, world axes, m/s.
+    pub u_plus: Vec<Vector3<f64>>,
+    /// Kinetic energy of the whole chain before, J.
+    pub energy_before: f64,
+    /// Kinetic energy of the whole chain after, J.
+    pub energy_after: f64,
+    /// Violation of the law, relative to the largest velocity of a point: see
+    /// [`SeveralOutcome::residual`](carom_impact::SeveralOutcome::residual). Above 1e-9 no solution was found.
+    pub residual: f64,
+    /// Notes about the result.
+    pub flags: Flags,
+}
+
+/// A point's Jacobian, its response and its axes.
+struct Seen {
+    rows: Matrix3xX<f64>,
+    columns: MatrixXx3<f64>,
+    axes: Matrix3<f64>,
+    u_minus: Vector3<f64>,
+}
+
+impl Seen {
+    fn of(contact: &Contact) -> Self {
+        let axes = contact.aim.axes;
+        let jacobian = contact.pass.response().jacobian;
+        Self {
+            rows: axes.tr_mul(&Matrix3xX::from_columns(jacobian)),
+            columns: MatrixXx3::from_fn(jacobian.len(), |k, i| {
+                contact.pass.response().response[k].dot(&axes.column(i))
+            }),
+            axes,
+            u_minus: *contact.problem().u_minus(),
+        }
+    }
+}
+
+/// The impact of these contacts of a chain in state (q, q̇) as one problem.
+pub(super) fn resolve(
+    chain: &Chain,
+    (q, qd): (&[f64], &[f64]),
+    contacts: &[(Grip, Contact)],
+    law: SeveralLaw,
+) -> Result<JointImpact, SimError> {
+    if contacts.is_empty() {
+        return Err(SimError::Incomplete { missing: "points", say: "a list with at least one StruckPoint" });
+    }
+    let seen: Vec<Seen> = contacts.iter().map(|(_, contact)| Seen::of(contact)).collect();
+    let size = 3 * seen.len();
+    let mut delassus = DMatrix::zeros(size, size);
+    for (i, a) in seen.iter().enumerate() {
+        for (j, b) in seen.iter().enumerate().skip(i) {
+            let block = &a.rows * &b.columns;
+            delassus.view_mut((3 * j, 3 * i), (3, 3)).copy_from(&block.transpose());
+            delassus.view_mut((3 * i, 3 * j), (3, 3)).copy_from(&block);
+        }
+    }
+    let u_minus = DVector::from_iterator(size, seen.iter().flat_map(|point| point.u_minus.iter().copied()));
+    let constraints = contacts.iter().flat_map(|(grip, _)| match *grip {
+        Grip::Contact { restitution, friction } => vec![Constraint::Contact { restitution, friction }],
+        Grip::Sticks => vec![Constraint::Held; 3],
+    });
+    let problem = SeveralProblem::new(delassus, u_minus, constraints.collect())?;
+    let outcome = law.solve(&problem, &Accuracy::default())?;
+
+    let mut qd_plus = qd.to_vec();
+    let mut impulses = Vec::new();
+    for (i, point) in seen.iter().enumerate() {
+        let impulse = outcome.impulse.fixed_rows::<3>(3 * i).into_owned();
+        let jump = &point.columns * impulse;
+        qd_plus.iter_mut().zip(jump.iter()).for_each(|(rate, jump)| *rate += jump);
+        impulses.push(point.axes * impulse);
+    }
+    let after = |i: usize| seen[i].axes * (&seen[i].rows * DVector::from_column_slice(&qd_plus));
+    let mut workspace = chain.workspace();
+    let mut at = workspace.update(chain, q)?;
+    Ok(JointImpact {
+        energy_before: at.kinetic_energy(qd)?,
+        energy_after: at.kinetic_energy(&qd_plus)?,
+        u_minus: seen.iter().map(|point| point.axes * point.u_minus).collect(),
+        u_plus: (0..seen.len()).map(after).collect(),
+        impulses,
+        residual: outcome.residual,
+        flags: outcome.flags,
+        qd_plus,
+    })
+}
