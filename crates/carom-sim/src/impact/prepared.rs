@@ -36,13 +36,13 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 /// ```
 #[derive(Debug, Clone)]
 pub struct PreparedStrike<'a> {
-    aim: Aim<'a>,
-    pass: Route<'a>,
+    pub(super) aim: Aim<'a>,
+    pub(super) pass: Route<'a>,
 }
 
 /// The algebra in which the impacts are computed.
 #[derive(Debug, Clone)]
-enum Route<'a> {
+pub(super) enum Route<'a> {
     Plane(Pass<'a, Planar<f64>, OfPlane, 2>),
     Space(Pass<'a, Spatial<f64>, InSpace, 3>),
 }
@@ -212,14 +212,14 @@ impl Place<2> for OfPlane {
 /// The response of a chain at its contact point, and what follows from it.
 #[derive(Debug, Clone)]
 pub(super) struct Pass<'a, A: Algebra, P, const D: usize> {
-    chain: &'a Chain<A>,
-    point: Point<A>,
+    pub chain: &'a Chain<A>,
+    pub point: Point<A>,
     /// Contact axes, tangents first, in the axes of the chain.
-    axes: SMatrix<f64, D, D>,
-    place: P,
+    pub axes: SMatrix<f64, D, D>,
+    pub place: P,
     memory: ResponseMemory<A>,
     /// For chains that the fused pass does not serve: the response is in its memory.
-    workspace: Option<Box<Workspace<A>>>,
+    pub workspace: Option<Box<Workspace<A>>>,
 }
 
 impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
@@ -249,7 +249,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
         Self { chain, point, axes, place, memory: ResponseMemory::default(), workspace }
     }
 
-    fn normal(&self) -> SVector<f64, D> {
+    pub fn normal(&self) -> SVector<f64, D> {
         self.axes.column(D - 1).into_owned()
     }
 
@@ -405,16 +405,16 @@ fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], locked: impl Fn(usize
 }
 
 /// One impact, computed while the response is in registers.
-struct Blow<'s, A: Algebra, P, const D: usize> {
-    aim: &'s Aim<'s>,
-    chain: &'s Chain<A>,
-    axes: &'s SMatrix<f64, D, D>,
-    place: &'s P,
-    q: &'s [f64],
-    qd: &'s [f64],
-    law: &'s dyn Law<f64, 3>,
-    hit: &'s mut ChainImpact,
-    done: Result<(), SimError>,
+pub(super) struct Blow<'s, A: Algebra, P, const D: usize> {
+    pub aim: &'s Aim<'s>,
+    pub chain: &'s Chain<A>,
+    pub axes: &'s SMatrix<f64, D, D>,
+    pub place: &'s P,
+    pub q: &'s [f64],
+    pub qd: &'s [f64],
+    pub law: &'s dyn Law<f64, 3>,
+    pub hit: &'s mut ChainImpact,
+    pub done: Result<(), SimError>,
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Visit<A>
@@ -429,7 +429,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Blow<'_, A, P, D> {
     #[inline(always)]
-    fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
+    pub fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
         // Slices of the length of the response, so that loops are unrolled where the compiler knows this length.
         let Self { aim, axes, q, hit, .. } = self;
         let qd = &self.qd[..response.response.len()];
