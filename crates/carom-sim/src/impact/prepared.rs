@@ -10,9 +10,9 @@
 use super::derivative::PlaneContact;
 use super::hit::ChainImpact;
 use crate::error::SimError;
-use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::algebra::Algebra;
 use carom_chain::{
-    Chain, FrameId, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
+    Chain, FramePoint, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
 };
 use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law};
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
@@ -100,8 +100,7 @@ const ROUNDED: f64 = 64.0 * f64::EPSILON;
 #[derive(Debug, Clone)]
 pub(super) struct Aim<'a> {
     pub chain: &'a Chain,
-    pub frame: FrameId,
-    pub offset: Vector3<f64>,
+    pub point: FramePoint,
     /// Contact axes in the world: two tangents, then the normal.
     pub axes: Matrix3<f64>,
     /// Whether the joint model locks joints.
@@ -110,21 +109,10 @@ pub(super) struct Aim<'a> {
     pub added: Vec<f64>,
 }
 
-impl<'a> Aim<'a> {
-    pub fn new(
-        chain: &'a Chain,
-        (frame, offset): (FrameId, Vector3<f64>),
-        normal: Vector3<f64>,
-        added: Vec<f64>,
-        locks: bool,
-    ) -> Self {
-        Self { chain, frame, offset, axes: z_onto(normal), locks, added }
-    }
-
+impl Aim<'_> {
     /// The contact as a plane, for derivatives.
     pub fn plane(&self) -> PlaneContact {
-        let Self { frame, offset, axes, .. } = *self;
-        PlaneContact { frame, offset, radius: 0.0, axes, motion: None }
+        PlaneContact { point: self.point, radius: 0.0, axes: self.axes, motion: None }
     }
 }
 
@@ -232,14 +220,14 @@ impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
         let along = flat.plane.lift(tangent);
         let axes = Matrix3x2::from_columns(&[along, aim.axes.column(2).into_owned()]);
         let place = OfPlane { tangent: aim.axes.tr_mul(&along).xy(), axes };
-        let point = flat.point(aim.frame, aim.offset);
+        let point = flat.point(aim.point.frame, aim.point.offset);
         Some(Self::new(&flat.chain, point, Matrix2::from_columns(&[tangent, normal]), place))
     }
 }
 
 impl<'a> Pass<'a, Spatial<f64>, InSpace, 3> {
     pub fn in_space(aim: &Aim<'a>) -> Self {
-        Self::new(aim.chain, aim.chain.point(aim.frame, aim.offset), aim.axes, InSpace)
+        Self::new(aim.chain, aim.chain.point(aim.point.frame, aim.point.offset), aim.axes, InSpace)
     }
 }
 
@@ -345,7 +333,7 @@ fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
         check_inertia(chain, q, &aim.added)?;
     }
     if !response.moves() {
-        let (link, normal) = (aim.chain.frame_name(aim.frame).to_owned(), aim.axes.column(2).into_owned().into());
+        let (link, normal) = (aim.chain.frame_name(aim.point.frame).to_owned(), aim.axes.column(2).into_owned());
         return Err(if aim.locks {
             SimError::Locked { link, normal }
         } else {
