@@ -102,7 +102,7 @@ fn chain_impact(
     law: &dyn carom_impact::Law<f64, 3>,
 ) -> Option<Vec<f64>> {
     use carom_sim::Impacts;
-    chain.impact(&q, &qd).at(tip).normal(normal.into()).resolve(law).ok().map(|hit| hit.qd_plus)
+    chain.impact(&q, &qd).at(tip).normal(normal).resolve(law).ok().map(|hit| hit.qd_plus)
 }
 
 /// A mesh; the first byte chooses its format.

@@ -130,7 +130,7 @@ fn a_separating_contact_has_zero_impulse() {
     let qd = [0.3, -0.2, 0.1, 0.5, -0.4, 0.2, 0.1];
     let mut ws = chain.workspace();
     let u = ws.update(&chain, &q).unwrap().point_velocity(chain.point(tip, Vector3::zeros()), &qd).unwrap();
-    let hit = chain.impact(&q, &qd).at(tip).normal(u.into()).resolve(&Frictionless { restitution: 0.8 }).unwrap();
+    let hit = chain.impact(&q, &qd).at(tip).normal(u).resolve(&Frictionless { restitution: 0.8 }).unwrap();
     assert_eq!((hit.impulse, hit.mode), (Vector3::zeros(), Mode::Open));
     assert_eq!(hit.qd_plus, qd);
     assert!(hit.flags.contains(Flags::NO_APPROACH));
@@ -150,12 +150,8 @@ fn frictionless_kernel_equals_the_checked_interface() {
             let (q, qd) = (random(&mut rng, chain.nv(), 1.5), random(&mut rng, chain.nv(), 2.0));
             let angle = rng.f64() * std::f64::consts::TAU;
             let normal = Vector3::new(angle.cos(), angle.sin(), 0.0);
-            let checked = chain
-                .impact(&q, &qd)
-                .at(tip)
-                .normal(normal.into())
-                .resolve(&Frictionless { restitution: 0.6 })
-                .unwrap();
+            let checked =
+                chain.impact(&q, &qd).at(tip).normal(normal).resolve(&Frictionless { restitution: 0.6 }).unwrap();
             if checked.mode == Mode::Open {
                 continue;
             }

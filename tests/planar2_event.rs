@@ -132,7 +132,7 @@ fn an_impact_in_a_scene_equals_the_single_impact_at_its_state() {
     let mut workspace = chain.workspace();
     let turn = workspace.update(chain, &event.q).unwrap().pose(tip).rotation;
     let offset = turn.transpose() * Vector3::x() * R;
-    let strike = chain.impact(&event.q, &event.qd_minus).at(tip).offset(offset.into()).normal([-1.0, 0.0, 0.0]);
+    let strike = chain.impact(&event.q, &event.qd_minus).at(tip).offset(offset).normal([-1.0, 0.0, 0.0]);
     let hit = strike.resolve(&Frictionless { restitution: E }).unwrap();
     for (a, b) in event.qd_plus.iter().zip(&hit.qd_plus) {
         // Both have the rounding of M⁻¹, whose condition number is about 20.

@@ -19,6 +19,7 @@ use crate::join::Member;
 use crate::planarize::PlanarChain;
 use crate::prepare::Step;
 use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual, suggestion};
+use nalgebra::Vector3;
 use num_traits::Zero;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -65,7 +66,37 @@ pub struct Frame<A: Algebra> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct FrameId(pub(crate) usize);
 
-/// A material point of a body, for example a contact point.
+/// A point fixed to a link, for example a contact point. A frame stands for its origin.
+///
+/// ```
+/// # use carom_chain::{FramePoint, uniform_chain};
+/// let tip = uniform_chain(2, 1.0, 1.0)?.frame("tip")?;
+/// assert_eq!(FramePoint::from(tip), FramePoint::new(tip, [0.0; 3]));
+/// # Ok::<(), carom_chain::ChainError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FramePoint {
+    /// A frame of the link.
+    pub frame: FrameId,
+    /// The point relative to the origin of the frame, in its axes, m.
+    pub offset: Vector3<f64>,
+}
+
+impl FramePoint {
+    /// The point at `offset` from the origin of `frame`, in its axes, m.
+    pub fn new(frame: FrameId, offset: impl Into<Vector3<f64>>) -> Self {
+        Self { frame, offset: offset.into() }
+    }
+}
+
+impl From<FrameId> for FramePoint {
+    fn from(frame: FrameId) -> Self {
+        Self { frame, offset: Vector3::zeros() }
+    }
+}
+
+/// A point of a body as the algorithms use it: from [`Chain::point`], in the plane or in space, for any scalar. The description
+/// of a point of a link is a [`FramePoint`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point<A: Algebra> {
     /// The body it is fixed to; `None` is the world.

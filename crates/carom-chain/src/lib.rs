@@ -38,7 +38,7 @@ pub mod urdf;
 
 pub use aba::Articulation;
 pub use algebra::{Planar, Spatial};
-pub use chain::{Body, Chain, Coordinates, Frame, FrameId, JointInfo, LinkInfo, Point};
+pub use chain::{Body, Chain, Coordinates, Frame, FrameId, FramePoint, JointInfo, LinkInfo, Point};
 pub use contact_inertia::ContactInertia;
 pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows, Visit};
 pub use error::ChainError;

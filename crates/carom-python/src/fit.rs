@@ -4,6 +4,7 @@ use crate::array::{Numbers, array, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
 use crate::error::{exceptions, raise};
+use carom_chain::FramePoint;
 use carom_chain::urdf::LoadOptions;
 use carom_study::Tosses;
 use carom_study::fit::{
@@ -203,7 +204,8 @@ pub fn fit_joints(
     let options: Options = options.extract()?;
     let own = chain.get();
     let (q, before, after) = (own.q(q)?, own.v("qd_minus", qd_minus)?, own.v("qd_plus", qd_plus)?);
-    let (frame, offset, normal) = (own.frame(frame)?, offset(point)?, vector("normal", normal)?);
+    let point = FramePoint::new(own.frame(frame)?, offset(point)?);
+    let normal = vector("normal", normal)?.into();
     let count = crate::array::together([("q", &q), ("qd_minus", &before), ("qd_plus", &after)])?;
     let Some(count) = count else {
         return Err(PyTypeError::new_err(
@@ -213,7 +215,7 @@ pub fn fit_joints(
     let (q, before, after) = (q.plain(), before.plain(), after.plain());
     let one = |k: usize| {
         let (q, qd_minus, qd_plus) = (q.row(k).to_vec(), before.row(k).to_vec(), after.row(k).to_vec());
-        let measured = ChainJump { q, qd_minus, qd_plus, frame, offset: offset.into(), normal };
+        let measured = ChainJump { q, qd_minus, qd_plus, point, normal };
         let found = MeasuredImpact::of_chain(&own.chain, &measured);
         found.map_err(|e| crate::error::Raise::raise(&e, &format!("impact {k}: ")))
     };

@@ -348,7 +348,7 @@ impl Chain {
         joints.with(|model| {
             let strike = |k: usize| {
                 let described = self.chain.impact(states.0.row(k), states.1.row(k)).at(frame);
-                described.offset(point.into()).normal(normal).joints(model)
+                described.offset(point).normal(normal).joints(model)
             };
             let one = |law: &GivenLaw| -> PyResult<Bound<'py, PyAny>> {
                 if still {

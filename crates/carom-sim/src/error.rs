@@ -2,6 +2,7 @@
 
 use carom_chain::ChainError;
 use carom_impact::ImpactError;
+use nalgebra::Vector3;
 
 /// The errors of impacts, scenes and simulations of a chain.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -29,26 +30,28 @@ pub enum SimError {
     },
     /// The normal direction is singular (nᵀHn = 0): no joint moves the contact point along it.
     #[error(
-        "at this pose no joint moves '{link}' along the normal {normal:?} (singular direction): the load would pass into \
-         the structure, and the impulse of any rigid law would be infinite; change the pose or the normal"
+        "at this pose no joint moves '{link}' along the normal {n:?} (singular direction): the load would pass into \
+         the structure, and the impulse of any rigid law would be infinite; change the pose or the normal",
+        n = .normal.as_slice()
     )]
     SingularNormal {
         /// The link.
         link: String,
         /// The unit normal, world axes.
-        normal: [f64; 3],
+        normal: Vector3<f64>,
     },
     /// With these joints locked no joint moves the contact point along the normal.
     #[error(
-        "with its joints locked nothing moves '{link}' along the normal {normal:?}: the inverse inertia there is zero, and the \
+        "with its joints locked nothing moves '{link}' along the normal {n:?}: the inverse inertia there is zero, and the \
          impulse of any rigid law would be infinite; leave a joint free that moves it, let the base float (the robot is then one \
-         rigid body), or give the joints a finite stiffness and a contact time"
+         rigid body), or give the joints a finite stiffness and a contact time",
+        n = .normal.as_slice()
     )]
     Locked {
         /// The link.
         link: String,
         /// The unit normal, world axes.
-        normal: [f64; 3],
+        normal: Vector3<f64>,
     },
     /// The integrator failed.
     #[error("from t = {time} s the motion can't be integrated: {reason}")]

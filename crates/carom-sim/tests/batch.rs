@@ -1,9 +1,13 @@
-//! The kernel for sweeps: `jump_into` compared with the recursive kernel, `many` compared with `jump_into`.
+//! The kernel for sweeps: `jump_into` compared with the recursive kernel, `many` compared with `jump_into`; prepared strikes at
+//! columns of states compared with single impacts.
 
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError, Point, uniform_chain};
-use carom_sim::{FrictionlessJump, Outcomes, States, frictionless_jump_into};
+use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Poisson, Whittaker};
+use carom_sim::{
+    ChainImpact, FrictionlessJump, Impacts, JointModel, Outcomes, SimError, States, Strike, frictionless_jump_into,
+};
 use nalgebra::{Vector2, Vector3};
 
 fn robot(name: &str, floating_base: bool) -> Chain {
@@ -125,4 +129,138 @@ fn columns_of_wrong_number_or_length_are_refused() {
     let mut jump = kernel.jump();
     assert!(kernel.jump_into(&two, &three, normal, 0.5, &mut jump).is_err());
     assert!(kernel.jump_into(&three, &two, normal, 0.5, &mut jump).is_err());
+}
+
+/// A law that is not of the library.
+struct Halving;
+
+impl Law<f64, 3> for Halving {
+    fn name(&self) -> &'static str {
+        "halving"
+    }
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        Frictionless { restitution: 0.5 }.resolve(problem)
+    }
+}
+
+/// All numbers of a result, for comparison by digits.
+fn numbers(hit: &ChainImpact) -> Vec<f64> {
+    let vectors = [hit.impulse, hit.u_minus, hit.u_plus, hit.contact.impulse, hit.contact.u_plus];
+    let energies = [hit.energy_before, hit.energy_after, hit.drive_work, hit.contact.normal_work];
+    let of_vectors = vectors.iter().flat_map(|v| [v.x, v.y, v.z]);
+    of_vectors.chain(hit.qd_plus.iter().chain(&hit.drive_impulse).copied()).chain(energies).collect()
+}
+
+/// Every impact of `count` states in columns has the digits of a single one. Returns how many there were, and how many slipped.
+fn check_columns<'a>(chain: &'a Chain, describe: &impl Fn() -> Strike<'a>, count: usize) -> (usize, usize) {
+    let q = columns(chain.nq(), count, |row, k| 0.4 * (row as f64 + 1.0) + 0.7 * (k as f64 + 0.3 * row as f64).sin());
+    let qd = columns(chain.nv(), count, |row, k| (1.3 * row as f64 + 0.9 * k as f64).cos());
+    let laws: [&dyn Law<f64, 3>; 5] = [
+        &Frictionless { restitution: 0.35 },
+        &Energetic { restitution: 0.5, friction: 0.3 },
+        &Poisson { restitution: 0.2, friction: 0.8 },
+        &Whittaker { restitution: 0.4, friction: 0.2 },
+        &Halving,
+    ];
+    let (mut strike, mut single) = (describe().prepare().unwrap(), describe().prepare().unwrap());
+    let mut alone = single.outcome();
+    let (mut next, mut moved) = (0, 0);
+    for law in laws {
+        next = 0;
+        let done = strike.many(States { q: &read(&q), qd: &read(&qd) }, law, |k, hit| {
+            assert_eq!(k, next);
+            next += 1;
+            let at = |columns: &[Vec<f64>]| columns.iter().map(|c| c[k]).collect::<Vec<_>>();
+            let expected = single.resolve_into(&at(&q), &at(&qd), law, &mut alone);
+            match (hit, expected) {
+                (Ok(hit), Ok(())) => {
+                    assert_eq!((hit.mode, hit.flags), (alone.mode, alone.flags));
+                    assert_eq!(numbers(hit), numbers(&alone));
+                    moved += usize::from(hit.impulse.norm() > 0.0);
+                }
+                (Err(got), Err(expected)) => assert_eq!(got.to_string(), expected.to_string()),
+                (got, expected) => panic!("{got:?} in columns, {expected:?} alone"),
+            }
+        });
+        done.unwrap();
+        assert_eq!(next, count);
+    }
+    (next, moved)
+}
+
+#[test]
+fn impacts_of_columns_equal_single_impacts_bit_by_bit_for_every_law() {
+    // In the plane and in space, rows and trees, on a floating body, and by the recursion for long chains.
+    let cases = [("planar2", false), ("planar3", false), ("arm7", false), ("humanoid29", false), ("box", true)];
+    let mut chains: Vec<Chain> = cases.iter().map(|(name, floating)| robot(name, *floating)).collect();
+    chains.push(uniform_chain(50, 3.0, 2.0).unwrap());
+    for chain in &chains {
+        let frame = chain.frame("tip").or_else(|_| chain.frame("box")).unwrap();
+        let damping = vec![2.0; chain.nv()];
+        let held = JointModel::Impedance { stiffness: &damping, damping: &damping, contact_time: 0.01 };
+        let name = chain.joints()[0].name.clone();
+        let locked = [name.as_str()];
+        let mut models = vec![JointModel::Free];
+        if chain.nv() < 12 && chain.nq() == chain.nv() {
+            models.extend([held, JointModel::Locked(&locked)]);
+        }
+        for joints in models {
+            for normal in [[0.6, 0.8, 0.0], [0.6, 0.1, 0.8]] {
+                let describe =
+                    || chain.impact(&[], &[]).at(frame).offset([0.1, 0.02, 0.05]).normal(normal).joints(joints);
+                // Complete blocks and incomplete ones.
+                for count in [0, 1, 19, 70] {
+                    let (all, moved) = check_columns(chain, &describe, count);
+                    assert!(all < 19 || moved > all, "{} of {all}", moved);
+                }
+            }
+        }
+    }
+}
+
+/// A stretched arm that is struck along its links, and a velocity that is no number, are refused; the states beside them are not.
+#[test]
+fn refused_states_do_not_refuse_those_beside_them() {
+    let arm = uniform_chain(2, 1.0, 1.0).unwrap();
+    let up = std::f64::consts::FRAC_PI_2;
+    let mut q = columns(2, 21, |row, k| 0.3 + 0.5 * row as f64 + 0.01 * k as f64);
+    let mut qd = columns(2, 21, |row, _| [-0.5, -1.0][row]);
+    (q[0][5], q[1][5]) = (up, 0.0);
+    qd[1][9] = f64::NAN;
+    let mut strike = arm.impact(&[], &[]).at(arm.frame("tip").unwrap()).normal([0.0, 1.0, 0.0]).prepare().unwrap();
+    let law = Energetic { restitution: 0.5, friction: 0.3 };
+    let mut refused = Vec::new();
+    let states = States { q: &read(&q), qd: &read(&qd) };
+    let done = strike.many(states, &law, |k, hit| match hit {
+        Ok(hit) => assert!(hit.energy_after < hit.energy_before && hit.impulse.y > 0.0),
+        Err(SimError::SingularNormal { .. }) => refused.push((k, "singular")),
+        Err(SimError::Impact { .. }) => refused.push((k, "impact")),
+        Err(other) => panic!("{other}"),
+    });
+    done.unwrap();
+    assert_eq!(refused, [(5, "singular"), (9, "impact")]);
+    let two = [0.1, 0.2];
+    let missing = strike.many(States { q: &[&two], qd: &[&two, &two] }, &law, |_, _| unreachable!());
+    assert!(matches!(missing, Err(SimError::Chain(ChainError::WrongLength { .. }))), "{missing:?}");
+}
+
+#[test]
+fn memory_for_impacts_of_columns_does_not_grow_with_the_number_of_states() {
+    for (name, law) in [
+        ("planar2", &Energetic { restitution: 0.5, friction: 0.3 } as &dyn Law<f64, 3>),
+        ("arm7", &Poisson { restitution: 0.2, friction: 0.8 }),
+    ] {
+        let chain = robot(name, false);
+        let tip = chain.frame("tip").unwrap();
+        let mut strike = chain.impact(&[], &[]).at(tip).normal([-1.0, 0.0, 0.0]).prepare().unwrap();
+        let mut allocations = |count: usize| {
+            let q = columns(chain.nq(), count, |row, k| (row as f64 + 0.3 * k as f64).sin());
+            let qd = columns(chain.nv(), count, |row, k| (1.3 * row as f64 + 0.9 * k as f64).cos());
+            let (q, qd) = (read(&q), read(&qd));
+            let each = |_: usize, hit: Result<&ChainImpact, SimError>| assert!(hit.is_ok());
+            allocation_counter::measure(|| strike.many(States { q: &q, qd: &qd }, law, each).unwrap()).count_total
+        };
+        let few = allocations(3);
+        assert_eq!(allocations(500), few, "{name}");
+    }
 }

@@ -380,7 +380,7 @@ fn the_flow_of_an_arm_through_an_impact_has_the_derivative_of_the_saltation_matr
     };
     let smooth = |x: &[f64]| DVector::from_vec(to(x, span));
     let strike = chain.impact(&q, &qd).at(tip).normal(normal);
-    let found = strike.clone().saltation(&law, gravity.into()).unwrap();
+    let found = strike.clone().saltation(&law, gravity).unwrap();
     let after = [q.clone(), strike.resolve(&law).unwrap().qd_plus].concat();
     let start = to(&[q.clone(), qd.clone()].concat(), -span);
     let product = jacobian(&smooth, &after) * &found.matrix * jacobian(&smooth, &start);

@@ -49,7 +49,7 @@ fn beside(sim: &Simulation, events: &[Event], law: &dyn Law<f64, 3>) -> Vec<(Cha
         let [point, normal] = sim.touching_point(*touch, &moment).unwrap().unwrap();
         let frame = sim.chain.frame(sim.touches[*touch].link().unwrap()).unwrap();
         let offset = sim.chain.workspace().update(&sim.chain, &event.q).unwrap().pose(frame).inverse().point(point);
-        let strike = sim.chain.impact(&event.q, &event.qd_minus).at(frame).offset(offset.into()).normal(normal.into());
+        let strike = sim.chain.impact(&event.q, &event.qd_minus).at(frame).offset(offset).normal(normal);
         Some(((**hit).clone(), strike.resolve(law).unwrap()))
     };
     events.iter().filter_map(alone).collect()

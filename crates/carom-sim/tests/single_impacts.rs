@@ -124,7 +124,7 @@ fn impacts_of_planar_chains_in_their_plane_equal_those_in_space() {
             &Smith { restitution, friction },
             &user,
         ];
-        let before = chain.impact(&q, &qd).at(tip).offset(offset).normal(normal.into()).contact().unwrap();
+        let before = chain.impact(&q, &qd).at(tip).offset(offset).normal(normal).contact().unwrap();
         let leaves = before.problem().u_minus().z > 0.0;
         if leaves {
             qd.iter_mut().for_each(|x| *x = -*x);
@@ -136,7 +136,7 @@ fn impacts_of_planar_chains_in_their_plane_equal_those_in_space() {
                 continue;
             }
             let describe = |qd| {
-                let strike = chain.impact(&q, qd).at(tip).offset(offset).normal(normal.into());
+                let strike = chain.impact(&q, qd).at(tip).offset(offset).normal(normal);
                 strike.joints(joints)
             };
             let mut contact = describe(&qd).contact().unwrap();

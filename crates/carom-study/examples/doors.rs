@@ -83,6 +83,19 @@ fn rows(robot: &str) -> Vec<(&'static str, f64)> {
         let time = each(&states, |(q, qd)| prepared.resolve_into(q, qd, law, black_box(&mut hit)).expect("an impact"));
         rows.push((name, time));
     }
+    let [q, qd] = columns(&states);
+    let (q, qd) = (slices(&q), slices(&qd));
+    for (name, law) in [("prepared, columns, Frictionless", laws[0].1), ("prepared, columns, Energetic", laws[1].1)] {
+        let mut prepared = chain.impact(&[], &[]).at(tip).normal(NORMAL).prepare().expect("a strike");
+        let time = each(&[()], |()| {
+            let states = black_box(States { q: &q, qd: &qd });
+            let done = prepared.many(states, law, |_, hit| {
+                black_box(hit.expect("an impact"));
+            });
+            done.expect("columns");
+        });
+        rows.push((name, time / MANY as f64));
+    }
     let problems: Vec<ImpactProblem<f64, 3>> = states
         .iter()
         .map(|(q, qd)| *chain.impact(q, qd).at(tip).normal(NORMAL).contact().expect("a contact").problem())
@@ -120,12 +133,8 @@ fn kernels<A: Algebra<Scalar = f64>>(
     let one = each(states, |(q, qd)| kernel.jump_into(q, qd, normal, 0.5, black_box(&mut jump)).expect("a jump"));
     let mut rows = vec![("fused kernel", one)];
     let n = chain.nv();
-    let columns = |of: fn(&State) -> &Vec<f64>| -> Vec<Vec<f64>> {
-        (0..n).map(|i| (0..MANY).map(|k| of(&states[k % STATES])[i] + 1e-3 * (k / STATES) as f64).collect()).collect()
-    };
-    let (q, qd) = (columns(|state| &state.0), columns(|state| &state.1));
-    let (q, qd): (Vec<&[f64]>, Vec<&[f64]>) =
-        (q.iter().map(Vec::as_slice).collect(), qd.iter().map(Vec::as_slice).collect());
+    let [q, qd] = columns(states);
+    let (q, qd) = (slices(&q), slices(&qd));
     for (name, all) in [("kernel in batch, jump only", false), ("kernel in batch, M, J, H written out", true)] {
         let rows_of = [n, 1, A::LINEAR * A::LINEAR, A::LINEAR * n, n * n];
         let mut out: Vec<Vec<Vec<f64>>> = rows_of
@@ -143,6 +152,19 @@ fn kernels<A: Algebra<Scalar = f64>>(
         rows.push((name, time / MANY as f64));
     }
     rows
+}
+
+/// Columns of q and of q̇ of [`MANY`] configurations.
+fn columns(states: &[State]) -> [Vec<Vec<f64>>; 2] {
+    let of: [fn(&State) -> &Vec<f64>; 2] = [|state| &state.0, |state| &state.1];
+    of.map(|of| {
+        let entry = |i: usize, k: usize| of(&states[k % STATES])[i] + 1e-3 * (k / STATES) as f64;
+        (0..states[0].1.len()).map(|i| (0..MANY).map(|k| entry(i, k)).collect()).collect()
+    })
+}
+
+fn slices(columns: &[Vec<f64>]) -> Vec<&[f64]> {
+    columns.iter().map(Vec::as_slice).collect()
 }
 
 /// The least time of one call, ns.

@@ -15,7 +15,8 @@ pub use prelude::*;
 /// The names that most programs need: `use carom::prelude::*;`
 pub mod prelude {
     pub use carom_chain::{
-        Chain, ChainError, ContactInertia, FrameId, Kinematics, PlanarChain, Point, Workspace, uniform_chain,
+        Chain, ChainError, ContactInertia, FrameId, FramePoint, Kinematics, PlanarChain, Point, Workspace,
+        uniform_chain,
     };
     pub use carom_contact::Obstacle;
     pub use carom_impact::{

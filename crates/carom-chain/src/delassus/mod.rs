@@ -274,8 +274,8 @@ impl<A: Algebra> ContactPoint<'_, A> {
         hinges.map(|(i, step)| (i, step.angle())).collect()
     }
 
-    /// As [`Self::visit`] without added inertia, with the sines and cosines of the hinges' angles given. Each lane of a SIMD
-    /// scalar gives the same digits as the scalar alone, for the same sines and cosines.
+    /// As [`Self::visit`], with the sines and cosines of the hinges' angles given. Each lane of a SIMD scalar gives the same
+    /// digits as the scalar alone, for the same sines and cosines.
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
@@ -285,14 +285,19 @@ impl<A: Algebra> ContactPoint<'_, A> {
         q: &[A::Scalar],
         turned: &impl Turned<A>,
         normal: A::Vector,
+        added: &[A::Scalar],
         memory: &mut ResponseMemory<A>,
         visit: impl Visit<A>,
     ) -> Result<(), ChainError> {
         self.chain.check_nq(q.len())?;
         match self.row() {
-            Some([a, b]) => memory.keep(read_two([a, b], self.arm, turned, normal).response(), visit),
-            Some([a, b, c]) => memory.keep(read_three([a, b, c], self.arm, turned, normal).response(), visit),
-            _ => self.many(&At { q, turned }, normal, &[], memory, visit),
+            Some([a, b]) if added.is_empty() => {
+                memory.keep(read_two([a, b], self.arm, turned, normal).response(), visit)
+            }
+            Some([a, b, c]) if added.is_empty() => {
+                memory.keep(read_three([a, b, c], self.arm, turned, normal).response(), visit)
+            }
+            _ => self.many(&At { q, turned }, normal, added, memory, visit),
         }
         Ok(())
     }

@@ -3,10 +3,10 @@
 use super::{FitCommand, Flights, name};
 use crate::error::{CliError, LineError};
 use crate::input::{JointOrder, for_each_line};
-use carom_chain::{Chain, FrameId};
+use carom_chain::{Chain, FrameId, FramePoint};
 use carom_study::Tosses;
 use carom_study::fit::{ChainJump, FitError, Flight, Joined, MeasuredImpact, join_flights, lowest_point, toss_flights};
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 use serde::Deserialize;
 use std::io;
 use std::path::Path;
@@ -110,9 +110,8 @@ impl FitCommand {
                     q: robot.order.q(&q),
                     qd_minus: robot.order.v(&before),
                     qd_plus: robot.order.v(&after),
-                    frame,
-                    offset: point.unwrap_or(self.point),
-                    normal: self.normal,
+                    point: FramePoint::new(frame, point.unwrap_or(self.point)),
+                    normal: self.normal.into(),
                 };
                 MeasuredImpact::of_chain(&robot.chain, &measured).map_err(|e| refuse(&e))
             }
@@ -147,7 +146,7 @@ impl FitCommand {
             };
             let joined = join_flights(&robot.chain, self.gravity.into(), &flight(before), &flight(after));
             let joined = joined.map_err(|e| refuse(&e))?;
-            let tip = robot.tip.map(|frame| (frame, point.unwrap_or(self.point)));
+            let tip = robot.tip.map(|frame| FramePoint::new(frame, point.unwrap_or(self.point)));
             impacts.push(self.at_impact(&robot.chain, &joined, tip).map_err(|e| refuse(&e))?);
             told.add(place.line as i64, &joined);
             Ok(())
@@ -156,18 +155,13 @@ impl FitCommand {
         Ok((impacts, Some(robot.chain)))
     }
 
-    fn at_impact(
-        &self,
-        chain: &Chain,
-        joined: &Joined,
-        tip: Option<(FrameId, [f64; 3])>,
-    ) -> Result<MeasuredImpact, FitError> {
-        let (frame, offset) = match tip {
+    fn at_impact(&self, chain: &Chain, joined: &Joined, tip: Option<FramePoint>) -> Result<MeasuredImpact, FitError> {
+        let point = match tip {
             Some(tip) => tip,
-            None => lowest_point(chain, &joined.q, Vector3::from(self.normal))?,
+            None => lowest_point(chain, &joined.q, self.normal)?,
         };
         let Joined { q, qd_minus, qd_plus, .. } = joined.clone();
-        MeasuredImpact::of_chain(chain, &ChainJump { q, qd_minus, qd_plus, frame, offset, normal: self.normal })
+        MeasuredImpact::of_chain(chain, &ChainJump { q, qd_minus, qd_plus, point, normal: self.normal.into() })
     }
 
     /// The first impact of each toss of a folder, from the flights around it.
@@ -178,7 +172,8 @@ impl FitCommand {
         told: &mut Flights,
         progress: &dyn Fn(usize, usize),
     ) -> Result<Vec<MeasuredImpact>, CliError> {
-        let tip = self.tip.as_deref().map(|tip| tosses.chain.frame(tip).map(|frame| (frame, self.point)));
+        let tip =
+            self.tip.as_deref().map(|tip| tosses.chain.frame(tip).map(|frame| FramePoint::new(frame, self.point)));
         let tip = tip.transpose().map_err(|e| CliError::Option(format!("{}: --tip: {e}", folder.display())))?;
         let all = toss_flights(tosses).map_err(|e| CliError::Scene(e.to_string()))?;
         not_empty(folder, all.len())?;

@@ -25,7 +25,7 @@ use super::hit::ChainImpact;
 use crate::contact::Oscillation;
 use crate::error::SimError;
 use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, ChainError, FrameId, Kinematics, Rows, Spatial};
+use carom_chain::{Chain, ChainError, FramePoint, Kinematics, Rows, Spatial};
 use carom_impact::{Direction, LawDerivative};
 use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, MatrixXx3, RealField, U1, Vector3};
 use num_dual::DualSVec64;
@@ -100,35 +100,36 @@ impl RowRates {
     }
 }
 
+/// The unit normal along a vector.
+pub(super) fn unit(given: Vector3<f64>) -> Result<Vector3<f64>, ChainError> {
+    // Scaled first, so that squares neither overflow nor underflow.
+    let unit = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
+    unit.ok_or_else(|| ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() })
+}
+
 /// Contact of a point or a ball on a link with a plane, which may oscillate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlaneContact {
-    pub(crate) frame: FrameId,
-    pub(crate) offset: Vector3<f64>,
+    pub(crate) point: FramePoint,
     pub(crate) radius: f64,
     pub(crate) axes: Matrix3<f64>,
     pub(crate) motion: Option<Oscillation>,
 }
 
 impl PlaneContact {
-    /// Contact of the origin of a link frame with a plane at rest. `normal` is in world axes, from the environment to the
+    /// Contact of a point of a link, or of the origin of a link frame, with a plane at rest. `normal` is in world axes, from the environment to the
     /// robot, of any length except zero.
     ///
     /// # Errors
     /// [`ChainError::NoDirection`] for a normal that is zero or not finite.
-    pub fn new(frame: FrameId, normal: [f64; 3]) -> Result<Self, SimError> {
-        let given = Vector3::from(normal);
-        let unit = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
-        let Some(unit) = unit else {
-            return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
-        };
-        Ok(Self { frame, offset: Vector3::zeros(), radius: 0.0, axes: z_onto(unit), motion: None })
+    pub fn new(point: impl Into<FramePoint>, normal: impl Into<Vector3<f64>>) -> Result<Self, SimError> {
+        Ok(Self { point: point.into(), radius: 0.0, axes: z_onto(unit(normal.into())?), motion: None })
     }
 
-    /// The contact point, or the centre of the ball, relative to that origin, in the axes of the frame, m.
+    /// The contact point, or the centre of the ball, relative to the origin of the frame, in its axes, m.
     #[must_use]
-    pub fn offset(mut self, offset: [f64; 3]) -> Self {
-        self.offset = offset.into();
+    pub fn offset(mut self, offset: impl Into<Vector3<f64>>) -> Self {
+        self.point.offset = offset.into();
         self
     }
 
@@ -150,14 +151,14 @@ impl PlaneContact {
 impl ContactRows for PlaneContact {
     fn rows<T: RealField + Copy>(&self, kin: &Kinematics<Spatial<T>>, _time: T) -> Result<Matrix3xX<T>, ChainError> {
         let axes: Matrix3<T> = self.axes.map(nalgebra::convert);
-        let mut place: Vector3<T> = self.offset.map(nalgebra::convert);
+        let mut place: Vector3<T> = self.point.offset.map(nalgebra::convert);
         if self.radius != 0.0 {
-            let pose = kin.pose(self.frame);
+            let pose = kin.pose(self.point.frame);
             let down = axes.column(2) * nalgebra::convert::<f64, T>(self.radius);
             place = pose.inverse().point(pose.point(place) - down);
         }
         let mut jacobian = Matrix3xX::zeros(kin.chain().nv());
-        kin.point_jacobian_into(kin.chain().point(self.frame, place), &mut jacobian);
+        kin.point_jacobian_into(kin.chain().point(self.point.frame, place), &mut jacobian);
         Ok(axes.transpose() * jacobian)
     }
 
@@ -172,7 +173,7 @@ impl ContactRows for PlaneContact {
         let (chain, nv) = (kin.chain(), kin.chain().nv());
         let mut rates = RowRates::zeros(nv);
         let lever = self.axes.column(2) * -self.radius;
-        kin.for_each_jacobian_derivative(chain.point(self.frame, self.offset), lever, |i, k, rate| {
+        kin.for_each_jacobian_derivative(chain.point(self.point.frame, self.point.offset), lever, |i, k, rate| {
             let mut column = rates.rows.column_mut(k * nv + i);
             column += self.axes.tr_mul(&rate);
         });

@@ -10,9 +10,9 @@
 use super::derivative::PlaneContact;
 use super::hit::ChainImpact;
 use crate::error::SimError;
-use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::algebra::Algebra;
 use carom_chain::{
-    Chain, FrameId, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
+    Chain, FramePoint, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
 };
 use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law};
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
@@ -36,13 +36,13 @@ use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 /// ```
 #[derive(Debug, Clone)]
 pub struct PreparedStrike<'a> {
-    aim: Aim<'a>,
-    pass: Route<'a>,
+    pub(super) aim: Aim<'a>,
+    pub(super) pass: Route<'a>,
 }
 
 /// The algebra in which the impacts are computed.
 #[derive(Debug, Clone)]
-enum Route<'a> {
+pub(super) enum Route<'a> {
     Plane(Pass<'a, Planar<f64>, OfPlane, 2>),
     Space(Pass<'a, Spatial<f64>, InSpace, 3>),
 }
@@ -100,8 +100,7 @@ const ROUNDED: f64 = 64.0 * f64::EPSILON;
 #[derive(Debug, Clone)]
 pub(super) struct Aim<'a> {
     pub chain: &'a Chain,
-    pub frame: FrameId,
-    pub offset: Vector3<f64>,
+    pub point: FramePoint,
     /// Contact axes in the world: two tangents, then the normal.
     pub axes: Matrix3<f64>,
     /// Whether the joint model locks joints.
@@ -110,21 +109,10 @@ pub(super) struct Aim<'a> {
     pub added: Vec<f64>,
 }
 
-impl<'a> Aim<'a> {
-    pub fn new(
-        chain: &'a Chain,
-        (frame, offset): (FrameId, Vector3<f64>),
-        normal: Vector3<f64>,
-        added: Vec<f64>,
-        locks: bool,
-    ) -> Self {
-        Self { chain, frame, offset, axes: z_onto(normal), locks, added }
-    }
-
+impl Aim<'_> {
     /// The contact as a plane, for derivatives.
     pub fn plane(&self) -> PlaneContact {
-        let Self { frame, offset, axes, .. } = *self;
-        PlaneContact { frame, offset, radius: 0.0, axes, motion: None }
+        PlaneContact { point: self.point, radius: 0.0, axes: self.axes, motion: None }
     }
 }
 
@@ -212,14 +200,14 @@ impl Place<2> for OfPlane {
 /// The response of a chain at its contact point, and what follows from it.
 #[derive(Debug, Clone)]
 pub(super) struct Pass<'a, A: Algebra, P, const D: usize> {
-    chain: &'a Chain<A>,
-    point: Point<A>,
+    pub chain: &'a Chain<A>,
+    pub point: Point<A>,
     /// Contact axes, tangents first, in the axes of the chain.
-    axes: SMatrix<f64, D, D>,
-    place: P,
+    pub axes: SMatrix<f64, D, D>,
+    pub place: P,
     memory: ResponseMemory<A>,
     /// For chains that the fused pass does not serve: the response is in its memory.
-    workspace: Option<Box<Workspace<A>>>,
+    pub workspace: Option<Box<Workspace<A>>>,
 }
 
 impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
@@ -232,14 +220,14 @@ impl<'a> Pass<'a, Planar<f64>, OfPlane, 2> {
         let along = flat.plane.lift(tangent);
         let axes = Matrix3x2::from_columns(&[along, aim.axes.column(2).into_owned()]);
         let place = OfPlane { tangent: aim.axes.tr_mul(&along).xy(), axes };
-        let point = flat.point(aim.frame, aim.offset);
+        let point = flat.point(aim.point.frame, aim.point.offset);
         Some(Self::new(&flat.chain, point, Matrix2::from_columns(&[tangent, normal]), place))
     }
 }
 
 impl<'a> Pass<'a, Spatial<f64>, InSpace, 3> {
     pub fn in_space(aim: &Aim<'a>) -> Self {
-        Self::new(aim.chain, aim.chain.point(aim.frame, aim.offset), aim.axes, InSpace)
+        Self::new(aim.chain, aim.chain.point(aim.point.frame, aim.point.offset), aim.axes, InSpace)
     }
 }
 
@@ -249,7 +237,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
         Self { chain, point, axes, place, memory: ResponseMemory::default(), workspace }
     }
 
-    fn normal(&self) -> SVector<f64, D> {
+    pub fn normal(&self) -> SVector<f64, D> {
         self.axes.column(D - 1).into_owned()
     }
 
@@ -345,7 +333,7 @@ fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
         check_inertia(chain, q, &aim.added)?;
     }
     if !response.moves() {
-        let (link, normal) = (aim.chain.frame_name(aim.frame).to_owned(), aim.axes.column(2).into_owned().into());
+        let (link, normal) = (aim.chain.frame_name(aim.point.frame).to_owned(), aim.axes.column(2).into_owned());
         return Err(if aim.locks {
             SimError::Locked { link, normal }
         } else {
@@ -405,16 +393,16 @@ fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], locked: impl Fn(usize
 }
 
 /// One impact, computed while the response is in registers.
-struct Blow<'s, A: Algebra, P, const D: usize> {
-    aim: &'s Aim<'s>,
-    chain: &'s Chain<A>,
-    axes: &'s SMatrix<f64, D, D>,
-    place: &'s P,
-    q: &'s [f64],
-    qd: &'s [f64],
-    law: &'s dyn Law<f64, 3>,
-    hit: &'s mut ChainImpact,
-    done: Result<(), SimError>,
+pub(super) struct Blow<'s, A: Algebra, P, const D: usize> {
+    pub aim: &'s Aim<'s>,
+    pub chain: &'s Chain<A>,
+    pub axes: &'s SMatrix<f64, D, D>,
+    pub place: &'s P,
+    pub q: &'s [f64],
+    pub qd: &'s [f64],
+    pub law: &'s dyn Law<f64, 3>,
+    pub hit: &'s mut ChainImpact,
+    pub done: Result<(), SimError>,
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Visit<A>
@@ -429,7 +417,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Blow<'_, A, P, D> {
     #[inline(always)]
-    fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
+    pub fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
         // Slices of the length of the response, so that loops are unrolled where the compiler knows this length.
         let Self { aim, axes, q, hit, .. } = self;
         let qd = &self.qd[..response.response.len()];

@@ -17,7 +17,7 @@
 
 use super::band::ImpactBand;
 use super::contact::Contact;
-use super::derivative::ImpactDerivative;
+use super::derivative::{ImpactDerivative, unit};
 use super::hit::ChainImpact;
 use super::joints::JointModel;
 use super::prepared::{Aim, PreparedStrike};
@@ -26,7 +26,8 @@ use super::together::{self, JointImpact, StruckPoint};
 use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::state::Moment;
-use carom_chain::{Chain, ChainError, FrameId, Point, Spatial};
+use carom_chain::algebra::z_onto;
+use carom_chain::{Chain, FramePoint, Point, Spatial};
 use carom_impact::{CoefficientRanges, Law};
 use nalgebra::Vector3;
 
@@ -76,7 +77,7 @@ pub trait Impacts {
 impl Impacts for Chain {
     fn impact<'a>(&'a self, q: &'a [f64], qd: &'a [f64]) -> Strike<'a> {
         let joints = JointModel::Free;
-        Strike { chain: self, q, qd, frame: None, offset: Vector3::zeros(), normal: None, joints }
+        Strike { chain: self, q, qd, point: None, offset: None, normal: None, joints }
     }
 
     fn impact_at_points(
@@ -102,28 +103,28 @@ pub struct Strike<'a> {
     chain: &'a Chain,
     q: &'a [f64],
     qd: &'a [f64],
-    frame: Option<FrameId>,
-    offset: Vector3<f64>,
-    normal: Option<[f64; 3]>,
+    point: Option<FramePoint>,
+    offset: Option<Vector3<f64>>,
+    normal: Option<Vector3<f64>>,
     joints: JointModel<'a>,
 }
 
 impl<'a> Strike<'a> {
-    /// The link frame whose origin is the contact point.
-    pub fn at(mut self, frame: FrameId) -> Self {
-        self.frame = Some(frame);
+    /// The contact point: a point of a link, or the origin of a link frame.
+    pub fn at(mut self, point: impl Into<FramePoint>) -> Self {
+        self.point = Some(point.into());
         self
     }
 
-    /// The contact point relative to that origin, in the axes of the frame, m; zero by default.
-    pub fn offset(mut self, offset: [f64; 3]) -> Self {
-        self.offset = offset.into();
+    /// The contact point relative to the origin of the frame of [`Strike::at`], in its axes, m.
+    pub fn offset(mut self, offset: impl Into<Vector3<f64>>) -> Self {
+        self.offset = Some(offset.into());
         self
     }
 
     /// Contact normal in world axes, from the environment to the robot, of any length except zero.
-    pub fn normal(mut self, normal: [f64; 3]) -> Self {
-        self.normal = Some(normal);
+    pub fn normal(mut self, normal: impl Into<Vector3<f64>>) -> Self {
+        self.normal = Some(normal.into());
         self
     }
 
@@ -144,30 +145,26 @@ impl<'a> Strike<'a> {
     }
 
     fn aim(&self) -> Result<Aim<'a>, SimError> {
-        let Some(frame) = self.frame else {
+        let Some(mut contact) = self.point else {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
         };
+        contact.offset = self.offset.unwrap_or(contact.offset);
         let Some(normal) = self.normal else {
             return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
         };
-        let given = Vector3::from(normal);
-        // Scaled first, so that squares neither overflow nor underflow.
-        let normal = (given / given.amax()).try_normalize(0.0).filter(|n| n.iter().all(|x| x.is_finite()));
-        let Some(normal) = normal else {
-            return Err(ChainError::NoDirection { given: given.as_slice().to_vec(), length: given.norm() }.into());
-        };
-        let point: Point<Spatial<f64>> = self.chain.point(frame, self.offset);
+        let normal = unit(normal)?;
+        let link = || self.chain.frame_name(contact.frame).to_owned();
+        let point: Point<Spatial<f64>> = self.chain.point(contact.frame, contact.offset);
         if point.body.is_none() {
-            return Err(SimError::FixedPoint { link: self.chain.frame_name(frame).to_owned() });
+            return Err(SimError::FixedPoint { link: link() });
         }
         let added = self.joints.added_inertia(self.chain)?;
         let bodies = self.chain.bodies();
         let mut above = std::iter::successors(point.body, |&body| bodies[body].parent);
         if !added.is_empty() && above.all(|body| added[bodies[body].v_index].is_infinite()) {
-            let link = self.chain.frame_name(frame).to_owned();
-            return Err(SimError::Locked { link, normal: normal.into() });
+            return Err(SimError::Locked { link: link(), normal });
         }
-        Ok(Aim::new(self.chain, (frame, self.offset), normal, added, self.joints.locks()))
+        Ok(Aim { chain: self.chain, point: contact, axes: z_onto(normal), locks: self.joints.locks(), added })
     }
 
     /// Computes the contact: Jacobian, Delassus matrix and impact problem, which are the same for all laws.
@@ -239,14 +236,14 @@ impl<'a> Strike<'a> {
     ///
     /// # Errors
     /// As [`Strike::derivative`]; [`SimError::Setting`] if the contact point does not approach the plane.
-    pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: [f64; 3]) -> Result<Saltation, SimError> {
-        let plane = self.aim()?.plane();
+    pub fn saltation(self, law: &dyn Law<f64, 3>, gravity: impl Into<Vector3<f64>>) -> Result<Saltation, SimError> {
+        let (plane, gravity) = (self.aim()?.plane(), gravity.into());
         let Self { chain, q, qd, .. } = self;
         let moment = Moment { time: 0.0, q: q.to_vec(), qd: qd.to_vec() };
         saltation(chain, &moment, &plane, law, |at| {
             let mut workspace = chain.workspace();
             let tau = vec![0.0; at.qd.len()];
-            Ok(workspace.update(chain, &at.q)?.forward_dynamics(&at.qd, &tau, gravity.into())?)
+            Ok(workspace.update(chain, &at.q)?.forward_dynamics(&at.qd, &tau, gravity)?)
         })
     }
 }

@@ -154,7 +154,7 @@ impl<A: Space> Run<'_, '_, A> {
                 let (restitution, friction) = (given.restitution(), given.friction());
                 let Some((delassus, response)) = place.inertia(&mut view)? else {
                     let link = one.link().unwrap_or_default().to_owned();
-                    return Err(SimError::SingularNormal { link, normal: place.normal.into() });
+                    return Err(SimError::SingularNormal { link, normal: place.normal });
                 };
                 let axes = z_onto(place.normal);
                 let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;

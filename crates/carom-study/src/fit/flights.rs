@@ -22,7 +22,7 @@ use super::error::FitError;
 use super::loss::{Cost, median};
 use crate::tosses::{TossError, Tosses};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, FrameId};
+use carom_chain::{Chain, Coordinates, FramePoint};
 use carom_contact::{Obstacle, gap, link_shapes};
 use carom_sim::{SimError, free_motion_at};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -333,14 +333,13 @@ fn unwrap(chain: &Chain, poses: &mut [Vec<f64>]) {
     }
 }
 
-/// The lowest point of the robot's collision shapes along `normal` (world frame) at configuration `q`: the frame of its link,
-/// and the point in the axes of that frame, m.
+/// The lowest point of the robot's collision shapes along `normal` (world frame) at configuration `q`.
 ///
 /// # Errors
 /// [`FitError::NoShape`] for a robot without shapes; [`FitError::Simulation`] for an invalid shape or normal;
 /// [`FitError::Chain`] for a configuration that does not fit the chain.
-pub fn lowest_point(chain: &Chain, q: &[f64], normal: Vector3<f64>) -> Result<(FrameId, [f64; 3]), FitError> {
-    let plane = Obstacle::half_space(Vector3::zeros(), normal).map_err(SimError::from)?;
+pub fn lowest_point(chain: &Chain, q: &[f64], normal: impl Into<Vector3<f64>>) -> Result<FramePoint, FitError> {
+    let plane = Obstacle::half_space(Vector3::zeros(), normal.into()).map_err(SimError::from)?;
     let mut workspace = chain.workspace();
     let kin = workspace.update(chain, q)?;
     let shapes = link_shapes(chain).map_err(SimError::from)?;
@@ -350,7 +349,7 @@ pub fn lowest_point(chain: &Chain, q: &[f64], normal: Vector3<f64>) -> Result<(F
     });
     let lowest = lowest.min_by(|a, b| a.1.distance.total_cmp(&b.1.distance));
     let (frame, gap, pose) = lowest.ok_or(FitError::NoShape)?;
-    Ok((frame, pose.inverse().point(gap.on_robot).into()))
+    Ok(FramePoint::new(frame, pose.inverse().point(gap.on_robot)))
 }
 
 /// Greatest gap to the floor at the sample of an impact, m.

@@ -13,7 +13,7 @@
 
 use super::bound::least_residual;
 use super::error::FitError;
-use carom_chain::{Chain, FrameId};
+use carom_chain::{Chain, FramePoint};
 use carom_impact::{Coefficients, ImpactError, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use carom_sim::Impacts;
 use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
@@ -27,12 +27,10 @@ pub struct ChainJump {
     pub qd_minus: Vec<f64>,
     /// Joint velocities after the impact, rad/s or m/s.
     pub qd_plus: Vec<f64>,
-    /// Frame of the link in contact.
-    pub frame: FrameId,
-    /// Contact point in the axes of that frame, from its origin, m.
-    pub offset: [f64; 3],
+    /// Contact point.
+    pub point: FramePoint,
     /// Contact normal, world frame, from the environment to the robot; need not have length 1.
-    pub normal: [f64; 3],
+    pub normal: Vector3<f64>,
 }
 
 /// One measured impact, as the input of a fit.
@@ -110,11 +108,10 @@ impl MeasuredImpact {
     }
 
     fn of_chain_in(chain: &Chain, measured: &ChainJump, metric: DMatrix<f64>) -> Result<Self, FitError> {
-        let ChainJump { q, qd_minus, qd_plus, frame, offset, normal } = measured;
+        let ChainJump { q, qd_minus, qd_plus, point, normal } = measured;
         chain.check_v("qd_plus", qd_plus)?;
-        let contact = chain.impact(q, qd_minus).at(*frame).offset(*offset).normal(*normal).contact()?;
-        let normal = Vector3::from(*normal).normalize();
-        let axes = carom_chain::algebra::z_onto(normal);
+        let contact = chain.impact(q, qd_minus).at(*point).normal(*normal).contact()?;
+        let axes = carom_chain::algebra::z_onto(normal.normalize());
         let response = contact.response() * DMatrix::from_column_slice(3, 3, axes.as_slice());
         let change = DVector::from_iterator(qd_plus.len(), qd_plus.iter().zip(qd_minus).map(|(a, b)| a - b));
         let (reach, jump) = (&metric * response, &metric * change);

@@ -241,7 +241,7 @@ pub fn long(name: &str, links: usize) -> Judged {
     let toward = &rods.jacobian * &rates;
     // A wall across the tip's path, a little askew.
     let normal = Vector3::new(-toward[0] + 0.4 * toward[1], -toward[1] - 0.4 * toward[0], 0.0).normalize();
-    let strike = chain.impact(&rods.q, &rods.qd).at(tip).normal(normal.into());
+    let strike = chain.impact(&rods.q, &rods.qd).at(tip).normal(normal);
     let hit = strike.resolve(law(name, e, mu).as_ref()).map_err(said)?;
 
     let axes = SMatrix::<f64, 3, 2>::from_columns(&[Vector3::z().cross(&normal), normal]);
@@ -331,7 +331,7 @@ pub fn branches(name: &str) -> Judged {
         }
         let [chain_q, chain_qd] = &ordered;
         let tip = chain.frame(&format!("link{TIP}")).map_err(said)?;
-        let strike = chain.impact(chain_q, chain_qd).at(tip).offset(offset.into()).normal(normal.into());
+        let strike = chain.impact(chain_q, chain_qd).at(tip).offset(offset).normal(normal);
         let hit = strike.resolve(law(name, e, mu).as_ref()).map_err(said)?;
         let qd_plus = DVector::from_iterator(bodies.len(), places.iter().map(|&place| hit.qd_plus[place]));
 

@@ -278,7 +278,7 @@ fn least_residual_is_the_part_of_a_jump_that_no_point_contact_gives() {
     let jump = |extra: &DVector<f64>| {
         let qd_plus = hit.qd_plus.iter().zip(extra.iter()).map(|(a, b)| a + b).collect();
         let (q, qd_minus) = (q.to_vec(), qd.to_vec());
-        let jump = ChainJump { q, qd_minus, qd_plus, frame, offset: [0.0; 3], normal };
+        let jump = ChainJump { q, qd_minus, qd_plus, point: frame.into(), normal: normal.into() };
         MeasuredImpact::of_chain(&chain, &jump).unwrap()
     };
     let none = DVector::zeros(5);

@@ -24,12 +24,12 @@ fn a_fit_recovers_the_scale_of_inertia() {
     let (mut impacts, mut receding) = (Vec::new(), 0);
     while impacts.len() < 12 {
         let (q, qd_minus) = tossed(&mut rng);
-        let (frame_there, offset) = lowest_point(&nominal, &q, Vector3::z()).unwrap();
-        assert_eq!(frame_there, frame);
-        let strike = truth.impact(&q, &qd_minus).at(frame).offset(offset).normal([0.0, 0.0, 1.0]);
+        let point = lowest_point(&nominal, &q, Vector3::z()).unwrap();
+        assert_eq!(point.frame, frame);
+        let strike = truth.impact(&q, &qd_minus).at(point).normal(Vector3::z());
         let hit = strike.resolve(law.as_ref()).unwrap();
-        let (qd_plus, normal) = (hit.qd_plus, [0.0, 0.0, 1.0]);
-        let jump = ChainJump { q, qd_minus, qd_plus, frame, offset, normal };
+        let (qd_plus, normal) = (hit.qd_plus, Vector3::z());
+        let jump = ChainJump { q, qd_minus, qd_plus, point, normal };
         match MeasuredImpact::of_chain(&nominal, &jump) {
             Ok(impact) => impacts.push(impact),
             // a bound on the contact points that recede, about half of all
@@ -134,15 +134,15 @@ fn noisy_flights_give_unbiased_velocities_and_their_standard_deviation() {
     let mut rng = Rng::with_seed(11);
     let free = load("box");
     let toward = |(q, qd): &(Vec<f64>, Vec<f64>)| {
-        let (frame, offset) = lowest_point(&free, q, Vector3::z()).unwrap();
-        let contact = free.impact(q, qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).contact().unwrap();
+        let point = lowest_point(&free, q, Vector3::z()).unwrap();
+        let contact = free.impact(q, qd).at(point).normal([0.0, 0.0, 1.0]).contact().unwrap();
         contact.problem().approach_speed() > 0.5
     };
     let (q, qd) = std::iter::repeat_with(|| tossed(&mut rng)).find(toward).unwrap();
     let hit = {
-        let (frame, offset) = lowest_point(&free, &q, Vector3::z()).unwrap();
+        let point = lowest_point(&free, &q, Vector3::z()).unwrap();
         let law = law_by_name::<3>("energetic", rough(0.4, 0.2)).unwrap();
-        free.impact(&q, &qd).at(frame).offset(offset).normal([0.0, 0.0, 1.0]).resolve(law.as_ref()).unwrap()
+        free.impact(&q, &qd).at(point).normal([0.0, 0.0, 1.0]).resolve(law.as_ref()).unwrap()
     };
     assert!(hit.impulse.norm() > 0.0);
     let (runs, nv) = (16, free.nv());
