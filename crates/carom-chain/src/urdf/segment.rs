@@ -170,7 +170,7 @@ impl Line {
                 return Err(format!("bending stiffness {stiffness} N m²: it must be positive and finite"));
             }
             let share = axis.dot(&along).abs() / axis.norm();
-            if !(share <= NORMAL) {
+            if share.is_nan() || share > NORMAL {
                 let [x, y, z]: [f64; 3] = (*axis).into();
                 return Err(format!("axis of bending ({x}, {y}, {z}): it must be normal to the beam"));
             }
