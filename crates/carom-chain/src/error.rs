@@ -62,6 +62,14 @@ pub enum ChainError {
         /// The nearest name, or the list of names.
         hint: String,
     },
+    /// A link that cannot be divided into segments.
+    #[error("link '{link}' as a beam: {problem}")]
+    Beam {
+        /// The link.
+        link: String,
+        /// The value, the rule that it breaks, and what to do.
+        problem: String,
+    },
     /// The chain has no joint of that name.
     #[error("no joint is named '{name}'; {hint}")]
     UnknownJoint {

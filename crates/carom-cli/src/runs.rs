@@ -2,7 +2,7 @@
 
 use crate::error::CliError;
 use crate::output::{answer, short};
-use crate::simulate::columns;
+use crate::simulate::{SCENE, columns};
 use carom_sim::{Plan, Scene, StopReason};
 use carom_study::{Column, Table, TableError, ensemble};
 use serde::Serialize;
@@ -75,11 +75,16 @@ pub fn run(
     }
     let (whole, kept) = (columns(&scene.simulation.chain), columns(&plan.simulation.chain));
     let mut names = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
-    names.extend(["impacts", "first_impact", "events"].map(Column::number));
-    names.extend(whole[1..].iter().map(|name| Column::number(format!("start.{name}"))));
-    names.extend(kept.iter().map(|name| Column::number(format!("end.{name}"))));
-    names.extend(["energy_start", "energy_end", "lost_in_impacts", "energy_error"].map(Column::number));
+    names.extend(
+        [("impacts", ""), ("first_impact", "s"), ("events", "")].map(|(name, unit)| Column::number(name).in_unit(unit)),
+    );
+    let of = |moment: &str, it: &Column| Column::number(format!("{moment}.{}", it.name)).in_unit(it.unit);
+    names.extend(whole[1..].iter().map(|it| of("start", it)));
+    names.extend(kept.iter().map(|it| of("end", it)));
+    let energies = ["energy_start", "energy_end", "lost_in_impacts", "energy_error"];
+    names.extend(energies.map(|name| Column::number(name).in_unit("J")));
     let mut table = table.map(|path| Table::create_with(path, &names)).transpose()?;
+    table.iter_mut().for_each(|table| table.describe(SCENE, &scene.text));
     let (mut refused, mut first_refusal) = (0, None);
     let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
     ensemble(scene, runs, |run| {

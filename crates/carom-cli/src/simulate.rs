@@ -9,7 +9,8 @@ use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
-use carom_chain::{Chain, Coordinates};
+use carom_chain::urdf::JointType;
+use carom_chain::{Chain, Coordinates, JointInfo};
 use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
 use carom_study::{Column, Table, TableError};
 use clap::Args;
@@ -228,8 +229,8 @@ impl Simulate {
             sensitivity::check(&self.scene, &plan)?;
         }
         let sim = &plan.simulation;
-        let mut tables = Tables::begin([csv, parquet], &sim.chain)?;
-        let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim)?;
+        let mut tables = Tables::begin([csv, parquet], &sim.chain, &scene.text)?;
+        let mut contacts = ContactTable::begin(self.contacts.as_deref(), sim, &scene.text)?;
         let mut recorder = Recorder::begin(&self.record, &scene, &plan)?;
         let sampled = !tables.tables.is_empty() || contacts.table.is_some() || recorder.is_some();
         let every = sampled.then(|| scene.sample.unwrap_or(SAMPLE));
@@ -417,22 +418,34 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     Ok(())
 }
 
-/// The columns of a table: time, q and qd by joint.
-pub fn columns(chain: &Chain) -> Vec<String> {
-    let names = |letter: &str, range: fn(&Coordinates) -> usize| -> Vec<String> {
-        let numbered = |name: &str, n: usize| -> Vec<String> {
-            if n == 1 {
-                vec![format!("{letter}.{name}")]
-            } else {
-                (0..n).map(|k| format!("{letter}.{name}.{k}")).collect()
-            }
-        };
-        chain.joints().iter().flat_map(|j| numbered(&j.name, range(&j.coordinates))).collect()
-    };
-    let q = names("q", |c| if let Coordinates::Own { q, .. } = c { q.len() } else { 0 });
-    let qd = names("qd", |c| if let Coordinates::Own { v, .. } = c { v.len() } else { 0 });
-    [vec!["time".to_owned()], q, qd].concat()
+/// Units of the coordinates of a joint, and of its velocities.
+fn units(kind: JointType) -> (&'static [&'static str], &'static [&'static str]) {
+    match kind {
+        JointType::Revolute | JointType::Continuous => (&["rad"], &["rad/s"]),
+        JointType::Prismatic => (&["m"], &["m/s"]),
+        JointType::Planar => (&["m", "m", "rad"], &["m/s", "m/s", "rad/s"]),
+        JointType::Floating => (&["m", "m", "m", "", "", "", ""], &["m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"]),
+        JointType::Fixed => (&[], &[]),
+    }
 }
+
+/// The columns of a table: time, q and qd by joint.
+pub fn columns(chain: &Chain) -> Vec<Column> {
+    let named = |letter: &str, joint: &JointInfo, units: &'static [&'static str]| -> Vec<Column> {
+        let name = |k: usize| match units.len() {
+            1 => format!("{letter}.{}", joint.name),
+            _ => format!("{letter}.{}.{k}", joint.name),
+        };
+        units.iter().enumerate().map(|(k, unit)| Column::number(name(k)).in_unit(unit)).collect()
+    };
+    let own = || chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
+    let q = own().flat_map(|j| named("q", j, units(j.kind).0));
+    let qd = own().flat_map(|j| named("qd", j, units(j.kind).1));
+    std::iter::once(Column::number("time").in_unit("s")).chain(q).chain(qd).collect()
+}
+
+/// Key of the scene's text in the metadata of Parquet tables.
+pub const SCENE: &str = "carom.scene";
 
 /// The tables that are being written; keeps the first error.
 struct Tables {
@@ -441,10 +454,12 @@ struct Tables {
 }
 
 impl Tables {
-    fn begin(paths: [Option<&Path>; 2], chain: &Chain) -> Result<Self, CliError> {
+    fn begin(paths: [Option<&Path>; 2], chain: &Chain, scene: &str) -> Result<Self, CliError> {
         let columns = columns(chain);
-        let tables = paths.into_iter().flatten().map(|path| Table::create(path, &columns));
-        Ok(Self { tables: tables.collect::<Result<_, _>>()?, failed: None })
+        let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, &columns));
+        let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
+        tables.iter_mut().for_each(|table| table.describe(SCENE, scene));
+        Ok(Self { tables, failed: None })
     }
 
     fn row(&mut self, moment: &Moment) {
@@ -474,15 +489,19 @@ struct ContactTable {
 }
 
 impl ContactTable {
-    fn begin(path: Option<&Path>, sim: &Simulation) -> Result<Self, CliError> {
+    fn begin(path: Option<&Path>, sim: &Simulation, scene: &str) -> Result<Self, CliError> {
         let mut columns = vec![
-            Column::number("time"),
+            Column::number("time").in_unit("s"),
             Column::word("contact", sim.touches.iter().map(|it| &it.name)),
             Column::word("mode", MODES),
         ];
-        let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
-        columns.extend(numbers.map(Column::number));
-        let table = path.map(|path| Table::create_with(path, &columns)).transpose()?;
+        let units = [("m", &["x", "y", "z"][..]), ("", &["nx", "ny", "nz"]), ("m or rad", &["gap"])];
+        let forces = [("N", &["fx", "fy", "fz"][..]), ("N or N m", &["normal_force"])];
+        for (unit, names) in units.into_iter().chain(forces) {
+            columns.extend(names.iter().map(|name| Column::number(*name).in_unit(unit)));
+        }
+        let mut table = path.map(|path| Table::create_with(path, &columns)).transpose()?;
+        table.iter_mut().for_each(|table| table.describe(SCENE, scene));
         Ok(Self { table, failed: None })
     }
 

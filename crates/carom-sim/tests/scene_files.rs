@@ -1,7 +1,7 @@
 //! Scene files: units and bounds of their numbers, messages about refused values, and the bound of a plan.
 
 use carom_chain::ChainError;
-use carom_sim::{Scene, SimError};
+use carom_sim::{Drive, Scene, SimError};
 use std::path::PathBuf;
 
 /// Reads a scene with the arm `planar2.urdf`.
@@ -264,6 +264,24 @@ fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
     assert_eq!(
         rule("key", &format!("{ARM}[[surface]]\n{shape}\n[run]\nduration = 1\n")),
         format!("line 5, {shape}: missing field `length`: add it")
+    );
+    let gains = "kp = 10\nkd = 1\n";
+    assert_eq!(
+        rule("target", &format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}")),
+        "[run] controller = \"pd\" needs the key target: {} keeps the positions at the start"
+    );
+    let still =
+        read("still", &format!("{ARM}[run]\nduration = 1\ncontroller = \"pd\"\n{gains}target = {{}}\n")).unwrap();
+    assert!(
+        matches!(&still.simulation.drive, Drive::Pd { target, .. } if *target == still.q),
+        "{:?}",
+        still.simulation.drive
+    );
+    let capital = rule("case", &format!("{ARM}[run]\nduration = 1\ncontroller = \"PD\"\n{gains}"));
+    assert!(capital.contains("unknown variant `PD`") && capital.ends_with("did you mean `pd`?"), "{capital}");
+    assert_eq!(
+        rule("base", "[robot]\nurdf = \"arm.urdf\"\nq = [0, 0, 1, 0, 0, 0, 1, 0, 0]\n[run]\nduration = 1\n"),
+        "[robot] q has 9 numbers, 2 are needed (shoulder, elbow); a floating base, which has seven of them, needs floating = true"
     );
     let twice = "[[robot]]\nurdf = \"arm.urdf\"\n[[robot]]\nurdf = \"arm.urdf\"\n[run]\nduration = 1\n";
     assert_eq!(rule("names", twice), "line 1, [[robot]]: missing field `name`: add it");

@@ -1,6 +1,6 @@
 //! Tables: numbers are read back exactly, and files are complete or absent.
 
-use carom_study::{Table, TableError};
+use carom_study::{Column, Table, TableError};
 use parquet::basic::{Repetition, Type};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::DoubleType;
@@ -206,4 +206,26 @@ fn a_full_disk_is_an_error_and_leaves_no_table() {
         assert!(table.finish().is_err());
         assert_eq!(files(folder.path()), 0);
     }
+}
+
+/// Version, units of the columns that have one, and texts; the partial tables of maps hold them as well.
+#[test]
+fn parquet_tables_tell_version_units_and_where_they_come_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.parquet");
+    let columns =
+        [Column::number("q.\"elbow\"").in_unit("rad"), Column::number("ratio"), Column::word("mode", ["stick"])];
+    let mut table = Table::create_with(&path, &columns).unwrap();
+    table.describe("carom.scene", "[robot]\nurdf = \"ü.urdf\"");
+    table.row(&[0.1, 0.2, 0.0]).unwrap();
+    table.finish().unwrap();
+    let reader = SerializedFileReader::new(File::open(&path).unwrap()).unwrap();
+    let told = reader.metadata().file_metadata().key_value_metadata().unwrap().iter();
+    let told: Vec<_> = told.map(|it| (it.key.as_str(), it.value.as_deref().unwrap())).collect();
+    let expected = [
+        ("carom.version", env!("CARGO_PKG_VERSION")),
+        ("carom.units", r#"{"q.\"elbow\"":"rad"}"#),
+        ("carom.scene", "[robot]\nurdf = \"ü.urdf\""),
+    ];
+    assert_eq!(told, expected);
 }

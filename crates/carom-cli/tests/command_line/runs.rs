@@ -24,6 +24,28 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
 }
 
+/// The scene's text and the units of all columns are in the metadata, which Parquet files hold as plain text at their end.
+#[test]
+fn parquet_tables_of_runs_hold_their_scene_and_units() {
+    let desk = Desk::new("metadata");
+    let scene = SCENE.replace("duration", "perturb = { qd = 0.01 }\nduration");
+    desk.write("s.toml", &scene);
+    desk.run("simulate s.toml --parquet run.parquet --contacts contacts.parquet");
+    desk.run("simulate s.toml --runs 2 --parquet runs.parquet");
+    let cases = [
+        ("run", r#""qd.elbow":"rad/s","qd.shoulder":"rad/s","time":"s"}"#),
+        ("contacts", r#""x":"m","y":"m","z":"m"}"#),
+        ("runs", r#""start.qd.elbow":"rad/s","start.qd.shoulder":"rad/s"}"#),
+    ];
+    for (name, units) in cases {
+        let bytes = std::fs::read(desk.0.join(format!("{name}.parquet"))).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        for part in ["carom.version", "carom.units", units, "carom.scene", &scene] {
+            assert!(text.contains(part), "{name}: {part}");
+        }
+    }
+}
+
 /// A run from the last state of another one continues it: the end is that of the run in one piece, and so is its time.
 #[test]
 fn a_run_continues_from_the_answer_of_another_one() {

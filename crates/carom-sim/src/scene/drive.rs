@@ -67,7 +67,7 @@ impl Drives<'_> {
             Some(given) => per_joint(key, given, self.chain).map(Gains::Each).map_err(|why| format!("{table} {why}")),
         };
         let wanted = || {
-            let given = run.target.as_ref().ok_or_else(|| needs("target"))?;
+            let given = run.target.as_ref().ok_or_else(|| needs("target: {} keeps the positions at the start"))?;
             target(given, self.chain, self.q).map_err(|why| format!("{table} {why}"))
         };
         Ok(match controller {

@@ -258,6 +258,8 @@ pub struct Scene {
     pub out_of_reach: Vec<(String, LeftOut)>,
     /// `model = "full"`: [`Scene::plan`] makes no reductions.
     pub full: bool,
+    /// The text of the scene file.
+    pub text: String,
     /// Every file that was read: scene, robot, meshes of robot and surfaces, tables.
     pub files: Vec<PathBuf>,
     /// Warnings: a start outside joint limits, a `[[contact.pair]]` that applies to no contact. Those about the robot are in
@@ -415,6 +417,7 @@ impl Scene {
             tip,
             out_of_reach: left_out,
             full,
+            text: text.to_owned(),
             files,
             warnings,
         })

@@ -150,6 +150,11 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
              give one of them",
             q.len()
         )),
+        Some(q) if !given.floating && q.len() == chain.nq() + 7 => {
+            let wrong = chain.check_state(q, &vec![0.0; chain.nv()]);
+            let wrong = wrong.err().map_or_else(String::new, |e| e.to_string());
+            Err(format!("{wrong}; a floating base, which has seven of them, needs floating = true"))
+        }
         Some(q) => Ok(q.clone()),
     }
 }

@@ -30,7 +30,9 @@ fn suggest(message: &str) -> String {
     }
     let mut quoted = message.split('`').skip(1).step_by(2);
     let Some(unknown) = quoted.next().filter(|_| message.contains("unknown")) else { return message.clone() };
-    let near = quoted.map(|name| (strsim::jaro_winkler(unknown, name), name)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let near = quoted
+        .map(|name| (strsim::jaro_winkler(&unknown.to_lowercase(), name), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0));
     match near {
         Some((likeness, name)) if likeness > 0.7 => format!("{message}; did you mean `{name}`?"),
         _ => message.clone(),

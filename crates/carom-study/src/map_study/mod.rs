@@ -242,7 +242,8 @@ impl Study {
     /// Unit of a column; empty for words, dimensionless numbers and unknown names.
     pub fn unit(&self, column: &str) -> &'static str {
         let axis = self.axes().iter().find(|axis| axis.name == column);
-        axis.map_or_else(|| quantity::unit_of(column), |axis| axis.unit)
+        let column = || self.columns.iter().find(|it| it.name == column);
+        axis.map_or_else(|| column().map_or("", |it| it.unit), |axis| axis.unit)
     }
 
     /// The robot's kinematic chain.

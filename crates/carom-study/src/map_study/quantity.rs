@@ -140,15 +140,6 @@ pub(super) fn by_name(name: &str) -> Option<Quantity> {
     KNOWN.iter().find(|(known, ..)| *known == name).map(|(.., quantity)| *quantity)
 }
 
-/// The unit of a column.
-pub(super) fn unit_of(column: &str) -> &'static str {
-    match column.split_once('.') {
-        Some(("impact_ellipse", "angle_deg")) => "°",
-        Some((group, _)) => KNOWN.iter().find(|(known, ..)| *known == group).map_or("", |(_, unit, _)| unit),
-        None => KNOWN.iter().find(|(known, ..)| *known == column).map_or("", |(_, unit, _)| unit),
-    }
-}
-
 /// Words for every set of flags, in the order of their bits.
 fn flag_sets() -> Vec<String> {
     let all = ["energy-gain", "jam", "singular", "grazing", "non-unique", "no-approach"];
@@ -168,11 +159,21 @@ pub(super) fn flag_code(flags: carom_impact::Flags) -> f64 {
 }
 
 impl Quantity {
-    /// The columns of this quantity. `joints` are the chain's joints with coordinates of their own, `limited` the joints with a
-    /// velocity limit.
-    pub(super) fn columns(self, dimension: usize, joints: &[String], limited: &[String]) -> Vec<Column> {
-        let name = KNOWN.iter().find(|(.., quantity)| *quantity == self).map_or("", |(name, ..)| name);
-        let each = |parts: &[&str]| parts.iter().map(|part| Column::number(format!("{name}.{part}"))).collect();
+    /// The columns of this quantity. `joints` are the chain's joints with coordinates of their own and the units of their
+    /// velocities, `limited` the joints with a velocity limit.
+    pub(super) fn columns(
+        self,
+        dimension: usize,
+        joints: &[(String, &'static str)],
+        limited: &[String],
+    ) -> Vec<Column> {
+        let (name, unit, _) = KNOWN.iter().find(|(.., quantity)| *quantity == self).copied().unwrap_or(("", "", self));
+        let one = |part: &str| {
+            let unit = if part == "angle_deg" { "°" } else { unit };
+            Column::number(format!("{name}.{part}")).in_unit(unit)
+        };
+        let each = |parts: &[&str]| parts.iter().map(|part| one(part)).collect();
+        let velocity = |(joint, unit): &(String, &'static str)| Column::number(format!("{name}.{joint}")).in_unit(unit);
         match self {
             Q::Mode | Q::ModeBeyond => vec![Column::word(name, MODES)],
             Q::ModeEdge => vec![Column::word(name, EDGES.map(Edge::name))],
@@ -181,8 +182,8 @@ impl Quantity {
             Q::ImpactEllipse if dimension == 2 => each(&["long", "short", "angle_deg"]),
             Q::ImpactEllipse => each(&["long", "middle", "short"]),
             Q::Position => each(&["x", "y", "z"]),
-            Q::QdMinus | Q::QdPlus => joints.iter().map(|joint| Column::number(format!("{name}.{joint}"))).collect(),
-            _ => vec![Column::number(name)],
+            Q::QdMinus | Q::QdPlus => joints.iter().map(velocity).collect(),
+            _ => vec![Column::number(name).in_unit(unit)],
         }
     }
 }
@@ -194,10 +195,11 @@ mod tests {
 
     #[test]
     fn every_quantity_is_found_by_name_and_has_unique_columns() {
-        let joints = ["a".to_owned(), "b".to_owned()];
+        let joints = [("a".to_owned(), "rad/s"), ("b".to_owned(), "m/s")];
+        let limited = ["a".to_owned(), "b".to_owned()];
         let mut seen = std::collections::HashSet::new();
         for name in names() {
-            let columns = by_name(name).unwrap().columns(2, &joints, &joints);
+            let columns = by_name(name).unwrap().columns(2, &joints, &limited);
             assert!(!columns.is_empty());
             assert!(columns.iter().all(|c| c.name.split('.').next() == Some(name) && seen.insert(c.name.clone())));
         }

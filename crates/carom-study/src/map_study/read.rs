@@ -186,7 +186,9 @@ impl Reading<'_> {
             );
         }
 
-        let joints: Vec<String> = own(self.chain).map(|joint| joint.name.clone()).collect();
+        let slides = |joint: &JointInfo| joint.kind == JointType::Prismatic;
+        let joints: Vec<_> =
+            own(self.chain).map(|joint| (joint.name.clone(), if slides(joint) { "m/s" } else { "rad/s" })).collect();
         let (limited, limits) = velocity_limits(self.chain);
         let quantities = self.quantities(&limited)?;
         let mut columns = Vec::new();
@@ -194,11 +196,13 @@ impl Reading<'_> {
             if k == axes.len() - CONDITIONS && !it.names().is_empty() {
                 columns.extend(["normal.x", "normal.y", "normal.z"].map(Column::number));
             } else {
-                columns.push(Column { name: it.name.clone(), words: it.names().to_vec() });
+                columns.push(Column { name: it.name.clone(), words: it.names().to_vec(), unit: it.unit });
             }
         }
         if sought {
-            columns.extend(joints.iter().map(|joint| Column::number(format!("q.{joint}"))));
+            columns.extend(own(self.chain).map(|joint| {
+                Column::number(format!("q.{}", joint.name)).in_unit(if slides(joint) { "m" } else { "rad" })
+            }));
         }
         columns.push(Column::word("class", CLASSES));
         columns.extend(quantities.iter().flat_map(|quantity| quantity.columns(D, &joints, &limited)));

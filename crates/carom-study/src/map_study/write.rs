@@ -98,6 +98,7 @@ impl Study {
     ) -> Result<Written, StudyError> {
         assert!(file.rows.end <= self.rows, "rows {:?} of {}", file.rows, self.rows);
         let mut table = Table::create_with(&file.path, &self.columns)?;
+        table.describe("carom.study", &self.text);
         let done = if file.resume { self.take_over(file, &mut table)? } else { 0 };
         progress(done);
         let mut next = file.rows.start + done;

@@ -6,6 +6,7 @@
 //! | numbers | shortest decimals that are read back exactly; the payload of a NaN is lost | exact |
 //! | buffer | at most 2¹⁴ rows | one row group: at most 2¹⁶ rows and 2²² numbers (32 MB) |
 //! | compression | none | numbers: Snappy; words: a dictionary with indices of a few bits |
+//! | metadata | none | `carom.version`; `carom.units`, a JSON object from columns to units; texts of [`Table::describe`] |
 //!
 //! A table is written to `X.csv.part` in the same folder and renamed when it is complete. A file under its final name is
 //! therefore always complete.
@@ -20,9 +21,11 @@ use parquet::column::reader::ColumnReader;
 use parquet::column::writer::ColumnCloseResult;
 use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::serialized_reader::ReadOptionsBuilder;
 use parquet::file::writer::SerializedFileWriter;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -76,17 +79,25 @@ pub struct Column {
     pub name: String,
     /// Empty for a column of numbers. In a column of words, the number k in a row stands for `words[k]`.
     pub words: Vec<String>,
+    /// Unit of the numbers; empty for words and dimensionless numbers.
+    pub unit: &'static str,
 }
 
 impl Column {
     /// A column of numbers.
     pub fn number(name: impl Into<String>) -> Self {
-        Self { name: name.into(), words: Vec::new() }
+        Self { name: name.into(), words: Vec::new(), unit: "" }
+    }
+
+    /// The same column with a unit.
+    #[must_use]
+    pub fn in_unit(self, unit: &'static str) -> Self {
+        Self { unit, ..self }
     }
 
     /// A column of words; a row gives the index of its word in `words`.
     pub fn word<W: Into<String>>(name: impl Into<String>, words: impl IntoIterator<Item = W>) -> Self {
-        Self { name: name.into(), words: words.into_iter().map(Into::into).collect() }
+        Self { name: name.into(), words: words.into_iter().map(Into::into).collect(), unit: "" }
     }
 
     /// The word with index `value`; the empty text if there is no such word.
@@ -129,6 +140,7 @@ pub struct Table {
     place: Place,
     encoder: Encoder,
     held: Rows,
+    facts: Vec<KeyValue>,
     whole: bool,
 }
 
@@ -165,7 +177,19 @@ impl Table {
         let encoder = if is_text { Ok(Encoder::csv(columns)) } else { Encoder::parquet(columns) };
         let encoder = encoder.map_err(unwritable(path))?;
         let out = Out::begin(file, &encoder).map_err(unwritable(path))?;
-        Ok(Self { out, place, held: encoder.rows(), encoder, whole: true })
+        // sorted, whatever features of serde_json are on
+        let units: BTreeMap<&str, &str> =
+            columns.iter().filter(|it| !it.unit.is_empty()).map(|it| (it.name.as_str(), it.unit)).collect();
+        let units = serde_json::to_string(&units).map_err(|e| unwritable(path)(e.into()))?;
+        let facts = [("carom.version", env!("CARGO_PKG_VERSION").to_owned()), ("carom.units", units)];
+        let facts = facts.map(|(key, text)| KeyValue::new(key.to_owned(), text)).into();
+        Ok(Self { out, place, held: encoder.rows(), encoder, facts, whole: true })
+    }
+
+    /// Adds a text to the metadata of a Parquet file, for example `carom.scene` with the scene that was simulated. CSV files have
+    /// no metadata.
+    pub fn describe(&mut self, key: &str, text: &str) {
+        self.facts.push(KeyValue::new(key.to_owned(), text.to_owned()));
     }
 
     /// Adds a row: a number for each column, or the index of a word.
@@ -251,8 +275,8 @@ impl Table {
     /// As [`Table::finish`].
     pub(crate) fn finish_at(mut self, path: &Path) -> Result<(), TableError> {
         self.flush()?;
-        let Self { out, place, whole, .. } = self;
-        let flushed = if whole { out.finish() } else { Err(io::Error::other("a row was lost")) };
+        let Self { out, place, facts, whole, .. } = self;
+        let flushed = if whole { out.finish(facts) } else { Err(io::Error::other("a row was lost")) };
         flushed.and_then(|()| place.keep(path)).map_err(unwritable(path))
     }
 }
@@ -343,10 +367,13 @@ impl Out {
         }
     }
 
-    fn finish(self) -> io::Result<()> {
+    fn finish(self, facts: Vec<KeyValue>) -> io::Result<()> {
         match self {
             Self::Csv(mut file) => file.flush(),
-            Self::Parquet(mut file) => file.finish().map(|_metadata| ()).map_err(plain),
+            Self::Parquet(mut file) => {
+                facts.into_iter().for_each(|fact| file.append_key_value_metadata(fact));
+                file.finish().map(|_metadata| ()).map_err(plain)
+            }
         }
     }
 }
