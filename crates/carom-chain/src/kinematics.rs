@@ -75,6 +75,21 @@ pub struct Kinematics<'a, A: Algebra> {
     pub(crate) ws: &'a mut Workspace<A>,
 }
 
+/// The accelerations of all bodies at q̈ = 0: of [`Kinematics::drifts`].
+#[derive(Debug)]
+pub struct Drifts<'a, A: Algebra> {
+    kin: &'a Kinematics<'a, A>,
+}
+
+impl<A: Algebra> Drifts<'_, A> {
+    /// J̇ q̇: the acceleration of a point for q̈ = 0, world axes, m/s².
+    pub fn of(&self, point: Point<A>) -> A::Vector {
+        let Some(body) = point.body else { return A::zero() };
+        let (r, Flow { spin, spin_rate, acceleration }) = (self.kin.arm(body, point), self.kin.ws.flow[body]);
+        acceleration + A::swing(spin_rate, r) + A::swing(spin, A::swing(spin, r))
+    }
+}
+
 impl<A: Algebra> Link<A> {
     /// The world.
     pub fn world() -> Self {
@@ -307,17 +322,21 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::WrongLength`].
     pub fn point_drift(&mut self, point: Point<A>, qd: &[A::Scalar]) -> Result<A::Vector, ChainError> {
+        Ok(self.drifts(qd)?.of(point))
+    }
+
+    /// J̇ q̇ of any number of points, by one pass over the bodies. `qd` has length nv.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    pub fn drifts(&mut self, qd: &[A::Scalar]) -> Result<Drifts<'_, A>, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
-        let Some(body) = point.body else {
-            return Ok(A::zero());
-        };
         let base = Flow::base(A::zero());
         for (i, step) in self.chain.steps.iter().enumerate() {
             let outer = step.parent.map_or(base, |p| self.ws.flow[p]);
             self.ws.flow[i] = self.ws.flow_on(self.chain, i, &outer, qd, A::Scalar::zero());
         }
-        let (r, Flow { spin, spin_rate, acceleration }) = (self.arm(body, point), self.ws.flow[body]);
-        Ok(acceleration + A::swing(spin_rate, r) + A::swing(spin, A::swing(spin, r)))
+        Ok(Drifts { kin: self })
     }
 
     /// Outward pass of the velocities: vᵢ = v_λ + sᵢ q̇ᵢ.

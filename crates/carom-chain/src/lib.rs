@@ -44,7 +44,7 @@ pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows
 pub use error::ChainError;
 pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use join::{Member, Placed};
-pub use kinematics::{Kinematics, Workspace};
+pub use kinematics::{Drifts, Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
 pub use prepare::{Angle, Turned};
 pub use reduce::Reduced;

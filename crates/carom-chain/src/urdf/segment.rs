@@ -91,6 +91,7 @@ impl Robot {
                     limits: Limits::default(),
                     damping: 0.0,
                     friction: 0.0,
+                    rotor_inertia: 0.0,
                     mimic: None,
                 });
                 (parent, from) = (child, hinge);

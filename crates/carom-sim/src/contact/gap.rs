@@ -237,7 +237,8 @@ impl Touch {
         matches!(&self.kind, TouchKind::Pair { pair, part: Some(part) } if pair.ends(*part))
     }
 
-    /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences.
+    /// (g̈, u̇) at q̈ = 0 in closed form; `None` for pairs that need finite differences. `drifts`: the accelerations of both
+    /// contact points as material points.
     ///
     /// The contact points of parts move on their bodies by α and β: u̇ is the difference of the accelerations of the material
     /// points plus ω × α − ω′ × β, and g̈ = n·u̇ + ṅ·u.
@@ -247,17 +248,18 @@ impl Touch {
     pub(crate) fn drift<A: Space>(
         &self,
         at: &At<A>,
-        view: &mut View<A>,
+        view: &View<A>,
+        drifts: [Vector3<f64>; 2],
         qd: &[f64],
         time: f64,
     ) -> Option<Result<(f64, Vector3<f64>), SimError>> {
         match (&self.kind, at.surface) {
             (TouchKind::Limit { .. }, _) => Some(Ok((0.0, Vector3::zeros()))),
             (TouchKind::Ball { shape, radius, normal, .. }, Some(place)) => {
-                let mut closed = || {
+                let closed = || {
                     let turning = view.angular_velocity(shape.frame(), qd)?;
                     let arm = -normal * *radius;
-                    let mut u = view.drift(place.point, qd)? - turning.cross(&turning.cross(&arm));
+                    let mut u = drifts[0] - turning.cross(&turning.cross(&arm));
                     if let Some(motion) = &self.motion {
                         let rate = view.velocity(place.point, qd)? - turning.cross(&arm);
                         u -= motion.acceleration(time, (place.position, rate), *normal);
@@ -267,7 +269,7 @@ impl Touch {
                 Some(closed())
             }
             (TouchKind::Pair { pair, part: Some(part) }, Some(place)) => {
-                let mut closed = || {
+                let closed = || {
                     let [shift, speed, acceleration] = self.shift(time);
                     let turning = pair.turning(view, qd)?;
                     let own_velocity = place.velocity(view, qd)?;
@@ -276,9 +278,9 @@ impl Touch {
                     let Some(slide) = pair.slide(*part, view, shift, turning, u) else {
                         return Ok((0.0, Vector3::zeros()));
                     };
-                    let own = view.drift(place.point, qd)? + turning[0].cross(&slide.on_robot);
+                    let own = drifts[0] + turning[0].cross(&slide.on_robot);
                     let other = match place.against {
-                        Some(against) => view.drift(against, qd)? + turning[1].cross(&slide.on_environment),
+                        Some(_) => drifts[1] + turning[1].cross(&slide.on_environment),
                         None => acceleration,
                     };
                     let gap_drift = place.normal.dot(&(own - other)) + slide.normal_rate.dot(&u);

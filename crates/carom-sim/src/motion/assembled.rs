@@ -66,12 +66,16 @@ impl Assembled {
         }
     }
 
-    /// K and R q̈₀ + drift.
-    pub fn problem(&self) -> (DMatrix<f64>, DVector<f64>) {
-        let Self { constraints, responses, free, .. } = self;
-        let offset = DVector::from_fn(constraints.rows.len(), |i, _| {
+    /// K.
+    pub fn delassus(&self) -> DMatrix<f64> {
+        self.constraints.rows.times(&self.responses)
+    }
+
+    /// R q̈₀ + drift.
+    pub fn offset(&self) -> DVector<f64> {
+        let Self { constraints, free, .. } = self;
+        DVector::from_fn(constraints.rows.len(), |i, _| {
             constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]
-        });
-        (constraints.rows.times(responses), offset)
+        })
     }
 }

@@ -24,7 +24,7 @@
 use super::assembled::{Assembled, Force, Held};
 use super::lasting::{Hold, Lasting};
 use super::smooth::Motion;
-use crate::contact::Memory;
+use crate::contact::{At, Memory};
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -84,14 +84,16 @@ impl<A: Space> Motion<'_, A> {
         let mut view = self.view(q)?;
         found.constraints.clear();
         found.pressed.clear();
-        for own in lasting {
+        let placed: Vec<At<A>> = lasting.iter().map(|own| sim.touches[own.touch].at(&view, q, time)).collect();
+        let points = placed.iter().map(|at| at.surface.map_or([None; 2], |place| [Some(place.point), place.against]));
+        let drifts = view.drifts(points, qd)?;
+        for ((own, at), drifts) in lasting.iter().zip(placed).zip(drifts) {
             let touch = &sim.touches[own.touch];
             match own.hold {
                 Hold::Presses { damping, deepest } => {
                     let slot = bristles.iter().position(|&k| k == own.touch).map(|k| 3 * k);
                     let deflection = slot.map_or_else(Vector3::zeros, |k| Vector3::from_column_slice(&tail[k..k + 3]));
                     let memory = Memory { damping, deepest, deflection };
-                    let at = touch.at(&view, q, time);
                     let (Some(place), Some(compliance)) = (at.surface, touch.contact.compliance) else { continue };
                     let u = touch.u(&place, &view, qd, time)?;
                     let rate = place.normal.dot(&u);
@@ -105,12 +107,11 @@ impl<A: Space> Motion<'_, A> {
                     found.pressed.push(Force { force, normal, normal_force, bends: pressed.bends });
                 }
                 _ => {
-                    let at = touch.at(&view, q, time);
-                    let drift = match touch.drift(&at, &mut view, qd, time) {
+                    let drift = match touch.drift(&at, &view, drifts, qd, time) {
                         Some(closed) => closed?,
                         None => numerical.next().unwrap_or_default(),
                     };
-                    found.constraints.add((own, touch), &view, (q, qd, time), drift, noise)?;
+                    found.constraints.add((own, touch), (&at, &view), (qd, time), drift, noise)?;
                 }
             }
         }
@@ -158,10 +159,7 @@ impl<A: Space> Motion<'_, A> {
         let lambda = if m == 0 {
             DVector::zeros(0)
         } else {
-            let k = constraints.rows.times(responses);
-            let wanted =
-                DVector::from_fn(m, |i, _| -(constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]));
-            self.forces(time, lasting, found, &k, &wanted)?
+            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
         };
         for (response, force) in responses.iter().zip(lambda.iter()) {
             held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
@@ -187,7 +185,7 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// λ.
-    fn forces(
+    pub fn forces(
         &self,
         time: f64,
         lasting: &[Lasting],

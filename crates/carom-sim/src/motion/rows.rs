@@ -1,7 +1,7 @@
 //! The rows of closed contacts and of joints that dry friction holds, at one state.
 
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use crate::contact::Touch;
+use crate::contact::{At, Touch};
 use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::Rows;
@@ -36,6 +36,8 @@ pub(crate) struct Contact {
     pub position: Vector3<f64>,
     /// J q̇, m/s.
     pub velocity: Vector3<f64>,
+    /// Velocity of the surface at the contact point, m/s.
+    pub surface: Vector3<f64>,
 }
 
 impl Contact {
@@ -71,18 +73,16 @@ impl Constraints {
     pub fn add<A: Space>(
         &mut self,
         (own, touch): (&Lasting, &Touch),
-        view: &View<A>,
-        (q, qd, time): (&[f64], &[f64], f64),
+        (at, view): (&At<A>, &View<A>),
+        (qd, time): (&[f64], f64),
         drift: (f64, Vector3<f64>),
         noise: f64,
     ) -> Result<(), SimError> {
         let first = self.rows.len();
-        let at = touch.at(view, q, time);
         let (gap_drift, u_drift) = drift;
         let Some(place) = at.surface else {
-            for rows in [&mut self.rows, &mut self.forces] {
-                touch.row_into(&at, view, rows.add())?;
-            }
+            touch.row_into(at, view, self.rows.add())?;
+            self.forces.add().copy_from_slice(self.rows.row(first));
             self.drifts.push(gap_drift);
             let zero = Vector3::zeros();
             self.contacts.push(Contact {
@@ -92,12 +92,14 @@ impl Constraints {
                 normal: zero,
                 position: zero,
                 velocity: zero,
+                surface: zero,
             });
             return Ok(());
         };
         let normal = place.normal;
         let velocity = place.velocity(view, qd)?;
-        let u = velocity - touch.surface_velocity(&place, time);
+        let surface = touch.surface_velocity(&place, time);
+        let u = velocity - surface;
         let mut directions = z_onto(normal);
         if let Hold::Slides { toward } = own.hold {
             let mu = touch.contact.law.friction();
@@ -108,14 +110,13 @@ impl Constraints {
                 place.row_into(view, directions.column(2).into(), self.forces.add())?;
                 self.skew = true;
             } else {
-                place.row_into(view, normal, self.forces.add())?;
+                self.forces.add().copy_from_slice(self.rows.row(first));
             }
             self.drifts.push(gap_drift);
         } else {
             for axis in directions.column_iter() {
-                for rows in [&mut self.rows, &mut self.forces] {
-                    place.row_into(view, axis.into(), rows.add())?;
-                }
+                place.row_into(view, axis.into(), self.rows.add())?;
+                self.forces.add().copy_from_slice(self.rows.row(self.rows.len() - 1));
                 self.drifts.push(axis.dot(&u_drift));
             }
             // The curvature of gap and surface.
@@ -125,8 +126,23 @@ impl Constraints {
         }
         let rows = first..self.rows.len();
         let (touch, directions, position) = (own.touch, Some(directions), place.position);
-        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity });
+        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity, surface });
         Ok(())
+    }
+
+    /// R q̇ less the velocities of the surfaces: what the constraints make zero.
+    pub fn excess(&self, qd: &[f64]) -> Vec<f64> {
+        let mut excess: Vec<f64> = (0..self.rows.len()).map(|i| self.rows.dot(i, qd)).collect();
+        for contact in &self.contacts {
+            let Some(directions) = &contact.directions else { continue };
+            let own = &mut excess[contact.rows.clone()];
+            let last = own.len() - 1;
+            own[last] -= contact.normal.dot(&contact.surface);
+            for (k, excess) in own[..last].iter_mut().enumerate() {
+                *excess -= directions.column(k).dot(&contact.surface);
+            }
+        }
+        excess
     }
 
     /// The rows of the joints that dry friction holds.

@@ -125,7 +125,7 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// The entry of a candidate in the complementarity problem.
-    fn entry(&self, candidate: &Candidate) -> Lasting {
+    pub fn entry(&self, candidate: &Candidate) -> Lasting {
         let Candidate { touch, slip, kept } = *candidate;
         if let Some(kept) = kept {
             return kept;
@@ -149,7 +149,7 @@ impl<A: Space> Motion<'_, A> {
         found: &mut Assembled,
     ) -> Result<Option<Solution>, SimError> {
         self.assemble((time, y), entries, found)?;
-        let (delassus, free) = found.problem();
+        let (delassus, free) = (found.delassus(), found.offset());
         let mut constraints = Vec::new();
         for own in entries.iter().filter(|own| own.is_rigid()) {
             let touch = &self.sim.touches[own.touch];

@@ -18,7 +18,7 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Hold, Lasting, direction_of_slip};
+use crate::motion::{Candidate, Hold, Lasting, direction_of_slip};
 use crate::state::{Blow, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
@@ -298,10 +298,9 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Sets the normal velocities of these touches to zero: the end of their impacts.
     fn close(&mut self, touches: &[usize]) -> Result<(), SimError> {
-        let hold = Hold::Slides { toward: nalgebra::Vector3::zeros() };
-        let closed: Vec<Lasting> = touches.iter().map(|&touch| Lasting { touch, hold }).collect();
-        self.motion.project(&closed, self.time, &mut self.y)?;
-        Ok(())
+        let candidates: Result<Vec<Candidate>, SimError> =
+            touches.iter().map(|&touch| self.motion.candidate(touch, self.time, &self.y)).collect();
+        self.motion.shut(&candidates?, self.time, &mut self.y)
     }
 
     /// The motion has no consistent mode: an impact without collision, or time steps.

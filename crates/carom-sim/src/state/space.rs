@@ -149,6 +149,17 @@ impl<'a, A: Space> View<'a, A> {
         Ok(A::lift(self.model, self.kin.point_drift(point, qd)?))
     }
 
+    /// The accelerations of these points at q̈ = 0, by one pass over the bodies; zero for none.
+    pub fn drifts<const N: usize>(
+        &mut self,
+        points: impl Iterator<Item = [Option<Point<A>>; N]>,
+        qd: &[f64],
+    ) -> Result<Vec<[Vector3<f64>; N]>, SimError> {
+        let drifts = self.kin.drifts(qd)?;
+        let of = |point: Option<Point<A>>| point.map_or_else(Vector3::zeros, |it| A::lift(self.model, drifts.of(it)));
+        Ok(points.map(|points| points.map(of)).collect())
+    }
+
     /// Adds nᵀJ to `row`.
     pub fn add_row(&self, point: Point<A>, n: Vector3<f64>, row: &mut [f64]) -> Result<(), SimError> {
         Ok(self.kin.add_point_force(point, A::project(self.model, n), row)?)
