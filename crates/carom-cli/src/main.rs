@@ -126,8 +126,8 @@ struct LoadArgs {
     package_dirs: Vec<std::path::PathBuf>,
     /// Reflected inertia of the motor's rotor at a joint, kg m² or kg; may be repeated
     ///
-    /// N² I for a gear ratio N and a rotor inertia I. It is added to the diagonal of M, and replaces
-    /// that of drake:rotor_inertia and drake:gear_ratio in the <transmission> of the URDF.
+    /// N² I for a gear ratio N and a rotor inertia I. It is added to the diagonal of M.
+    /// It replaces drake:rotor_inertia and drake:gear_ratio in a <transmission> of the URDF.
     #[arg(long, value_name = "JOINT=INERTIA", value_parser = input::parse_rotor, verbatim_doc_comment)]
     rotor_inertia: Vec<(String, f64)>,
 }

@@ -18,7 +18,20 @@ fn every_answer_has_the_keys_of_the_contract() {
     for joint in report["joints"].as_array().unwrap() {
         assert_eq!(
             keys(joint),
-            ["child", "damping", "effort", "friction", "lower", "mimic", "name", "parent", "type", "upper", "velocity"]
+            [
+                "child",
+                "damping",
+                "effort",
+                "friction",
+                "lower",
+                "mimic",
+                "name",
+                "parent",
+                "rotor_inertia",
+                "type",
+                "upper",
+                "velocity"
+            ]
         );
     }
     assert_eq!(keys(&report["planar"]), ["is", "normal", "reason"]);
@@ -112,7 +125,7 @@ fn inspect_reports_the_content_of_the_file() {
         json!({
             "name": "elbow", "type": "revolute", "parent": "link1", "child": "link2",
             "lower": -3.1, "upper": 3.1, "velocity": 18.85, "effort": 40.0,
-            "damping": 0.0, "friction": 0.0, "mimic": null
+            "damping": 0.0, "friction": 0.0, "rotor_inertia": 0.0, "mimic": null
         })
     );
     let arm = &desk.answers("inspect arm7.urdf --json", "")[0];
@@ -130,7 +143,7 @@ fn inspect_reports_the_content_of_the_file() {
         json!({
             "name": "root_joint", "type": "floating", "parent": "world", "child": "base",
             "lower": null, "upper": null, "velocity": null, "effort": null, "damping": 0.0,
-            "friction": 0.0, "mimic": null
+            "friction": 0.0, "rotor_inertia": 0.0, "mimic": null
         })
     );
 }

@@ -283,7 +283,11 @@ impl<A: Space> Run<'_, '_, A> {
             self.lost += energy - self.motion.energy(&self.y)?;
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
-            let told = self.motion.told(self.time, &y)?;
+            let told = match self.motion.told(self.time, &y) {
+                // Slip has ended within the jump: the mode that is chosen below has the forces.
+                Err(SimError::Jam { .. }) => Vec::new(),
+                told => told?,
+            };
             self.sampler.stretch((from, self.time, 2), |_| y.clone(), |_, _| told.clone());
             for &touch in &ending {
                 self.note(EventKind::Zeno { touch, impacts: self.motion.impacts(touch) }, &start, Vec::new());
