@@ -44,6 +44,8 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub blows: VecDeque<f64>,
     /// Whether the chain is at rest and stays so.
     pub resting: bool,
+    /// The time for which the present mode, which is stiff, is next integrated implicitly, s.
+    pub implicit: Option<f64>,
     /// A leap over a pose at which the mechanism could branch, if the run stands within it.
     pub leap: Option<Leap>,
 }
@@ -90,9 +92,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
         let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
         let patience = (gives_up || presses).then_some(PATIENCE);
+        // A mode that has turned out to be stiff goes on implicitly, each time for longer.
+        let implicit = std::mem::take(&mut self.implicit).filter(|_| gives_up && !presses);
+        let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
         let accuracy = Accuracy { tolerance, max_step, integrator, patience };
         let kink = sim.next_kink(self.time);
-        let mut until = kink.min(self.end);
+        let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // shorter than any integration step
             return Ok(Ending::Passed);
@@ -110,13 +115,18 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
-        // integrator, for slip until the explicit one is tried again. A compliant contact may also oscillate fast without being
+        // integrator, for a while. A compliant contact may also oscillate fast without being
         // stiff, and at a kink of its force the implicit integrator may fail: both take turns, each with growing patience.
+        let mut next = implicit.map(|span| LONGER * span);
         let mut turn = 0;
         let turns = if presses { TURNS } else { 1 };
         let mut integrator = integrator;
         while let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (patience.is_some() && turn < turns, &ended) {
+            let moved = *time > self.time;
             (self.time, self.y) = (*time, y.clone());
+            if implicit.is_some() && moved {
+                return Ok(Ending::Passed); // the explicit integrator is tried again
+            }
             integrator = match integrator {
                 Integrator::Radau if presses => Integrator::DormandPrince,
                 _ => Integrator::Radau,
@@ -125,12 +135,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             let patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
             let accuracy = Accuracy { integrator, patience, ..accuracy };
             let until = if presses { until } else { until.min(self.time + TURNING * max_step) };
+            next = Some(LONGER * TURNING * max_step);
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         let watches = flow.watches;
         match ended {
             Ok(LegEnd { time, y, fired, stalled }) => {
                 (self.time, self.y) = (time, y);
+                self.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
                 match (fired, stalled) {
                     (_, Some(_)) if gives_up => Ok(Ending::Stuck(StepReason::Stiff)),
                     (_, Some(reason)) => Err(SimError::Integration { time, reason }),
@@ -460,8 +472,10 @@ pub(crate) const TOUCHING: f64 = 1e-9;
 const NEAREST: f64 = 1e-9;
 /// The explicit and the implicit integrator take turns at most so often in one leg with compliant contacts.
 const TURNS: u32 = 20;
-/// Share of the longest step for which a slip that turns fast is integrated implicitly.
+/// Share of the longest step for which a stiff mode is integrated implicitly first.
 const TURNING: f64 = 0.1;
+/// The factor by which the time is longer in which it is integrated implicitly next.
+const LONGER: f64 = 8.0;
 /// With this number of events within one contact step the run continues by time stepping.
 const CROWD: usize = 300;
 

@@ -23,6 +23,7 @@ pub(crate) struct Stand {
     recent: VecDeque<f64>,
     blows: VecDeque<f64>,
     resting: bool,
+    implicit: Option<f64>,
     leap: Option<Leap>,
 }
 
@@ -33,19 +34,21 @@ pub(crate) struct Memory {
     recent: VecDeque<f64>,
     blows: VecDeque<f64>,
     resting: bool,
+    implicit: Option<f64>,
 }
 
 impl<A: Space> Run<'_, '_, A> {
     /// What it remembers of its last events.
     pub fn memory(&self) -> Memory {
-        let Self { events, recent, blows, resting, .. } = self;
-        Memory { events: *events, recent: recent.clone(), blows: blows.clone(), resting: *resting }
+        let Self { events, recent, blows, resting, implicit, .. } = self;
+        Memory { events: *events, recent: recent.clone(), blows: blows.clone(), resting: *resting, implicit: *implicit }
     }
 
     /// Remembers what another run of a similar simulation does.
     pub fn recall(&mut self, memory: &Memory) {
-        let Memory { events, recent, blows, resting } = memory.clone();
+        let Memory { events, recent, blows, resting, implicit } = memory.clone();
         (self.events, self.recent, self.blows, self.resting) = (events, recent, blows, resting);
+        self.implicit = implicit;
     }
 }
 
@@ -73,6 +76,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             recent: VecDeque::new(),
             blows: VecDeque::new(),
             resting: false,
+            implicit: None,
             leap: None,
         };
         let mut run = Self::resume(motion, stand, sampling, watch);
@@ -83,17 +87,46 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// A run that goes on from where another one stood.
     pub fn resume(mut motion: Motion<'a, A>, stand: Stand, sampling: Sampling, watch: &'w mut dyn FnMut(Seen)) -> Self {
         let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
-        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, leap } = stand;
+        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, implicit, leap } = stand;
         motion.keep(kept);
         let count = sampling.every.map_or(0, |every| next_moment(time, every, time == motion.sim.start_time));
         let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
-        Self { motion, time, y, end: time, sampler, events, statistics, lost, stepped, recent, blows, resting, leap }
+        Self {
+            motion,
+            time,
+            y,
+            end: time,
+            sampler,
+            events,
+            statistics,
+            lost,
+            stepped,
+            recent,
+            blows,
+            resting,
+            implicit,
+            leap,
+        }
     }
 
     /// Where the run stands.
     pub fn stand(self) -> Stand {
-        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, leap, .. } = self;
-        Stand { time, y, kept: motion.kept(), events, statistics, lost, stepped, recent, blows, resting, leap }
+        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, implicit, leap, .. } =
+            self;
+        Stand {
+            time,
+            y,
+            kept: motion.kept(),
+            events,
+            statistics,
+            lost,
+            stepped,
+            recent,
+            blows,
+            resting,
+            implicit,
+            leap,
+        }
     }
 
     /// Runs to the end, or with `to_event` to the next event.
