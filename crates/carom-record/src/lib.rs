@@ -7,6 +7,7 @@
 mod bounds;
 mod diagrams;
 mod geometry;
+mod lasting;
 mod layout;
 mod map;
 mod measures;

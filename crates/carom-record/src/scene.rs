@@ -6,8 +6,9 @@
 //! | `/world/surfaces/…` | the surfaces; the displacement of those that move |
 //! | `/world/tip` | the tip's path, piece by piece |
 //! | `/world/contacts`, `/world/impulses`, `/world/impulse` | points at which impulses acted, arrows of the impulses, size of the last one |
+//! | `/world/forces` | arrows of the forces of lasting contacts |
 //! | `/series/…` | positions, velocities, the tip's velocity, energies, gaps |
-//! | `/contact` | the mode of contact over time |
+//! | `/contact`, `/contact/…` | the mode of contact over time: of all contacts in one word, and of each that lasts |
 //! | `/events` | the events, as text |
 //! | `/run` | summary of the run |
 //!
@@ -15,6 +16,7 @@
 
 use crate::bounds::{Bounds, Eye, Outline, xyz};
 use crate::geometry::{self, Drawn, entity, fixed, transform};
+use crate::lasting::Lanes;
 use crate::layout::{self, Cursor, Tile};
 use crate::measures::Measures;
 use crate::target::{Sink, Target};
@@ -22,23 +24,13 @@ use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, found_shapes};
-use carom_sim::{Blow, Event, EventKind, Moment, Plan, Scene, Seen, Summary};
+use carom_sim::{Blow, ContactState, Event, Moment, Plan, Scene, Seen, Summary};
 use nalgebra::{Matrix3, Vector3};
 use rerun::AsComponents;
 use std::collections::BTreeMap;
 
 const PATH: u32 = 0xffb0_00ff;
 const BLOW: u32 = 0xff5a_36ff;
-/// Modes with their colours.
-const MODES: [(&str, u32); 7] = [
-    ("free", 0x4e79_a7ff),
-    ("sliding", 0xf28e_2bff),
-    ("sticking", 0xe157_59ff),
-    ("latched", 0xb07a_a1ff),
-    ("pressing", 0xedc9_48ff),
-    ("several", 0x59a1_4fff),
-    ("stepping", 0x9c75_5fff),
-];
 /// Duration of a replay, s, at most real time.
 const REPLAY: f64 = 8.0;
 /// Time before the first event from which a replay is repeated, as a share of the duration.
@@ -72,7 +64,9 @@ pub struct SceneRecorder {
     held: Vec<(f64, Vec<Blow>)>,
     /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
-    mode: Option<&'static str>,
+    lanes: Lanes,
+    /// Time of the last moment whose lasting contacts were not reported: it has none.
+    untold: Option<f64>,
     /// Time of the first event, s.
     first: Option<f64>,
     counts: BTreeMap<&'static str, usize>,
@@ -120,7 +114,8 @@ impl SceneRecorder {
             arrow: None,
             held: Vec::new(),
             path: None,
-            mode: None,
+            lanes: Lanes::default(),
+            untold: None,
             first: None,
             counts: BTreeMap::new(),
             time: 0.0,
@@ -130,7 +125,9 @@ impl SceneRecorder {
         };
         recorder.begin_world()?;
         recorder.state(0.0, (&plan.q, &plan.qd), true)?;
-        recorder.enter("free")?;
+        recorder.lanes.begin(&recorder.sink)?;
+        let weight = recorder.chain.total_mass() * recorder.gravity.norm();
+        recorder.lanes.arrow = (weight > 0.0).then(|| round(ARROW * size / weight));
         if recorder.live {
             recorder.show()?;
         }
@@ -141,9 +138,13 @@ impl SceneRecorder {
     pub fn see(&mut self, seen: Seen) {
         if self.failed.is_none() {
             let done = match seen {
-                Seen::Moment(Moment { time, q, qd }) => self.state(*time, (q, qd), true),
+                Seen::Moment(moment) => self.moment(moment),
                 Seen::Event(event) => self.event(event),
-                Seen::Contacts(..) | Seen::Segment(_) => Ok(()),
+                Seen::Contacts(time, states) => {
+                    self.untold = None;
+                    self.contacts(time, states)
+                }
+                Seen::Segment(_) => Ok(()),
             };
             self.failed = done.err();
         }
@@ -158,9 +159,11 @@ impl SceneRecorder {
             return Err(error);
         }
         let Moment { time, q, qd } = &summary.last;
+        self.tell()?;
         self.blows()?;
         self.state(*time, (q, qd), true)?;
-        let mut page = summary::markdown(&self.chain, summary, &self.counts, self.arrow);
+        self.contacts(*time, &summary.contacts)?;
+        let mut page = summary::markdown(&self.chain, summary, &self.counts, [self.arrow, self.lanes.arrow]);
         for reason in &self.unread {
             page += &format!("\nNot drawn: {reason}\n");
         }
@@ -184,9 +187,7 @@ impl SceneRecorder {
             _ => rerun::ViewCoordinates::RIGHT_HAND_Z_UP(),
         };
         fixed(&self.sink, &"world".into(), &coordinates)?;
-        geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())?;
-        let modes = rerun::StateConfiguration::new().with_values(MODES.map(|(name, _)| name));
-        fixed(&self.sink, &"contact".into(), &modes.with_colors(MODES.map(|(_, colour)| colour)))
+        geometry::surfaces(&self.sink, &self.measures.surfaces, &self.bounds, self.plane.as_ref())
     }
 
     /// The upward direction: against gravity; without gravity z, or the second axis of the chain's plane.
@@ -289,16 +290,12 @@ impl SceneRecorder {
     fn event(&mut self, event: &Event) -> Result<(), RecordError> {
         *self.counts.entry(event.kind.name()).or_default() += 1;
         self.first.get_or_insert(event.time);
+        self.tell()?;
         self.state(event.time, (&event.q, &event.qd_minus), true)?;
         self.state(event.time, (&event.q, &event.qd_plus), false)?;
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
         now(&self.sink, "events".into(), &words)?;
-        match &event.kind {
-            EventKind::Mode { mode } => self.enter(mode.name())?,
-            // A contact that lasts after an impact has an event of its own.
-            EventKind::Impact { .. } | EventKind::LiftOff { .. } | EventKind::Limit { .. } => self.enter("free")?,
-            _ => {}
-        }
+        self.lanes.event(&self.sink, &self.touches, &event.kind)?;
         if event.blows.iter().any(|blow| blow.impulse.norm() > 0.0) {
             self.held.push((event.time, event.blows.clone()));
             if self.arrow.is_some() || self.live || self.held.len() == HELD {
@@ -308,12 +305,39 @@ impl SceneRecorder {
         Ok(())
     }
 
-    fn enter(&mut self, mode: &'static str) -> Result<(), RecordError> {
-        if self.mode != Some(mode) {
-            self.mode = Some(mode);
-            now(&self.sink, "contact".into(), &rerun::StateChange::single(mode))?;
+    fn moment(&mut self, Moment { time, q, qd }: &Moment) -> Result<(), RecordError> {
+        self.tell()?;
+        self.untold = Some(*time);
+        self.state(*time, (q, qd), true)
+    }
+
+    /// Records that the last moment had no lasting contacts, if none were reported.
+    fn tell(&mut self) -> Result<(), RecordError> {
+        self.untold.take().map_or(Ok(()), |time| self.contacts(time, &[]))
+    }
+
+    /// The lasting contacts at a time.
+    fn contacts(&mut self, time: f64, states: &[ContactState]) -> Result<(), RecordError> {
+        self.sink.rec.set_duration_secs("time", time);
+        self.lanes.set(&self.sink, &self.touches, states)?;
+        let (eye, share) = self.nearer();
+        let before = |point: Vector3<f64>| point + (eye - point) * share;
+        let largest = states.iter().map(|state| state.force.norm()).fold(0.0, f64::max);
+        if largest > 0.0 {
+            self.lanes.arrow.get_or_insert_with(|| round(ARROW * self.size / largest));
         }
-        Ok(())
+        self.lanes.draw(&self.sink, states, (before, share), (self.size, 3.0 * ARROW * self.size))
+    }
+
+    /// The position of the eye, and the share of the way to it by which arrows are moved: the links of a planar chain would hide
+    /// them.
+    fn nearer(&self) -> (Vector3<f64>, f64) {
+        let eye = self.eye();
+        let share = self.plane.map_or(0.0, |plane| {
+            let [depth, distance] = [self.bounds.half_depth(&plane.normal), (eye.position - eye.target).norm()];
+            (depth / distance).min(0.5)
+        });
+        (eye.position, share)
     }
 
     /// Draws the impulses that are not yet drawn, to one scale.
@@ -333,13 +357,8 @@ impl SceneRecorder {
 
     /// Draws the arrows of the impulses of one event, and their sizes in N s.
     fn arrows(&self, blows: &[Blow], scale: f64) -> Result<(), RecordError> {
-        // The links of a planar chain would hide the arrows, so these are moved in front of them along the line of sight.
-        let eye = self.eye();
-        let share = self.plane.map_or(0.0, |plane| {
-            let [depth, distance] = [self.bounds.half_depth(&plane.normal), (eye.position - eye.target).norm()];
-            (depth / distance).min(0.5)
-        });
-        let before = |point: Vector3<f64>| point + (eye.position - point) * share;
+        let (eye, share) = self.nearer();
+        let before = |point: Vector3<f64>| point + (eye - point) * share;
         let longest = 3.0 * ARROW * self.size;
         let (mut points, mut arrows, mut ends, mut labels) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for Blow { point, impulse, .. } in blows.iter().filter(|blow| blow.impulse.norm() > 0.0) {

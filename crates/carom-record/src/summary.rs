@@ -28,12 +28,12 @@ pub(crate) fn words(event: &Event, touches: &[String]) -> String {
     }
 }
 
-/// The summary of a run as Markdown; `arrow`: length of the arrow of 1 N s, m.
+/// The summary of a run as Markdown; `arrows`: lengths of the arrows of 1 N s and of 1 N, m.
 pub(crate) fn markdown(
     chain: &Chain,
     summary: &Summary,
     counts: &BTreeMap<&'static str, usize>,
-    arrow: Option<f64>,
+    arrows: [Option<f64>; 2],
 ) -> String {
     let EnergyBooks { start, end, drive, resistance, impacts } = summary.energy;
     let Statistics { steps, rejections, evaluations, contact_steps, .. } = summary.statistics;
@@ -58,8 +58,12 @@ pub(crate) fn markdown(
     ] {
         page += &format!("| {what} | {} |\n", short(joules));
     }
-    if let Some(arrow) = arrow {
-        page += &format!("\nArrows: impulses on the robot, {} m for 1 N s\n", short(arrow));
+    for (arrow, what) in
+        arrows.iter().zip(["impulses on the robot, {} m for 1 N s", "forces of lasting contacts, {} m for 1 N"])
+    {
+        if let Some(arrow) = arrow {
+            page += &format!("\nArrows: {}\n", what.replace("{}", &short(*arrow)));
+        }
     }
     page += &format!("\n{steps} steps, {rejections} rejected, {evaluations} evaluations");
     if contact_steps > 0 {

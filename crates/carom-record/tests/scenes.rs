@@ -146,3 +146,24 @@ fn replays_select_the_time_from_the_first_event() {
     assert!(selects("planar2", 0.5));
     assert!(!selects("chain10", 0.02), "ten links fall without touching");
 }
+
+/// Each contact that lasts has a lane of its own, and its force an arrow; contacts that never close have none.
+#[test]
+fn lasting_contacts_have_lanes_and_forces() {
+    let desk = Desk::new("lanes");
+    let path = desk.0.join("x.rrd");
+    let bytes = |name: &str, duration: f64| {
+        record(&Scene { duration, ..scene(name) }, &path, 0.02).unwrap();
+        std::fs::read(&path).unwrap()
+    };
+    let holds = |bytes: &[u8], name: &str| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+    let lane = |corner: usize| format!(r"/contact/box\ on\ floor\,\ corner\ {corner}");
+    // The box comes to rest on the corners 1, 2, 5 and 6.
+    let rests = bytes("box", 1.0);
+    for corner in 1..=8 {
+        assert_eq!(holds(&rests, &lane(corner)), [1, 2, 5, 6].contains(&corner), "corner {corner}");
+    }
+    assert!(holds(&rests, "/world/forces"));
+    let flies = bytes("box", 0.1);
+    assert!(!holds(&flies, "/world/forces") && !holds(&flies, &lane(1)));
+}
