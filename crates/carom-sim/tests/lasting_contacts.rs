@@ -4,7 +4,7 @@ use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::{Mesh, Obstacle};
 use carom_impact::{Energetic, Newton};
-use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Simulation, Surface, Touch};
+use carom_sim::{ContactMode, ContactRule, Drive, EventKind, Scene, Simulation, Summary, Surface, Touch};
 use nalgebra::{Isometry3, Vector3};
 
 const G: f64 = 9.81;
@@ -135,4 +135,44 @@ fn an_accumulation_has_the_friction_of_all_its_impacts() {
         let most = 1e-10 + v * (20.0 * zeno_time).powi(3);
         assert!(off.abs() < most, "{off:e} at a Zeno time of {zeno_time}");
     }
+}
+
+/// An arm whose PD controllers press its last link on a table is stiff: its rates are 1e3 /s while it stands. The implicit integrator
+/// takes over, each time for longer. The end does not depend on the tolerance, and the arm stands.
+#[test]
+fn an_arm_that_presses_on_a_table_comes_to_rest_in_few_evaluations() {
+    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let text = r#"
+        robot = { urdf = "robots/arm7.urdf", q = [0, 0.5, 0, 1.0, 0, 0.8, 0] }
+        [[surface]]
+        name = "table"
+        shape = { box = { centre = [0.75, 0, 0.2], size = [0.7, 0.6, 0.4] } }
+        [contact]
+        law = "energetic"
+        restitution = 0.2
+        friction = 0.3
+        [run]
+        duration = 1.0
+        gravity = [0, 0, -9.81]
+        controller = "pd"
+        kp = 200
+        kd = 20
+        target = [0, 1.0, 0, 1.0, 0, 0.8, 0]
+    "#;
+    let scene = Scene::from_toml(text, root).unwrap();
+    let plan = scene.plan().unwrap();
+    let ends: Vec<Summary> = [1e-9, 1e-11]
+        .iter()
+        .map(|tolerance| {
+            let sim = Simulation { tolerance: *tolerance, ..plan.simulation.clone() };
+            sim.run(&plan.q, &plan.qd, 1.0).unwrap().summary
+        })
+        .collect();
+    // The times of the bounces differ by their tolerance; the motion after them forgets it.
+    let off = ends[0].last.q.iter().zip(&ends[1].last.q).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(off < 1e-8, "{off:e}");
+    assert!(ends.iter().all(|end| end.last.qd.iter().all(|rate| rate.abs() < 1e-4)));
+    // 177 000 if the explicit integrator is tried again every 10 ms.
+    let cost = &ends[0].statistics;
+    assert!(cost.evaluations < 60_000 && cost.contact_steps == 0, "{cost:?}");
 }

@@ -19,6 +19,7 @@
 mod chains;
 mod definition;
 mod impulse_path;
+mod lasting;
 mod motion;
 mod report;
 mod scenes;

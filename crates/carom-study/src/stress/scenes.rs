@@ -3,7 +3,8 @@
 use super::Bound::{Between, Near};
 use super::single::{PLANAR, SPATIAL};
 use super::{
-    COMPLIANT, EVENTS, Expected, GLOCKER_PFEIFFER, MOREAU, SEQUENTIAL, STEPS, Scene, chains, motion, several, single,
+    COMPLIANT, EVENTS, Expected, GLOCKER_PFEIFFER, MOREAU, SEQUENTIAL, STEPS, Scene, chains, lasting, motion, several,
+    single,
 };
 
 const LAWS: &[&str] = &carom_impact::LAW_NAMES;
@@ -539,6 +540,57 @@ pub const SCENES: &[Scene] = &[
             ),
         ],
         judge: motion::painleve,
+    },
+    Scene {
+        name: "sliding to rest on four corners",
+        story: "a block slides at 1 m/s on its four corners, μ = 0.3, and stops",
+        measures: "error of the distance, m",
+        tolerance: 1e-6,
+        expected: &[
+            Expected::within(
+                &[EVENTS],
+                1e-11,
+                "v²/(2 μ g): integration with tolerance 1e-12 up to the stop of all corners at once",
+            ),
+            Expected::within(
+                &[STEPS],
+                5e-7,
+                "a step that is centred in time is exact for a constant force; in the last one, of h = 1 ms, μ g h²/8 = 3.7e-7 m are lost \
+                 at most",
+            ),
+        ],
+        judge: lasting::stop,
+    },
+    Scene {
+        name: "loads of four corners",
+        story: "a block sticks on a slope below the friction angle: more contact forces than freedoms",
+        measures: "error of the corners' loads and of their friction together, share of the weight",
+        tolerance: 1e-9,
+        expected: &[Expected::exact(
+            &[EVENTS],
+            "forces of equal springs are affine in the corner's position: m g cos θ/4 (1 ± tan θ · height/length), only rounding",
+        )],
+        judge: lasting::loads,
+    },
+    Scene {
+        name: "between two walls",
+        story: "a block falls between two rough walls, μ = 0.5, that it touches with eight corners without pressing",
+        measures: "relative error of the height fallen",
+        tolerance: 1e-9,
+        expected: &[Expected::exact(&[EVENTS], "corners without load have no friction: free fall, only rounding")],
+        judge: lasting::walls,
+    },
+    Scene {
+        name: "chatter on four corners",
+        story: "a block lands flat with e = 0.5 and bounces to rest on its four corners",
+        measures: "error of the time at which it rests, s",
+        tolerance: 1e-6,
+        expected: &[Expected::within(
+            &[EVENTS],
+            1e-9,
+            "the sum of the times of flight is geometric, √(2h/g) (1 + e)/(1 − e); the integration has a tolerance of 1e-12",
+        )],
+        judge: lasting::chatter,
     },
     stiff("stiffness 1e4 N/m^1.5", |_| motion::stiffness(1e4)),
     stiff("stiffness 1e7 N/m^1.5", |_| motion::stiffness(1e7)),
