@@ -51,7 +51,7 @@ mod _carom {
     #[pymodule_export]
     use crate::outcome::{Outcome, law};
     #[pymodule_export]
-    use crate::points::JointImpact;
+    use crate::points::SeveralImpact;
     #[pymodule_export]
     use crate::run::{Run, RunEvent, can_record, record};
     #[pymodule_export]

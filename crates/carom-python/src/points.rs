@@ -4,20 +4,21 @@ use crate::array::{array, vector};
 use crate::chain::Chain;
 use crate::error::{exceptions, raise};
 use crate::impact::Joints;
+use carom_chain::FramePoint;
 use carom_sim::{Grip, Impacts as _, SeveralLaw, StruckPoint};
 use nalgebra::Vector3;
 use pyo3::prelude::*;
 
 /// The result of an impact at several points.
 #[pyclass(frozen, module = "carom")]
-pub struct JointImpact(carom_sim::JointImpact);
+pub struct SeveralImpact(carom_sim::SeveralImpact);
 
 fn rows<'py>(py: Python<'py>, vectors: &[Vector3<f64>]) -> PyResult<Bound<'py, PyAny>> {
     array(py, vectors.iter().flat_map(|v| v.iter().copied()).collect(), &[vectors.len(), 3])
 }
 
 #[pymethods]
-impl JointImpact {
+impl SeveralImpact {
     /// Joint velocities after the impact, shape (nv,); rad/s, m/s.
     #[getter]
     fn qd_plus<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -71,7 +72,10 @@ impl JointImpact {
         let hit = &self.0;
         let (points, before, after) = (hit.impulses.len(), hit.energy_before, hit.energy_after);
         let flags = if hit.flags.is_empty() { String::new() } else { format!(", flags {}", hit.flags) };
-        format!("<carom.JointImpact: {points} points, qd_plus {:?}, energy {before} -> {after} J{flags}>", hit.qd_plus)
+        format!(
+            "<carom.SeveralImpact: {points} points, qd_plus {:?}, energy {before} -> {after} J{flags}>",
+            hit.qd_plus
+        )
     }
 }
 
@@ -92,7 +96,7 @@ impl Chain {
     ///     joints: as for impact.
     ///
     /// Returns:
-    ///     A JointImpact.
+    ///     A SeveralImpact.
     ///
     /// Raises:
     ///     StateError: a wrong shape, or numbers that are not finite.
@@ -110,15 +114,15 @@ impl Chain {
         law: &str,
         sticks: bool,
         joints: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<JointImpact> {
+    ) -> PyResult<SeveralImpact> {
         let Some(law) = SeveralLaw::ALL.into_iter().find(|known| known.name() == law) else {
             let names = SeveralLaw::ALL.map(SeveralLaw::name).join(", ");
             return Err(exceptions::ImpactError::new_err(format!(
                 "law is '{law}': the laws of several points are {names}"
             )));
         };
-        let normals: Vec<[f64; 3]> = match normal.extract::<Vec<[f64; 3]>>() {
-            Ok(each) if each.len() == points.len() => each,
+        let normals: Vec<Vector3<f64>> = match normal.extract::<Vec<[f64; 3]>>() {
+            Ok(each) if each.len() == points.len() => each.into_iter().map(Into::into).collect(),
             Ok(each) => {
                 let why = format!(
                     "normal has {} rows: give one vector, or one for each of {} points",
@@ -127,15 +131,15 @@ impl Chain {
                 );
                 return Err(exceptions::StateError::new_err(why));
             }
-            Err(_) => vec![vector("normal", normal)?; points.len()],
+            Err(_) => vec![vector("normal", normal)?.into(); points.len()],
         };
         let grip = if sticks { Grip::Sticks } else { Grip::Contact { restitution, friction } };
-        let struck = |((frame, offset), normal): (&(String, [f64; 3]), [f64; 3])| {
-            Ok(StruckPoint { frame: self.frame(frame)?, offset: *offset, normal, grip })
+        let struck = |((frame, offset), normal): (&(String, [f64; 3]), Vector3<f64>)| {
+            Ok(StruckPoint { point: FramePoint::new(self.frame(frame)?, *offset), normal, grip })
         };
         let points: Vec<StruckPoint> = points.iter().zip(normals).map(struck).collect::<PyResult<_>>()?;
         let (q, qd) = (self.q(q)?.single("q")?, self.v("qd", qd)?.single("qd")?);
         let hit = Joints::read(self, joints)?.with(|model| self.chain.impact_at_points(&q, &qd, &points, model, law));
-        Ok(JointImpact(hit.map_err(raise)?))
+        Ok(SeveralImpact(hit.map_err(raise)?))
     }
 }

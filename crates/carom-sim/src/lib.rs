@@ -43,8 +43,8 @@ pub use contact::{
 };
 pub use error::SimError;
 pub use impact::{
-    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointImpact,
-    JointModel, Jump, Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, States, Strike,
+    ChainImpact, Contact, ContactRows, FrictionlessJump, Grip, ImpactBand, ImpactDerivative, Impacts, JointModel, Jump,
+    Jumped, Outcomes, PlaneContact, PreparedStrike, RowContact, RowRates, Saltation, SeveralImpact, States, Strike,
     StruckPoint, frictionless_jump_into, saltation,
 };
 pub use model::{

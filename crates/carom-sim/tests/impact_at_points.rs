@@ -1,9 +1,9 @@
 //! Impacts at several points at the same moment, against a dense projection and the conditions of the law.
 
 use carom_chain::urdf::LoadOptions;
-use carom_chain::{Chain, Coordinates};
+use carom_chain::{Chain, Coordinates, FramePoint};
 use carom_impact::Frictionless;
-use carom_sim::{Grip, Impacts, JointImpact, JointModel, SeveralLaw, StruckPoint};
+use carom_sim::{Grip, Impacts, JointModel, SeveralImpact, SeveralLaw, StruckPoint};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// The quadruped of the repository on a floating base: 18 velocities.
@@ -26,7 +26,8 @@ fn state(chain: &Chain, seed: f64) -> (Vec<f64>, Vec<f64>) {
 /// Points of a link.
 fn points(chain: &Chain, frame: &str, offsets: &[[f64; 3]], grip: Grip) -> Vec<StruckPoint> {
     let frame = chain.frame(frame).unwrap();
-    let at = |offset: &[f64; 3]| StruckPoint { frame, offset: *offset, normal: [0.1, -0.2, 1.5], grip };
+    let normal = Vector3::new(0.1, -0.2, 1.5);
+    let at = |offset: &[f64; 3]| StruckPoint { point: FramePoint::new(frame, *offset), normal, grip };
     offsets.iter().map(at).collect()
 }
 
@@ -37,7 +38,7 @@ fn dense(chain: &Chain, q: &[f64], points: &[StruckPoint]) -> (DMatrix<f64>, DMa
     let m = at.mass_matrix();
     let mut rows = DMatrix::zeros(3 * points.len(), chain.nv());
     for (k, point) in points.iter().enumerate() {
-        let jacobian = at.point_jacobian(chain.point(point.frame, point.offset.into()));
+        let jacobian = at.point_jacobian(chain.point(point.point.frame, point.point.offset));
         rows.view_mut((3 * k, 0), (3, chain.nv())).copy_from(&jacobian);
     }
     (m, rows)
@@ -88,7 +89,7 @@ fn points_that_stick_project_the_velocity_and_lose_the_energy_of_the_jump() {
 }
 
 /// Σ Jᵢᵀ pᵢ.
-fn momentum(rows: &DMatrix<f64>, hit: &JointImpact) -> DVector<f64> {
+fn momentum(rows: &DMatrix<f64>, hit: &SeveralImpact) -> DVector<f64> {
     let impulses = hit.impulses.iter().flat_map(|p| p.iter().copied());
     rows.tr_mul(&DVector::from_iterator(3 * hit.impulses.len(), impulses))
 }
@@ -111,7 +112,7 @@ fn several_contacts_satisfy_the_law_at_every_point() {
         assert!(hit.residual < 1e-10);
         let jump = DVector::from_column_slice(&hit.qd_plus) - DVector::from_column_slice(&qd);
         close("balance", momentum(&rows, &hit).as_slice(), (&m * jump).as_slice(), 1e-10);
-        let normal = Vector3::from(case[0].normal).normalize();
+        let normal = case[0].normal.normalize();
         for k in 0..case.len() {
             let (p, before, after) = (hit.impulses[k], hit.u_minus[k], hit.u_plus[k]);
             let pressed = p.dot(&normal);
@@ -137,7 +138,7 @@ fn one_point_is_a_single_impact_and_locked_joints_keep_their_velocity() {
     let (q, qd) = state(&chain, 2.0);
     let one = points(&chain, &foot, &[[0.0, 0.01, -0.02]], Grip::Contact { restitution: 0.4, friction: 0.0 });
     let hit = chain.impact_at_points(&q, &qd, &one, JointModel::Free, SeveralLaw::Moreau).unwrap();
-    let strike = chain.impact(&q, &qd).at(one[0].frame).offset(one[0].offset).normal(one[0].normal);
+    let strike = chain.impact(&q, &qd).at(one[0].point).normal(one[0].normal);
     let single = strike.resolve(&Frictionless { restitution: 0.4 }).unwrap();
     close("q̇⁺", &hit.qd_plus, &single.qd_plus, 1e-12);
     close("p", hit.impulses[0].as_slice(), single.impulse.as_slice(), 1e-12);
@@ -179,7 +180,7 @@ fn wrong_points_are_refused_with_the_reason() {
     let foot = chain.links().iter().find(|l| l.name.contains("foot")).unwrap().name.clone();
     let good = points(&chain, &foot, &[[0.0; 3]], Grip::Sticks)[0];
     assert!(refused(&[]).contains("StruckPoint"), "{}", refused(&[]));
-    let flat = StruckPoint { normal: [0.0; 3], ..good };
+    let flat = StruckPoint { normal: Vector3::zeros(), ..good };
     assert!(refused(&[good, flat]).contains("length"), "{}", refused(&[good, flat]));
     let hot = StruckPoint { grip: Grip::Contact { restitution: 2.0, friction: 0.1 }, ..good };
     assert!(refused(&[hot]).contains("restitution 2 is outside"), "{}", refused(&[hot]));

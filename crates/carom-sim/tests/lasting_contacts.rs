@@ -141,25 +141,7 @@ fn an_accumulation_has_the_friction_of_all_its_impacts() {
 /// takes over, each time for longer. The end does not depend on the tolerance, and the arm stands.
 #[test]
 fn an_arm_that_presses_on_a_table_comes_to_rest_in_few_evaluations() {
-    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-    let text = r#"
-        robot = { urdf = "robots/arm7.urdf", q = [0, 0.5, 0, 1.0, 0, 0.8, 0] }
-        [[surface]]
-        name = "table"
-        shape = { box = { centre = [0.75, 0, 0.2], size = [0.7, 0.6, 0.4] } }
-        [contact]
-        law = "energetic"
-        restitution = 0.2
-        friction = 0.3
-        [run]
-        duration = 1.0
-        gravity = [0, 0, -9.81]
-        controller = "pd"
-        kp = 200
-        kd = 20
-        target = [0, 1.0, 0, 1.0, 0, 0.8, 0]
-    "#;
-    let scene = Scene::from_toml(text, root).unwrap();
+    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/pressed.toml")).unwrap();
     let plan = scene.plan().unwrap();
     let ends: Vec<Summary> = [1e-9, 1e-11]
         .iter()

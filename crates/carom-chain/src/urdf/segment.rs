@@ -49,9 +49,9 @@ impl Robot {
     /// of the link while it is straight. The new joints come after those of the file.
     ///
     /// Mass, centre of mass and inertia of the straight link are those of the file: the mass is distributed linearly along the
-    /// beam, and what the inertia has beyond this line of mass in proportion to it. Joints, collision and visual shapes of the
-    /// link move with the segment that contains their origin; a shape that is longer than a segment stays whole. Springs are not
-    /// part of a chain: a simulation needs one for each bend.
+    /// beam. The difference between the link's inertia and that of this line of mass is divided among the segments in proportion to
+    /// their masses. Joints, collision and visual shapes of the link move with the segment that contains their origin; a shape that
+    /// is longer than a segment stays whole. Springs are not part of a chain: a simulation needs one for each bend.
     ///
     /// # Errors
     /// [`ChainError::UnknownFrame`]; [`ChainError::Beam`] if the link has no mass, its centre of mass is not in the middle third
@@ -86,7 +86,7 @@ impl Robot {
                     kind: JointType::Continuous,
                     parent,
                     child,
-                    origin: Isometry3::translation_at(hinge - from),
+                    origin: shifted(hinge - from),
                     axis: Unit::new_normalize(*axis),
                     limits: Limits::default(),
                     damping: 0.0,
@@ -102,7 +102,7 @@ impl Robot {
 
         let moved = |origin: &Isometry3<f64>| {
             let (segment, from) = segments[line.segment(origin.translation.vector)];
-            (segment, Isometry3::translation_at(-from) * origin)
+            (segment, shifted(-from) * origin)
         };
         for joint in robot.joints.iter_mut().take(self.joints.len()).filter(|joint| joint.parent == at) {
             (joint.parent, joint.origin) = moved(&joint.origin);
@@ -134,14 +134,8 @@ impl Robot {
 }
 
 /// A pose without rotation.
-trait Shift {
-    fn translation_at(by: Vector3<f64>) -> Self;
-}
-
-impl Shift for Isometry3<f64> {
-    fn translation_at(by: Vector3<f64>) -> Self {
-        Self::translation(by.x, by.y, by.z)
-    }
+fn shifted(by: Vector3<f64>) -> Isometry3<f64> {
+    Isometry3::translation(by.x, by.y, by.z)
 }
 
 /// A checked beam.

@@ -234,10 +234,10 @@ class Chain:
         law: Literal["moreau", "poisson", "sequential"] = "moreau",
         sticks: bool = False,
         joints: Literal["free", "locked"] | Sequence[str] | Mapping[str, Any] | None = None,
-    ) -> JointImpact:
+    ) -> SeveralImpact:
         """The impact of several points at the same moment, as one problem."""
 
-class JointImpact:
+class SeveralImpact:
     @property
     def qd_plus(self) -> _Floats: ...
     @property

@@ -38,21 +38,22 @@ impl SeveralLaw {
     /// # Errors
     /// None for a problem that could be made; the types of the laws allow them.
     pub(crate) fn solve(self, problem: &SeveralProblem, accuracy: &Accuracy) -> Result<Solved, ImpactError> {
-        Ok(match self {
+        let (impulse, residual, flags) = match self {
             Self::Moreau => {
                 let found = problem.simultaneous(accuracy, None)?;
-                Solved { impulse: found.impulse, residual: found.residual, flags: found.flags }
+                (found.impulse, found.residual, found.flags)
             }
             Self::Poisson => {
                 let found = problem.poisson(accuracy).total;
-                Solved { impulse: found.impulse, residual: found.residual, flags: found.flags }
+                (found.impulse, found.residual, found.flags)
             }
             Self::Sequential => {
                 let found = problem.sequential(&Order::MostApproaching, accuracy);
                 let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
-                Solved { impulse: found.impulse, residual: found.residual, flags: found.flags }
+                (found.impulse, found.residual, found.flags)
             }
-        })
+        };
+        Ok(Solved { impulse, residual, flags })
     }
 }
 

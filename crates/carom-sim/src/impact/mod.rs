@@ -25,4 +25,4 @@ pub use lanes::States;
 pub use prepared::PreparedStrike;
 pub use saltation::{Jump, Saltation, saltation};
 pub use strike::{Impacts, Strike};
-pub use together::{Grip, JointImpact, StruckPoint};
+pub use together::{Grip, SeveralImpact, StruckPoint};

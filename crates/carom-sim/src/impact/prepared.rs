@@ -322,7 +322,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
 
 /// H and u of a contact in contact axes.
 #[inline(always)]
-fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
     response: &PointResponse<A>,
     aim: &Aim,
     chain: &Chain<A>,

@@ -22,7 +22,7 @@ use super::hit::ChainImpact;
 use super::joints::JointModel;
 use super::prepared::{Aim, PreparedStrike};
 use super::saltation::{Saltation, saltation};
-use super::together::{self, JointImpact, StruckPoint};
+use super::together::{self, SeveralImpact, StruckPoint};
 use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::state::Moment;
@@ -44,7 +44,8 @@ pub trait Impacts {
     /// coefficient out of its range.
     ///
     /// ```
-    /// # use carom_chain::{Chain, urdf::LoadOptions};
+    /// # use carom_chain::{Chain, FramePoint, urdf::LoadOptions};
+    /// # use nalgebra::Vector3;
     /// # use carom_sim::{Grip, Impacts, JointModel, SeveralLaw, StruckPoint};
     /// // A free cube with edges of 0.2 m, which falls flat on a toe line through two corners.
     /// let text = "<robot name='cube'><link name='cube'><inertial><mass value='3'/>
@@ -52,9 +53,8 @@ pub trait Impacts {
     /// let cube = Chain::from_urdf_str(text, &LoadOptions { floating_base: true, ..Default::default() })?;
     /// let (q, qd) = ([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]);
     /// let corner = |y| StruckPoint {
-    ///     frame: cube.frame("cube").unwrap(),
-    ///     offset: [0.1, y, -0.1],
-    ///     normal: [0.0, 0.0, 1.0],
+    ///     point: FramePoint::new(cube.frame("cube").unwrap(), [0.1, y, -0.1]),
+    ///     normal: Vector3::z(),
     ///     grip: Grip::Sticks,
     /// };
     /// let line = [corner(-0.1), corner(0.1)];
@@ -71,7 +71,7 @@ pub trait Impacts {
         points: &[StruckPoint],
         joints: JointModel,
         law: SeveralLaw,
-    ) -> Result<JointImpact, SimError>;
+    ) -> Result<SeveralImpact, SimError>;
 }
 
 impl Impacts for Chain {
@@ -87,13 +87,13 @@ impl Impacts for Chain {
         points: &[StruckPoint],
         joints: JointModel,
         law: SeveralLaw,
-    ) -> Result<JointImpact, SimError> {
-        let contact = |point: &StruckPoint| {
-            let StruckPoint { frame, offset, normal, .. } = *point;
-            Ok((point.grip, self.impact(q, qd).at(frame).offset(offset).normal(normal).joints(joints).contact()?))
+    ) -> Result<SeveralImpact, SimError> {
+        self.check_state(q, qd)?;
+        let aim = |struck: &StruckPoint| {
+            Ok((struck.grip, self.impact(q, qd).at(struck.point).normal(struck.normal).joints(joints).aim()?))
         };
-        let contacts: Vec<_> = points.iter().map(contact).collect::<Result<_, SimError>>()?;
-        together::resolve(self, (q, qd), &contacts, law)
+        let points: Vec<_> = points.iter().map(aim).collect::<Result<_, SimError>>()?;
+        together::resolve(self, (q, qd), &points, law)
     }
 }
 

@@ -11,22 +11,20 @@
 //! velocity, and three leave the body none: H is then singular, and only the sums of the impulses that the motion depends on are
 //! determined.
 
-use super::contact::Contact;
+use super::prepared::{Aim, problem};
 use crate::contact::SeveralLaw;
 use crate::error::SimError;
-use carom_chain::{Chain, FrameId};
+use carom_chain::{Chain, FramePoint};
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// One of several points at which a chain is struck at the same moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StruckPoint {
-    /// The link frame.
-    pub frame: FrameId,
-    /// The point relative to its origin, in its axes, m.
-    pub offset: [f64; 3],
+    /// The point of the link.
+    pub point: FramePoint,
     /// Contact normal in world axes, from the environment to the robot, of any length except zero.
-    pub normal: [f64; 3],
+    pub normal: Vector3<f64>,
     /// What holds at the point.
     pub grip: Grip,
 }
@@ -47,7 +45,7 @@ pub enum Grip {
 
 /// The result of an impact at several points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct JointImpact {
+pub struct SeveralImpact {
     /// Joint velocities after the impact, length nv; rad/s, m/s.
     pub qd_plus: Vec<f64>,
     /// Impulse on the robot at each point, world axes, N s. Where points are redundant (three on one body), other impulses with the
@@ -59,7 +57,7 @@ pub struct JointImpact {
     pub u_plus: Vec<Vector3<f64>>,
     /// Kinetic energy of the whole chain before, J.
     pub energy_before: f64,
-    /// Kinetic energy of the whole chain after, J.
+    /// Kinetic energy of the whole chain after, J; with drives that act, it contains their work.
     pub energy_after: f64,
     /// Violation of the law, relative to the largest velocity of a point: see
     /// [`SeveralOutcome::residual`](carom_impact::SeveralOutcome::residual). Above 1e-9 no solution was found.
@@ -76,32 +74,29 @@ struct Seen {
     u_minus: Vector3<f64>,
 }
 
-impl Seen {
-    fn of(contact: &Contact) -> Self {
-        let axes = contact.aim.axes;
-        let jacobian = contact.pass.response().jacobian;
-        Self {
-            rows: axes.tr_mul(&Matrix3xX::from_columns(jacobian)),
-            columns: MatrixXx3::from_fn(jacobian.len(), |k, i| {
-                contact.pass.response().response[k].dot(&axes.column(i))
-            }),
-            axes,
-            u_minus: *contact.problem().u_minus(),
-        }
-    }
-}
-
-/// The impact of these contacts of a chain in state (q, q̇) as one problem.
+/// The impact at these points of a chain in state (q, q̇) as one problem.
 pub(super) fn resolve(
     chain: &Chain,
     (q, qd): (&[f64], &[f64]),
-    contacts: &[(Grip, Contact)],
+    points: &[(Grip, Aim)],
     law: SeveralLaw,
-) -> Result<JointImpact, SimError> {
-    if contacts.is_empty() {
+) -> Result<SeveralImpact, SimError> {
+    if points.is_empty() {
         return Err(SimError::Incomplete { missing: "points", say: "a list with at least one StruckPoint" });
     }
-    let seen: Vec<Seen> = contacts.iter().map(|(_, contact)| Seen::of(contact)).collect();
+    let mut workspace = chain.workspace();
+    let mut at = workspace.update(chain, q)?;
+    let mut seen = Vec::new();
+    for (_, aim) in points {
+        let Aim { point, axes, added, .. } = aim;
+        let response = at.contact(chain.point(point.frame, point.offset), axes.column(2).into_owned(), added)?;
+        seen.push(Seen {
+            rows: axes.tr_mul(&Matrix3xX::from_columns(response.jacobian)),
+            columns: MatrixXx3::from_fn(qd.len(), |k, i| response.response[k].dot(&axes.column(i))),
+            axes: *axes,
+            u_minus: *problem(&response, aim, chain, axes, (q, qd))?.u_minus(),
+        });
+    }
     let size = 3 * seen.len();
     let mut delassus = DMatrix::zeros(size, size);
     for (i, a) in seen.iter().enumerate() {
@@ -112,7 +107,7 @@ pub(super) fn resolve(
         }
     }
     let u_minus = DVector::from_iterator(size, seen.iter().flat_map(|point| point.u_minus.iter().copied()));
-    let constraints = contacts.iter().flat_map(|(grip, _)| match *grip {
+    let constraints = points.iter().flat_map(|(grip, _)| match *grip {
         Grip::Contact { restitution, friction } => vec![Constraint::Contact { restitution, friction }],
         Grip::Sticks => vec![Constraint::Held; 3],
     });
@@ -128,9 +123,7 @@ pub(super) fn resolve(
         impulses.push(point.axes * impulse);
     }
     let after = |i: usize| seen[i].axes * (&seen[i].rows * DVector::from_column_slice(&qd_plus));
-    let mut workspace = chain.workspace();
-    let mut at = workspace.update(chain, q)?;
-    Ok(JointImpact {
+    Ok(SeveralImpact {
         energy_before: at.kinetic_energy(qd)?,
         energy_after: at.kinetic_energy(&qd_plus)?,
         u_minus: seen.iter().map(|point| point.axes * point.u_minus).collect(),

@@ -2,7 +2,7 @@
 //! differentiates.
 
 use super::events::{Ending, Run};
-use super::stand::Memory;
+use super::memory::Memory;
 use super::watch::{Watch, look};
 use crate::error::SimError;
 use crate::motion::Kept;
@@ -124,7 +124,7 @@ pub(crate) fn outcome<A: Space>(
         run.y_of(x); // what compliant contacts remember is not moved
     }
     (run.time, run.y, run.end) = (time, y, end);
-    run.recall(&before.memory);
+    run.memory.clone_from(&before.memory);
     run.act(before.ending)?;
     Ok((DVector::from_vec(run.x()), run.time))
 }

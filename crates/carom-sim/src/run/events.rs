@@ -15,6 +15,7 @@
 
 use super::leap::Leap;
 use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
+use super::memory::Memory;
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
@@ -24,7 +25,6 @@ use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion};
 use crate::state::{Blow, Space};
 use carom_chain::urdf::JointType;
-use std::collections::VecDeque;
 
 /// The state of a run.
 pub(crate) struct Run<'a, 'w, A: Space> {
@@ -33,19 +33,11 @@ pub(crate) struct Run<'a, 'w, A: Space> {
     pub y: Vec<f64>,
     pub end: f64,
     pub sampler: Sampler<'w>,
-    pub events: usize,
     pub statistics: Statistics,
     pub lost: f64,
     /// The contacts of the last time step.
     pub stepped: Vec<ContactState>,
-    /// Times of the last events, to detect too many within a short time.
-    pub recent: VecDeque<f64>,
-    /// Times of the last impacts, to detect their accumulation.
-    pub blows: VecDeque<f64>,
-    /// Whether the chain is at rest and stays so.
-    pub resting: bool,
-    /// The time for which the present mode, which is stiff, is next integrated implicitly, s.
-    pub implicit: Option<f64>,
+    pub memory: Memory,
     /// A leap over a pose at which the mechanism could branch, if the run stands within it.
     pub leap: Option<Leap>,
 }
@@ -93,7 +85,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
         let patience = (gives_up || presses).then_some(PATIENCE);
         // A mode that has turned out to be stiff goes on implicitly, each time for longer.
-        let implicit = std::mem::take(&mut self.implicit).filter(|_| gives_up && !presses);
+        let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
         let accuracy = Accuracy { tolerance, max_step, integrator, patience };
         let kink = sim.next_kink(self.time);
@@ -142,7 +134,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         match ended {
             Ok(LegEnd { time, y, fired, stalled }) => {
                 (self.time, self.y) = (time, y);
-                self.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
+                self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
                 match (fired, stalled) {
                     (_, Some(_)) if gives_up => Ok(Ending::Stuck(StepReason::Stiff)),
                     (_, Some(reason)) => Err(SimError::Integration { time, reason }),
@@ -233,7 +225,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        let crowd = self.recent.len() == CROWD && self.time - self.recent[0] < self.motion.sim.contact_step;
+        let crowd =
+            self.memory.recent.len() == CROWD && self.time - self.memory.recent[0] < self.motion.sim.contact_step;
         if crowd {
             return self.step_on(StepReason::Crowd);
         }
@@ -276,10 +269,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
             Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_) | Watch::Admissible => {}
         }
-        let events = self.events;
+        let events = self.memory.events;
         self.resettle(&[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
-        if self.events == events {
+        if self.memory.events == events {
             match watch {
                 Watch::SlipStops(i) | Watch::Cone(i) => {
                     if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
@@ -386,7 +379,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// Ends the run if the chain is at rest and stays so.
     pub fn rest(&mut self) -> Result<(), SimError> {
-        let rested = std::mem::replace(&mut self.resting, false);
+        let rested = std::mem::replace(&mut self.memory.resting, false);
         let rest = self.motion.rest();
         let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
         let held =
@@ -405,7 +398,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let before = self.y.clone();
         let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
         self.y[nq..nq + nv].fill(0.0);
-        self.resting = true;
+        self.memory.resting = true;
         if !rested {
             self.note(EventKind::Rest, &before, Vec::new());
         }
@@ -425,10 +418,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (q, qd_plus) = self.q_qd();
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
-        self.events += 1;
-        self.recent.push_back(self.time);
-        if self.recent.len() > CROWD {
-            self.recent.pop_front();
+        self.memory.events += 1;
+        self.memory.recent.push_back(self.time);
+        if self.memory.recent.len() > CROWD {
+            self.memory.recent.pop_front();
         }
     }
 

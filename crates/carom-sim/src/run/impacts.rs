@@ -73,8 +73,8 @@ impl<A: Space> Run<'_, '_, A> {
     /// velocities by less than a fall of some [`zeno_time`](crate::Simulation::zeno_time).
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
-        self.blows.push_back(self.time);
-        let first = if self.blows.len() > SWARM { self.blows.pop_front() } else { None };
+        self.memory.blows.push_back(self.time);
+        let first = if self.memory.blows.len() > SWARM { self.memory.blows.pop_front() } else { None };
         if first.is_none_or(|first| self.time - first > sim.zeno_time) {
             return Ok(None);
         }

@@ -6,6 +6,7 @@ mod events;
 mod impacts;
 mod leap;
 mod leg;
+mod memory;
 mod root;
 mod sampler;
 mod sensitivity;

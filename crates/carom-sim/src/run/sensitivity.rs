@@ -256,7 +256,7 @@ impl<A: Space> Follow<'_, '_, A> {
             if self.run.motion.stepping {
                 return self.broken(self.run.time, "time steps have no derivative");
             }
-            if self.run.events >= self.run.motion.sim.max_events {
+            if self.run.memory.events >= self.run.motion.sim.max_events {
                 return Ok(());
             }
             self.leg(events)?;
@@ -329,7 +329,7 @@ impl<A: Space> Follow<'_, '_, A> {
             }
             _ => None,
         };
-        let (memory, kept) = (self.run.memory(), kept.clone());
+        let (memory, kept) = (self.run.memory.clone(), kept.clone());
         let before = Before { time, x: DVector::from_vec(x), f, ending, watch, rate, normal, kept, memory };
         self.run.act(ending)?;
         if self.run.motion.stepping {

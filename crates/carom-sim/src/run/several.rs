@@ -223,7 +223,7 @@ impl<A: Space> Run<'_, '_, A> {
                 self.put_back(0.0)?;
                 self.lost += energy - self.motion.energy(&self.y)?;
                 let y = self.y.clone();
-                if !std::mem::replace(&mut self.resting, true) {
+                if !std::mem::replace(&mut self.memory.resting, true) {
                     self.note(EventKind::Rest, &y, Vec::new());
                 }
                 let start = std::mem::replace(&mut self.time, self.end);

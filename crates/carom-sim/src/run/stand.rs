@@ -2,13 +2,13 @@
 
 use super::events::Run;
 use super::leap::Leap;
+use super::memory::Memory;
 use super::sampler::Sampler;
 use super::trajectory::{EnergyBooks, Sampling, Seen, Statistics, StopReason, Summary};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::motion::{ContactState, Kept, Motion, bristles};
 use crate::state::{Moment, Space};
-use std::collections::VecDeque;
 
 /// Where a run stands: all that its further motion depends on, beside the simulation.
 #[derive(Debug, Clone)]
@@ -16,40 +16,11 @@ pub(crate) struct Stand {
     pub time: f64,
     pub y: Vec<f64>,
     pub kept: Kept,
-    events: usize,
     statistics: Statistics,
     lost: f64,
     stepped: Vec<ContactState>,
-    recent: VecDeque<f64>,
-    blows: VecDeque<f64>,
-    resting: bool,
-    implicit: Option<f64>,
+    memory: Memory,
     leap: Option<Leap>,
-}
-
-/// What a run remembers of its last events.
-#[derive(Debug, Clone)]
-pub(crate) struct Memory {
-    events: usize,
-    recent: VecDeque<f64>,
-    blows: VecDeque<f64>,
-    resting: bool,
-    implicit: Option<f64>,
-}
-
-impl<A: Space> Run<'_, '_, A> {
-    /// What it remembers of its last events.
-    pub fn memory(&self) -> Memory {
-        let Self { events, recent, blows, resting, implicit, .. } = self;
-        Memory { events: *events, recent: recent.clone(), blows: blows.clone(), resting: *resting, implicit: *implicit }
-    }
-
-    /// Remembers what another run of a similar simulation does.
-    pub fn recall(&mut self, memory: &Memory) {
-        let Memory { events, recent, blows, resting, implicit } = memory.clone();
-        (self.events, self.recent, self.blows, self.resting) = (events, recent, blows, resting);
-        self.implicit = implicit;
-    }
 }
 
 impl<'a, 'w, A: Space> Run<'a, 'w, A> {
@@ -69,14 +40,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             time: sim.start_time,
             y,
             kept: motion.kept(),
-            events: 0,
             statistics: Statistics::default(),
             lost: 0.0,
             stepped: Vec::new(),
-            recent: VecDeque::new(),
-            blows: VecDeque::new(),
-            resting: false,
-            implicit: None,
+            memory: Memory::default(),
             leap: None,
         };
         let mut run = Self::resume(motion, stand, sampling, watch);
@@ -87,53 +54,24 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// A run that goes on from where another one stood.
     pub fn resume(mut motion: Motion<'a, A>, stand: Stand, sampling: Sampling, watch: &'w mut dyn FnMut(Seen)) -> Self {
         let sizes = (motion.sim.chain.nq(), motion.sim.chain.nv());
-        let Stand { time, y, kept, events, statistics, lost, stepped, recent, blows, resting, implicit, leap } = stand;
+        let Stand { time, y, kept, statistics, lost, stepped, memory, leap } = stand;
         motion.keep(kept);
         let count = sampling.every.map_or(0, |every| next_moment(time, every, time == motion.sim.start_time));
         let sampler = Sampler { sampling, sizes, count, until: time, watch, path: None };
-        Self {
-            motion,
-            time,
-            y,
-            end: time,
-            sampler,
-            events,
-            statistics,
-            lost,
-            stepped,
-            recent,
-            blows,
-            resting,
-            implicit,
-            leap,
-        }
+        Self { motion, time, y, end: time, sampler, statistics, lost, stepped, memory, leap }
     }
 
     /// Where the run stands.
     pub fn stand(self) -> Stand {
-        let Self { motion, time, y, events, statistics, lost, stepped, recent, blows, resting, implicit, leap, .. } =
-            self;
-        Stand {
-            time,
-            y,
-            kept: motion.kept(),
-            events,
-            statistics,
-            lost,
-            stepped,
-            recent,
-            blows,
-            resting,
-            implicit,
-            leap,
-        }
+        let Self { motion, time, y, statistics, lost, stepped, memory, leap, .. } = self;
+        Stand { time, y, kept: motion.kept(), statistics, lost, stepped, memory, leap }
     }
 
     /// Runs to the end, or with `to_event` to the next event.
     pub fn until_end(&mut self, to_event: bool) -> Result<StopReason, SimError> {
-        let first = self.events;
-        while self.time < self.end && !(to_event && self.events > first) {
-            if self.events >= self.motion.sim.max_events {
+        let first = self.memory.events;
+        while self.time < self.end && !(to_event && self.memory.events > first) {
+            if self.memory.events >= self.motion.sim.max_events {
                 return Ok(StopReason::Events);
             }
             if let Some(leap) = self.leap.take() {
@@ -158,8 +96,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return self.resettle(&[], &before);
         }
         if changed {
-            self.resting = false;
-        } else if self.resting && self.is_steady() {
+            self.memory.resting = false;
+        } else if self.memory.resting && self.is_steady() {
             return self.stay();
         }
         Ok(())
@@ -178,7 +116,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             mode: self.motion.mode(),
             contacts,
             stop,
-            events: self.events,
+            events: self.memory.events,
             statistics: self.statistics,
             energy,
         })

@@ -25,7 +25,7 @@ pub struct Stiffened {
 pub struct StiffnessChart {
     /// The runs, in ascending order of the factor.
     pub runs: Vec<Stiffened>,
-    /// The order in theory: 1/(n + 1), the smallest of all compliant contacts.
+    /// The theoretical order, 1/(n + 1); with several compliant contacts the smallest of theirs.
     pub theory: f64,
 }
 
