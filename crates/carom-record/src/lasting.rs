@@ -123,3 +123,33 @@ fn modes() -> rerun::StateConfiguration {
     let modes = rerun::StateConfiguration::new().with_values(MODES.map(|(name, _)| name));
     modes.with_colors(MODES.map(|(_, colour)| colour))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::target::Target;
+
+    fn state(mode: ContactMode) -> ContactState {
+        let zero = Vector3::zeros();
+        let touch = mode.touch().unwrap();
+        ContactState { touch, mode, point: zero, normal: zero, gap: 0.0, force: zero, normal_force: 0.0 }
+    }
+
+    /// Sampled contacts alone, without the events between them, give each lane its mode; a contact that is not told is open.
+    #[test]
+    fn every_sampled_contact_has_its_mode_and_one_that_is_not_told_is_open() {
+        let path = std::env::temp_dir().join(format!("carom-lanes-{}.rrd", std::process::id()));
+        let sink = Sink::open(&Target::File(path), "lanes").unwrap();
+        let touches = ["a", "b", "c"].map(str::to_owned);
+        let mut lanes = Lanes::default();
+        lanes.begin(&sink).unwrap();
+        let all = |lanes: &Lanes| (lanes.modes.iter().map(|(k, mode)| (*k, *mode)).collect::<Vec<_>>(), lanes.whole);
+        let two = [state(ContactMode::Sliding { touch: 0 }), state(ContactMode::Sticking { touch: 2 })];
+        lanes.set(&sink, &touches, &two).unwrap();
+        assert_eq!(all(&lanes), (vec![(0, "sliding"), (2, "sticking")], Some("several")));
+        lanes.set(&sink, &touches, &two[1..]).unwrap();
+        assert_eq!(all(&lanes), (vec![(0, OPEN), (2, "sticking")], Some("sticking")));
+        lanes.event(&sink, &touches, &EventKind::LiftOff { touch: 2 }).unwrap();
+        assert_eq!(all(&lanes), (vec![(0, OPEN), (2, OPEN)], Some("free")));
+    }
+}
