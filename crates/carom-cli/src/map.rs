@@ -2,12 +2,11 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{answer, say, short, write_whole};
+use crate::output::{answer, progress, say, short, write_whole};
 use crate::record::check_map;
 use carom_study::Study;
 use carom_study::map_study::{Advice, MapFile, Written};
 use clap::{ArgGroup, Args};
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use std::io::{self, Write};
@@ -220,12 +219,7 @@ impl MapCommand {
         }
         let total = file.rows.end - file.rows.start;
         let stop = interrupts();
-        // shown on a terminal only
-        let bar = ProgressBar::new(total);
-        if let Ok(style) = ProgressStyle::with_template("{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left")
-        {
-            bar.set_style(style);
-        }
+        let bar = progress(total, "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
         let written = pool.install(|| study.write(file, &|rows| bar.inc(rows), &stop));
         bar.finish_and_clear();
         match written? {

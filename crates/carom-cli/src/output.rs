@@ -2,6 +2,7 @@
 
 use crate::error::{CliError, LineError};
 use crate::input::Refused;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter};
@@ -53,6 +54,15 @@ fn first_null(key: &str, value: &Value) -> Option<String> {
         Value::Object(all) => all.iter().find_map(|(k, v)| first_null(k, v)),
         _ => None,
     }
+}
+
+/// A progress bar on standard error, shown on a terminal only.
+pub fn progress(total: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
 }
 
 /// Writes a file beside its place and renames it, so that it is complete or not there.

@@ -1,10 +1,9 @@
 //! `carom simulate --runs`: many runs of a scene from disturbed starts, as one table.
 
 use crate::error::CliError;
-use crate::output::{answer, short};
-use crate::simulate::{SCENE, columns};
+use crate::output::{answer, progress, short};
 use carom_sim::{Plan, Scene, StopReason};
-use carom_study::{Column, Table, TableError, ensemble};
+use carom_study::{Column, SCENE_KEY, Table, TableError, ensemble, state_columns};
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
@@ -73,7 +72,7 @@ pub fn run(
         let why = "--runs: the scene has no disturbance, and all runs would be the same: add [run] perturb = { q = …, qd = … }";
         return Err(CliError::Scene(format!("{}: {why}", file.display())));
     }
-    let (whole, kept) = (columns(&scene.simulation.chain), columns(&plan.simulation.chain));
+    let (whole, kept) = (state_columns(&scene.simulation.chain), state_columns(&plan.simulation.chain));
     let mut names = vec![Column::number("run"), Column::word("outcome", OUTCOMES)];
     names.extend(
         [("impacts", ""), ("first_impact", "s"), ("events", "")].map(|(name, unit)| Column::number(name).in_unit(unit)),
@@ -84,10 +83,12 @@ pub fn run(
     let energies = ["energy_start", "energy_end", "lost_in_impacts", "energy_error"];
     names.extend(energies.map(|name| Column::number(name).in_unit("J")));
     let mut table = table.map(|path| Table::create_with(path, &names)).transpose()?;
-    table.iter_mut().for_each(|table| table.describe(SCENE, &scene.text));
+    table.iter_mut().for_each(|table| table.describe(SCENE_KEY, &scene.text));
     let (mut refused, mut first_refusal) = (0, None);
     let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
-    ensemble(scene, runs, |run| {
+    let bar = progress(runs, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
+    let done = ensemble(scene, runs, |run| {
+        bar.inc(1);
         let mut row = vec![run.number as f64];
         match &run.result {
             Ok(summary) => {
@@ -112,7 +113,9 @@ pub fn run(
             }
         }
         table.as_mut().map_or(Ok::<(), TableError>(()), |table| table.row(&row))
-    })?;
+    });
+    bar.finish_and_clear();
+    done?;
     let (Some(impacts), Some(lost_in_impacts)) = (impacts.spread(), lost.spread()) else {
         let why = first_refusal.unwrap_or_default();
         return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));

@@ -9,10 +9,9 @@ use crate::record::{Record, Recorder};
 use crate::runs;
 use crate::scene::load;
 use crate::sensitivity::{self, Sensitivity};
-use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, JointInfo};
+use carom_chain::Chain;
 use carom_sim::{ContactState, Event, EventKind, Moment, Plan, Sampling, Seen, Simulation};
-use carom_study::{Column, Table, TableError};
+use carom_study::{SCENE_KEY, Table, TableError, contact_columns, contact_row, state_columns};
 use clap::Args;
 use serde::Serialize;
 use std::io::{self, Write};
@@ -418,35 +417,6 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
     Ok(())
 }
 
-/// Units of the coordinates of a joint, and of its velocities.
-fn units(kind: JointType) -> (&'static [&'static str], &'static [&'static str]) {
-    match kind {
-        JointType::Revolute | JointType::Continuous => (&["rad"], &["rad/s"]),
-        JointType::Prismatic => (&["m"], &["m/s"]),
-        JointType::Planar => (&["m", "m", "rad"], &["m/s", "m/s", "rad/s"]),
-        JointType::Floating => (&["m", "m", "m", "", "", "", ""], &["m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s"]),
-        JointType::Fixed => (&[], &[]),
-    }
-}
-
-/// The columns of a table: time, q and qd by joint.
-pub fn columns(chain: &Chain) -> Vec<Column> {
-    let named = |letter: &str, joint: &JointInfo, units: &'static [&'static str]| -> Vec<Column> {
-        let name = |k: usize| match units.len() {
-            1 => format!("{letter}.{}", joint.name),
-            _ => format!("{letter}.{}.{k}", joint.name),
-        };
-        units.iter().enumerate().map(|(k, unit)| Column::number(name(k)).in_unit(unit)).collect()
-    };
-    let own = || chain.joints().iter().filter(|j| matches!(j.coordinates, Coordinates::Own { .. }));
-    let q = own().flat_map(|j| named("q", j, units(j.kind).0));
-    let qd = own().flat_map(|j| named("qd", j, units(j.kind).1));
-    std::iter::once(Column::number("time").in_unit("s")).chain(q).chain(qd).collect()
-}
-
-/// Key of the scene's text in the metadata of Parquet tables.
-pub const SCENE: &str = "carom.scene";
-
 /// The tables that are being written; keeps the first error.
 struct Tables {
     tables: Vec<Table>,
@@ -455,10 +425,10 @@ struct Tables {
 
 impl Tables {
     fn begin(paths: [Option<&Path>; 2], chain: &Chain, scene: &str) -> Result<Self, CliError> {
-        let columns = columns(chain);
+        let columns = state_columns(chain);
         let tables = paths.into_iter().flatten().map(|path| Table::create_with(path, &columns));
         let mut tables = tables.collect::<Result<Vec<_>, _>>()?;
-        tables.iter_mut().for_each(|table| table.describe(SCENE, scene));
+        tables.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { tables, failed: None })
     }
 
@@ -479,9 +449,6 @@ impl Tables {
     }
 }
 
-/// Modes of the rows of a table of contacts.
-const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
-
 /// The table of lasting contacts.
 struct ContactTable {
     table: Option<Table>,
@@ -490,34 +457,16 @@ struct ContactTable {
 
 impl ContactTable {
     fn begin(path: Option<&Path>, sim: &Simulation, scene: &str) -> Result<Self, CliError> {
-        let mut columns = vec![
-            Column::number("time").in_unit("s"),
-            Column::word("contact", sim.touches.iter().map(|it| &it.name)),
-            Column::word("mode", MODES),
-        ];
-        let units = [("m", &["x", "y", "z"][..]), ("", &["nx", "ny", "nz"]), ("m or rad", &["gap"])];
-        let forces = [("N", &["fx", "fy", "fz"][..]), ("N or N m", &["normal_force"])];
-        for (unit, names) in units.into_iter().chain(forces) {
-            columns.extend(names.iter().map(|name| Column::number(*name).in_unit(unit)));
-        }
-        let mut table = path.map(|path| Table::create_with(path, &columns)).transpose()?;
-        table.iter_mut().for_each(|table| table.describe(SCENE, scene));
+        let mut table = path.map(|path| Table::create_with(path, &contact_columns(sim))).transpose()?;
+        table.iter_mut().for_each(|table| table.describe(SCENE_KEY, scene));
         Ok(Self { table, failed: None })
     }
 
     fn rows(&mut self, time: f64, states: &[ContactState]) {
         let Some(table) = &mut self.table else { return };
         for state in states {
-            let mode = MODES.iter().position(|mode| *mode == state.mode.name()).unwrap_or(0);
-            let mut row = vec![time, state.touch as f64, mode as f64];
-            for vector in [&state.point, &state.normal] {
-                row.extend(vector.iter());
-            }
-            row.push(state.gap);
-            row.extend(state.force.iter());
-            row.push(state.normal_force);
             if self.failed.is_none() {
-                self.failed = table.row(&row).err();
+                self.failed = table.row(&contact_row(time, state)).err();
             }
         }
     }

@@ -4,10 +4,9 @@
 
 use crate::error::CliError;
 use crate::files;
-use crate::output::{make_folder, to_json, write_whole};
+use crate::output::{make_folder, progress, to_json, write_whole};
 use carom_study::stress::{self, METHODS, Row, Verdict};
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
@@ -79,11 +78,7 @@ impl StressCommand {
         }
         files::check_folder("--out", &self.out)?;
         make_folder(&self.out)?;
-        // Shown on a terminal only.
-        let bar = ProgressBar::new(scenes.len() as u64);
-        if let Ok(style) = ProgressStyle::with_template("{elapsed:>5} {bar:30} {pos}/{len} {msg}") {
-            bar.set_style(style);
-        }
+        let bar = progress(scenes.len() as u64, "{elapsed:>5} {bar:30} {pos}/{len} {msg}");
         let rows = stress::run(&scenes, &|row: &Row| {
             bar.set_message(row.scene);
             bar.inc(1);

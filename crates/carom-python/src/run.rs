@@ -6,7 +6,7 @@ use crate::error::exceptions;
 use crate::impact::Impact;
 use crate::table::Table;
 use carom_sim::{ContactState, EnergyBooks, Event, EventKind, Moment, Plan, Seen, Simulation, Summary};
-use carom_study::Column;
+use carom_study::{Column, SCENE_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeSet;
@@ -36,7 +36,6 @@ impl Told {
 /// q and qd have the coordinates of `run.chain`, the reduced chain of the plan.
 #[pyclass(frozen, module = "carom")]
 pub struct Run {
-    #[cfg_attr(not(feature = "rerun"), allow(dead_code))] // read by recordings
     scene: Arc<carom_sim::Scene>,
     plan: Plan,
     told: Vec<Told>,
@@ -60,12 +59,6 @@ impl Run {
         let numbers: Vec<f64> = self.moments().flat_map(|moment| of(moment).iter().copied()).collect();
         array(py, numbers, &[self.moments().count(), width])
     }
-
-    fn names(&self, letter: &str, positions: bool) -> Vec<Column> {
-        let chain = Chain::from(self.plan.simulation.chain.clone());
-        let names = chain.coordinate_names(positions);
-        names.into_iter().map(|name| Column::number(format!("{letter}.{name}"))).collect()
-    }
 }
 
 /// The name of what an event belongs to.
@@ -78,21 +71,10 @@ fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
 
 /// Lasting contacts at some times as a table.
 pub fn contact_table<'a>(sim: &Simulation, told: impl Iterator<Item = (f64, &'a [ContactState])>) -> Table {
-    const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
-    let mut columns = vec![
-        Column::number("time"),
-        Column::word("contact", sim.touches.iter().map(|it| &it.name).chain([&String::new()])),
-        Column::word("mode", MODES),
-    ];
-    let numbers = ["x", "y", "z", "nx", "ny", "nz", "gap", "fx", "fy", "fz", "normal_force"];
-    columns.extend(numbers.map(Column::number));
-    let mut table = Table::new(columns);
+    let mut table = Table::new(contact_columns(sim));
     for (time, states) in told {
         for state in states {
-            let mode = MODES.iter().position(|mode| *mode == state.mode.name());
-            let head = [time, state.touch as f64, mode.map_or(f64::NAN, |k| k as f64)];
-            let place = state.point.iter().chain(state.normal.iter()).chain([&state.gap]);
-            table.push(head.iter().chain(place).chain(state.force.iter()).chain([&state.normal_force]).copied());
+            table.push(contact_row(time, state));
         }
     }
     table
@@ -147,8 +129,7 @@ impl Run {
     /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
     #[getter]
     fn states(&self) -> Table {
-        let columns = [vec![Column::number("time")], self.names("q", true), self.names("qd", false)].concat();
-        let mut table = Table::new(columns);
+        let mut table = Table::new(state_columns(&self.plan.simulation.chain)).from_text(SCENE_KEY, &self.scene.text);
         for Moment { time, q, qd } in self.moments() {
             table.push([*time].iter().chain(q).chain(qd).copied());
         }
@@ -175,11 +156,13 @@ impl Run {
             let words = if words.is_empty() { &[String::new()] } else { words };
             Column::word(name, words.iter().cloned())
         };
-        let mut columns = vec![Column::number("time"), column("kind", &kinds), column("contact", &places)];
+        let mut columns = vec![Column::number("time").in_unit("s"), column("kind", &kinds), column("contact", &places)];
         columns.push(column("mode", &modes));
-        columns.extend(["px", "py", "pz"].map(Column::number));
-        columns.extend([self.names("q", true), self.names("qd_minus", false), self.names("qd_plus", false)].concat());
-        let mut table = Table::new(columns);
+        columns.extend(["px", "py", "pz"].map(|name| Column::number(name).in_unit("N s")));
+        for (head, positions) in [("q", true), ("qd_minus", false), ("qd_plus", false)] {
+            columns.extend(coordinate_columns(&sim.chain, head, positions));
+        }
+        let mut table = Table::new(columns).from_text(SCENE_KEY, &self.scene.text);
         let code = |words: &[String], word: Option<String>| {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
         };
@@ -196,13 +179,10 @@ impl Run {
     /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit).
     #[getter]
     fn contacts(&self) -> Table {
-        let told = self.told.iter();
-        contact_table(
-            &self.plan.simulation,
-            told.filter_map(
-                |told| if let Told::Contacts(time, states) = told { Some((*time, &states[..])) } else { None },
-            ),
-        )
+        let lasting =
+            |told| if let Told::Contacts(time, states) = told { Some((*time, states.as_slice())) } else { None };
+        let told = self.told.iter().filter_map(lasting);
+        contact_table(&self.plan.simulation, told).from_text(SCENE_KEY, &self.scene.text)
     }
 
     /// Why the run has ended: "duration" or "events".

@@ -7,7 +7,7 @@ use crate::error::raise;
 use crate::table::Table;
 use crate::text::toml_text;
 use carom_study::map_study::{MapFile, Written};
-use carom_study::{Column, StudyError};
+use carom_study::{Column, STUDY_KEY, StudyError};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -163,7 +163,7 @@ impl Study {
             );
             rows
         })?;
-        Ok(Table::of_rows(columns, &rows))
+        Ok(Table::of_rows(columns, &rows).from_text(STUDY_KEY, study.text()))
     }
 
     /// Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C leaves a partial file,

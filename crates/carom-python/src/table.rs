@@ -22,12 +22,19 @@ pub struct Table {
     columns: Vec<Column>,
     /// The numbers of each column; in a column of words their indices, NaN for the empty word.
     values: Vec<Vec<f64>>,
+    /// Key and text of the scene or study, for the metadata of Parquet files.
+    source: Option<(&'static str, String)>,
 }
 
 impl Table {
     pub fn new(columns: Vec<Column>) -> Self {
         let values = vec![Vec::new(); columns.len()];
-        Self { columns, values }
+        Self { columns, values, source: None }
+    }
+
+    /// The same table with the text of the scene or study that it is from.
+    pub fn from_text(self, key: &'static str, text: &str) -> Self {
+        Self { source: Some((key, text.to_owned())), ..self }
     }
 
     /// Appends a row: a number for each column.
@@ -39,7 +46,7 @@ impl Table {
     pub fn of_rows(columns: Vec<Column>, rows: &[f64]) -> Self {
         let width = columns.len().max(1);
         let values = (0..columns.len()).map(|c| rows.iter().skip(c).step_by(width).copied().collect()).collect();
-        Self { columns, values }
+        Self { columns, values, source: None }
     }
 
     fn find(&self, name: &str) -> PyResult<usize> {
@@ -124,13 +131,17 @@ impl Table {
         this.py().import("polars")?.call_method1("DataFrame", (this,))
     }
 
-    /// Writes the table as CSV or Parquet, by the ending of the name.
+    /// Writes the table as CSV or Parquet, by the ending of the name. A Parquet file has units, carom's version and the text of the
+    /// scene or study in its metadata.
     ///
     /// Raises:
     ///     StudyError: the file cannot be written, or its name has another ending.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         py.detach(|| {
             let mut table = carom_study::Table::create_with(&path, &self.columns)?;
+            if let Some((key, text)) = &self.source {
+                table.describe(key, text);
+            }
             let mut row = vec![0.0; self.columns.len()];
             for k in 0..self.values.first().map_or(0, Vec::len) {
                 row.iter_mut().zip(&self.values).for_each(|(x, column)| *x = column[k]);

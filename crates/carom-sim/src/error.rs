@@ -62,7 +62,7 @@ pub enum SimError {
         reason: String,
     },
     /// An invalid number.
-    #[error("{what} is {value}: {rule}")]
+    #[error("{what} is {}: {rule}", short(*value))]
     Setting {
         /// Name of the number.
         what: &'static str,
@@ -136,7 +136,7 @@ pub enum SimError {
         rule: String,
     },
     /// An invalid coefficient of a contact.
-    #[error("{touch}: {what} is {value}: {rule}")]
+    #[error("{touch}: {what} is {}: {rule}", short(*value))]
     Contact {
         /// Name of the touch.
         touch: String,
@@ -221,4 +221,10 @@ pub enum SimError {
 /// Rounds to four significant digits; the others are rounding errors of the pose.
 fn four_digits(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)
+}
+
+/// A number of a message: with an exponent where it would have many zeros.
+fn short(value: f64) -> String {
+    let decimal = value == 0.0 || !value.is_finite() || (1e-6..1e12).contains(&value.abs());
+    if decimal { value.to_string() } else { format!("{value:e}") }
 }

@@ -18,8 +18,8 @@ pub struct Run {
     pub result: Result<Summary, SimError>,
 }
 
-/// Runs of one scene are computed in groups of this number, each in parallel.
-const GROUP: u64 = 256;
+/// Runs of one scene are computed in groups of this number for each thread; the threads wait for each other at the end of a group.
+const GROUP: u64 = 16;
 
 /// Runs a scene `runs` times from starts that its [`perturbation`](Scene::perturbation) disturbs, in parallel, and passes the
 /// results to `each` in the order of their numbers. They do not depend on the number of threads. Without a perturbation all
@@ -28,9 +28,9 @@ const GROUP: u64 = 256;
 /// # Errors
 /// The first error of `each`, after which no further group is computed.
 pub fn ensemble<E>(scene: &Scene, runs: u64, mut each: impl FnMut(Run) -> Result<(), E>) -> Result<(), E> {
-    let mut first = 0;
+    let (mut first, size) = (0, GROUP * rayon::current_num_threads() as u64);
     while first < runs {
-        let group = first..runs.min(first + GROUP);
+        let group = first..runs.min(first + size);
         let done: Vec<Run> = group.clone().into_par_iter().map(|number| run(scene, number)).collect();
         done.into_iter().try_for_each(&mut each)?;
         first = group.end;

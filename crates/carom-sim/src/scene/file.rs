@@ -1,5 +1,6 @@
 //! The keys of a scene file for serde; they are documented in `mod.rs`.
 
+use super::beam::Beam;
 use super::control::with_controller;
 pub(crate) use super::control::{Control, Controller, PerJoint, Target};
 use super::perturb::Distribution;
@@ -166,6 +167,8 @@ pub(crate) struct Robot {
     pub package_dirs: Vec<PathBuf>,
     #[serde(default)]
     pub rotor_inertia: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub beam: Vec<Beam>,
 }
 
 #[derive(Deserialize)]
@@ -427,6 +430,8 @@ with_controller! { Member {
     pub package_dirs: Vec<PathBuf>,
     #[serde(default)]
     pub rotor_inertia: BTreeMap<String, f64>,
+    #[serde(default)]
+    pub beam: Vec<Beam>,
 } }
 
 #[derive(Deserialize)]

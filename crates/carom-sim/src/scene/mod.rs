@@ -1,6 +1,7 @@
 //! Scenes: reads robots, the surfaces around them, contact laws and run settings from a TOML file. The keys are documented at
 //! [`Scene`].
 
+mod beam;
 mod contact;
 mod control;
 mod drive;
@@ -72,6 +73,20 @@ use surface::{Places, surface};
 /// | `repair` | boolean | `false` | changes the robot as little as needed to compute its dynamics: see [`LoadOptions::repair`](carom_chain::urdf::LoadOptions::repair) |
 /// | `package_dirs` | list of folders | `[]` | folders in which the packages of mesh names (`package://NAME/…`) are searched for first |
 /// | `rotor_inertia` | table of numbers by joint name, kg m², kg | none | reflected inertias of motors' rotors, N² I with the gear ratio N: see [`Chain::with_rotor_inertia`](carom_chain::Chain::with_rotor_inertia) |
+/// | `beam` | list of tables `[[robot.beam]]`, see below | `[]` | slender links that bend |
+///
+/// `[[robot.beam]]` divides a link into rigid segments on elastic hinges
+/// ([`Robot::with_segments`](carom_chain::urdf::Robot::with_segments)): the bends are the joints `LINK_bend1`, … (of two axes
+/// `LINK_bend1a`, `LINK_bend1b`, …) after those of the URDF, each with a spring. `q` and `qd` without their numbers start from a
+/// straight link.
+///
+/// | key | type, unit | default | meaning |
+/// | --- | --- | --- | --- |
+/// | `link` | link name | required | the link |
+/// | `from`, `to` | 3 numbers each, m | required | ends of the part that bends, in the axes of the link |
+/// | `bends` | integer, at least 1 | required | number of elastic hinges |
+/// | `bending` | one or two tables `{ axis, stiffness }` | required | axis of bending (3 numbers, in the axes of the link, normal to the beam), and the bending stiffness E I about it, N m² |
+/// | `damping` | ≥ 0, s | `0` | τ of the bending moment E I (κ + τ dκ/dt) of a curvature κ |
 ///
 /// `tip_velocity = { speed, angle_deg, along }`: the velocity `speed (cos α · d − sin α · n)` of the tip, where α is `angle_deg`,
 /// n the normal of the first surface, and d the unit vector of the projection of `along` onto that surface. All three keys are
@@ -342,7 +357,11 @@ impl Scene {
         warnings.extend(unused(&file.contact, &file.surface, &touches));
         let (drive, after_impact) = robots.drives(folder, &file.run.control(), &surfaces, &qd).map_err(&refuse)?;
         let springs = file.spring.iter().enumerate().map(|(k, it)| spring(&chain, k, it));
-        let springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        let mut springs = springs.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
+        for spring in robots.springs() {
+            spring.on(&chain).map_err(|e| refuse(format!("[[robot.beam]]: {e}")))?;
+            springs.push(spring);
+        }
         let wrenches = file.force.iter().enumerate().map(|(k, it)| wrench(folder, &chain, k, it));
         let wrenches = wrenches.collect::<Result<Vec<_>, _>>().map_err(&refuse)?;
         let loops = file.loops.iter().enumerate().map(|(k, it)| closure(&chain, k, it));

@@ -1,12 +1,13 @@
 //! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several.
 
 use super::drive::{Drives, World};
+use super::beam::{divided, straight};
 use super::file::{Control, Member, Robot, Robots, tip};
 use super::tip_velocity::tip_velocity;
 use crate::contact::Surface;
 use crate::error::SimError;
-use crate::model::{Drive, RobotDrive};
-use carom_chain::urdf::{JointType, LoadOptions};
+use crate::model::{Drive, RobotDrive, Spring};
+use carom_chain::urdf::{self, JointType, LoadOptions};
 use carom_chain::{Chain, ChainError, Placed};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -28,12 +29,14 @@ struct One {
     table: String,
     chain: Chain,
     q: Vec<f64>,
+    /// The springs of its beams.
+    springs: Vec<Spring>,
     given: Member,
 }
 
 /// `[robot]` as a table of one robot; its controller is that of `[run]`.
 fn member(robot: Robot) -> Member {
-    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia } = robot;
+    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia, beam } = robot;
     let name = String::new();
     Member {
         name,
@@ -48,6 +51,7 @@ fn member(robot: Robot) -> Member {
         repair,
         package_dirs,
         rotor_inertia,
+        beam,
         ..Member::default()
     }
 }
@@ -94,15 +98,18 @@ impl One {
             strict: given.strict,
             repair: given.repair,
             package_dirs: given.package_dirs.iter().map(|dir| folder.join(dir)).collect(),
-            rotor_inertia: given.rotor_inertia.clone(),
             srdf: given.srdf.as_ref().map(|file| folder.join(file)),
             ..LoadOptions::default()
         };
-        let chain = Chain::from_urdf_file_with(folder.join(&given.urdf), &options)?;
+        let robot = urdf::read_file(folder.join(&given.urdf), &options)?;
+        let (robot, springs) = divided(robot, &given.beam, &|joint| full(name.as_deref(), joint))?;
+        let mut rotors = given.rotor_inertia.iter();
+        let chain = Chain::from_robot(robot, &options);
+        let chain = rotors.try_fold(chain, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))?;
         chain.check_dynamics()?;
         let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
         let q = start(&chain, &given).map_err(|why| refuse(format!("{table} {why}")))?;
-        let robot = Self { name, table, chain, q, given };
+        let robot = Self { name, table, chain, q, springs, given };
         robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]), refuse)?;
         Ok(robot)
     }
@@ -119,8 +126,13 @@ impl One {
     }
 
     fn full(&self, own: &str) -> String {
-        self.name.as_ref().map_or_else(|| own.to_owned(), |name| format!("{name}/{own}"))
+        full(self.name.as_deref(), own)
     }
+}
+
+/// The name of a link or joint of a robot in the chain of all robots.
+fn full(robot: Option<&str>, own: &str) -> String {
+    robot.map_or_else(|| own.to_owned(), |name| format!("{name}/{own}"))
 }
 
 fn pose(given: &Member) -> Isometry3<f64> {
@@ -142,7 +154,9 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
     } else {
         Vec::new()
     };
-    match &given.q {
+    let lengths = [chain.nq(), chain.nq() - base.len()];
+    let q = given.q.clone().map(|q| straight(q, &given.beam, &lengths));
+    match &q {
         None => Ok(chain.zero_configuration().iter().enumerate().map(|(k, x)| *base.get(k).unwrap_or(x)).collect()),
         Some(q) if !base.is_empty() && q.len() + base.len() == chain.nq() => Ok([base.as_slice(), q].concat()),
         Some(q) if !base.is_empty() && q.len() == chain.nq() && placed => Err(format!(
@@ -160,6 +174,11 @@ fn start(chain: &Chain, given: &Member) -> Result<Vec<f64>, String> {
 }
 
 impl Loaded {
+    /// The springs of all beams.
+    pub fn springs(&self) -> impl Iterator<Item = Spring> {
+        self.robots.iter().flat_map(|it| it.springs.clone())
+    }
+
     /// Joint velocities of all robots at the start.
     pub fn velocities(
         &self,
@@ -171,7 +190,7 @@ impl Loaded {
         for robot in &self.robots {
             let nv = robot.chain.nv();
             let own = match (&robot.given.qd, &robot.given.tip_velocity) {
-                (Some(qd), None) => qd.clone(),
+                (Some(qd), None) => straight(qd.clone(), &robot.given.beam, &[nv]),
                 (None, None) => vec![0.0; nv],
                 (Some(_), Some(_)) => {
                     return Err(refuse(format!("{} has both qd and tip_velocity: give one of them", robot.table)));

@@ -229,6 +229,11 @@ impl Study {
         Some(until(part - 1)..until(part))
     }
 
+    /// The text of the study file.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// The columns of a row: axes that vary, the configuration if poses come from inverse kinematics, `class`, quantities.
     pub fn columns(&self) -> &[Column] {
         &self.columns

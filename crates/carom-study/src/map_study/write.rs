@@ -10,7 +10,7 @@
 //! group are decoded, and the remaining rows are computed. The result is byte-identical to that of an uninterrupted run.
 
 use super::{Study, StudyError};
-use crate::Table;
+use crate::{STUDY_KEY, Table};
 use crate::table::{CHUNK, Rows};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -98,7 +98,7 @@ impl Study {
     ) -> Result<Written, StudyError> {
         assert!(file.rows.end <= self.rows, "rows {:?} of {}", file.rows, self.rows);
         let mut table = Table::create_with(&file.path, &self.columns)?;
-        table.describe("carom.study", &self.text);
+        table.describe(STUDY_KEY, &self.text);
         let done = if file.resume { self.take_over(file, &mut table)? } else { 0 };
         progress(done);
         let mut next = file.rows.start + done;
