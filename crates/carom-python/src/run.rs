@@ -179,9 +179,10 @@ impl Run {
     /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit).
     #[getter]
     fn contacts(&self) -> Table {
-        let lasting =
-            |told| if let Told::Contacts(time, states) = told { Some((*time, states.as_slice())) } else { None };
-        let told = self.told.iter().filter_map(lasting);
+        let told = self.told.iter().filter_map(|told| match told {
+            Told::Contacts(time, states) => Some((*time, states.as_slice())),
+            _ => None,
+        });
         contact_table(&self.plan.simulation, told).from_text(SCENE_KEY, &self.scene.text)
     }
 
