@@ -61,8 +61,7 @@ fn the_outer_half_of_a_clamped_rod_with_one_bend_is_a_damped_oscillator() {
     let decay = 0.5 * damping * square;
     let own = (square - decay * decay).sqrt();
     for time in [0.01, 0.1, 0.3, 0.5] {
-        let exact = (-decay * time).exp()
-            * (0.1 * (own * time).cos() + (1.5 + decay * 0.1) / own * (own * time).sin());
+        let exact = (-decay * time).exp() * (0.1 * (own * time).cos() + (1.5 + decay * 0.1) / own * (own * time).sin());
         let q = run.at(&plan.simulation.chain, time).q[0];
         assert!((q - exact).abs() < 1e-9, "{q} for {exact} at {time} s");
     }
@@ -73,7 +72,10 @@ fn the_outer_half_of_a_clamped_rod_with_one_bend_is_a_damped_oscillator() {
 fn numbers_of_bends_that_are_left_out_are_zero() {
     let desk = Desk::new("hinged");
     let one = desk.scene("[robot]\nurdf = \"hinged.urdf\"\nq = [0.3]\nqd = [2]", 3, "").unwrap();
-    assert_eq!((one.q.as_slice(), one.qd.as_slice()), ([0.3, 0.0, 0.0, 0.0].as_slice(), [2.0, 0.0, 0.0, 0.0].as_slice()));
+    assert_eq!(
+        (one.q.as_slice(), one.qd.as_slice()),
+        ([0.3, 0.0, 0.0, 0.0].as_slice(), [2.0, 0.0, 0.0, 0.0].as_slice())
+    );
     let summary = one.plan().unwrap().run(one.duration).unwrap().summary;
     let energy = MASS * LENGTH * LENGTH * 4.0 / 6.0 + MASS * GRAVITY * 0.5 * LENGTH * 0.3_f64.sin();
     assert!((summary.energy.start - energy).abs() < 1e-13, "{}", summary.energy.start);

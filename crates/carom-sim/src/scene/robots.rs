@@ -1,7 +1,7 @@
 //! The robots of a scene: `[robot]`, or one `[[robot]]` for each of several.
 
-use super::drive::{Drives, World};
 use super::beam::{divided, straight};
+use super::drive::{Drives, World};
 use super::file::{Control, Member, Robot, Robots, tip};
 use super::tip_velocity::tip_velocity;
 use crate::contact::Surface;
@@ -36,7 +36,8 @@ struct One {
 
 /// `[robot]` as a table of one robot; its controller is that of `[run]`.
 fn member(robot: Robot) -> Member {
-    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia, beam } = robot;
+    let Robot { urdf, srdf, q, qd, tip_velocity, tip, floating, strict, repair, package_dirs, rotor_inertia, beam } =
+        robot;
     let name = String::new();
     Member {
         name,

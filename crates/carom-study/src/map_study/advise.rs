@@ -116,7 +116,7 @@ impl Study {
         let mut tops: Vec<u64> = (0..self.rows).into_par_iter().filter(|index| is_top(axes, &costs, *index)).collect();
         tops.sort_by(|a, b| costs[*a as usize].total_cmp(&costs[*b as usize]).then(a.cmp(b)));
         tops.truncate(wish.best);
-        let redundant = self.engine.nv() > self.engine.dimension();
+        let redundant = self.engine.nv() > self.engine.conditions();
         let best = tops.par_iter().map(|&index| {
             let mut worker = self.engine.worker();
             let mut row = vec![0.0; self.columns.len()];

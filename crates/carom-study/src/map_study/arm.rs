@@ -14,13 +14,14 @@
 //! singular: its principal directions are then computed from its factor ([`ContactInertia`]).
 
 use super::axis::{Axis, advance, places};
+use super::pointing::Pointing;
 use super::quantity::{Class, Quantity, Wants};
 use super::reach::{Reach, Triangle};
 use super::strike::Condition;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Chain, ChainError, ContactInertia, Keep, Point, PointResponse, ResponseMemory, Workspace};
 use carom_impact::AnyLaw;
-use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector, Vector3};
 
 /// A joint with a velocity limit.
 #[derive(Debug, Clone)]
@@ -87,8 +88,9 @@ pub(super) trait Engine: Send + Sync {
     fn worker(&self) -> Box<dyn Worker + '_>;
     fn axes(&self) -> &[Axis];
     fn nv(&self) -> usize;
-    /// Dimension of the contact point's position. An arm with more joints is redundant.
-    fn dimension(&self) -> usize;
+    /// Number of conditions on the pose: of the contact point's position, and of its direction. An arm with more joints is
+    /// redundant.
+    fn conditions(&self) -> usize;
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine for Arm<A, D> {
@@ -119,8 +121,8 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Engine 
         self.chain.nv()
     }
 
-    fn dimension(&self) -> usize {
-        D
+    fn conditions(&self) -> usize {
+        D + self.pointing().map_or(0, Pointing::rows)
     }
 }
 
@@ -184,10 +186,9 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
     }
 
     fn self_motion(&mut self, q: &[f64], along: &[f64]) -> Option<Vec<f64>> {
-        let mut jacobian = DMatrix::zeros(D, self.arm.chain.nv());
-        self.workspace.update(&self.arm.chain, q).ok()?.point_jacobian_into(self.arm.point, &mut jacobian);
-        let along = nalgebra::DVector::from_column_slice(along);
-        // subtract the minimum-norm joint motion with the same tip velocity
+        let (_, jacobian) = self.conditions(q, &SVector::zeros())?;
+        let along = DVector::from_column_slice(along);
+        // subtract the minimum-norm joint motion with the same velocity of the tip
         let tip = &jacobian * &along;
         let moves = jacobian.svd(true, true).solve(&tip, 1e-12).ok()?;
         Some((along - moves).as_slice().to_vec())
@@ -196,16 +197,12 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Worker 
     fn hold(&mut self, q: &mut [f64], tip: Vector3<f64>) -> bool {
         let arm = self.arm;
         let own = arm.basis.tr_mul(&(tip - arm.origin));
-        let mut jacobian = DMatrix::zeros(D, arm.chain.nv());
         for _ in 0..20 {
-            let Ok(kin) = self.workspace.update(&arm.chain, q) else { return false };
-            let missing = own - kin.position(arm.point);
+            let Some((missing, jacobian)) = self.conditions(q, &own) else { return false };
             if missing.norm() <= 1e-13 * (1.0 + own.norm()) {
                 return arm.in_range(q);
             }
-            kin.point_jacobian_into(arm.point, &mut jacobian);
-            let missing = nalgebra::DVector::from_column_slice(missing.as_slice());
-            let Ok(step) = jacobian.clone().svd(true, true).solve(&missing, 1e-9) else { return false };
+            let Ok(step) = jacobian.svd(true, true).solve(&missing, 1e-9) else { return false };
             for body in arm.chain.bodies() {
                 q[body.q_index] += step[body.v_index];
             }
@@ -220,6 +217,11 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Arm<A, 
         self.axes.len() - CONDITIONS
     }
 
+    /// The direction that the tip keeps.
+    fn pointing(&self) -> Option<&Pointing<D>> {
+        if let Poses::Tip { reach, .. } = &self.poses { reach.pointing.as_ref() } else { None }
+    }
+
     fn in_range(&self, q: &[f64]) -> bool {
         self.ranges.iter().all(|&(i, ratio, shift, lower, upper)| {
             let at = ratio * q[i] + shift;
@@ -229,6 +231,29 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Arm<A, 
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Hand<'_, A, D> {
+    /// What the position `tip` (axes of the chain) and the direction lack at `q`, and the Jacobian of both.
+    fn conditions(&mut self, q: &[f64], tip: &SVector<f64, D>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let Arm { chain, point, .. } = self.arm;
+        let kin = self.workspace.update(chain, q).ok()?;
+        let mut jacobian = DMatrix::zeros(D, chain.nv());
+        kin.point_jacobian_into(*point, &mut jacobian);
+        let at = kin.position(*point);
+        let mut missing = DVector::from_column_slice((tip - at).as_slice());
+        if let Some(pointing) = self.arm.pointing() {
+            let (ahead, m) = (pointing.ahead(*point), D + pointing.rows());
+            let (position, turning) = (jacobian, kin.point_jacobian(ahead));
+            let turned = kin.position(ahead) - at;
+            missing = missing.resize_vertically(m, 0.0);
+            (D..m).for_each(|i| missing[i] = pointing.missing(i - D, &turned));
+            let entry = |i: usize, v: usize| match i.checked_sub(D) {
+                None => position[(i, v)],
+                Some(k) => pointing.slope(k, v, [&position, &turning]),
+            };
+            jacobian = DMatrix::from_fn(m, chain.nv(), entry);
+        }
+        Some((missing, jacobian))
+    }
+
     /// Sets the places and values of a row. Returns the first axis that changed, the number of axes if none did.
     fn take_places(&mut self, index: u64) -> usize {
         let axes = &self.arm.axes;

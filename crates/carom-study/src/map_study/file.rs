@@ -45,6 +45,14 @@ pub(super) struct Tip {
     pub z: Option<Values>,
     pub elbow: Option<Elbow>,
     pub seeds: Option<Vec<Vec<f64>>>,
+    pub pointing: Option<Pointing>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Pointing {
+    pub axis: [f64; 3],
+    pub direction: [f64; 3],
 }
 
 #[derive(Deserialize, Clone, Copy, PartialEq)]

@@ -46,6 +46,7 @@
 //! | `[tip] x`, `y`, `z` | values, m | unconstrained | instead of `[joints]`: world position of the contact point; at least one of the three. The poses are computed by inverse kinematics |
 //! | `[tip] elbow` | `"both"`, `"up"`, `"down"` | `"both"` | two revolute links in a plane only: which of the two solutions; up is to the left of the line from the base to the tip |
 //! | `[tip] seeds` | list of configurations | two: `q = 0.6` and `q = −0.6` for every revolute joint, clamped to its limits, and the middle of the range for a prismatic joint | all other arms: start configurations of the inverse kinematics; one pose for each seed. If a seed fails, 12 fixed start configurations are tried after it |
+//! | `[tip] pointing` | `{ axis = [x, y, z], direction = [x, y, z] }` | the direction of the tip is free | an axis of the tip's link, in its axes, keeps this direction in the world; a rotation about the axis stays free. In the plane both lie in it |
 //! | `[impact] normal` | `[x, y, z]`, or a list of them | required, or `normal_deg` | contact normal in the world frame, from the environment to the robot; normalised on reading |
 //! | `[impact] normal_deg` | values, degrees | – | planar arms only, instead of `normal`: direction of the normal, counted from the first axis of the arm's plane towards the second |
 //! | `[impact] along` | `[x, y, z]` | planar arms: the normal turned by +90° in the plane; in space required unless `approach_deg = 90` | direction of positive tangential velocity, in the world frame; its part perpendicular to the normal is used, normalised |
@@ -140,6 +141,7 @@ mod axis;
 mod boundary;
 mod file;
 mod picture;
+mod pointing;
 mod quantity;
 mod reach;
 mod read;

@@ -7,14 +7,15 @@
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | m | 1 | number of prescribed world coordinates, 1 to 3 | `rows.len()` |
+//! | m | 1 | number of prescribed world coordinates, 1 to 3, and of the rows of a direction ([`Pointing`]), 0 or D − 1 | `count` |
 //! | r | m | residual, m | `missing` |
-//! | J | m×nv | Jacobian of the prescribed coordinates | `j` |
+//! | J | m×nv | Jacobian of the prescribed coordinates and of the direction | `j` |
 //! | λ | 1 | damping relative to the mean of the diagonal of J Jᵀ | `damping` |
 
+use super::pointing::Pointing;
 use carom_chain::algebra::Algebra;
-use carom_chain::{Chain, ChainError, Point, Workspace};
-use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
+use carom_chain::{Chain, ChainError, Kinematics, Point, Workspace};
+use nalgebra::{DMatrix, SMatrix, SVector, Vector3};
 
 /// Greatest number of steps from one start; convergence is quadratic and usually needs about ten.
 const STEPS: usize = 60;
@@ -33,6 +34,7 @@ pub(super) struct Reach<const D: usize> {
     rows: Vec<(SVector<f64, D>, f64)>,
     /// Inverse of the rows if all D coordinates are prescribed: from world coordinates, less their origins, to the chain's.
     back: Option<SMatrix<f64, D, D>>,
+    pub pointing: Option<Pointing<D>>,
     closed: Option<TwoLinks>,
     seeds: Vec<Vec<f64>>,
     more: Vec<Vec<f64>>,
@@ -81,7 +83,7 @@ impl<const D: usize> Reach<D> {
         chain: &Chain<A>,
         point: Point<A>,
         coordinates: &[usize],
-        seeds: Option<Vec<Vec<f64>>>,
+        (pointing, seeds): (Option<Pointing<D>>, Option<Vec<Vec<f64>>>),
         about: About<D>,
     ) -> Result<Self, ChainError> {
         let rows: Vec<_> = coordinates.iter().map(|&k| (about.basis.row(k).transpose(), about.origin[k])).collect();
@@ -97,7 +99,10 @@ impl<const D: usize> Reach<D> {
         let base = root.map_or(SVector::zeros(), |i| chain.bodies()[i].placement.translation);
         let turns = path.iter().all(|&i| about.hinges[chain.bodies()[i].q_index]);
         let whole = rows.len() == D;
-        let closed = if D == 2 && whole && turns { TwoLinks::of(chain, point, &path)? } else { None };
+        let size = length + base.norm();
+        let pointing = pointing.map(|it| it.weighted(size));
+        let closed =
+            if D == 2 && whole && turns && pointing.is_none() { TwoLinks::of(chain, point, &path)? } else { None };
         let default_seeds = || {
             let bent = |angle: f64| {
                 let each = about.limits.iter().zip(&about.hinges);
@@ -114,11 +119,12 @@ impl<const D: usize> Reach<D> {
         Ok(Self {
             rows,
             back,
+            pointing,
             closed,
             seeds: seeds.unwrap_or_else(default_seeds),
             more,
             within: (whole && turns).then_some((base, length)),
-            size: length + base.norm(),
+            size,
             limits: about.limits,
             hinges: about.hinges,
         })
@@ -167,7 +173,11 @@ impl<const D: usize> Reach<D> {
         let mut beyond: Option<Vec<f64>> = None;
         for from in self.seeds.get(branch).into_iter().chain(&self.more) {
             q.copy_from_slice(from);
-            if self.lead(chain, point, workspace, target, q)? {
+            let found = match self.pointing {
+                None => self.lead::<A, 3>(chain, point, workspace, target, q),
+                Some(_) => self.lead::<A, 5>(chain, point, workspace, target, q),
+            };
+            if found? {
                 self.unwind(q);
                 if q.iter().zip(&self.limits).all(|(x, &(lower, upper))| (lower..=upper).contains(x)) {
                     return Ok(true);
@@ -185,8 +195,8 @@ impl<const D: usize> Reach<D> {
         Some(back * SVector::<f64, D>::from_fn(|i, _| target[i] - self.rows[i].1))
     }
 
-    /// Damped Newton steps from `q`. Returns whether they converged.
-    fn lead<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+    /// Damped Newton steps from `q`. Returns whether they converged. M is the largest number of rows: 3 without a direction, else 5.
+    fn lead<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const M: usize>(
         &self,
         chain: &Chain<A>,
         point: Point<A>,
@@ -194,41 +204,56 @@ impl<const D: usize> Reach<D> {
         target: &[f64],
         q: &mut [f64],
     ) -> Result<bool, ChainError> {
-        let m = self.rows.len();
-        let missing = |at: SVector<f64, D>| {
-            Vector3::from_fn(|i, _| if i < m { target[i] - self.rows[i].1 - self.rows[i].0.dot(&at) } else { 0.0 })
+        let (m, facing) = (self.rows.len(), self.pointing.as_ref());
+        let count = m + facing.map_or(0, Pointing::rows);
+        let missing = |kin: &Kinematics<A>| {
+            let at = kin.position(point);
+            let turned = facing.map(|facing| kin.position(facing.ahead(point)) - at);
+            SVector::<f64, M>::from_fn(|i, _| match (facing, turned) {
+                _ if i < m => target[i] - self.rows[i].1 - self.rows[i].0.dot(&at),
+                (Some(facing), Some(turned)) if i < count => facing.missing(i - m, &turned),
+                _ => 0.0,
+            })
         };
-        let mut r = missing(workspace.update(chain, q)?.position(point));
+        let mut r = missing(&workspace.update(chain, q)?);
         let mut jacobian = DMatrix::zeros(D, chain.nv());
+        let mut ahead = jacobian.clone();
         let mut damping = 1e-4;
         let mut trial = q.to_vec();
         for _ in 0..STEPS {
             if r.norm() <= REACHED * self.size {
-                return Ok(true);
+                break;
             }
-            workspace.update(chain, q)?.point_jacobian_into(point, &mut jacobian);
-            let j = |i: usize, v: usize| (0..D).map(|k| self.rows[i].0[k] * jacobian[(k, v)]).sum::<f64>();
+            let kin = workspace.update(chain, q)?;
+            kin.point_jacobian_into(point, &mut jacobian);
+            if let Some(facing) = facing {
+                kin.point_jacobian_into(facing.ahead(point), &mut ahead);
+            }
+            let j = |i: usize, v: usize| match facing {
+                Some(facing) if i >= m => facing.slope(i - m, v, [&jacobian, &ahead]),
+                _ => (0..D).map(|k| self.rows[i].0[k] * jacobian[(k, v)]).sum::<f64>(),
+            };
             let square = |i: usize, l: usize| (0..chain.nv()).map(|v| j(i, v) * j(l, v)).sum::<f64>();
-            let mut jj = Matrix3::identity();
-            for i in 0..m {
-                for l in 0..m {
+            let mut jj = SMatrix::<f64, M, M>::identity();
+            for i in 0..count {
+                for l in 0..count {
                     jj[(i, l)] = square(i, l);
                 }
             }
-            let mean = (0..m).map(|i| jj[(i, i)]).sum::<f64>() / m as f64;
+            let mean = (0..count).map(|i| jj[(i, i)]).sum::<f64>() / count as f64;
             let better = loop {
                 let mut damped = jj;
-                for i in 0..m {
+                for i in 0..count {
                     damped[(i, i)] += damping * mean;
                 }
-                let y = damped.lu().solve(&r).unwrap_or_else(Vector3::zeros);
-                let step = |v: usize| (0..m).map(|i| j(i, v) * y[i]).sum::<f64>();
+                let y = damped.cholesky().map_or_else(SVector::zeros, |factor| factor.solve(&r));
+                let step = |v: usize| (0..count).map(|i| j(i, v) * y[i]).sum::<f64>();
                 let longest = (0..chain.nv()).map(|v| step(v).abs()).fold(0.0, f64::max);
                 let share = if longest > LONGEST_STEP { LONGEST_STEP / longest } else { 1.0 };
                 for body in chain.bodies() {
                     trial[body.q_index] = q[body.q_index] + share * step(body.v_index);
                 }
-                let left = missing(workspace.update(chain, &trial)?.position(point));
+                let left = missing(&workspace.update(chain, &trial)?);
                 if left.norm() < r.norm() {
                     damping *= 0.1;
                     break Some(left);
@@ -242,7 +267,12 @@ impl<const D: usize> Reach<D> {
             q.copy_from_slice(&trial);
             r = left;
         }
-        Ok(r.norm() <= NEARLY * self.size)
+        if r.norm() > NEARLY * self.size {
+            return Ok(false);
+        }
+        let Some(facing) = facing else { return Ok(true) };
+        let kin = workspace.update(chain, q)?;
+        Ok(facing.is_ahead(&(kin.position(facing.ahead(point)) - kin.position(point))))
     }
 
     /// Shifts each revolute joint by whole turns to within half a turn of the middle of its limits, or of 0.

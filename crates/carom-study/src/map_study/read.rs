@@ -3,7 +3,8 @@
 use super::advise::Wish;
 use super::arm::{Arm, CONDITIONS, Engine, Limit, Poses};
 use super::axis::{Axis, total};
-use super::file::{Advise, Elbow, File, Tip, Values, Words};
+use super::file::{self, Advise, Elbow, File, Tip, Values, Words};
+use super::pointing::{self, Pointing};
 use super::quantity::{self, CLASSES, Quantity, Wants};
 use super::reach::{About, Reach};
 use super::surface::{Normal, normals, surface_in_plane, surface_in_space};
@@ -77,6 +78,14 @@ struct Placed<A: Algebra, const D: usize> {
     point: Point<A>,
     basis: SMatrix<f64, 3, D>,
     origin: Vector3<f64>,
+    /// From the axes of the tip's link to those of its body.
+    turn: SMatrix<f64, D, 3>,
+}
+
+/// The linear part of an affine map.
+fn turn<const D: usize>(of: impl Fn(Vector3<f64>) -> SVector<f64, D>) -> SMatrix<f64, D, 3> {
+    let origin = of(Vector3::zeros());
+    SMatrix::from_columns(&[Vector3::x(), Vector3::y(), Vector3::z()].map(|unit| of(unit) - origin))
 }
 
 type Whole = (Box<dyn Engine>, Vec<Column>, Vec<String>);
@@ -118,15 +127,17 @@ impl Reading<'_> {
                 let mut workspace = flat.chain.workspace();
                 let flat_zero = workspace.update(&flat.chain, &zero).map_err(|e| e.to_string())?.position(own);
                 let origin = at_zero - basis * flat_zero;
-                let placed = Placed { chain: flat.chain, point: own, basis, origin };
+                let turn = turn(|v| flat.point(frame, v).position);
+                let placed = Placed { chain: flat.chain, point: own, basis, origin, turn };
                 self.with(placed, frame, |normal, along, n| surface_in_plane(&basis, normal, along, n))
             }
             _ => {
                 if self.file.impact.normal_deg.is_some() {
                     return Err("[impact] normal_deg needs a planar arm: give normal = [x, y, z]".into());
                 }
-                let placed =
-                    Placed { chain: chain.clone(), point, basis: SMatrix::identity(), origin: Vector3::zeros() };
+                let turn = turn(|v| chain.point(frame, v).position);
+                let (basis, origin) = (SMatrix::identity(), Vector3::zeros());
+                let placed = Placed { chain: chain.clone(), point, basis, origin, turn };
                 self.with(placed, frame, surface_in_space)
             }
         }
@@ -149,7 +160,7 @@ impl Reading<'_> {
         surface: impl Fn(Normal, Option<Vector3<f64>>, bool) -> Result<SMatrix<f64, D, D>, String>,
     ) -> Result<Whole, String> {
         let mut warnings = Vec::new();
-        let Placed { chain, point, basis, origin } = placed;
+        let Placed { chain, point, basis, origin, turn } = placed;
         let impact = &self.file.impact;
         let approach = axis("impact", "approach_deg", "°", &impact.approach_deg)?;
         within("impact", &approach, 0.0, 180.0, "the angle must lie between 0 and 180 degrees")?;
@@ -158,7 +169,7 @@ impl Reading<'_> {
         let (poses, pose_axes) = match (&self.file.joints, &self.file.tip) {
             (Some(_), None) => (Poses::Joints, self.joint_axes(&mut warnings)?),
             (None, Some(tip)) => {
-                let made = Placed { chain: chain.clone(), point, basis, origin };
+                let made = Placed { chain: chain.clone(), point, basis, origin, turn };
                 self.tip_axes(tip, &made, frame)?
             }
             (None, None) => {
@@ -266,7 +277,7 @@ impl Reading<'_> {
         placed: &Placed<A, D>,
         frame: FrameId,
     ) -> Result<(Poses<D>, Vec<Axis>), String> {
-        let Placed { chain, point, basis, origin } = placed;
+        let Placed { chain, point, basis, origin, .. } = placed;
         let (mut coordinates, mut axes) = (Vec::new(), Vec::new());
         for (k, (name, values)) in [("x", &tip.x), ("y", &tip.y), ("z", &tip.z)].into_iter().enumerate() {
             let Some(values) = values else { continue };
@@ -294,8 +305,9 @@ impl Reading<'_> {
             hinges.push(joint.kind != JointType::Prismatic);
         }
         let about = About { basis, origin: *origin, limits, hinges };
-        let reach =
-            Reach::new(chain, *point, &coordinates, tip.seeds.clone(), about).map_err(|e| format!("[tip] {e}"))?;
+        let pointing = tip.pointing.as_ref().map(|it| self.pointing(it, placed, frame)).transpose()?;
+        let search = (pointing, tip.seeds.clone());
+        let reach = Reach::new(chain, *point, &coordinates, search, about).map_err(|e| format!("[tip] {e}"))?;
         let (branches, names): (Vec<usize>, Vec<String>) = if reach.is_closed() {
             if tip.seeds.is_some() {
                 return Err(
@@ -316,6 +328,29 @@ impl Reading<'_> {
         };
         axes.push(Axis::words(if reach.is_closed() { "elbow" } else { "seed" }, names));
         Ok((Poses::Tip { reach: Box::new(reach), branches }, axes))
+    }
+
+    /// The direction that the tip keeps; in the plane both vectors must lie in it.
+    fn pointing<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &self,
+        given: &file::Pointing,
+        placed: &Placed<A, D>,
+        frame: FrameId,
+    ) -> Result<Pointing<D>, String> {
+        let [axis, direction] = pointing::given(given.axis, given.direction)?;
+        // The pose of the tip at q = 0 takes the axis to the world, and from there to the chain's axes.
+        let mut workspace = self.chain.workspace();
+        let kin = workspace.update(self.chain, &vec![0.0; self.chain.nq()]).map_err(|e| e.to_string())?;
+        let [at, ahead] = [Vector3::zeros(), axis].map(|v| kin.position(self.chain.point(frame, v)));
+        for (key, vector) in [("axis", ahead - at), ("direction", direction)] {
+            let inside = placed.basis * placed.basis.tr_mul(&vector);
+            if (vector - inside).norm() > 1e-9 {
+                return Err(format!(
+                    "[tip] pointing.{key} leaves the plane in which the arm moves: give a vector in it"
+                ));
+            }
+        }
+        Ok(Pointing::new(placed.turn * axis, placed.basis.tr_mul(&direction)))
     }
 
     fn quantities(&self, limited: &[String]) -> Result<Vec<Quantity>, String> {

@@ -10,8 +10,8 @@
 //! group are decoded, and the remaining rows are computed. The result is byte-identical to that of an uninterrupted run.
 
 use super::{Study, StudyError};
-use crate::{STUDY_KEY, Table};
 use crate::table::{CHUNK, Rows};
+use crate::{STUDY_KEY, Table};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;

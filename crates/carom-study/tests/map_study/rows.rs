@@ -6,6 +6,7 @@ use carom_impact::{Coefficients, law_by_name};
 use carom_sim::{ChainImpact, Impacts};
 use carom_study::Study;
 use carom_study::map_study::{CLASSES, Evaluator};
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 const EVERYTHING: &str = r#""mode", "tangential_jump", "tangential_after", "normal_after", "impulse", "effective_mass", "coupling",
@@ -457,5 +458,100 @@ fn a_row_does_not_depend_on_the_rows_computed_before() {
             backward.row(index, &mut row);
             assert_eq!(bits(&row), alone[index as usize], "row {index} after those behind");
         }
+    }
+}
+
+/// The three links of planar3 with the last one along a given direction reach the targets whose wrist the first two reach: 0.45 m
+/// and 0.45 m, and 0.25 m from the wrist to the tip.
+#[test]
+fn a_planar_arm_with_a_direction_reaches_what_its_other_links_do() {
+    let impact = "normal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
+    let angle = 0.4_f64;
+    let direction = [angle.cos(), angle.sin()];
+    let poses = format!(
+        "limits = false\n[tip]\nx = {{ from = 0.1, to = 1.2, count = 12 }}\ny = {{ from = -0.6, to = 0.6, count = 7 }}\n\
+         pointing = {{ axis = [2, 0, 0], direction = [{}, {}, 0] }}",
+        3.0 * direction[0],
+        3.0 * direction[1]
+    );
+    let study = study("planar3", &poses, impact, "\"position\"");
+    let (chain, mut evaluator) = (study.chain(), study.evaluator());
+    let tip = chain.frame("tip").unwrap();
+    let mut workspace = chain.workspace();
+    let mut found = [0; 2];
+    for index in 0..study.rows() {
+        let row = Row::of(&study, &mut evaluator, index);
+        let target = [row.get("tip.x"), row.get("tip.y")];
+        let wrist = (target[0] - 0.25 * direction[0]).hypot(target[1] - 0.25 * direction[1]);
+        assert_eq!(row.class() != "unreachable", wrist < 0.9, "row {index}: {}, wrist at {wrist} m", row.class());
+        found[usize::from(wrist < 0.9)] += 1;
+        if wrist < 0.9 && row.class() != "singular" {
+            let q = row.group("q", &joints(chain));
+            let pose = workspace.update(chain, &q).unwrap().pose(tip);
+            let off = [pose.rotation[(0, 0)] - direction[0], pose.rotation[(1, 0)] - direction[1]];
+            let away = [pose.translation.x - target[0], pose.translation.y - target[1]];
+            assert!(off.iter().chain(&away).all(|x| x.abs() < 1e-9), "row {index}: {off:?}, {away:?}");
+        }
+    }
+    assert!(found.iter().all(|n| *n > 10), "{found:?}");
+}
+
+/// In space the axis has its direction at every pose that is found, and at the better pose of the self-motion as well, which
+/// keeps the position too. Tolerance: that of the inverse kinematics, 1e-10 of the arm's length.
+#[test]
+fn an_arm_in_space_keeps_the_direction_of_its_tip() {
+    let impact = "normal = [-1, 0, 0]\napproach_deg = 90\nspeed = 0.2\nlaw = \"frictionless\"\nrestitution = 0.35";
+    let direction = Vector3::new(1.0, 0.2, -0.4).normalize();
+    let poses = "[tip]\nx = [0.65, 0.75]\ny = [-0.1, 0.2]\nz = [0.3, 0.5]\n\
+                 pointing = { axis = [0, 0, 1], direction = [1, 0.2, -0.4] }\n\
+                 [advise]\nminimise = \"impulse\"\nbest = 3";
+    let study = study("arm7", poses, impact, "\"position\", \"impulse\"");
+    let (chain, mut evaluator) = (study.chain(), study.evaluator());
+    let tip = chain.frame("tip").unwrap();
+    let mut workspace = chain.workspace();
+    let mut off = |q: &[f64], target: [f64; 3]| {
+        let pose = workspace.update(chain, q).unwrap().pose(tip);
+        let axis = pose.rotation.column(2).into_owned();
+        (axis - direction).norm().max((pose.translation - Vector3::from(target)).norm())
+    };
+    let target = |row: &Row| ["x", "y", "z"].map(|k| row.get(&format!("tip.{k}")));
+    let mut found = 0;
+    for index in 0..study.rows() {
+        let row = Row::of(&study, &mut evaluator, index);
+        if row.get("position.x").is_finite() {
+            let error = off(&row.group("q", &joints(chain)), target(&row));
+            assert!(error < 1e-9, "row {index}: {error}");
+            found += 1;
+        }
+    }
+    assert!(found >= 8, "{found} of {} poses found", study.rows());
+    let advice = study.advise().unwrap();
+    let mut moved = 0;
+    for one in &advice.best {
+        let row = Row(study.columns().iter().map(|c| c.name.clone()).zip(one.row.clone()).collect());
+        if let Some((q, _)) = &one.self_motion {
+            let error = off(q, target(&row));
+            assert!(error < 1e-9, "self-motion of row {}: {error}", one.index);
+            moved += 1;
+        }
+    }
+    assert!(moved > 0);
+}
+
+#[test]
+fn directions_of_the_tip_that_cannot_be_are_refused() {
+    let impact = "[impact]\nnormal = [-1, 0, 0]\nalong = [0, -1, 0]\napproach_deg = 45\nspeed = 0.2\nlaw = \"newton\"\nrestitution = 0.3";
+    for (axis, direction, said) in [
+        ("[0, 0, 0]", "[1, 0, 0]", "[tip] pointing.axis = [0.0, 0.0, 0.0]: it must be finite and not zero"),
+        ("[1, 0, 0]", "[1, 0, inf]", "[tip] pointing.direction = [1.0, 0.0, inf]: it must be finite and not zero"),
+        ("[1, 0, 0]", "[1, 0, 1]", "[tip] pointing.direction leaves the plane in which the arm moves"),
+    ] {
+        let text = format!(
+            "[robot]\nurdf = \"{}\"\n[tip]\nx = 0.5\ny = 0.1\npointing = {{ axis = {axis}, direction = {direction} }}\n{impact}\n\
+             [map]\nquantities = [\"impulse\"]\n",
+            robot("planar3")
+        );
+        let refused = Study::from_toml(&text, ".").err().unwrap().to_string();
+        assert!(refused.contains(said), "{refused}");
     }
 }
