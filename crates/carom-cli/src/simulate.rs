@@ -361,6 +361,9 @@ fn reason(kind: &EventKind) -> Option<&'static str> {
     }
 }
 
+/// Number of contacts of one event that are listed for people; `--json` has all.
+const LISTED: usize = 8;
+
 fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out: &mut dyn Write) -> io::Result<()> {
     for event in events {
         write!(
@@ -372,7 +375,11 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
         )?;
         if let EventKind::Several { touches, .. } = &event.kind {
             let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();
-            write!(out, "{}", names.join(", "))?;
+            let listed = if names.len() > LISTED + 1 { LISTED } else { names.len() };
+            write!(out, "{}", names[..listed].join(", "))?;
+            if names.len() > listed {
+                write!(out, " and {} more", names.len() - listed)?;
+            }
         }
         if let EventKind::Impact { hit, .. } = &event.kind {
             let [u_minus, u_plus] =

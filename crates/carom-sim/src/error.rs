@@ -2,6 +2,7 @@
 
 use carom_chain::ChainError;
 use carom_impact::ImpactError;
+use ivp::status::Status;
 use nalgebra::Vector3;
 
 /// The errors of impacts, scenes and simulations of a chain.
@@ -54,11 +55,11 @@ pub enum SimError {
         normal: Vector3<f64>,
     },
     /// The integrator failed.
-    #[error("from t = {time} s the motion can't be integrated: {reason}")]
+    #[error("from t = {} s the motion can't be integrated: {reason}", short(*time))]
     Integration {
         /// Start of the integration, s.
         time: f64,
-        /// The message of the integrator.
+        /// Why the integrator ended, and what to do.
         reason: String,
     },
     /// An invalid number.
@@ -221,6 +222,22 @@ pub enum SimError {
 /// Rounds to four significant digits; the others are rounding errors of the pose.
 fn four_digits(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)
+}
+
+/// Why an integrator ended, and what to do.
+pub(crate) fn ended(status: Status) -> &'static str {
+    match status {
+        Status::StepSizeTooSmall => {
+            "its steps become shorter than the rounding of the time: the motion is too fast for numbers of 16 digits. Check \
+             the units of forces, gains, stiffness and masses"
+        }
+        Status::NeedLargerNMax => "it takes too many steps: give a larger tolerance or a shorter duration",
+        Status::ProbablyStiff => "it is stiff: lower the gains or the stiffness",
+        Status::SingularMatrix | Status::PoorConvergence => {
+            "Newton's method does not solve the equations of an implicit step: give a smaller max_step"
+        }
+        Status::Success | Status::UserInterrupt => "it was interrupted",
+    }
 }
 
 /// A number of a message: with an exponent where it would have many zeros.

@@ -292,3 +292,17 @@ fn the_commonest_wrong_inputs_are_told_with_their_remedy() {
         "at the start upper limit of shoulder overlaps by 41.9 rad: choose a start without overlap (angles of joints are in rad)"
     );
 }
+
+/// Numbers of messages have an exponent where they would have many zeros, and the end of an integration has its reason and a
+/// remedy: a torque of 1e160 N m turns the arm once in 1e-80 s.
+#[test]
+fn motions_beyond_the_digits_of_numbers_are_refused_with_the_reason() {
+    let scene = |torque: &str, rest: &str| {
+        let text = format!("{ARM}[run]\nduration = 5\ncontroller = \"constant\"\ntorque = [{torque}, 0]\n{rest}");
+        read("digits", &text).and_then(|scene| scene.plan()?.run(scene.duration).map(|_| ())).unwrap_err().to_string()
+    };
+    let fast = scene("1e160", "");
+    assert!(fast.contains("shorter than the rounding of the time") && fast.contains("Check the units"), "{fast}");
+    let long = scene("1", "tolerance = 1e-300");
+    assert!(long.contains("tolerance is 1e-300: no integration reaches it"), "{long}");
+}

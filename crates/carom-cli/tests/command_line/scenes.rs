@@ -376,7 +376,7 @@ fn invalid_settings_are_refused() {
             ("neglect = nan", &format!("[run] neglect = NaN: {share}")),
             ("neglect = \"a\"", "line 14, neglect = \"a\": invalid type: string \"a\", expected a number"),
             ("tolerance = 0", &format!("tolerance is 0: {positive}")),
-            ("tolerance = -1e-9", &format!("tolerance is -0.000000001: {positive}")),
+            ("tolerance = -1e-9", &format!("tolerance is -1e-9: {positive}")),
             ("contact_step = 0", &format!("contact step is 0: {positive}")),
             ("contact_step = nan", &format!("contact step is NaN: {positive}")),
             ("sample = 0", &format!("[run] sample = 0: {positive}")),

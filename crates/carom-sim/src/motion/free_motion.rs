@@ -1,6 +1,6 @@
 //! Free motion of a chain: motors off, no contacts.
 
-use crate::error::SimError;
+use crate::error::{SimError, ended};
 use crate::state::Moment;
 use carom_chain::{Chain, ChainError};
 use ivp::prelude::{FirstOrderSystem, Ivp, Method};
@@ -77,7 +77,7 @@ pub fn free_motion_at(
         return Err(error.into());
     }
     if !solution.status.is_success() || solution.t.len() != times.len() {
-        let reason = format!("{:?} after {} steps", solution.status, solution.nstep);
+        let reason = ended(solution.status).into();
         return Err(SimError::Integration { time: 0.0, reason });
     }
     let still = vec![0.0; chain.nv()];

@@ -15,7 +15,7 @@
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::{Segment, Statistics};
-use crate::error::SimError;
+use crate::error::{SimError, ended};
 use crate::model::Integrator;
 use crate::motion::ContactState;
 use ivp::dense::StepInterpolant;
@@ -249,7 +249,7 @@ fn integrate(
     if let Some(error) = system.0.borrow_mut().error.take() {
         return Err(error);
     }
-    if solved.status.is_success() { Ok(()) } else { Err(failed(format!("{:?}", solved.status))) }
+    if solved.status.is_success() { Ok(()) } else { Err(failed(ended(solved.status).into())) }
 }
 
 /// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
