@@ -86,19 +86,6 @@ impl Chain {
         self.moving().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Names of the entries of q or of qd: the joint, with a number if it has several.
-    pub fn coordinate_names(&self, positions: bool) -> Vec<String> {
-        let mut names = Vec::new();
-        for joint in self.moving() {
-            let Coordinates::Own { q, v } = &joint.coordinates else { continue };
-            match if positions { q.len() } else { v.len() } {
-                1 => names.push(joint.name.clone()),
-                n => names.extend((0..n).map(|k| format!("{}.{k}", joint.name))),
-            }
-        }
-        names
-    }
-
     fn moving(&self) -> impl Iterator<Item = &carom_chain::JointInfo> {
         self.chain.joints().iter().filter(|joint| matches!(joint.coordinates, Coordinates::Own { .. }))
     }

@@ -129,7 +129,7 @@ impl Run {
     /// The samples as a Table: time, then q.<joint> and qd.<joint>; joints with several coordinates have numbered columns.
     #[getter]
     fn states(&self) -> Table {
-        let mut table = Table::new(state_columns(&self.plan.simulation.chain)).from_text(SCENE_KEY, &self.scene.text);
+        let mut table = Table::new(state_columns(&self.plan.simulation.chain)).with_text(SCENE_KEY, &self.scene.text);
         for Moment { time, q, qd } in self.moments() {
             table.push([*time].iter().chain(q).chain(qd).copied());
         }
@@ -162,7 +162,7 @@ impl Run {
         for (head, positions) in [("q", true), ("qd_minus", false), ("qd_plus", false)] {
             columns.extend(coordinate_columns(&sim.chain, head, positions));
         }
-        let mut table = Table::new(columns).from_text(SCENE_KEY, &self.scene.text);
+        let mut table = Table::new(columns).with_text(SCENE_KEY, &self.scene.text);
         let code = |words: &[String], word: Option<String>| {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
         };
@@ -183,7 +183,7 @@ impl Run {
             Told::Contacts(time, states) => Some((*time, states.as_slice())),
             _ => None,
         });
-        contact_table(&self.plan.simulation, told).from_text(SCENE_KEY, &self.scene.text)
+        contact_table(&self.plan.simulation, told).with_text(SCENE_KEY, &self.scene.text)
     }
 
     /// Why the run has ended: "duration" or "events".

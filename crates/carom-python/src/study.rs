@@ -163,7 +163,7 @@ impl Study {
             );
             rows
         })?;
-        Ok(Table::of_rows(columns, &rows).from_text(STUDY_KEY, study.text()))
+        Ok(Table::of_rows(columns, &rows).with_text(STUDY_KEY, study.text()))
     }
 
     /// Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C leaves a partial file,

@@ -33,7 +33,7 @@ impl Table {
     }
 
     /// The same table with the text of the scene or study that it is from.
-    pub fn from_text(self, key: &'static str, text: &str) -> Self {
+    pub fn with_text(self, key: &'static str, text: &str) -> Self {
         Self { source: Some((key, text.to_owned())), ..self }
     }
 

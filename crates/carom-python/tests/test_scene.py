@@ -142,6 +142,7 @@ def test_a_law_in_python_resolves_the_impacts_of_a_scene():
 
 def test_tables_are_the_same_by_every_door(bounce, tmp_path):
     pandas, polars, pyarrow = (pytest.importorskip(name) for name in ("pandas", "polars", "pyarrow"))
+    pytest.importorskip("pyarrow.parquet")
     for table in (bounce.states, bounce.event_table, carom.Scene.from_file(ROOT / "scenes/table.toml").simulate(sample=0.05).contacts):
         arrow, columns = pyarrow.table(table), table.numpy()
         assert arrow.column_names == table.columns == list(columns) and arrow.num_rows == len(table) > 0
@@ -156,6 +157,11 @@ def test_tables_are_the_same_by_every_door(bounce, tmp_path):
         assert list(read.columns) == table.columns and np.array_equal(read["time"], table["time"])
         with pytest.raises(KeyError, match="the columns are"):
             table["none"]
+        table.write(tmp_path / "x.parquet")
+        told = pyarrow.parquet.read_metadata(tmp_path / "x.parquet").metadata
+        units = json.loads(told[b"carom.units"])
+        assert units["time"] == "s" and told[b"carom.version"].decode() == carom.__version__
+        assert tomllib.loads(told[b"carom.scene"].decode())["run"]
     with pytest.raises(carom.StudyError, match="csv or .parquet"):
         bounce.states.write(tmp_path / "x.txt")
     assert "time" in bounce.states and "none" not in bounce.states
