@@ -6,7 +6,7 @@ use crate::error::InBatch;
 use crate::impact::{FLAGS, Impact, Wanted, bits};
 use crate::laws::{GivenLaw, texts};
 use carom_impact::Mode;
-use carom_sim::{ChainImpact, PreparedStrike, SimError, Strike};
+use carom_sim::{ChainImpact, PreparedStrike, SimError, States, Strike};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -122,34 +122,51 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
     let own = |state: usize| move |error: SimError| InBatch { error, state: Some(state) };
     let prepared = strike(0).prepare().map_err(|error| InBatch { error, state: None })?;
     let wanted = Wanted { derivatives, band: None, saltation: None };
-    let piece = |(prepared, hit): &mut (PreparedStrike<'a>, ChainImpact), first: usize, piece: &mut Piece| {
-        for k in 0..piece.codes.len() / 2 {
-            let state = first + k;
-            if derivatives {
-                let found = Impact::compute(strike(state), law, &wanted).map_err(own(state))?;
+    let piece = |(prepared, columns): &mut (PreparedStrike<'a>, Vec<f64>), first: usize, piece: &mut Piece| {
+        let states = piece.codes.len() / 2;
+        if derivatives {
+            for k in 0..states {
+                let found = Impact::compute(strike(first + k), law, &wanted).map_err(own(first + k))?;
                 piece.write(k, &found.hit);
                 piece.write_derivatives(k, &found);
-                continue;
             }
-            let (q, qd) = (q.row(state), qd.row(state));
-            chain.check_state(q, qd).map_err(|e| own(state)(e.into()))?;
-            prepared.resolve_into(q, qd, law.in_space(), hit).map_err(own(state))?;
-            piece.write(k, hit);
+            return Ok(());
         }
-        Ok(())
+        columns.resize((chain.nq() + nv) * states, 0.0);
+        let (mut valid, mut invalid) = (states, None);
+        for k in 0..states {
+            let (q, qd) = (q.row(first + k), qd.row(first + k));
+            if let Err(error) = chain.check_state(q, qd) {
+                (valid, invalid) = (k, Some(own(first + k)(error.into())));
+                break;
+            }
+            q.iter().chain(qd).enumerate().for_each(|(i, x)| columns[i * states + k] = *x);
+        }
+        let columns: Vec<&[f64]> = columns.chunks_exact(states).map(|column| &column[..valid]).collect();
+        let (q, qd) = columns.split_at(chain.nq());
+        let mut refused = None;
+        let done = prepared.many(States { q, qd }, law.in_space(), |k, hit| match hit {
+            Ok(hit) => piece.write(k, hit),
+            Err(error) => _ = refused.get_or_insert_with(|| own(first + k)(error)),
+        });
+        done.map_err(|error| InBatch { error, state: None })?;
+        refused.or(invalid).map_or(Ok(()), Err)
     };
-    let memory = || (prepared.clone(), prepared.outcome());
+    let memory = || (prepared.clone(), Vec::new());
     if law.is_python() {
         // The law needs the GIL; a signal stops the batch through the exception that the law then raises.
-        piece(&mut memory(), 0, &mut all.pieces(count, nv)[0])?;
+        let mut memory = memory();
+        all.pieces(1, nv).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows))?;
         return Ok(all);
     }
     py.detach(|| {
+        let mut pieces = all.pieces(CHUNK, nv);
         if alone(count) {
-            return piece(&mut memory(), 0, &mut all.pieces(count, nv)[0]);
+            let (mut memory, mut pieces) = (memory(), pieces.iter_mut().enumerate());
+            return pieces.try_for_each(|(c, rows)| piece(&mut memory, c * CHUNK, rows));
         }
-        let pieces = all.pieces(CHUNK, nv).into_par_iter().enumerate();
-        first_error(pieces.map_init(memory, |memory, (c, mut rows)| piece(memory, c * CHUNK, &mut rows)))
+        let pieces = pieces.par_iter_mut().enumerate();
+        first_error(pieces.map_init(memory, |memory, (c, rows)| piece(memory, c * CHUNK, rows)))
     })?;
     Ok(all)
 }

@@ -386,7 +386,7 @@ fn invalid_settings_are_refused() {
             ),
             (
                 "tolerance = 1e-16",
-                "tolerance is 0.0000000000000001: no integration reaches it: numbers are rounded to 2.2e-16 of their size",
+                "tolerance is 1e-16: no integration reaches it: numbers are rounded to 2.2e-16 of their size",
             ),
             ("gravity = [0, nan, 0]", "gravity is NaN: every component must be finite"),
             (

@@ -1,0 +1,280 @@
+//! Whole motions with impacts while other contacts last, against quadratures, closed forms and time steps that get finer.
+
+use carom::Chain;
+use carom::impact::Newton;
+use carom::sim::{ContactRule, Drive, EventKind, Simulation, Surface, Touch};
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use nalgebra::{DVector, Vector3};
+
+mod bodies;
+use bodies::{floating_box, in_plane};
+
+const G: f64 = 9.81;
+/// Zeno time of the simulations, s, that of their tolerance of 1e-11. Accumulations of two contacts in turn end by the time that one of them still needs, a fraction of
+/// that of both: within ten Zeno times.
+const ZENO: f64 = 1e-6; // √(0.1 · tolerance)
+
+/// A simulation among half-spaces, each with a point and a normal, under Newton's law.
+fn among(chain: Chain, planes: &[[Vector3<f64>; 2]], restitution: f64, friction: f64) -> Simulation {
+    let contact = ContactRule::new(Newton { restitution, friction });
+    let surface = |(k, [point, normal]): (usize, &[Vector3<f64>; 2])| Surface {
+        name: format!("plane {k}"),
+        obstacle: Obstacle::half_space(*point, *normal).unwrap(),
+        contact: contact.clone(),
+        motion: None,
+    };
+    let surfaces: Vec<Surface> = planes.iter().enumerate().map(surface).collect();
+    let touches = Touch::all(&chain, &surfaces, 0.0).unwrap().touches;
+    let touches = touches.into_iter().filter(|touch| touch.link().is_some()).collect();
+    Simulation {
+        gravity: Vector3::new(0.0, 0.0, -G),
+        tolerance: 1e-11,
+        zeno_time: ZENO,
+        ..Simulation::new(chain, touches)
+    }
+}
+
+/// Simpson's rule with 2000 intervals.
+fn integral(of: impl Fn(f64) -> f64, end: f64) -> f64 {
+    let n = 2000;
+    let h = end / f64::from(n);
+    let inner: f64 = (1..n).map(|k| of(f64::from(k) * h) * if k % 2 == 1 { 4.0 } else { 2.0 }).sum();
+    (of(0.0) + inner + of(end)) * h / 3.0
+}
+
+/// Housner's rocking block from its release to rest, without any approximation of small angles. It turns about one corner with
+/// I_O = 4/3 m R², so that a swing from rest at the angle θ to θ = 0 takes, with k = m g R/I_O = 3 g/(4 R),
+///
+/// ```text
+/// T(θ) = ∫₀^θ dϑ/√(2 k (cos(α − θ) − cos(α − ϑ)))
+/// ```
+///
+/// and ends with ω² = 2 k (cos(α − θ) − cos α). The impact on the other corner leaves r ω, r = 1 − 1.5 sin²α (G. W. Housner, Bull.
+/// Seismol. Soc. Am. 53, 1963), from which the next angle follows. With ϑ = θ (1 − x²) the integrand is regular. The impacts are
+/// infinitely many, and the swings take less and less time, in the end by the factor r. Tolerance of the times: 1e-11 at each step,
+/// over some hundred steps, and growing with the time of a swing by that of the angle.
+#[test]
+fn a_rocking_block_rocks_to_rest_as_its_quadratures_say() {
+    let (alpha, radius) = (0.3_f64, 0.5);
+    let (b, h) = (radius * alpha.sin(), radius * alpha.cos());
+    let shape = format!(r#"<collision><geometry><box size="{} 0.4 {}"/></geometry></collision>"#, 2.0 * b, 2.0 * h);
+    let mass = 2.0;
+    let mut sim =
+        among(in_plane(mass, mass * radius * radius / 3.0, &shape), &[[Vector3::zeros(), Vector3::z()]], 0.0, 5.0);
+    // The corners with y > 0 move as those with y < 0.
+    sim.touches = sim.touches.drain(..).enumerate().filter(|(k, _)| k & 2 == 0).map(|(_, touch)| touch).collect();
+    let start = 0.7 * alpha;
+    let (s, c) = start.sin_cos();
+    let run = sim.run(&[s * h - c * b, c * h + s * b, start], &[0.0; 3], 6.0).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0);
+
+    let k = 0.75 * G / radius;
+    let ratio = 1.0 - 1.5 * alpha.sin().powi(2);
+    let swing = |angle: f64| {
+        // cos(α − θ) − cos(α − ϑ) = 2 sin(α − θ + θx²/2) sin(θx²/2)
+        let of = |x: f64| {
+            let half = 0.5 * angle * x * x;
+            let sine = if x == 0.0 { 0.5 * angle } else { half.sin() / (x * x) };
+            2.0 * angle / (4.0 * k * (alpha - angle + half).sin() * sine).sqrt()
+        };
+        integral(of, 1.0)
+    };
+    let times: Vec<f64> =
+        run.events.iter().filter(|it| matches!(it.kind, EventKind::Several { .. })).map(|it| it.time).collect();
+    let (mut angle, mut time) = (start, swing(start));
+    let mut found = times.iter().enumerate();
+    loop {
+        if let Some((n, found)) = found.next() {
+            assert!((found - time).abs() < 1e-9, "impact {n}: {found} for {time}, swing from {angle}");
+        }
+        // (r ω)²/(2 k) = r² (cos(α − θ) − cos α), by the product, so that small angles keep their digits; the next angle by Newton's
+        // method on the same product.
+        let rise = |angle: f64| 2.0 * (alpha - 0.5 * angle).sin() * (0.5 * angle).sin();
+        let next = ratio * ratio * rise(angle);
+        angle = next / alpha.sin();
+        for _ in 0..20 {
+            angle -= (rise(angle) - next) / (alpha - angle).sin();
+        }
+        let last = swing(angle);
+        time += 2.0 * last;
+        if last < 1e-12 {
+            break;
+        }
+    }
+    assert!(times.len() > 20, "{} impacts", times.len());
+    let rest = run.events.iter().find(|it| it.kind.name() == "rest").map(|it| it.time);
+    let rest = rest.unwrap_or_else(|| panic!("{:?}", run.events.last()));
+    assert!((rest - time).abs() < 10.0 * ZENO, "at rest at {rest} for {time}");
+    let end = &run.summary.last.q;
+    assert!((end[1] - h).abs() < 1e-9 && end[2].abs() < 1e-9, "{end:?}");
+}
+
+/// A slider of mass m₁ with a slider of mass m₂ on it along the same axis, both with stops.
+fn coupled(m1: f64, m2: f64) -> Chain {
+    let link = |name: &str, mass: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="{mass}"/>
+            <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>"#
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str| {
+        format!(
+            r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/><axis xyz="1 0 0"/>
+            <limit lower="-1" upper="0" effort="0" velocity="0"/></joint>"#
+        )
+    };
+    let text = format!(
+        r#"<robot name="r"><link name="w"/>{}{}{}{}</robot>"#,
+        link("a", m1),
+        link("b", m2),
+        joint("outer", "w", "a"),
+        joint("inner", "a", "b")
+    );
+    Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+}
+
+/// Two sliders with M = [[m₁ + m₂, m₂], [m₂, m₂]]. The outer one is pressed against its upper stop, and the inner one runs from its
+/// upper to its lower stop at −1 m with q̈ = F₂/m₂, F₂ < 0. There its stop (e = 0) gives p = −m₁ m₂/(m₁ + m₂) v, by which the outer slider
+/// leaves its own stop with the common velocity −p/m₁. Both go on as one under F₁, and are back at the outer stop after
+/// 2 (p/m₁)(m₁ + m₂)/F₁, with the velocity p/m₁: the outer slider stops, the inner one goes on with p/m₁ and leaves its lower stop for
+/// 2 (p/m₁) m₂/|F₂|, until it strikes it again, with m₂/(m₁ + m₂) times its velocity: the impacts accumulate as a geometric
+/// series. All of it is exact but for rounding.
+#[test]
+fn coupled_sliders_strike_their_stops_at_the_times_of_their_closed_forms() {
+    let (m1, m2, f1, f2) = (3.0, 2.0, 40.0, -5.0);
+    let chain = coupled(m1, m2);
+    let touches = Touch::every(&chain, &[], 0.0).unwrap();
+    let mut sim = Simulation { tolerance: 1e-11, zeno_time: ZENO, ..Simulation::new(chain, touches) };
+    sim.drive = Drive::Constant(vec![f1, f2]);
+    let run = sim.run(&[0.0, 0.0], &[0.0, 0.0], 2.5).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0);
+    let kinds: Vec<(f64, &str)> = run.events.iter().map(|it| (it.time, it.kind.name())).collect();
+
+    let first = (2.0 * m2 / -f2).sqrt();
+    let speed = -f2 / m2 * first; // of the inner slider at its stop
+    let common = m2 / (m1 + m2) * speed; // p/m₁
+    let back = first + 2.0 * common * (m1 + m2) / f1;
+    let again = back + 2.0 * common * m2 / -f2;
+    let hit = |k: usize| {
+        &run.events[kinds
+            .iter()
+            .enumerate()
+            .filter(|(_, it)| it.1 == "several")
+            .nth(k)
+            .unwrap_or_else(|| panic!("{kinds:?}"))
+            .0]
+    };
+    for (k, time, after) in
+        [(0, first, [-common, 0.0]), (1, back, [0.0, common]), (2, again, [-common * m2 / (m1 + m2), 0.0])]
+    {
+        let event = hit(k);
+        assert!((event.time - time).abs() < 1e-10, "{time}: {kinds:?}");
+        for (found, exact) in event.qd_plus.iter().zip(after) {
+            assert!((found - exact).abs() < 1e-9, "{k}: {:?} for {after:?}", event.qd_plus);
+        }
+    }
+    let limit = first + (again - first) / (1.0 - m2 / (m1 + m2));
+    let zeno = kinds.iter().find(|it| it.1 == "zeno").unwrap_or_else(|| panic!("{kinds:?}"));
+    assert!((zeno.0 - limit).abs() < 10.0 * ZENO, "{} for {limit}", zeno.0);
+    assert!(
+        run.summary.last.q.iter().zip([0.0, -1.0]).all(|(q, stop)| (q - stop).abs() < 1e-12),
+        "{:?}",
+        run.summary.last
+    );
+}
+
+/// A slider-crank whose slider has a clearance between two guides (P. Flores, R. Leine, C. Glocker, Multibody Syst. Dyn. 23, 2010,
+/// sizes and masses of its example): an open chain, the four corners of the slider, e = 0.4 and μ = 0.01. No closed form is known. The
+/// motion does not depend on the tolerance until the time at which it is compared, and time steps approach it with their
+/// order 1 as they get finer.
+#[test]
+fn time_steps_approach_the_motion_of_a_slider_crank_with_clearance() {
+    let (l1, l2, a, b, clearance) = (0.153, 0.306, 0.05, 0.025, 0.001);
+    let link = |name: &str, mass: f64, inertia: f64, x: f64, shape: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>
+            <inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial>{shape}</link>"#
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, x: f64| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><origin xyz="{x} 0 0"/>
+            <axis xyz="0 -1 0"/></joint>"#
+        )
+    };
+    let slider = format!(r#"<collision><geometry><box size="{} 1e-3 {}"/></geometry></collision>"#, 2.0 * a, 2.0 * b);
+    let text = format!(
+        r#"<robot name="r"><link name="w"/>{}{}{}{}{}{}</robot>"#,
+        link("crank", 0.038, 7.4e-5, 0.5 * l1, ""),
+        link("rod", 0.038, 5.9e-4, 0.5 * l2, ""),
+        link("slider", 0.076, 2.7e-6, 0.0, &slider),
+        joint("o", "w", "crank", 0.0),
+        joint("p", "crank", "rod", l1),
+        joint("q", "rod", "slider", l2)
+    );
+    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let guide = |side: f64| [Vector3::z() * side * (b + clearance), Vector3::z() * -side];
+    let mut sim = among(chain, &[guide(1.0), guide(-1.0)], 0.4, 0.01);
+    // Of each two corners that differ in y one is enough.
+    sim.touches = sim.touches.drain(..).enumerate().filter(|(k, _)| k & 2 == 0).map(|(_, touch)| touch).collect();
+    assert_eq!(sim.touches.len(), 8);
+    // Absolute rates 150, −75 and 0 rad/s.
+    let (q, qd, end) = ([0.0; 3], [150.0, -225.0, 75.0], 0.02);
+    let at = |sim: &Simulation| DVector::from_vec(sim.run(&q, &qd, end).unwrap().summary.last.q);
+    let run = sim.run(&q, &qd, end).unwrap();
+    assert_eq!(run.summary.statistics.contact_steps, 0);
+    let impacts = run.events.iter().filter(|it| !it.blows.is_empty()).count();
+    assert!(impacts > 5, "{impacts} impacts");
+    let exact = DVector::from_vec(run.summary.last.q.clone());
+    let coarse = at(&Simulation { tolerance: 1e-9, ..sim.clone() });
+    assert!((&coarse - &exact).amax() < 1e-6, "{coarse} for {exact}");
+    let error = |step: f64| {
+        let steps = Simulation { stepping: true, contact_step: step, ..sim.clone() };
+        (at(&steps) - &exact).amax()
+    };
+    let errors = [1e-5, 1e-6, 1e-7].map(error);
+    assert!(errors[0] > 2.0 * errors[1] && errors[1] > 2.0 * errors[2] && errors[2] < 1e-3, "{errors:?}");
+}
+
+/// A box that tumbles for 10 s: the loss of each impact is that of its impulses, Σ ½ p·(u⁻ + u⁺) at the struck points, and that of the
+/// kinetic energies before and after; all of them together with friction are the difference of the energies.
+#[test]
+fn the_losses_of_a_tumbling_box_are_the_difference_of_its_energies() {
+    let chain = floating_box([0.3, 0.2, 0.15], 1.5);
+    let sim = among(chain, &[[Vector3::zeros(), Vector3::z()]], 0.85, 0.25);
+    let run = sim.run(&[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], &[1.0, 0.4, 2.0, 3.0, -5.0, 4.0], 10.0).unwrap();
+    let energy = run.summary.energy;
+    let scale = energy.start;
+    let mut workspace = sim.chain.workspace();
+    let (mut booked, mut impacts) = (0.0, 0);
+    for event in run.events.iter().filter(|it| !it.blows.is_empty()) {
+        let mut kin = workspace.update(&sim.chain, &event.q).unwrap();
+        let mass = kin.mass_matrix();
+        let kinetic = |qd: &[f64]| {
+            let qd = DVector::from_column_slice(qd);
+            0.5 * qd.dot(&(&mass * &qd))
+        };
+        let lost = kinetic(&event.qd_minus) - kinetic(&event.qd_plus);
+        let mut work = 0.0;
+        for blow in &event.blows {
+            // The velocity of a point of the box in the world: v + ω × r, both in the axes of the box.
+            let velocity = |qd: &[f64]| {
+                let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+                    event.q[6], event.q[3], event.q[4], event.q[5],
+                ));
+                let arm = rotation.inverse() * (blow.point - Vector3::new(event.q[0], event.q[1], event.q[2]));
+                rotation * (Vector3::new(qd[0], qd[1], qd[2]) + Vector3::new(qd[3], qd[4], qd[5]).cross(&arm))
+            };
+            work += 0.5 * blow.impulse.dot(&(velocity(&event.qd_minus) + velocity(&event.qd_plus)));
+        }
+        // The impulses of Newton's law are constant in direction; both sides are products of rounded numbers of size T.
+        assert!((lost + work).abs() < 1e-10 * scale, "{}: {lost} lost, work {work}", event.time);
+        booked += lost;
+        impacts += 1;
+    }
+    assert!(impacts > 20, "{impacts} impacts");
+    assert!((booked - energy.impacts).abs() < 1e-9 * scale, "{booked} for {}", energy.impacts);
+    let balance = energy.start - booked + energy.resistance - energy.end;
+    assert!(balance.abs() < 1e-8 * scale, "{balance} J of {scale}: {energy:?}");
+}
