@@ -185,6 +185,35 @@ pub enum ImpactError {
         value: f64,
     },
 
+    /// A contact with friction under a law that has none.
+    #[error(
+        "friction {value} has no part in the energetic law for several contacts: give 0, or choose the law of Moreau, \
+         of Glocker and Pfeiffer, or sequential impacts"
+    )]
+    WithoutFriction {
+        /// The coefficient given.
+        value: f64,
+    },
+
+    /// The number of stiffnesses does not fit the number of constraints.
+    #[error("{found} stiffnesses for {constraints} constraints: give one for each, or none if all are equal")]
+    Stiffnesses {
+        /// Stiffnesses given.
+        found: usize,
+        /// Number of constraints.
+        constraints: usize,
+    },
+
+    /// An impact under the energetic law for several contacts that does not end.
+    #[error(
+        "the impact has not ended after {steps} steps: contacts on both sides of a body pass it to and fro without loss, or \
+         the stiffnesses differ too much; lower the restitution or the ratios of the stiffnesses"
+    )]
+    Endless {
+        /// Steps made.
+        steps: usize,
+    },
+
     /// A parameter of a compliant contact is out of its range.
     #[error("{what} is {value}: {rule}")]
     Compliance {

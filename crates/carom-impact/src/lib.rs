@@ -85,6 +85,7 @@
 //! | [`SeveralProblem::simultaneous`] (Moreau) | a ratio of velocities, per contact | **can gain** if e > 0 | exists for regular H; found for every singular H with e = 0 in the tests |
 //! | [`SeveralProblem::poisson`] (Glocker & Pfeiffer) | a ratio of impulses, per contact | never gains without friction or with one common e; otherwise **can gain** | as the row above with e = 0 |
 //! | [`SeveralProblem::sequential`] | a ratio of velocities, per sub-impact | never gains without friction; otherwise **can gain** if e > 0 | `finished` reports whether the sequence ended |
+//! | [`SeveralProblem::energetic`] (Liu, Zhao & Brogliato), without friction | square root of a ratio of works, per contact | never gains | exists and is unique; depends on the ratios of stiffnesses |
 //!
 //! [`SeveralProblem::sequential`] has one outcome per order of the contacts; [`SeveralProblem::all_orders`] returns the
 //! set.
@@ -128,6 +129,6 @@ pub use least_norm::least_norm;
 pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{
-    Accuracy, Constraint, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome, SequentialOutcome, SeveralOutcome,
-    SeveralProblem,
+    Accuracy, Constraint, EnergeticOutcome, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome,
+    SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses,
 };

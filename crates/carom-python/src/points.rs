@@ -89,11 +89,14 @@ impl Chain {
     ///     normal: contact normal in world axes, from the environment to the robot, of any length but zero; one for all points, or
     ///         shape (K, 3).
     ///     restitution, friction: coefficients of every point.
-    ///     law: "moreau" (restitution of velocities, at all points at once), "poisson" (restitution of impulses) or "sequential"
-    ///         (one point after another, always the fastest).
+    ///     law: "moreau" (restitution of velocities, at all points at once), "poisson" (restitution of impulses), "sequential"
+    ///         (one point after another, always the fastest) or "energetic" (impulses in the ratios that stiffnesses and stored
+    ///         energies give, without friction).
     ///     sticks: every point stops and neither slips nor leaves, whatever impulse that takes; restitution and friction are not
     ///         used.
     ///     joints: as for impact.
+    ///     relative_stiffness: under "energetic" the stiffnesses of the points relative to one another, shape (K,); None: all equal.
+    ///     exponent: under "energetic" that of the normal force over the penetration: 1 for flat contacts, 1.5 for round bodies.
     ///
     /// Returns:
     ///     A SeveralImpact.
@@ -101,7 +104,7 @@ impl Chain {
     /// Raises:
     ///     StateError: a wrong shape, or numbers that are not finite.
     ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range.
-    #[pyo3(signature = (q, qd, points, normal, *, restitution=0.0, friction=0.0, law="moreau", sticks=false, joints=None))]
+    #[pyo3(signature = (q, qd, points, normal, *, restitution=0.0, friction=0.0, law="moreau", sticks=false, joints=None, relative_stiffness=None, exponent=1.5))]
     #[allow(clippy::too_many_arguments)]
     fn impact_at_points(
         &self,
@@ -114,8 +117,14 @@ impl Chain {
         law: &str,
         sticks: bool,
         joints: Option<&Bound<'_, PyAny>>,
+        relative_stiffness: Option<Vec<f64>>,
+        exponent: f64,
     ) -> PyResult<SeveralImpact> {
-        let Some(law) = SeveralLaw::ALL.into_iter().find(|known| known.name() == law) else {
+        let laws = SeveralLaw::ALL.map(|known| match known {
+            SeveralLaw::Energetic { .. } => SeveralLaw::Energetic { exponent },
+            other => other,
+        });
+        let Some(law) = laws.into_iter().find(|known| known.name() == law) else {
             let names = SeveralLaw::ALL.map(SeveralLaw::name).join(", ");
             return Err(exceptions::ImpactError::new_err(format!(
                 "law is '{law}': the laws of several points are {names}"
@@ -134,10 +143,16 @@ impl Chain {
             Err(_) => vec![vector("normal", normal)?.into(); points.len()],
         };
         let grip = if sticks { Grip::Sticks } else { Grip::Contact { restitution, friction } };
-        let struck = |((frame, offset), normal): (&(String, [f64; 3]), Vector3<f64>)| {
-            Ok(StruckPoint { point: FramePoint::new(self.frame(frame)?, *offset), normal, grip })
+        let stiffnesses = relative_stiffness.unwrap_or_else(|| vec![1.0; points.len()]);
+        if stiffnesses.len() != points.len() {
+            let why = format!("relative_stiffness has {} numbers for {} points", stiffnesses.len(), points.len());
+            return Err(exceptions::StateError::new_err(why));
+        }
+        let struck = |(((frame, offset), normal), relative_stiffness): ((&(String, [f64; 3]), Vector3<f64>), f64)| {
+            Ok(StruckPoint { point: FramePoint::new(self.frame(frame)?, *offset), normal, grip, relative_stiffness })
         };
-        let points: Vec<StruckPoint> = points.iter().zip(normals).map(struck).collect::<PyResult<_>>()?;
+        let points: Vec<StruckPoint> =
+            points.iter().zip(normals).zip(stiffnesses).map(struck).collect::<PyResult<_>>()?;
         let (q, qd) = (self.q(q)?.single("q")?, self.v("qd", qd)?.single("qd")?);
         let hit = Joints::read(self, joints)?.with(|model| self.chain.impact_at_points(&q, &qd, &points, model, law));
         Ok(SeveralImpact(hit.map_err(raise)?))

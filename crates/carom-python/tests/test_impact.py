@@ -253,6 +253,12 @@ def test_points_that_stick_project_the_velocity_and_one_point_is_an_impact():
     close(one.qd_plus, same.qd_plus, 1e-12)
     with pytest.raises(carom.ImpactError, match="the laws of several points are moreau, poisson, sequential"):
         quadruped.impact_at_points(q, qd, points, (0, 0, 1), law="newton")
+    smooth = quadruped.impact_at_points(q, qd, points[:1], (0, 0, 1), restitution=0.5, law="energetic", joints="locked")
+    close(smooth.qd_plus, one.qd_plus, 1e-9)
+    with pytest.raises(carom.ImpactError, match="energetic law"):
+        quadruped.impact_at_points(q, qd, points, (0, 0, 1), law="energetic", friction=0.2)
+    with pytest.raises(carom.StateError, match="relative_stiffness has 1 numbers for 2 points"):
+        quadruped.impact_at_points(q, qd, points, (0, 0, 1), law="energetic", relative_stiffness=[1.0])
     with pytest.raises(carom.StateError, match="normal has 3 rows"):
         quadruped.impact_at_points(q, qd, points, np.eye(3))
     with pytest.raises(carom.ImpactError, match="StruckPoint|points"):

@@ -27,7 +27,12 @@ fn state(chain: &Chain, seed: f64) -> (Vec<f64>, Vec<f64>) {
 fn points(chain: &Chain, frame: &str, offsets: &[[f64; 3]], grip: Grip) -> Vec<StruckPoint> {
     let frame = chain.frame(frame).unwrap();
     let normal = Vector3::new(0.1, -0.2, 1.5);
-    let at = |offset: &[f64; 3]| StruckPoint { point: FramePoint::new(frame, *offset), normal, grip };
+    let at = |offset: &[f64; 3]| StruckPoint {
+        point: FramePoint::new(frame, *offset),
+        normal,
+        grip,
+        relative_stiffness: 1.0,
+    };
     offsets.iter().map(at).collect()
 }
 

@@ -158,7 +158,7 @@ fn rules_are_compared_shown_and_checked_by_value() {
     assert_eq!(rule, rule.clone());
     assert_eq!(
         format!("{rule:?}"),
-        r#"ContactRule { law: ContactLaw { law: "slowing", restitution: 0.5, friction: 0.2 }, latch: false, compliance: None }"#
+        r#"ContactRule { law: ContactLaw { law: "slowing", restitution: 0.5, friction: 0.2 }, latch: false, compliance: None, relative_stiffness: 1.0 }"#
     );
     assert!(format!("{:?}", law(0.5)).contains("Newton"), "{:?}", law(0.5));
     for (name, law) in LAW_NAMES.into_iter().map(|name| (name, ContactLaw::named(name, coefficients).unwrap())) {

@@ -7,9 +7,10 @@
 //! | [`simultaneous`](SeveralProblem::simultaneous), Moreau | at once | a ratio of velocities | **can gain**, if a separating contact gets an impulse |
 //! | [`poisson`](SeveralProblem::poisson), Glocker & Pfeiffer | at once, in two phases | a ratio of impulses | never gains |
 //! | [`sequential`](SeveralProblem::sequential) | one after another | a ratio of velocities, in each sub-impact | never gains |
+//! | [`energetic`](SeveralProblem::energetic), Liu, Zhao & Brogliato | in the ratios of their forces, along the impact | a ratio of works | never gains |
 //!
-//! The outcome of the third depends on the order; [`all_orders`](SeveralProblem::all_orders) returns the outcomes of
-//! all orders. Friction is Coulomb's with the circular cone, not a pyramid. Symbols, and Moreau's law:
+//! The outcome of `sequential` depends on the order; [`all_orders`](SeveralProblem::all_orders) returns the outcomes of
+//! all orders. That of `energetic` depends on the ratios of the [`Stiffnesses`]. Friction is Coulomb's with the circular cone, not a pyramid. Symbols, and Moreau's law:
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|
@@ -50,6 +51,7 @@
 //! ```
 
 mod block;
+mod energetic;
 mod natural_map;
 mod newton;
 mod orders;
@@ -61,6 +63,7 @@ mod solve;
 
 use nalgebra::{DMatrix, DVector};
 
+pub use energetic::{EnergeticOutcome, Stiffnesses};
 pub use orders::{OrderOutcome, OrderSet};
 pub use poisson::PoissonOutcome;
 pub use sequential::{Order, OrderError, SequentialOutcome};
@@ -80,14 +83,14 @@ pub enum Constraint {
     /// A unilateral contact with Coulomb friction: three rows, tangents first, normal last. For a contact in the plane
     /// the second tangent's row and column are zero.
     Contact {
-        /// Newton's coefficient of restitution, 0 to 1.
+        /// Coefficient of restitution, 0 to 1, in the sense of the law.
         restitution: f64,
         /// Coulomb's coefficient of friction, at least 0.
         friction: f64,
     },
     /// A unilateral constraint without tangents (a joint limit, a frictionless contact): one row.
     Stop {
-        /// Newton's coefficient of restitution, 0 to 1.
+        /// Coefficient of restitution, 0 to 1, in the sense of the law.
         restitution: f64,
     },
     /// Dry friction of a joint: one row.

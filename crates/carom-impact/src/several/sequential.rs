@@ -171,8 +171,8 @@ impl SeveralProblem {
 
 /// The problem with the `Held` constraints eliminated: their rows remain, and are zero.
 pub(super) struct Reduced {
-    delassus: DMatrix<f64>,
-    u_free: DVector<f64>,
+    pub delassus: DMatrix<f64>,
+    pub u_free: DVector<f64>,
     /// Difference `u⁻ - u_free` (m/s), with the `Held` constraints eliminated.
     before: DVector<f64>,
     blocks: Vec<Block>,
@@ -221,7 +221,7 @@ impl Reduced {
     }
 
     /// The impulses, with those of the `Held` constraints added.
-    fn with_held(&self, mut impulse: DVector<f64>) -> DVector<f64> {
+    pub fn with_held(&self, mut impulse: DVector<f64>) -> DVector<f64> {
         let own = &self.at_once + &self.response * &impulse;
         for (&row, value) in self.held.iter().zip(own.iter()) {
             impulse[row] = *value;

@@ -231,9 +231,11 @@ class Chain:
         *,
         restitution: float = 0.0,
         friction: float = 0.0,
-        law: Literal["moreau", "poisson", "sequential"] = "moreau",
+        law: Literal["moreau", "poisson", "sequential", "energetic"] = "moreau",
         sticks: bool = False,
         joints: Literal["free", "locked"] | Sequence[str] | Mapping[str, Any] | None = None,
+        relative_stiffness: Sequence[float] | None = None,
+        exponent: float = 1.5,
     ) -> SeveralImpact:
         """The impact of several points at the same moment, as one problem."""
 

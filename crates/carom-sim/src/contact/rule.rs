@@ -14,6 +14,9 @@ pub struct ContactRule {
     pub latch: bool,
     /// The parameters of a compliant contact, which has a force during a finite time. `None`: a rigid contact.
     pub compliance: Option<Compliance>,
+    /// Stiffness relative to the other contacts, > 0, which decides how they share an impact under
+    /// [`SeveralLaw::Energetic`](crate::SeveralLaw::Energetic); no other law uses it.
+    pub relative_stiffness: f64,
 }
 
 impl Default for ContactRule {
@@ -26,7 +29,7 @@ impl Default for ContactRule {
 impl ContactRule {
     /// A rigid contact with an impact law.
     pub fn new(law: impl Into<ContactLaw>) -> Self {
-        Self { law: law.into(), latch: false, compliance: None }
+        Self { law: law.into(), latch: false, compliance: None, relative_stiffness: 1.0 }
     }
 
     /// # Errors
@@ -43,6 +46,14 @@ impl ContactRule {
         }
         if !(friction >= 0.0 && friction.is_finite()) {
             return refuse("friction", friction, "a coefficient of friction is finite and not negative");
+        }
+        let stiffness = self.relative_stiffness;
+        if !(stiffness > 0.0 && stiffness.is_finite()) {
+            return refuse(
+                "relative_stiffness",
+                stiffness,
+                "it is a positive and finite ratio: 1 if all contacts are alike",
+            );
         }
         if let Some(own) = self.law.known().map(|law| law.coefficients()) {
             if own.restitution != restitution {

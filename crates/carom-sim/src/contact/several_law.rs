@@ -1,12 +1,12 @@
 //! The law of several contacts at the same time.
 
-use carom_impact::{Accuracy, Flags, ImpactError, Order, SeveralProblem};
+use carom_impact::{Accuracy, Flags, ImpactError, Order, SeveralProblem, Stiffnesses};
 use nalgebra::DVector;
+use serde::de::{Deserialize, Deserializer, Error as _};
 
 /// The law of several contacts at the same time, in impacts and in time steps. Each contact keeps its own coefficients; its
 /// own law applies to impacts of this contact alone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum SeveralLaw {
     /// Newton's restitution at all contacts simultaneously: see
     /// [`SeveralProblem::simultaneous`](carom_impact::SeveralProblem::simultaneous).
@@ -18,26 +18,43 @@ pub enum SeveralLaw {
     /// One impact after another, always at the contact with the highest approach velocity: see
     /// [`SeveralProblem::sequential`](carom_impact::SeveralProblem::sequential).
     Sequential,
+    /// Impulses in the ratios that stiffnesses and stored energies give, without friction: see
+    /// [`SeveralProblem::energetic`](carom_impact::SeveralProblem::energetic). Each contact has a
+    /// [`relative_stiffness`](crate::ContactRule::relative_stiffness).
+    Energetic {
+        /// Exponent η of the normal force over the penetration, 1 to 10: 1 for flat contacts, 1.5 for round bodies.
+        exponent: f64,
+    },
 }
 
 impl SeveralLaw {
-    /// All laws.
-    pub const ALL: [Self; 3] = [Self::Moreau, Self::Poisson, Self::Sequential];
+    /// All laws; [`SeveralLaw::Energetic`] with the exponent 1.5.
+    pub const ALL: [Self; 4] = [Self::Moreau, Self::Poisson, Self::Sequential, Self::Energetic { exponent: 1.5 }];
 
-    /// Name in scene files: `moreau`, `poisson` or `sequential`.
+    const NAMES: [&str; 4] = ["moreau", "poisson", "sequential", "energetic"];
+
+    /// Name in scene files: `moreau`, `poisson`, `sequential` or `energetic`.
     pub fn name(self) -> &'static str {
+        let [moreau, poisson, sequential, energetic] = Self::NAMES;
         match self {
-            Self::Moreau => "moreau",
-            Self::Poisson => "poisson",
-            Self::Sequential => "sequential",
+            Self::Moreau => moreau,
+            Self::Poisson => poisson,
+            Self::Sequential => sequential,
+            Self::Energetic { .. } => energetic,
         }
     }
 
-    /// Solves a problem by this law.
+    /// Solves a problem by this law; `stiffnesses` are those of the constraints, relative to one another.
     ///
     /// # Errors
-    /// None for a problem that could be made; the types of the laws allow them.
-    pub(crate) fn solve(self, problem: &SeveralProblem, accuracy: &Accuracy) -> Result<Solved, ImpactError> {
+    /// [`ImpactError`] of the energetic law; the others have none for a problem that could be made, the types of the laws
+    /// allow them.
+    pub(crate) fn solve(
+        self,
+        problem: &SeveralProblem,
+        stiffnesses: &[f64],
+        accuracy: &Accuracy,
+    ) -> Result<Solved, ImpactError> {
         let (impulse, residual, flags) = match self {
             Self::Moreau => {
                 let found = problem.simultaneous(accuracy, None)?;
@@ -52,8 +69,20 @@ impl SeveralLaw {
                 let found = found.unwrap_or_else(|_| unreachable!("this order has no indices that could be invalid"));
                 (found.impulse, found.residual, found.flags)
             }
+            Self::Energetic { exponent } => {
+                let found = problem.energetic(&Stiffnesses { exponent, ratios: stiffnesses }, accuracy)?.total;
+                (found.impulse, found.residual, found.flags)
+            }
         };
         Ok(Solved { impulse, residual, flags })
+    }
+}
+
+impl<'de> Deserialize<'de> for SeveralLaw {
+    fn deserialize<D: Deserializer<'de>>(given: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(given)?;
+        let known = Self::ALL.into_iter().find(|law| law.name() == name);
+        known.ok_or_else(|| D::Error::unknown_variant(&name, &Self::NAMES))
     }
 }
 

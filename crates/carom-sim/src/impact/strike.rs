@@ -56,6 +56,7 @@ pub trait Impacts {
     ///     point: FramePoint::new(cube.frame("cube").unwrap(), [0.1, y, -0.1]),
     ///     normal: Vector3::z(),
     ///     grip: Grip::Sticks,
+    ///     relative_stiffness: 1.0,
     /// };
     /// let line = [corner(-0.1), corner(0.1)];
     /// let hit = cube.impact_at_points(&q, &qd, &line, JointModel::Free, SeveralLaw::Moreau)?;
@@ -90,7 +91,7 @@ impl Impacts for Chain {
     ) -> Result<SeveralImpact, SimError> {
         self.check_state(q, qd)?;
         let aim = |struck: &StruckPoint| {
-            Ok((struck.grip, self.impact(q, qd).at(struck.point).normal(struck.normal).joints(joints).aim()?))
+            Ok((*struck, self.impact(q, qd).at(struck.point).normal(struck.normal).joints(joints).aim()?))
         };
         let points: Vec<_> = points.iter().map(aim).collect::<Result<_, SimError>>()?;
         together::resolve(self, (q, qd), &points, law)

@@ -27,6 +27,9 @@ pub struct StruckPoint {
     pub normal: Vector3<f64>,
     /// What holds at the point.
     pub grip: Grip,
+    /// Stiffness relative to the other points, > 0, which decides how they share an impact under
+    /// [`SeveralLaw::Energetic`]; no other law uses it.
+    pub relative_stiffness: f64,
 }
 
 /// What holds at a struck point.
@@ -34,9 +37,9 @@ pub struct StruckPoint {
 pub enum Grip {
     /// Restitution and Coulomb friction; the impulse pushes.
     Contact {
-        /// Newton's coefficient; Poisson's under [`SeveralLaw::Poisson`].
+        /// Newton's coefficient; Poisson's under [`SeveralLaw::Poisson`], the energetic one under [`SeveralLaw::Energetic`].
         restitution: f64,
-        /// Coefficient of friction.
+        /// Coefficient of friction; 0 under [`SeveralLaw::Energetic`].
         friction: f64,
     },
     /// The point stops and neither slips nor leaves, whatever impulse that takes: a foot that is assumed to stick.
@@ -78,7 +81,7 @@ struct Seen {
 pub(super) fn resolve(
     chain: &Chain,
     (q, qd): (&[f64], &[f64]),
-    points: &[(Grip, Aim)],
+    points: &[(StruckPoint, Aim)],
     law: SeveralLaw,
 ) -> Result<SeveralImpact, SimError> {
     if points.is_empty() {
@@ -107,12 +110,16 @@ pub(super) fn resolve(
         }
     }
     let u_minus = DVector::from_iterator(size, seen.iter().flat_map(|point| point.u_minus.iter().copied()));
-    let constraints = points.iter().flat_map(|(grip, _)| match *grip {
+    let constraints = points.iter().flat_map(|(struck, _)| match struck.grip {
         Grip::Contact { restitution, friction } => vec![Constraint::Contact { restitution, friction }],
         Grip::Sticks => vec![Constraint::Held; 3],
     });
     let problem = SeveralProblem::new(delassus, u_minus, constraints.collect())?;
-    let outcome = law.solve(&problem, &Accuracy::default())?;
+    let stiffnesses = points.iter().flat_map(|(struck, _)| match struck.grip {
+        Grip::Contact { .. } => vec![struck.relative_stiffness],
+        Grip::Sticks => vec![1.0; 3],
+    });
+    let outcome = law.solve(&problem, &stiffnesses.collect::<Vec<_>>(), &Accuracy::default())?;
 
     let mut qd_plus = qd.to_vec();
     let mut impulses = Vec::new();

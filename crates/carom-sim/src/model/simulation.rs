@@ -198,8 +198,22 @@ impl Simulation {
             let rule = "it must stay below 1e100 m/s²: squares of larger numbers overflow";
             return Err(SimError::Setting { what: "gravity", value, rule });
         }
+        if let SeveralLaw::Energetic { exponent } = self.several
+            && !(1.0..=10.0).contains(&exponent)
+        {
+            let rule = "it lies between 1 (flat contacts) and 10: 1.5 for round bodies";
+            return Err(SimError::Setting { what: "exponent of the energetic law", value: exponent, rule });
+        }
+        let energetic = matches!(self.several, SeveralLaw::Energetic { .. }) && self.touches.len() > 1;
         for touch in &self.touches {
             touch.contact.check(&touch.name)?;
+            let own = &touch.contact;
+            let friction = own.law.friction();
+            if energetic && friction > 0.0 && own.compliance.is_none() && !own.latch {
+                let rule = "the energetic law for several contacts has no friction: set it to 0, or choose another law with \
+                            several";
+                return Err(SimError::Contact { touch: touch.name.clone(), what: "friction", value: friction, rule });
+            }
             if let Some(compliance) = touch.contact.compliance.filter(|_| self.stepping) {
                 return Err(SimError::Contact {
                     touch: touch.name.clone(),

@@ -42,6 +42,8 @@ const STILL: f64 = 1e-10;
 struct Closures {
     rows: Rows,
     constraints: Vec<Constraint>,
+    /// Stiffness of each constraint relative to the others.
+    stiffnesses: Vec<f64>,
     /// Velocity of the surface along each row.
     surface: Vec<f64>,
     contacts: Vec<Closed>,
@@ -67,7 +69,8 @@ impl Closed {
 
 impl Closures {
     fn new(nv: usize) -> Self {
-        Self { rows: Rows::new(nv), constraints: Vec::new(), surface: Vec::new(), contacts: Vec::new() }
+        let (constraints, stiffnesses) = (Vec::new(), Vec::new());
+        Self { rows: Rows::new(nv), constraints, stiffnesses, surface: Vec::new(), contacts: Vec::new() }
     }
 
     /// The rows of one closed touch.
@@ -86,6 +89,7 @@ impl Closures {
             touch.row_into(at, view, self.rows.add())?;
             self.surface.push(0.0);
             self.constraints.push(if rule.latch { Constraint::Held } else { Constraint::Stop { restitution } });
+            self.stiffnesses.push(rule.relative_stiffness);
             self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1, gap: at.gap });
             return Ok(());
         };
@@ -104,6 +108,7 @@ impl Closures {
         } else {
             self.constraints.push(Constraint::Stop { restitution });
         }
+        self.stiffnesses.resize(self.constraints.len(), rule.relative_stiffness);
         let rows = first..self.rows.len();
         self.contacts.push(Closed { touch: k, place: Some((axes, place.position)), rows, gap: at.gap });
         Ok(())
@@ -164,7 +169,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows.dot(i, responses.row(j))
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        Ok(law.solve(&problem, &ACCURACY)?)
+        Ok(law.solve(&problem, &rows.stiffnesses, &ACCURACY)?)
     }
 
     /// The impact of touches that close at the same time, together with a contact that lasts. `ends`: without restitution, as
@@ -331,6 +336,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows.add()[joint.v] = 1.0;
             rows.surface.push(0.0);
             rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
+            rows.stiffnesses.push(1.0);
         }
         let mut told = Vec::new();
         let mut next = free.clone();

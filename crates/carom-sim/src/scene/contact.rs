@@ -2,7 +2,7 @@
 
 use super::file::{self, All, Contact, Links, Override, Softness};
 use crate::contact::{
-    Compliance, ContactLaw, ContactRule, Holding, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
+    Compliance, ContactLaw, ContactRule, Holding, SeveralLaw, Surface, Touch, Touches, Yielding, are_disabled, robot_of,
 };
 use crate::error::SimError;
 use carom_chain::Chain;
@@ -11,9 +11,21 @@ use std::collections::BTreeSet;
 
 /// The rule of `[contact]`.
 pub(crate) fn rule(contact: &Contact) -> Result<ContactRule, String> {
-    let Contact { restitution, tangential_restitution, friction, latch, .. } = *contact;
+    let Contact { restitution, tangential_restitution, friction, latch, relative_stiffness, .. } = *contact;
     let law = law(&contact.law, Coefficients { restitution, tangential_restitution, friction })?;
-    Ok(ContactRule { law, latch, compliance: softness(&contact.compliance)? })
+    Ok(ContactRule { law, latch, compliance: softness(&contact.compliance)?, relative_stiffness })
+}
+
+/// The law of several contacts of `[contact]`.
+pub(crate) fn several(contact: &Contact) -> Result<SeveralLaw, String> {
+    match (contact.several, contact.several_exponent) {
+        (SeveralLaw::Energetic { .. }, Some(exponent)) => Ok(SeveralLaw::Energetic { exponent }),
+        (law, None) => Ok(law),
+        (law, Some(_)) => Err(format!(
+            "several_exponent is read with several = \"energetic\" only, and it is \"{}\": remove it or choose this law",
+            law.name()
+        )),
+    }
 }
 
 fn law(name: &str, coefficients: Coefficients) -> Result<ContactLaw, String> {
@@ -38,7 +50,8 @@ pub(crate) fn overridden(rule: &ContactRule, own: &Override) -> Result<ContactRu
     };
     let law = law(own.law.as_deref().unwrap_or(rule.law.name()), coefficients)?;
     let compliance = own.compliance.as_ref().map_or(Ok(rule.compliance), softness)?;
-    Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance })
+    let relative_stiffness = own.relative_stiffness.unwrap_or(rule.relative_stiffness);
+    Ok(ContactRule { law, latch: own.latch.unwrap_or(rule.latch), compliance, relative_stiffness })
 }
 
 /// A warning if the scene gives `tangential_restitution` and no contact has a law that uses it.
@@ -165,8 +178,8 @@ pub(crate) fn apply(
     }
     let tangential = own.tangential_restitution.is_some() || own.friction.is_some();
     if joint.is_some() && (tangential || own.law.is_some() || own.compliance.is_some()) {
-        let rule = "has joint: joint limits have restitution and latch only, remove law, tangential_restitution, \
-                    friction and compliance";
+        let rule = "has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
+                    tangential_restitution, friction and compliance";
         return Err(rule.into());
     }
     let mut met = false;

@@ -264,6 +264,8 @@ pub(crate) struct Contact {
     pub latch: bool,
     pub compliance: Softness,
     pub several: SeveralLaw,
+    pub several_exponent: Option<f64>,
+    pub relative_stiffness: f64,
     pub links: Links,
     pub between_robots: Option<bool>,
     pub pair: Vec<Pair>,
@@ -345,6 +347,8 @@ impl Default for Contact {
             latch: false,
             compliance: Softness::Rigid,
             several: SeveralLaw::default(),
+            several_exponent: None,
+            relative_stiffness: 1.0,
             links: Links::Pairs(Vec::new()),
             between_robots: None,
             pair: Vec::new(),
@@ -362,6 +366,7 @@ pub(crate) struct Override {
     pub friction: Option<f64>,
     pub latch: Option<bool>,
     pub compliance: Option<Softness>,
+    pub relative_stiffness: Option<f64>,
 }
 
 /// The values that apply to contacts of one link with one surface, or to the limits of one joint.
@@ -377,12 +382,14 @@ pub(crate) struct Pair {
     pub friction: Option<f64>,
     pub latch: Option<bool>,
     pub compliance: Option<Softness>,
+    pub relative_stiffness: Option<f64>,
 }
 
 impl Pair {
     pub fn values(&self) -> Override {
-        let Self { law, restitution, tangential_restitution, friction, latch, compliance, .. } = self.clone();
-        Override { law, restitution, tangential_restitution, friction, latch, compliance }
+        let Self { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness, .. } =
+            self.clone();
+        Override { law, restitution, tangential_restitution, friction, latch, compliance, relative_stiffness }
     }
 }
 

@@ -23,7 +23,7 @@ use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
 use crate::model::Simulation;
 use carom_contact::LeftOut;
-use contact::{apply, between_links, rule, unused};
+use contact::{apply, between_links, rule, several, unused};
 use drive::per_joint;
 use file::{File, Method, Model, Shape};
 use force::{spring, wrench};
@@ -157,7 +157,9 @@ use surface::{Places, surface};
 /// | `friction` | ≥ 0 | `0` | Coulomb's coefficient μ, of impacts and of lasting contacts. With the law `"frictionless"` it does not act in impacts of a single contact |
 /// | `limit_restitution` | 0 … 1 | `0` | Newton's coefficient of restitution at joint limits |
 /// | `latch` | boolean | `false` | the first contact stops the contact point and holds it from then on |
-/// | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all) or `"sequential"` (one impact after another, always at the contact with the highest approach velocity). Each contact keeps its `restitution` and `friction`; its `law` is not used |
+/// | `several` | string | `"moreau"` | law for several contacts at the same time, in impacts and time steps: `"moreau"` (Newton's restitution at all contacts), `"poisson"` (compression of all, then restitution of all), `"sequential"` (one impact after another, always at the contact with the highest approach velocity) or `"energetic"` (impulses in the ratios that stiffnesses and stored energies give; no contact may have friction). Each contact keeps its `restitution` and `friction`; its `law` is not used |
+/// | `several_exponent` | 1 … 10 | `1.5` | exponent of the normal force over the penetration under `several = "energetic"`: 1 for flat contacts, 1.5 for round bodies |
+/// | `relative_stiffness` | > 0 | `1` | stiffness relative to other contacts, by which they share an impact under `several = "energetic"`; no other law uses it. That of joint limits is 1 unless a pair gives it |
 /// | `links` | list of pairs of link names, or `"all"` | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`, or those of [`Touch::within_robots`]. Other pairs of links of one robot are ignored |
 /// | `between_robots` | boolean | `true` | whether links of different robots may touch without being listed: [`Touch::between_robots`]. For several robots only |
 /// | `compliance` | table, see below, or `"rigid"` | `"rigid"` | makes contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Any number may press at once, beside rigid ones. Joint limits are rigid. Bodies with faces touch at their nearest points, except on half-spaces, which they touch at their corners. Not together with `method = "steps"` |
@@ -181,7 +183,7 @@ use surface::{Places, surface};
 /// | `link` | link name, or the name of one of several robots | every link | contacts of this link, or of all links of the robot |
 /// | `surface` | the same, or surface name | every surface | contacts with this surface or link; a pair of links has no order |
 /// | `joint` | joint name | – | the limits of this joint. Not together with `link` or `surface` |
-/// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution` and `latch` are allowed |
+/// | `law`, `restitution`, `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness` | as in `[contact]` | those of the surface | values at these contacts. With `joint` only `restitution`, `latch` and `relative_stiffness` are allowed |
 ///
 /// At least one of `link`, `surface` and `joint` is required. `[contact]` is overruled by `contact` of the surface, and this by
 /// `[[contact.pair]]`; of several that apply to a contact, the last one that sets a value decides. A `compliance` replaces the whole
@@ -400,7 +402,7 @@ impl Scene {
             max_step: file.run.max_step.unwrap_or(0.1),
             zeno_time: file.run.zeno_time.unwrap_or_else(|| Simulation::zeno_time_for(file.run.tolerance)),
             contact_step: file.run.contact_step,
-            several: file.contact.several,
+            several: several(&file.contact).map_err(|why| refuse(format!("[contact] {why}")))?,
             stepping: file.run.method == Method::Steps,
             max_events: file.run.max_events,
             planar: !full,

@@ -34,7 +34,7 @@ use carom_impact::{Coefficients, Law, law_by_name};
 use rayon::prelude::*;
 
 /// The methods, in the order of the table's columns: the laws of one contact, those of several, and the simulators.
-pub const METHODS: [&str; 14] = [
+pub const METHODS: [&str; 15] = [
     "frictionless",
     "whittaker",
     "newton",
@@ -46,6 +46,7 @@ pub const METHODS: [&str; 14] = [
     MOREAU,
     GLOCKER_PFEIFFER,
     SEQUENTIAL,
+    LIU_ZHAO_BROGLIATO,
     EVENTS,
     STEPS,
     COMPLIANT,
@@ -57,6 +58,8 @@ pub const MOREAU: &str = "moreau";
 pub const GLOCKER_PFEIFFER: &str = "glocker-pfeiffer";
 /// One contact after another.
 pub const SEQUENTIAL: &str = "sequential";
+/// The energetic law for several contacts.
+pub const LIU_ZHAO_BROGLIATO: &str = "liu-zhao-brogliato";
 /// Event-driven simulation.
 pub const EVENTS: &str = "events";
 /// Moreau–Jean time steps.

@@ -1,9 +1,10 @@
 //! Several contacts at one time, given by their Delassus matrix and velocities.
 
 use super::single::worse;
-use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, MOREAU, runge_kutta, said};
+use super::{COMPLIANT, Found, GLOCKER_PFEIFFER, Judged, LIU_ZHAO_BROGLIATO, MOREAU, runge_kutta, said};
 use carom_impact::{
-    Accuracy, Constraint, HuntCrossley, NormalForce, Order, SeveralProblem, TangentialForce, compliant_impact,
+    Accuracy, Constraint, HuntCrossley, NormalForce, Order, SeveralProblem, Stiffnesses, TangentialForce,
+    compliant_impact,
 };
 use nalgebra::{DMatrix, DVector, Vector2, dmatrix, dvector};
 
@@ -205,6 +206,10 @@ const FLAT: [f64; 2] = [0.40625, 0.265625];
 pub fn rod(method: &str) -> Judged {
     let ends = vec![Constraint::Stop { restitution: 0.5 }; 2];
     let rod = problem(dmatrix![4.0, -2.0; -2.0, 4.0], dvector![-1.0, -1.0], ends)?;
+    if method == LIU_ZHAO_BROGLIATO {
+        let hit = rod.energetic(&Stiffnesses::default(), &ACCURACY).map_err(said)?.total;
+        return Ok(Found::figure((hit.u_plus - dvector![0.5, 0.5]).amax()).must("residual", hit.residual, SOLVED));
+    }
     let hit = resolve(method, &rod)?;
     let found = Found::figure((&hit.u_plus - dvector![0.5, 0.5]).amax()).must(
         "violation of the law's definition",
@@ -452,6 +457,14 @@ pub fn cradle(method: &str) -> Judged {
     }
     let between = vec![Constraint::Stop { restitution: 1.0 }; 2];
     let cradle = problem(dmatrix![2.0, -1.0; -1.0, 2.0], dvector![-1.0, 0.0], between)?;
+    if method == LIU_ZHAO_BROGLIATO {
+        let elastic = |ratio: f64| {
+            let ratios = &[ratio, 1.0];
+            let p = cradle.energetic(&Stiffnesses { exponent: 1.5, ratios }, &ACCURACY).map_err(said)?.total.impulse;
+            Ok([1.0 - p[0], p[0] - p[1], p[1]])
+        };
+        return Ok(Found::figure(farthest(elastic)?));
+    }
     let gaps = resolve(method, &cradle)?.u_plus;
     // Momentum 1, and the two differences.
     let first = (1.0 - 2.0 * gaps[0] - gaps[1]) / 3.0;

@@ -1,7 +1,7 @@
 //! Impacts of several contacts at the same time.
 
 use crate::stress::Bound::{Between, Near};
-use crate::stress::{COMPLIANT, Expected, GLOCKER_PFEIFFER, MOREAU, SEQUENTIAL, Scene, several};
+use crate::stress::{COMPLIANT, Expected, GLOCKER_PFEIFFER, LIU_ZHAO_BROGLIATO, MOREAU, SEQUENTIAL, Scene, several};
 
 const TOGETHER: &[&str] = &[MOREAU, GLOCKER_PFEIFFER];
 
@@ -18,6 +18,11 @@ pub(super) const SCENES: &[Scene] = &[
                 &[SEQUENTIAL],
                 Near(several::rod_error, 1e-12),
                 "the order decides: the left end first gives (0.40625, 0.265625) m/s, the right end first the mirror image",
+            ),
+            Expected::within(
+                &[LIU_ZHAO_BROGLIATO],
+                several::SOLVED,
+                "both ends store and return the same work: 0.5 m/s, with the error of the integration",
             ),
         ],
         judge: several::rod,
@@ -133,6 +138,11 @@ pub(super) const SCENES: &[Scene] = &[
                 Near(several::cradle_error, 1e-6),
                 "the outcome depends on the stiffnesses, which no rigid law has: the error is the distance of the law's closed form from \
                  an independent integration",
+            ),
+            Expected::within(
+                &[LIU_ZHAO_BROGLIATO],
+                1e-6,
+                "the law contains the stiffnesses: with e = 1 it is the limit of elastic contacts",
             ),
             Expected::within(&[COMPLIANT], 1e-6, "the same equations, by another integrator"),
         ],
