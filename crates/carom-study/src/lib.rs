@@ -2,6 +2,7 @@
 //!
 //! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
+//! - [`compare`]: all impact laws on measured data, by cross-validation;
 //! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements;
 //! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`chart`]: work–precision diagrams; [`stress`]: the stress table of impact laws and methods;
@@ -12,6 +13,7 @@
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888, is called "the paper" in this crate.
 
 pub mod chart;
+pub mod compare;
 pub mod consistency;
 mod diagram;
 mod ensemble;
@@ -31,4 +33,4 @@ pub use impact_map::{Approach, MapPoint, tangential_map};
 pub use map_study::{Study, StudyError};
 pub use self_motion::{SelfMotionPoint, self_motion};
 pub use table::{Column, Table, TableError};
-pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};
+pub use tosses::{Fitted, Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, Tosses};
