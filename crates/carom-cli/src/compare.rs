@@ -49,7 +49,7 @@ pub struct CompareCommand {
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
     /// Sets of coefficients that each law may try on tosses
-    #[arg(long, value_name = "N", default_value_t = 60)]
+    #[arg(long, value_name = "N", default_value_t = 40)]
     trials: usize,
     /// Tosses to which coefficients are fitted; all tosses are judged
     #[arg(long, value_name = "N", default_value_t = 60)]

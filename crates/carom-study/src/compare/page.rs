@@ -6,9 +6,12 @@ use std::fmt::Write;
 /// A number with three or four significant digits.
 pub(super) fn short(x: f64) -> String {
     let size = x.abs();
+    if size < 5e-6 {
+        return "0".into(); // two laws that agree up to rounding
+    }
     if size >= 1.0 {
         format!("{x:.3}")
-    } else if size >= 0.01 || x == 0.0 {
+    } else if size >= 0.01 {
         format!("{x:.4}")
     } else {
         format!("{x:.5}")

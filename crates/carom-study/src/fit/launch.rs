@@ -3,7 +3,8 @@
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | z | 2nv | (step from a reference pose to q₀, qd₀) at the first sample | `z` |
-//! | Σ | 2nv×2nv | covariance of z from the residuals, σ²(SᵀS)⁻¹ | `spread` = σ S⁻ᵀ, a square root |
+//! | Σ | 2nv×2nv | covariance of z, (SᵀS)⁻¹SᵀW S(SᵀS)⁻¹ | `spread` = (SᵀS)⁻¹SᵀW^½, a square root |
+//! | W | m×m | variances of the residuals, one for each coordinate, from their scatter about the fit | `sigmas` |
 //!
 //! Residuals are differences of poses in the metric of `least_squares.rs`, m. Velocities of the table are not used: a filtered
 //! difference of poses has an edge error at the first samples.
@@ -75,12 +76,21 @@ pub fn launch(chain: &Chain, gravity: Vector3<f64>, flight: &Flight) -> Result<L
         return Err(FitError::NotFlown { steps: MOST_STEPS, rest: rms(&rest) });
     }
     let slopes = flown.slopes(&z, &rest)?;
-    let degrees = rest.len().saturating_sub(z.len()).max(1);
-    let sigma = rest.norm() / (degrees as f64).sqrt();
-    // S = Q R, so (SᵀS)⁻¹ = R⁻¹ R⁻ᵀ
-    let inverse = slopes.qr().r().try_inverse().unwrap_or_else(|| DMatrix::zeros(z.len(), z.len()));
+    // Noise of its own in each coordinate, which two unknowns describe: (SᵀS)⁻¹Sᵀ = R⁻¹Qᵀ with S = Q R
+    let (nv, samples) = (chain.nv(), flown.flight.times.len());
+    let sigma = |v: usize| {
+        let squares: f64 = rest.iter().skip(v).step_by(nv).map(|x| x * x).sum();
+        (squares / (samples - 2) as f64).sqrt()
+    };
+    let sigmas: Vec<f64> = (0..nv).map(sigma).collect();
+    let qr = slopes.qr();
+    let inverse = qr.r().try_inverse().unwrap_or_else(|| DMatrix::zeros(z.len(), z.len()));
+    let mut spread = inverse * qr.q().transpose();
+    for (k, mut column) in spread.column_iter_mut().enumerate() {
+        column *= sigmas[k % nv];
+    }
     let qd = z.as_slice()[chain.nv()..].to_vec();
-    Ok(Launched { q: flown.pose(&z)?, qd, rest: rms(&rest), outliers, spread: inverse * sigma })
+    Ok(Launched { q: flown.pose(&z)?, qd, rest: rms(&rest), outliers, spread })
 }
 
 struct Flown<'a> {
