@@ -110,7 +110,7 @@ pub struct Row {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub several: Option<&'static str>,
     /// The fitted coefficients of each fold.
-    pub coefficients: Vec<Fitted>,
+    pub coefficients: Vec<FittedCoefficient>,
     /// Statistics of the errors of all held-out measurements.
     #[serde(flatten)]
     pub error: Spread,
@@ -127,7 +127,7 @@ pub struct Row {
 
 /// A coefficient fitted for each fold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Fitted {
+pub struct FittedCoefficient {
     /// Name of the coefficient.
     pub name: &'static str,
     /// Its value for each fold.
@@ -204,7 +204,9 @@ fn rows(judged: Vec<Judged>, several: bool, threshold: bool) -> Vec<Row> {
         Row {
             law: candidate.law.into(),
             several: several.then(|| candidate.several.name()),
-            coefficients: names.map(|(k, parameter)| Fitted { name: parameter.name(), values: of(k) }).collect(),
+            coefficients: names
+                .map(|(k, parameter)| FittedCoefficient { name: parameter.name(), values: of(k) })
+                .collect(),
             error: Spread::of(&errors),
             below_threshold: threshold.then_some(below),
             to_best: Estimate { mean: 0.0, standard_error: 0.0 },

@@ -28,7 +28,7 @@ pub(super) fn name(row: &Row) -> String {
 
 /// Range of a coefficient over the folds.
 fn coefficients(row: &Row) -> String {
-    let of = |fitted: &super::Fitted| {
+    let of = |fitted: &super::FittedCoefficient| {
         let (low, high) = fitted.values.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
         let symbol = match fitted.name {
             "restitution" => "e",
