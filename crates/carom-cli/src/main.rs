@@ -9,6 +9,7 @@
 //! by an option is complete or not there.
 
 mod chart;
+mod compare;
 mod consistency;
 mod dynamics;
 mod error;
@@ -85,6 +86,7 @@ enum Command {
     Consistency(consistency::ConsistencyCommand),
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
+    Compare(compare::CompareCommand),
 }
 
 // Options of every command that reads a robot.
@@ -149,6 +151,7 @@ fn main() -> ExitCode {
         Command::Consistency(command) => command.run(stdout),
         Command::Tosses(command) => command.run(stdout),
         Command::Fit(command) => command.run(stdout),
+        Command::Compare(command) => command.run(stdout),
     };
     match done.and_then(|()| Ok(stdout.flush()?)) {
         Ok(()) => ExitCode::SUCCESS,

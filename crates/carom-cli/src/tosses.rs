@@ -7,8 +7,8 @@ use crate::law::{laws, tangential};
 use crate::output::{answer, short};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
-use carom_study::{PoseError, RollOut, TossError, Tosses};
-use clap::Args;
+use carom_study::{PoseError, RollOut, RollOutOptions, Start, TossError, Tosses};
+use clap::{Args, builder::PossibleValuesParser};
 use serde::Serialize;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -16,17 +16,20 @@ use std::path::PathBuf;
 /// Simulate measured tosses and print the error of the simulated poses
 ///
 /// Simulates each toss of a floating robot from its first sample that does not touch the floor to
-/// its last. The floor is z = 0, and gravity is 9.81 m/s² along −z.
+/// its last. The floor is z = 0, and gravity is 9.81 m/s² along −z. The state at the start is fitted
+/// to all samples of the flight before the first impact, unless --start says otherwise.
 ///
 /// Input: a folder with a URDF and the table tosses.csv, whose columns are toss, k, t (s), px, py,
 /// pz (m), qw, qx, qy, qz (rotation of the root link in the world), vx, vy, vz (m/s, world axes),
 /// wx, wy, wz (rad/s, the link's own axes) and, if the robot has a joint, theta, dtheta.
 /// Output: how many tosses were simulated, refused and at rest (below 0.001 m/s) at the last sample;
 /// the deepest overlap (m); the errors of position (m), rotation and joint (degrees; rad in JSON),
-/// at the last sample and averaged over the samples, each as mean and median over the tosses.
-/// JSON keys: tosses, failures, at_rest, deepest_overlap, last and mean {position_mean,
-///   position_median, rotation_…, joint_…}, each [{toss, samples, events, position, rotation,
-///   joint, final_speed (m/s), deepest_overlap}].
+/// at the last sample and averaged over the samples, each as mean and median over the tosses; the
+/// pose error of --length over the whole toss and to 0.1 s after the first impact.
+/// JSON keys: tosses, failures, start, fitted_starts, at_rest, deepest_overlap, last and mean
+///   {position_mean, position_median, rotation_…, joint_…}, whole and early {count, mean, median,
+///   below_half}, each [{toss, samples, events, position, rotation, joint, final_speed (m/s),
+///   deepest_overlap, whole, early}].
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct TossesCommand {
@@ -50,6 +53,13 @@ pub struct TossesCommand {
     /// Coefficient of tangential restitution, -1 to 1, of chatterjee-ruina only [default: 0]
     #[arg(long, value_name = "ET", allow_hyphen_values = true)]
     tangential_restitution: Option<f64>,
+    /// State at the start: fitted to the poses of the flight before the first impact, or given by
+    /// the first free sample of the table
+    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment)]
+    start: String,
+    /// Length L of the pose error, m: mean |Δp|²/L + mean Δθ² over the samples
+    #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
+    length: f64,
     /// Relative tolerance of the integration
     #[arg(long, default_value = "1e-9", allow_hyphen_values = true)]
     tolerance: f64,
@@ -65,11 +75,25 @@ pub struct TossesCommand {
 struct Report {
     tosses: usize,
     failures: Vec<String>,
+    start: &'static str,
+    fitted_starts: usize,
     at_rest: usize,
     deepest_overlap: f64,
     last: Spread,
     mean: Spread,
+    whole: Measure,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early: Option<Measure>,
     each: Vec<One>,
+}
+
+/// The pose error of a part of the tosses.
+#[derive(Serialize)]
+struct Measure {
+    count: usize,
+    mean: f64,
+    median: f64,
+    below_half: f64,
 }
 
 /// Mean and median over the tosses.
@@ -93,6 +117,9 @@ struct One {
     joint: f64,
     final_speed: f64,
     deepest_overlap: f64,
+    whole: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early: Option<f64>,
 }
 
 /// Speed of the root link below which a toss counts as at rest, m/s.
@@ -103,7 +130,9 @@ impl TossesCommand {
         let Self { restitution, friction, .. } = self;
         check_coefficients(restitution, friction)?;
         let tangential_restitution = tangential(&self.law, self.tangential_restitution)?;
-        for (option, x) in [("--tolerance", self.tolerance), ("--contact-step", self.contact_step)] {
+        for (option, x) in
+            [("--tolerance", self.tolerance), ("--contact-step", self.contact_step), ("--length", self.length)]
+        {
             within(option, x, f64::MIN_POSITIVE..=f64::MAX, "it must be positive and finite")?;
         }
         let refuse = |e: TossError| CliError::Scene(e.to_string());
@@ -112,7 +141,14 @@ impl TossesCommand {
         tell(&self.folder.display().to_string(), &tosses.chain);
         let law = ContactLaw::named(&self.law, Coefficients { restitution, tangential_restitution, friction });
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the option accepts names of laws only")));
-        let all = tosses.roll_out(&rule, self.tolerance, self.contact_step);
+        let roll = RollOutOptions {
+            tolerance: self.tolerance,
+            contact_step: self.contact_step,
+            length: self.length,
+            start: start(&self.start),
+            ..RollOutOptions::default()
+        };
+        let all = tosses.roll_out(&rule, &roll);
         let (mut rolled, mut failures) = (Vec::new(), Vec::new());
         for one in all {
             match one {
@@ -124,12 +160,30 @@ impl TossesCommand {
             let first = failures.first().cloned().unwrap_or_default();
             return Err(CliError::Scene(format!("{}: {first}", self.folder.display())));
         }
-        let report = report(&rolled, failures);
+        let report = report(&rolled, failures, &roll);
         answer(out, &report, self.json, for_people).map_err(|refused| CliError::refused(&self.folder, refused))
     }
 }
 
-fn report(rolled: &[RollOut], failures: Vec<String>) -> Report {
+/// The start of that name.
+pub fn start(name: &str) -> Start {
+    if name == Start::Given.name() { Start::Given } else { Start::Fitted }
+}
+
+fn report(rolled: &[RollOut], failures: Vec<String>, roll: &RollOutOptions) -> Report {
+    let measure = |of: &dyn Fn(&RollOut) -> Option<f64>| {
+        let mut errors: Vec<f64> = rolled.iter().filter_map(of).collect();
+        errors.sort_by(f64::total_cmp);
+        let count = errors.len();
+        let below = errors.iter().filter(|error| **error < 0.5).count();
+        (count > 0).then(|| Measure {
+            count,
+            mean: errors.iter().sum::<f64>() / count as f64,
+            median: errors[count / 2],
+            below_half: below as f64 / count as f64,
+        })
+    };
+    let whole = measure(&|one| Some(one.pose_error(roll.length)));
     let spread = |of: fn(&RollOut) -> &PoseError| {
         let sorted = |part: fn(&PoseError) -> f64| {
             let mut values: Vec<f64> = rolled.iter().map(|one| part(of(one))).collect();
@@ -155,14 +209,20 @@ fn report(rolled: &[RollOut], failures: Vec<String>) -> Report {
         joint: one.last.joint,
         final_speed: one.final_speed,
         deepest_overlap: one.deepest,
+        whole: one.pose_error(roll.length),
+        early: one.early_error(roll.length),
     };
     Report {
         tosses: rolled.len() + failures.len(),
         failures,
+        start: roll.start.name(),
+        fitted_starts: rolled.iter().filter(|one| one.fitted).count(),
         at_rest: rolled.iter().filter(|one| one.final_speed < REST).count(),
         deepest_overlap: rolled.iter().map(|one| one.deepest).fold(0.0, f64::max),
         last: spread(|one| &one.last),
         mean: spread(|one| &one.mean),
+        whole: whole.unwrap_or_else(|| unreachable!("at least one toss was simulated")),
+        early: measure(&|one| one.early_error(roll.length)),
         each: rolled.iter().map(one).collect(),
     }
 }
@@ -176,6 +236,7 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
         report.at_rest,
         short(report.deepest_overlap)
     )?;
+    writeln!(out, "{} starts fitted to the flight, the others given by the table", report.fitted_starts)?;
     for failure in &report.failures {
         writeln!(out, "  {failure}")?;
     }
@@ -194,6 +255,11 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             degrees(s.rotation_median),
             degrees(s.joint_median)
         )?;
+    }
+    writeln!(out, "{:26} {:>12} {:>12} {:>12}", "pose error", "mean", "median", "below 0.5")?;
+    for (name, measure) in [("whole toss", Some(&report.whole)), ("0.1 s past first impact", report.early.as_ref())] {
+        let Some(m) = measure else { continue };
+        writeln!(out, "{name:26} {:>12} {:>12} {:>12}", short(m.mean), short(m.median), short(m.below_half))?;
     }
     Ok(())
 }

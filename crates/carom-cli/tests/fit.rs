@@ -144,6 +144,49 @@ fn fit_to_flights_of_a_box_recovers_the_coefficients() {
     assert!((values[0] - 0.5).abs() < 1e-6 && (values[1] - 0.2).abs() < 1e-6, "{values:?}");
 }
 
+/// Impacts of a body at its centre of mass, which is a particle there: e = 0.5, μ = 0.2, with 2 % of noise in the jump.
+fn impacts(count: u32) -> String {
+    let mut text = "i,pre_vx,pre_vy,pre_w,post_vx,post_vy,post_w,d_x,d_y,d_th,n_x,n_y,n_th\n".to_owned();
+    for k in 0..count {
+        let x = f64::from(k);
+        let (slip, speed) = (1.0 + 0.03 * x, 1.0 + 0.1 * (7.0 * x).sin());
+        let noise = |phase: f64| 1.0 + 0.02 * (phase + 13.0 * x).sin();
+        let (lost, gained) = (0.3 * speed * noise(0.0), 1.5 * speed * noise(2.0));
+        text += &format!("{k},{slip},{},1,{},{},1,1,0,0,0,1,0\n", -speed, slip - lost, gained - speed);
+    }
+    text
+}
+
+#[test]
+fn a_comparison_writes_tables_pictures_and_json() {
+    let desk = Desk::new("compare");
+    let data = desk.0.join("data/particle");
+    std::fs::create_dir_all(&data).unwrap();
+    std::fs::write(data.join("impacts_odd.csv"), impacts(20)).unwrap();
+    let found = desk.answer("compare data --folds 4 --out out --json");
+    let one = &found["comparisons"][0];
+    assert_eq!((&one["set"], one["rows"].as_array().unwrap().len()), (&json!("particle"), 8));
+    let worst = one["rows"].as_array().unwrap().last().unwrap();
+    assert_eq!(worst["law"], "frictionless");
+    assert!(number(&worst["to_best"]["mean"]) > 2.0 * number(&worst["to_best"]["standard_error"]));
+    let newton = one["rows"].as_array().unwrap().iter().find(|row| row["law"] == "newton").unwrap();
+    for (k, truth) in [0.5, 0.2].into_iter().enumerate() {
+        for value in newton["coefficients"][k]["values"].as_array().unwrap() {
+            assert!((number(value) - truth).abs() < 0.02, "{newton}");
+        }
+    }
+    for file in ["particle.md", "particle.svg", "summary.md", "compare.json"] {
+        assert!(desk.0.join("out").join(file).is_file(), "{file}");
+    }
+    let (code, out, err) = desk.run("compare data/particle/impacts_odd.csv --folds 4");
+    assert_eq!((code, err.as_str()), (Some(0), ""));
+    assert!(out.starts_with("# Summary") && out.contains("| impacts_odd |"), "{out}");
+    let rule = "it holds no data set: a folder needs tosses.csv with a URDF, or a CSV table with the columns pre_vx … of single \
+                impacts";
+    desk.refused("compare out", &format!("out: {rule}"));
+    desk.refused("compare data --folds 1", "number of folds is 1: it must be at least 2");
+}
+
 #[test]
 fn data_that_cannot_be_fitted_are_refused() {
     let desk = Desk::new("refused");

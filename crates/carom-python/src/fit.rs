@@ -6,10 +6,10 @@ use crate::dynamics::offset;
 use crate::error::{exceptions, raise};
 use carom_chain::FramePoint;
 use carom_chain::urdf::LoadOptions;
-use carom_study::Tosses;
 use carom_study::fit::{
-    ChainJump, Fit, FitError, FitOptions, Loss, MeasuredImpact, RollOutOptions, Score, fit_trajectories, fit_velocities,
+    ChainJump, Fit, FitError, FitOptions, Loss, MeasuredImpact, Score, fit_trajectories, fit_velocities,
 };
+use carom_study::{Horizon, RollOutOptions, Start, Tosses};
 use nalgebra::{SMatrix, SVector};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -102,6 +102,10 @@ fn score<'py>(py: Python<'py>, score: &Score) -> PyResult<Bound<'py, PyDict>> {
     dict.set_item("mean", score.mean)?;
     dict.set_item("median", score.median)?;
     dict.set_item("below_half", score.below_half)?;
+    for (name, both) in [("whole", score.whole), ("early", score.early)] {
+        dict.set_item(format!("{name}_mean"), both.map(|both| both.0))?;
+        dict.set_item(format!("{name}_median"), both.map(|both| both.1))?;
+    }
     dict.set_item("least", score.least)?;
     dict.set_item("least_in_cone", score.least_in_cone)?;
     Ok(dict)
@@ -225,8 +229,9 @@ pub fn fit_joints(
     Ok(FitResult { fit })
 }
 
-/// Fits to whole tosses: see `carom.fit`.
+/// Fits to tosses: see `carom.fit`.
 #[pyfunction]
+#[allow(clippy::too_many_arguments)]
 pub fn fit_tosses(
     py: Python<'_>,
     folder: PathBuf,
@@ -234,11 +239,26 @@ pub fn fit_tosses(
     tolerance: f64,
     contact_step: f64,
     length: f64,
+    start: &str,
+    horizon: &str,
     options: &Bound<'_, PyDict>,
 ) -> PyResult<FitResult> {
     let options: Options = options.extract()?;
     let options = options.all()?;
-    let roll = RollOutOptions { tolerance, contact_step, length };
+    let refuse = |what: &str, given: &str, known: &str| {
+        Err(exceptions::FitError::new_err(format!("{what} is '{given}': it must be {known}")))
+    };
+    let start = match start {
+        "fitted" => Start::Fitted,
+        "given" => Start::Given,
+        other => return refuse("start", other, "'fitted' or 'given'"),
+    };
+    let horizon = match horizon {
+        "whole" => Horizon::Whole,
+        "early" => Horizon::Early,
+        other => return refuse("horizon", other, "'whole' or 'early'"),
+    };
+    let roll = RollOutOptions { tolerance, contact_step, length, start, horizon, ..RollOutOptions::default() };
     let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
     let fit = py.detach(|| fit_trajectories(&tosses, &options, &roll, &|_, _| {})).map_err(raise)?;
     Ok(FitResult { fit })

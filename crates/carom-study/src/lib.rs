@@ -2,6 +2,7 @@
 //!
 //! - [`map_study`]: impact maps from study files, with pictures and local optima;
 //! - [`fit`]: fits of restitution and friction to recorded impacts; [`Tosses`]: roll-outs of measured tosses;
+//! - [`compare`]: all impact laws on measured data, by cross-validation;
 //! - [`paper`] and [`consistency`]: the two-link experiment of Pagilla and Yu, and a consistency test of its measurements;
 //! - [`ensemble()`]: many runs of a scene from disturbed starts;
 //! - [`chart`]: work–precision diagrams; [`stress`]: the stress table of impact laws and methods;
@@ -13,6 +14,7 @@
 //! Mechatronics 9 (2004), doi 10.1109/TMECH.2004.823888, is called "the paper" in this crate.
 
 pub mod chart;
+pub mod compare;
 pub mod consistency;
 mod diagram;
 mod ensemble;
@@ -34,4 +36,4 @@ pub use map_study::{Study, StudyError};
 pub use scene_table::{SCENE_KEY, STUDY_KEY, contact_columns, contact_row, coordinate_columns, state_columns};
 pub use self_motion::{SelfMotionPoint, self_motion};
 pub use table::{Column, Table, TableError};
-pub use tosses::{PoseError, RollOut, Toss, TossError, Tosses};
+pub use tosses::{Fitted, Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, TossError, Tosses};

@@ -7,9 +7,10 @@ use crate::error::CliError;
 use crate::input::{parse_vector, tell};
 use crate::law::laws;
 use crate::output::answer;
+use crate::tosses::start;
 use crate::{LoadArgs, RobotArgs};
-use carom_study::Tosses;
-use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, RollOutOptions, fit_trajectories, fit_velocities};
+use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, fit_trajectories, fit_velocities};
+use carom_study::{Horizon, RollOutOptions, Tosses};
 use clap::{Args, builder::PossibleValuesParser};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::Write;
@@ -25,11 +26,13 @@ use std::path::{Path, PathBuf};
 /// Output: the coefficients with their confidence intervals; the errors (m/s for velocities and
 /// flights, the pose error of --length for tosses) of the part that was fitted (train) and of the
 /// rest (test): mean and median, and for impacts the error that the best impulse in the friction
-/// cone and the best impulse of any direction would leave; the worst impacts or tosses; notes.
-/// JSON keys: fitted_to, law, loss, threshold, confidence, seed, coefficients [{name, value, low,
-///   high, interval}], train and test {count, mean, median, below_half, least_in_cone, least},
+/// cone and the best impulse of any direction would leave; for tosses the pose errors over the whole
+/// toss and to 0.1 s after the first impact; the worst impacts or tosses; notes.
+/// JSON keys: fitted_to, law, loss, threshold, confidence, seed, start, horizon, coefficients
+///   [{name, value, low, high, interval}], train and test {count, mean, median, below_half,
+///   whole_mean, whole_median, early_mean, early_median, least_in_cone, least},
 ///   flights {joined, rest (m), deviation (m/s), outliers [{number, time}], left_out}, notes,
-///   trials, each [{number, trained, error, least_in_cone, least}].
+///   trials, each [{number, trained, error, whole, early, least_in_cone, least}].
 /// All lines are read before the fit: if one is refused, nothing is printed, and the exit status
 /// is 1.
 #[derive(Args)]
@@ -85,6 +88,13 @@ pub struct FitCommand {
     /// Length L of the tosses' pose error, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
+    /// State at the start of tosses: fitted to the poses of the flight before the first impact, or
+    /// given by the first free sample of the table
+    #[arg(long, value_parser = PossibleValuesParser::new(["fitted", "given"]), default_value = "fitted", verbatim_doc_comment)]
+    start: String,
+    /// Part of the tosses that is fitted: whole, or early, to 0.1 s after the first impact
+    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole")]
+    horizon: String,
     /// Relative tolerance of the integration of tosses
     #[arg(long, default_value = "1e-6", allow_hyphen_values = true)]
     tolerance: f64,
@@ -162,8 +172,14 @@ impl FitCommand {
         let refuse = |e: FitError| CliError::Option(format!("{}: {e}", name(path)));
         let fit = if tosses.is_some() {
             let tosses = self.tosses(path)?;
-            let roll =
-                RollOutOptions { tolerance: self.tolerance, contact_step: self.contact_step, length: self.length };
+            let roll = RollOutOptions {
+                tolerance: self.tolerance,
+                contact_step: self.contact_step,
+                length: self.length,
+                start: start(&self.start),
+                horizon: if self.horizon == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole },
+                ..RollOutOptions::default()
+            };
             let bar = Bar::new("trials");
             fit_trajectories(&tosses, &options, &roll, &|done, all| bar.tell(done, all)).map_err(refuse)?
         } else {
@@ -215,10 +231,10 @@ fn name(path: &Path) -> String {
 }
 
 /// A progress bar, shown on a terminal only.
-struct Bar(ProgressBar);
+pub struct Bar(ProgressBar);
 
 impl Bar {
-    fn new(what: &'static str) -> Self {
+    pub fn new(what: &'static str) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
         let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {prefix}, {elapsed} so far, {eta} to go");
         if let Ok(style) = style {
@@ -227,7 +243,7 @@ impl Bar {
         Self(bar.with_prefix(what))
     }
 
-    fn tell(&self, done: usize, all: usize) {
+    pub fn tell(&self, done: usize, all: usize) {
         self.0.set_length(all as u64);
         self.0.set_position(done as u64);
     }

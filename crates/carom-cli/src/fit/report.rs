@@ -15,6 +15,10 @@ pub struct Report {
     threshold: Option<f64>,
     confidence: f64,
     seed: u64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    start: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    horizon: Option<String>,
     coefficients: Vec<CoefficientAnswer>,
     train: ScoreAnswer,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -42,6 +46,14 @@ struct ScoreAnswer {
     median: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     below_half: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    whole_mean: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    whole_median: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early_mean: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early_median: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     least_in_cone: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -77,6 +89,10 @@ struct Each {
     trained: bool,
     error: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
+    whole: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     least_in_cone: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     least: Option<f64>,
@@ -89,6 +105,10 @@ impl Report {
             mean: s.mean,
             median: s.median,
             below_half: s.below_half,
+            whole_mean: s.whole.map(|both| both.0),
+            whole_median: s.whole.map(|both| both.1),
+            early_mean: s.early.map(|both| both.0),
+            early_median: s.early.map(|both| both.1),
             least_in_cone: s.least_in_cone,
             least: s.least,
         };
@@ -96,6 +116,8 @@ impl Report {
             number: one.number,
             trained: one.trained,
             error: one.error,
+            whole: one.whole,
+            early: one.early,
             least_in_cone: one.least_in_cone,
             least: one.least,
         };
@@ -122,6 +144,8 @@ impl Report {
             threshold: fit.threshold,
             confidence: command.confidence,
             seed: command.seed,
+            start: (fit.to == FittedTo::Trajectories).then(|| command.start.clone()),
+            horizon: (fit.to == FittedTo::Trajectories).then(|| command.horizon.clone()),
             coefficients: fit
                 .coefficients
                 .iter()
@@ -185,20 +209,25 @@ pub fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             c.interval
         )?;
     }
-    let what = if trajectories { "pose error" } else { "residual m/s" };
-    let third = if trajectories { ["below 0.5", ""] } else { ["best in cone", "best of any"] };
-    writeln!(out, "{what:14} {:>12} {:>12} {:>12} {:>12}", "mean", "median", third[0], third[1])?;
+    let (what, more) = if trajectories {
+        let parts = ["whole mean", "whole median", "below 0.5", "0.1 s mean", "0.1 s median"];
+        ("pose error", parts.to_vec())
+    } else {
+        ("residual m/s", vec!["mean", "median", "best in cone", "best of any"])
+    };
+    let row = |out: &mut dyn Write, name: &str, cells: Vec<String>| {
+        let cells: Vec<String> = cells.iter().map(|cell| format!("{cell:>12}")).collect();
+        writeln!(out, "{name:14} {}", cells.join(" "))
+    };
+    row(out, what, more.iter().map(|&name| name.to_owned()).collect())?;
     for (name, score) in [("train", Some(&report.train)), ("test", report.test.as_ref())] {
-        let Some(score) = score else { continue };
-        let more = [score.below_half.or(score.least_in_cone), score.least].map(|x| x.map_or(String::new(), short));
-        writeln!(
-            out,
-            "{name:14} {:>12} {:>12} {:>12} {:>12}",
-            short(score.mean),
-            short(score.median),
-            more[0],
-            more[1]
-        )?;
+        let Some(s) = score else { continue };
+        let cells = if trajectories {
+            vec![s.whole_mean, s.whole_median, s.below_half, s.early_mean, s.early_median]
+        } else {
+            vec![Some(s.mean), Some(s.median), s.least_in_cone, s.least]
+        };
+        row(out, name, cells.into_iter().map(|x| x.map_or(String::new(), short)).collect())?;
     }
     let mut worst: Vec<&Each> = report.each.iter().collect();
     worst.sort_by(|a, b| b.error.total_cmp(&a.error));

@@ -85,6 +85,8 @@ def fit(
     tolerance=1e-6,
     contact_step=1e-3,
     length=0.0524,
+    start="fitted",
+    horizon="whole",
     law="energetic",
     loss="huber",
     inertia=False,
@@ -99,8 +101,10 @@ def fit(
       first, normal last; D is 2 or 3;
     - velocities of the joints of a ``chain``: ``q`` (N, nq), ``qd_minus`` and ``qd_plus`` (N, nv), with ``frame``, ``point`` and
       ``normal`` of the contact as in ``Chain.impact``;
-    - whole tosses: ``tosses``, a folder with tosses.csv and a URDF (``robot`` names it if there are several), with the
-      ``tolerance`` and ``contact_step`` (s) of the simulations and the ``length`` (m) of the pose error.
+    - tosses: ``tosses``, a folder with tosses.csv and a URDF (``robot`` names it if there are several), with the
+      ``tolerance`` and ``contact_step`` (s) of the simulations and the ``length`` (m) of the pose error. The ``start`` is
+      "fitted" to the flight before the first impact, or "given" by the first free sample; the ``horizon`` of the fitted error is
+      the "whole" toss or "early", to 0.1 s after the first impact.
 
     Args:
         law: name of the law, any but "frictionless".
@@ -150,7 +154,7 @@ def fit(
         return _carom.fit_contacts(delassus, u_minus, u_plus, options)
     if given[0] == "joints":
         return _carom.fit_joints(chain, q, qd_minus, qd_plus, frame, point, normal, options)
-    return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, options)
+    return _carom.fit_tosses(tosses, robot, tolerance, contact_step, length, start, horizon, options)
 
 
 def record(run, to):

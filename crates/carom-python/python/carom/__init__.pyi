@@ -543,6 +543,8 @@ def fit(
     tolerance: float = 1e-6,
     contact_step: float = 1e-3,
     length: float = 0.0524,
+    start: Literal["fitted", "given"] = "fitted",
+    horizon: Literal["whole", "early"] = "whole",
     law: str = "energetic",
     loss: Literal["huber", "squares"] = "huber",
     inertia: bool = False,

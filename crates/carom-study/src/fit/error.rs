@@ -98,6 +98,14 @@ pub enum FitError {
         /// First sample after the impact, s.
         start: f64,
     },
+    /// The fit of one flight did not converge.
+    #[error("the fit of the flight did not converge in {steps} steps; its residual is {rest} m")]
+    NotFlown {
+        /// Number of steps.
+        steps: usize,
+        /// Root mean square of the residual, m.
+        rest: f64,
+    },
     /// The fit of the two flights did not converge.
     #[error(
         "no impact joins the two flights: the fit of pose, velocities and time did not converge in {steps} steps; its \

@@ -7,26 +7,19 @@
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | z | 3nv+1 | (step from a reference pose to q*, qd⁻, qd⁺, t*) | `z` |
-//! | S | m×(3nv+1) | d(residual)/dz, forward differences | `slopes` |
 //! | L, m | nv×nv, 1 | M = L Lᵀ at the reference pose, total mass | `metric` = Lᵀ/√m |
 //!
-//! A mistracked sample must not move the fit. Straight lines with median slopes (H. Theil, 1950; P. K. Sen, 1968) give the
-//! start, Huber's loss with the median residual as its threshold the first fit, and samples whose residual exceeds ten medians are
-//! left out of the final fit, which is by least squares. Ten medians are 6.7 standard deviations of normal noise in one direction,
-//! and more in several.
-//!
-//! Residuals are differences of poses in that metric, m. The solver is Levenberg–Marquardt, implemented here because the crate
-//! for it depends on another version of nalgebra.
+//! Residuals are differences of poses in that metric, m; `least_squares.rs` has the method, and the treatment of mistracked
+//! samples.
 
 use super::error::FitError;
+use super::least_squares::{MOST_STEPS, OUTLYING, ROUNDING, SETTLED, Samples, lines, medoid, pose_metric, rms, unwrap};
 use super::loss::{Cost, median};
 use crate::tosses::{TossError, Tosses};
-use carom_chain::urdf::JointType;
-use carom_chain::{Chain, Coordinates, FramePoint};
+use carom_chain::{Chain, FramePoint};
 use carom_contact::{Obstacle, gap, link_shapes};
 use carom_sim::{SimError, free_motion_at};
 use nalgebra::{DMatrix, DVector, Vector3};
-use std::f64::consts::TAU;
 
 /// Sampled poses of one free flight.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,21 +49,8 @@ pub struct Joined {
     pub outliers: Vec<f64>,
 }
 
-/// Greatest number of steps; 4 to 12 are usual.
-const MOST_STEPS: usize = 60;
-/// The iteration ends with a relative step below this: the next one is smaller by the relative error of the numerical
-/// derivative, at most 1e-5.
-const SETTLED: f64 = 1e-9;
-/// The same for the fit that finds outliers.
-const ROUGH: f64 = 1e-4;
-/// Residuals below this are rounding errors and the error of the integration, m.
-const ROUNDING: f64 = 1e-8;
-/// Residuals beyond this number of medians are outliers.
-const OUTLYING: f64 = 10.0;
 /// Fewest samples of a flight that remain without outliers.
 const FEWEST: usize = 2;
-/// Step of the numerical derivative: m, rad, m/s, rad/s, s.
-const STEP: f64 = 1e-6;
 
 /// Estimates time, pose and velocities of the impact between two free flights: no motor torques, no damping, under `gravity`
 /// (world frame, m/s²). Each flight has at least two samples; mistracked samples are left out ([`Joined::outliers`]). Positions of continuous joints may wrap at ±π.
@@ -80,12 +60,7 @@ const STEP: f64 = 1e-6;
 /// samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotJoined`]: no convergence.
 pub fn join_flights(chain: &Chain, gravity: Vector3<f64>, before: &Flight, after: &Flight) -> Result<Joined, FitError> {
     let mut pair = Pair::new(chain, gravity, before, after)?;
-    let mut z = pair.start()?;
-    // The fit that finds outliers is repeated with the scale of its own residuals, and need not converge.
-    for _ in 0..2 {
-        let threshold = median(pair.misses(&pair.residual(&z)?)).max(ROUNDING);
-        z = pair.solve(z, Cost { threshold }, ROUGH)?.0;
-    }
+    let z = pair.robust(pair.start()?)?;
     let outliers = pair.leave_out(&z)?;
     let (z, settled) = pair.solve(z, Cost::SQUARES, SETTLED)?;
     let rest = pair.residual(&z)?;
@@ -103,10 +78,6 @@ struct Pair<'a> {
     after: Flight,
     reference: Vec<f64>,
     metric: DMatrix<f64>,
-}
-
-fn rms(residual: &DVector<f64>) -> f64 {
-    residual.norm() / (residual.len() as f64).sqrt()
 }
 
 impl<'a> Pair<'a> {
@@ -140,12 +111,7 @@ impl<'a> Pair<'a> {
         unwrap(chain, &mut poses);
         let later = poses.split_off(before.poses.len());
         let reference = medoid(chain, &later)?;
-        let mass_matrix = chain.workspace().update(chain, &reference)?.mass_matrix();
-        let Some(factor) = mass_matrix.cholesky() else {
-            let joint = chain.joints().first().map_or_else(String::new, |joint| joint.name.clone());
-            return Err(carom_chain::ChainError::NoInertia { joint }.into());
-        };
-        let metric = factor.l().transpose() / chain.total_mass().sqrt();
+        let metric = pose_metric(chain, &reference)?;
         poses.reverse();
         let before = Flight { times: before.times.iter().rev().copied().collect(), poses };
         let after = Flight { times: after.times.clone(), poses: later };
@@ -159,64 +125,14 @@ impl<'a> Pair<'a> {
         let nv = self.chain.nv();
         let mut z = DVector::zeros(3 * nv + 1);
         for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
-            let steps: Result<Vec<_>, _> =
-                flight.poses.iter().map(|pose| self.chain.difference(&self.reference, pose)).collect();
-            let (steps, times) = (steps?, &flight.times);
+            let (at, rate) = lines(self.chain, &self.reference, &flight.times, &flight.poses, time)?;
             for v in 0..nv {
-                let pairs = (0..times.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
-                let rate = median(pairs.map(|(i, j)| (steps[i][v] - steps[j][v]) / (times[i] - times[j])));
-                z[nv * (k + 1) + v] = rate;
-                z[v] += 0.5 * median(steps.iter().zip(times).map(|(step, t)| step[v] - rate * (t - time)));
+                z[nv * (k + 1) + v] = rate[v];
+                z[v] += 0.5 * at[v];
             }
         }
         z[3 * nv] = time;
         Ok(z)
-    }
-
-    /// Levenberg–Marquardt with the weights of a loss; also returns whether it has converged.
-    fn solve(&self, mut z: DVector<f64>, cost: Cost, settled: f64) -> Result<(DVector<f64>, bool), FitError> {
-        let mut rest = self.residual(&z)?;
-        let mut damping = 1e-3;
-        for _ in 0..MOST_STEPS {
-            let (mut slopes, mut weighted) = (self.slopes(&z, &rest)?, rest.clone());
-            for (k, miss) in self.misses(&rest).into_iter().enumerate() {
-                let (first, nv) = (k * self.chain.nv(), self.chain.nv());
-                slopes.rows_mut(first, nv).scale_mut(cost.weight(miss).sqrt());
-                weighted.rows_mut(first, nv).scale_mut(cost.weight(miss).sqrt());
-            }
-            let (gram, pull) = (slopes.transpose() * &slopes, slopes.transpose() * &weighted);
-            let now = cost.sum(&self.misses(&rest));
-            let mut moved = None;
-            while damping < 1e6 && moved.is_none() {
-                let mut damped = gram.clone();
-                for k in 0..damped.nrows() {
-                    damped[(k, k)] += damping * gram[(k, k)].max(1e-12);
-                }
-                let Some(factor) = damped.cholesky() else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let next = self.inside(&z - factor.solve(&pull));
-                // the integration can fail at trial velocities that are far too large
-                match self.residual(&next).ok().filter(|r| cost.sum(&self.misses(r)) < now) {
-                    Some(tried) => {
-                        moved = Some((&next - &z).norm() / (1.0 + z.norm()));
-                        (z, rest) = (next, tried);
-                        damping = (damping * 0.1).max(1e-15);
-                    }
-                    None => damping *= 10.0,
-                }
-            }
-            if moved.is_none_or(|moved| moved < settled) {
-                return Ok((z, true));
-            }
-        }
-        Ok((z, false))
-    }
-
-    /// The norm of each sample's residual.
-    fn misses(&self, residual: &DVector<f64>) -> Vec<f64> {
-        residual.as_slice().chunks(self.chain.nv()).map(|miss| miss.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
     }
 
     /// Removes the outliers of a fit and returns their times, in ascending order; none from a flight of which too few samples
@@ -240,44 +156,8 @@ impl<'a> Pair<'a> {
         Ok(gone)
     }
 
-    /// Clamps t* to the interval between the flights.
-    fn inside(&self, mut z: DVector<f64>) -> DVector<f64> {
-        let last = z.len() - 1;
-        z[last] = z[last].clamp(self.before.times[0], self.after.times[0]);
-        z
-    }
-
     fn pose(&self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
         Ok(self.chain.integrate(&self.reference, &z.as_slice()[..self.chain.nv()], 1.0)?)
-    }
-
-    fn residual(&self, z: &DVector<f64>) -> Result<DVector<f64>, FitError> {
-        let nv = self.chain.nv();
-        let (q, time) = (self.pose(z)?, z[3 * nv]);
-        let mut out = Vec::new();
-        for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
-            let qd = &z.as_slice()[nv * (k + 1)..nv * (k + 2)];
-            let times: Vec<f64> = flight.times.iter().map(|t| t - time).collect();
-            let flown = free_motion_at(self.chain, &q, qd, self.gravity, &times)?;
-            for (there, seen) in flown.iter().zip(&flight.poses) {
-                let miss = DVector::from_vec(self.chain.difference(seen, &there.q)?);
-                out.extend((&self.metric * miss).iter());
-            }
-        }
-        Ok(DVector::from_vec(out))
-    }
-
-    fn slopes(&self, z: &DVector<f64>, rest: &DVector<f64>) -> Result<DMatrix<f64>, FitError> {
-        let mut slopes = DMatrix::zeros(rest.len(), z.len());
-        for k in 0..z.len() {
-            let mut moved = z.clone();
-            // t* stays between the flights
-            let back = k == z.len() - 1 && z[k] + STEP > self.after.times[0];
-            let step = if back { -STEP } else { STEP };
-            moved[k] += step;
-            slopes.set_column(k, &((self.residual(&moved)? - rest) / step));
-        }
-        Ok(slopes)
     }
 
     fn joined(&self, z: &DVector<f64>, rest: &DVector<f64>, outliers: Vec<f64>) -> Result<Joined, FitError> {
@@ -307,29 +187,36 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// The pose with the least sum of distances from the others: not an outlier.
-fn medoid(chain: &Chain, poses: &[Vec<f64>]) -> Result<Vec<f64>, FitError> {
-    let mut best: Option<(f64, &Vec<f64>)> = None;
-    for pose in poses {
-        let mut sum = 0.0;
-        for other in poses {
-            sum += chain.difference(pose, other)?.iter().map(|x| x * x).sum::<f64>().sqrt();
+impl Samples for Pair<'_> {
+    fn residual(&self, z: &DVector<f64>) -> Result<DVector<f64>, FitError> {
+        let nv = self.chain.nv();
+        let (q, time) = (self.pose(z)?, z[3 * nv]);
+        let mut out = Vec::new();
+        for (k, flight) in [&self.before, &self.after].into_iter().enumerate() {
+            let qd = &z.as_slice()[nv * (k + 1)..nv * (k + 2)];
+            let times: Vec<f64> = flight.times.iter().map(|t| t - time).collect();
+            let flown = free_motion_at(self.chain, &q, qd, self.gravity, &times)?;
+            for (there, seen) in flown.iter().zip(&flight.poses) {
+                let miss = DVector::from_vec(self.chain.difference(seen, &there.q)?);
+                out.extend((&self.metric * miss).iter());
+            }
         }
-        if best.is_none_or(|(least, _)| sum < least) {
-            best = Some((sum, pose));
-        }
+        Ok(DVector::from_vec(out))
     }
-    Ok(best.map_or_else(Vec::new, |(_, pose)| pose.clone()))
-}
 
-/// Removes the wraps at ±π from the positions of continuous joints.
-fn unwrap(chain: &Chain, poses: &mut [Vec<f64>]) {
-    for joint in chain.joints() {
-        let (JointType::Continuous, Coordinates::Own { q, .. }) = (joint.kind, &joint.coordinates) else { continue };
-        for k in 1..poses.len() {
-            let turns = ((poses[k][q.start] - poses[k - 1][q.start]) / TAU).round();
-            poses[k][q.start] -= turns * TAU;
-        }
+    fn of_one(&self) -> usize {
+        self.chain.nv()
+    }
+
+    /// t* stays between the flights.
+    fn at_end(&self, z: &DVector<f64>, k: usize, step: f64) -> bool {
+        k == z.len() - 1 && z[k] + step > self.after.times[0]
+    }
+
+    fn inside(&self, mut z: DVector<f64>) -> DVector<f64> {
+        let last = z.len() - 1;
+        z[last] = z[last].clamp(self.before.times[0], self.after.times[0]);
+        z
     }
 }
 

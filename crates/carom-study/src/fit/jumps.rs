@@ -39,6 +39,8 @@ pub struct MeasuredImpact {
     problem: Problem,
     reach: DMatrix<f64>,
     jump: DVector<f64>,
+    /// Norm of the velocity before the impact, in the metric of the residual, m/s.
+    speed: f64,
     /// The measurement at the joints and its metric, to recompute H for another inertia.
     chain: Option<(ChainJump, DMatrix<f64>)>,
 }
@@ -89,7 +91,42 @@ impl MeasuredImpact {
         }
         let jump = DVector::from_column_slice((u_plus - numbers.u_minus()).as_slice());
         let reach = DMatrix::from_column_slice(D, D, numbers.delassus().as_slice());
-        Self { problem, reach, jump, chain: None }.approaching()
+        Self { problem, reach, jump, speed: numbers.u_minus().norm(), chain: None }.approaching()
+    }
+
+    /// An impact of one rigid body in the plane: its mass (kg) and moment of inertia (kg m²), the tangential and the normal row
+    /// of the contact Jacobian, and its velocities before and after (m/s, m/s, rad/s). The residual is that of a chain.
+    ///
+    /// # Errors
+    /// As [`MeasuredImpact::in_plane`]; [`FitError::Setting`] for a mass or moment of inertia that is not positive.
+    pub fn of_planar_body(
+        (mass, inertia): (f64, f64),
+        rows: [Vector3<f64>; 2],
+        before: Vector3<f64>,
+        after: Vector3<f64>,
+    ) -> Result<Self, FitError> {
+        for (what, value) in [("mass", mass), ("moment of inertia", inertia)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(FitError::Setting { what, value, rule: "it must be positive and finite" });
+            }
+        }
+        if let Some(&value) = before.iter().chain(after.iter()).find(|x| !x.is_finite()) {
+            return Err(FitError::NotFinite { what: "a velocity", value });
+        }
+        let jacobian = SMatrix::<f64, 2, 3>::from_rows(&[rows[0].transpose(), rows[1].transpose()]);
+        let inverse = SMatrix::<f64, 3, 3>::from_diagonal(&Vector3::new(1.0 / mass, 1.0 / mass, 1.0 / inertia));
+        let metric = DMatrix::from_diagonal(&DVector::from_vec(vec![1.0, 1.0, (inertia / mass).sqrt()]));
+        let problem = ImpactProblem::new(jacobian * inverse * jacobian.transpose(), jacobian * before)?;
+        let response = inverse * jacobian.transpose();
+        let whole = |v: Vector3<f64>| &metric * DVector::from_column_slice(v.as_slice());
+        Self {
+            problem: Problem::Plane(problem),
+            reach: &metric * DMatrix::from_column_slice(3, 2, response.as_slice()),
+            jump: whole(after - before),
+            speed: whole(before).norm(),
+            chain: None,
+        }
+        .approaching()
     }
 
     /// An impact of a chain, given by its joint velocities before and after.
@@ -115,7 +152,9 @@ impl MeasuredImpact {
         let response = contact.response() * DMatrix::from_column_slice(3, 3, axes.as_slice());
         let change = DVector::from_iterator(qd_plus.len(), qd_plus.iter().zip(qd_minus).map(|(a, b)| a - b));
         let (reach, jump) = (&metric * response, &metric * change);
-        Ok(Self { problem: Problem::Space(*contact.problem()), reach, jump, chain: Some((measured.clone(), metric)) })
+        let speed = (&metric * DVector::from_column_slice(qd_minus)).norm();
+        let problem = Problem::Space(*contact.problem());
+        Ok(Self { problem, reach, jump, speed, chain: Some((measured.clone(), metric)) })
     }
 
     fn approaching(self) -> Result<Self, FitError> {
@@ -146,6 +185,11 @@ impl MeasuredImpact {
     /// Norm of the measured jump, m/s.
     pub fn size(&self) -> f64 {
         self.jump.norm()
+    }
+
+    /// Norm of the velocity before the impact in the metric of the residual, m/s.
+    pub fn speed(&self) -> f64 {
+        self.speed
     }
 
     /// Residual under a law, m/s: measured minus computed u⁺ or, for a chain, measured minus computed joint velocities in the
@@ -179,8 +223,7 @@ impl LawPair {
     ///
     /// # Errors
     /// [`FitError::UnknownLaw`] for any other name.
-    pub fn new(name: &str, restitution: f64, friction: f64) -> Result<Self, FitError> {
-        let coefficients = Coefficients { restitution, friction, ..Coefficients::default() };
+    pub fn new(name: &str, coefficients: Coefficients) -> Result<Self, FitError> {
         let both = (law_by_name::<2>(name, coefficients), law_by_name::<3>(name, coefficients));
         let (Some(plane), Some(space)) = both else {
             return Err(FitError::UnknownLaw { name: name.into(), known: LAW_NAMES.join(", ") });

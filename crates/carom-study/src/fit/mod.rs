@@ -7,7 +7,7 @@
 //! | --- | --- | --- |
 //! | velocities before and after, at the contact or of a chain's joints | [`fit_velocities`] of [`MeasuredImpact`]s | velocity, m/s |
 //! | poses of the flights before and after | [`join_flights`] estimates velocities, pose and time, then [`fit_velocities`] | velocity, m/s |
-//! | whole tosses | [`fit_trajectories`] | pose error over the whole roll-out, [`RollOut::pose_error`](crate::RollOut::pose_error) |
+//! | tosses | [`fit_trajectories`] | pose error over the roll-out to its end or to 0.1 s after the first impact, [`RollOut::pose_error`](crate::RollOut::pose_error) |
 //!
 //! The residual of a single impact has the lower bound [`MeasuredImpact::least_residual`], which no law with a point contact
 //! can go below. The error of a roll-out accumulates over all impacts and contacts of a toss.
@@ -23,6 +23,8 @@ mod confidence;
 mod error;
 mod flights;
 mod jumps;
+mod launch;
+mod least_squares;
 mod loss;
 mod search;
 mod trajectories;
@@ -31,12 +33,14 @@ mod velocities;
 pub use error::FitError;
 pub use flights::{Flight, Joined, join_flights, lowest_point, toss_flights};
 pub use jumps::{ChainJump, LawPair, MeasuredImpact};
+pub use launch::{Launched, launch};
 pub use loss::Loss;
-pub use trajectories::{RollOutOptions, fit_trajectories};
+pub use trajectories::fit_trajectories;
 pub use velocities::fit_velocities;
 
 use carom_impact::LAW_NAMES;
-use loss::median;
+pub(crate) use loss::median;
+pub(crate) use search::Region;
 
 /// Options of a fit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,8 +167,12 @@ pub struct Misfit {
     pub number: i64,
     /// Whether the measurement belongs to the training set.
     pub trained: bool,
-    /// Velocities: norm of the residual, m/s. Trajectories: [`RollOut::pose_error`](crate::RollOut::pose_error).
+    /// Velocities: norm of the residual, m/s. Trajectories: `whole` or `early`, whichever was fitted.
     pub error: f64,
+    /// Trajectories: [`RollOut::pose_error`](crate::RollOut::pose_error).
+    pub whole: Option<f64>,
+    /// Trajectories: [`RollOut::early_error`](crate::RollOut::early_error), if the toss has an impact.
+    pub early: Option<f64>,
     /// Velocities: lower bound of the residual over all impulses with p_n ≥ 0, m/s.
     pub least: Option<f64>,
     /// Velocities: lower bound of the residual over all impulses in the cone of the fitted friction, m/s.
@@ -180,8 +188,12 @@ pub struct Score {
     pub mean: f64,
     /// Median of [`Misfit::error`].
     pub median: f64,
-    /// Trajectories: share of errors below 0.5.
+    /// Trajectories: share of [`Misfit::whole`] below 0.5.
     pub below_half: Option<f64>,
+    /// Trajectories: mean and median of [`Misfit::whole`].
+    pub whole: Option<(f64, f64)>,
+    /// Trajectories: mean and median of [`Misfit::early`] over the tosses that have it.
+    pub early: Option<(f64, f64)>,
     /// Velocities: mean of [`Misfit::least`], m/s.
     pub least: Option<f64>,
     /// Velocities: mean of [`Misfit::least_in_cone`], m/s.
@@ -198,12 +210,19 @@ impl Score {
             values.map(mean)
         };
         let errors: Vec<f64> = all.iter().map(|one| one.error).collect();
-        let below = errors.iter().filter(|&&error| error < 0.5).count() as f64 / count as f64;
+        let both = |part: fn(&Misfit) -> Option<f64>| {
+            let values: Vec<f64> = all.iter().filter_map(|one| part(one)).collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            (!values.is_empty()).then(|| (mean, median(values)))
+        };
+        let below = all.iter().filter(|one| one.whole.is_some_and(|error| error < 0.5)).count() as f64 / count as f64;
         (count > 0).then(|| Self {
             count,
             mean: mean(errors.clone()),
             median: median(errors),
             below_half: (to == FittedTo::Trajectories).then_some(below),
+            whole: both(|one| one.whole),
+            early: both(|one| one.early),
             least: mean_of(|one| one.least),
             least_in_cone: mean_of(|one| one.least_in_cone),
         })

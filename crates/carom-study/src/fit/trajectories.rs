@@ -10,29 +10,11 @@ use super::error::FitError;
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
 use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
-use crate::tosses::{Toss, Tosses};
+use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Start, TossError, Tosses};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
 use std::cell::RefCell;
-
-/// Options of the roll-outs and of their error measure.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RollOutOptions {
-    /// Relative tolerance of the integration.
-    pub tolerance: f64,
-    /// Time step while several contacts are closed, s.
-    pub contact_step: f64,
-    /// Length that the position error is divided by in [`RollOut::pose_error`](crate::RollOut::pose_error), m.
-    pub length: f64,
-}
-
-impl Default for RollOutOptions {
-    /// 1e-6, 1 ms, and 0.0524 m, half the width of the cube of ContactNets.
-    fn default() -> Self {
-        Self { tolerance: 1e-6, contact_step: 1e-3, length: 0.0524 }
-    }
-}
 
 /// Number of Nelder–Mead steps.
 const STEPS: u64 = 20;
@@ -58,9 +40,22 @@ pub fn fit_trajectories(
     positive("length of the error measure", roll.length)?;
     positive("tolerance", roll.tolerance)?;
     positive("contact step", roll.contact_step)?;
-    let train = options.split(tosses.tosses.len(), "tosses")?;
-    Work { tosses, law: options.law, roll, train, inertia: options.inertia, trials: RefCell::default() }
-        .fit(options, progress)
+    let refuse = |e: TossError| FitError::Refused(e.to_string());
+    let launches: Vec<Launch> = tosses.launches(roll.start).into_iter().collect::<Result<_, _>>().map_err(refuse)?;
+    let known = |k: &usize| launches[*k].end(&tosses.tosses[*k], roll.horizon).is_some();
+    let scored: Vec<usize> = (0..launches.len()).filter(known).collect();
+    let train = options.split(scored.len(), "tosses")?.into_iter().map(|k| scored[k]).collect();
+    Work {
+        tosses,
+        launches,
+        scored,
+        law: options.law,
+        roll,
+        train,
+        inertia: options.inertia,
+        trials: RefCell::default(),
+    }
+    .fit(options, progress)
 }
 
 struct Trial {
@@ -71,6 +66,9 @@ struct Trial {
 
 struct Work<'a> {
     tosses: &'a Tosses,
+    launches: Vec<Launch>,
+    /// Indices of the tosses that have the part that is fitted.
+    scored: Vec<usize>,
     law: &'a str,
     roll: &'a RollOutOptions,
     train: Vec<usize>,
@@ -79,19 +77,24 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Errors of the tosses `which` at the coefficients `x`.
-    fn errors(&self, x: &[f64], which: &[usize]) -> Result<Vec<f64>, FitError> {
+    /// Roll-outs of the tosses `which` at the coefficients `x`.
+    fn roll_out(&self, x: &[f64], which: &[usize], horizon: Horizon) -> Result<Vec<RollOut>, FitError> {
         let scale = if self.inertia { x[2] } else { 1.0 };
         let chain = self.tosses.chain.with_inertia_scaled(scale)?;
         let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
         let law = ContactLaw::named(self.law, coefficients);
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the name was checked before the search")));
+        let (tosses, launches, roll) = (&self.tosses.tosses, &self.launches, self.roll);
         let one = |&k: &usize| {
-            let toss: &Toss = &self.tosses.tosses[k];
-            let rolled = toss.roll_out(&chain, &rule, self.roll.tolerance, self.roll.contact_step);
-            rolled.map(|rolled| rolled.pose_error(self.roll.length)).map_err(|e| FitError::Refused(e.to_string()))
+            let rolled = launches[k].roll_out(&chain, &tosses[k], &rule, roll, horizon);
+            rolled.map_err(|e| FitError::Refused(e.to_string()))
         };
         which.par_iter().map(one).collect()
+    }
+
+    /// The error that is fitted; the tosses are those that have it.
+    fn error(&self, rolled: &RollOut) -> f64 {
+        rolled.error(self.roll.horizon, self.roll.length).unwrap_or(f64::INFINITY)
     }
 
     /// Square roots of the training errors at `x`; computed and stored if the trial is new.
@@ -99,7 +102,8 @@ impl Work<'_> {
         if let Some(seen) = self.trials.borrow().iter().find(|trial| trial.x == x) {
             return Ok(seen.norms.clone());
         }
-        let norms: Vec<f64> = self.errors(x, &self.train)?.into_iter().map(f64::sqrt).collect();
+        let rolled = self.roll_out(x, &self.train, self.roll.horizon)?;
+        let norms: Vec<f64> = rolled.iter().map(|rolled| self.error(rolled).sqrt()).collect();
         self.trials.borrow_mut().push(Trial { x: x.to_vec(), norms: norms.clone() });
         progress(self.trials.borrow().len());
         Ok(norms)
@@ -159,14 +163,17 @@ impl Work<'_> {
         region.descend(&start, 0.02, 1e-6, STEPS, &|x| self.norms(x, &tell).map_or(f64::MAX, |norms| by_cost(&norms)));
         let x = self.best(&by_cost);
 
-        let all: Vec<usize> = (0..self.tosses.tosses.len()).collect();
-        let errors = self.errors(&x, &all)?;
-        let each: Vec<Misfit> = all
+        let rolled = self.roll_out(&x, &self.scored, Horizon::Whole)?;
+        let each: Vec<Misfit> = self
+            .scored
             .iter()
-            .map(|&k| Misfit {
+            .zip(&rolled)
+            .map(|(&k, rolled)| Misfit {
                 number: self.tosses.tosses[k].number,
                 trained: self.train.binary_search(&k).is_ok(),
-                error: errors[k],
+                error: self.error(rolled),
+                whole: Some(rolled.pose_error(self.roll.length)),
+                early: rolled.early_error(self.roll.length),
                 least: None,
                 least_in_cone: None,
             })
@@ -179,6 +186,14 @@ impl Work<'_> {
             "fitted to trajectories of whole tosses: a fit to velocities of single impacts gives different coefficients"
                 .to_owned(),
         ];
+        let without = self.launches.len() - self.scored.len();
+        if without > 0 {
+            notes.push(format!("{without} tosses have no impact before their last sample and are left out"));
+        }
+        let tables = self.launches.iter().filter(|launch| launch.fitted.is_none()).count();
+        if self.roll.start == Start::Fitted && tables > 0 {
+            notes.push(format!("{tables} tosses start from the table, because no start can be fitted to their flight"));
+        }
         let coefficients = intervals(&trials, &x, cost, &region, options, &mut notes);
         progress(total, total);
         Ok(Fit {

@@ -7,6 +7,7 @@ use super::loss::{Cost, Loss, median};
 use super::search::Region;
 use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
 use carom_chain::Chain;
+use carom_impact::Coefficients;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -63,7 +64,8 @@ impl Work<'_> {
     /// Residuals of the impacts `which` at the coefficients `x`.
     fn residuals(&self, x: &[f64], which: &[usize]) -> Result<Vec<DVector<f64>>, FitError> {
         self.trials.fetch_add(1, Ordering::Relaxed);
-        let law = LawPair::new(self.law, x[0], x[1])?;
+        let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
+        let law = LawPair::new(self.law, coefficients)?;
         let scaled = match self.chain {
             Some(chain) => Some(chain.with_inertia_scaled(x[2])?),
             None => None,
@@ -181,6 +183,8 @@ impl Work<'_> {
                 number: k as i64,
                 trained: self.train.binary_search(&k).is_ok(),
                 error: residuals[k].norm(),
+                whole: None,
+                early: None,
                 least: Some(impact.least_residual(f64::INFINITY)),
                 least_in_cone: Some(impact.least_residual(x[1])),
             })

@@ -1,5 +1,6 @@
 //! Fits of coefficients to velocity jumps: recovery of known coefficients, and coverage of the confidence intervals.
 
+mod compare;
 mod trajectories;
 
 use carom_chain::urdf::LoadOptions;
@@ -7,10 +8,10 @@ use carom_chain::{Chain, uniform_chain};
 use carom_impact::{Coefficients, ImpactProblem, LAW_NAMES, law_by_name};
 use carom_sim::{Impacts, Moment, free_motion_at};
 use carom_study::fit::{
-    ChainJump, Fit, FitError, FitOptions, Flight, Interval, LawPair, Loss, MeasuredImpact, RollOutOptions,
-    fit_trajectories, fit_velocities, join_flights, lowest_point,
+    ChainJump, Fit, FitError, FitOptions, Flight, Interval, LawPair, Loss, MeasuredImpact, fit_trajectories,
+    fit_velocities, join_flights, launch, lowest_point,
 };
-use carom_study::{Toss, Tosses};
+use carom_study::{RollOutOptions, Start, Toss, Tosses};
 use fastrand::Rng;
 use nalgebra::{DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use std::f64::consts::PI;
@@ -246,7 +247,7 @@ fn least_residual_is_a_lower_bound_for_every_law() {
     for law in LAW_NAMES {
         for _ in 0..40 {
             let (e, mu) = (rng.f64(), rng.f64());
-            let laws = LawPair::new(law, e, mu).unwrap();
+            let laws = LawPair::new(law, rough(e, mu)).unwrap();
             let (h, u): (Matrix3<f64>, Vector3<f64>) = problem(&mut rng);
             let (h2, u2): (Matrix2<f64>, Vector2<f64>) = problem(&mut rng);
             let space = MeasuredImpact::in_space(h, u, noise(&mut rng, 1.0)).unwrap();
@@ -295,7 +296,7 @@ fn least_residual_is_the_part_of_a_jump_that_no_point_contact_gives() {
     close("least residual", jump(&kept).least_residual(f64::INFINITY), expected, 1e-12);
     close(
         "residual of the law",
-        jump(&kept).residual(&LawPair::new("energetic", 0.5, 0.3).unwrap()).unwrap().norm(),
+        jump(&kept).residual(&LawPair::new("energetic", rough(0.5, 0.3)).unwrap()).unwrap().norm(),
         expected,
         1e-12,
     );

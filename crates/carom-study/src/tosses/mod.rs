@@ -1,5 +1,6 @@
-//! Roll-outs of measured tosses: each toss is simulated from its first free sample to its last one and compared with the
-//! measured poses.
+//! Roll-outs of measured tosses: each toss is simulated from its first free sample and compared with the measured poses.
+//!
+//! `launch.rs` determines the state at the start and the time of the first impact, `roll_out.rs` simulates and compares.
 //!
 //! A folder of tosses contains a URDF and a table `tosses.csv` with these columns: `toss`; `t`, s; position `px, py, pz` (m) and
 //! rotation `qw, qx, qy, qz` of the root link in the world frame; its linear velocity `vx, vy, vz` (m/s, world frame) and
@@ -10,11 +11,16 @@
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};
 use carom_contact::Obstacle;
-use carom_sim::{ContactRule, Moment, Sampling, Seen, SimError, Simulation, Surface, Touch};
+use carom_sim::{ContactRule, Moment, SimError, Simulation, Surface, Touch};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+
+mod launch;
+mod roll_out;
+
+pub use launch::{Fitted, Launch, Start};
+pub use roll_out::{Horizon, PoseError, RollOut, RollOutOptions};
 
 /// Tosses of one robot.
 #[derive(Debug, Clone)]
@@ -32,38 +38,6 @@ pub struct Toss {
     pub number: i64,
     /// The samples, ascending in time.
     pub samples: Vec<Moment>,
-}
-
-/// Comparison of a roll-out with the measured toss.
-#[derive(Debug, Clone)]
-pub struct RollOut {
-    /// Number of the toss.
-    pub number: i64,
-    /// Number of samples from the first free one to the last.
-    pub samples: usize,
-    /// Error at the last sample.
-    pub last: PoseError,
-    /// Mean error over the samples.
-    pub mean: PoseError,
-    /// Mean of the squared errors over the samples: m², rad², rad².
-    pub mean_square: PoseError,
-    /// Speed of the root link at the end of the roll-out, m/s.
-    pub final_speed: f64,
-    /// Greatest penetration of the floor at a sample of the roll-out, m; 0 if there is none.
-    pub deepest: f64,
-    /// Number of events of the roll-out.
-    pub events: usize,
-}
-
-/// Difference between two poses.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PoseError {
-    /// Distance between the origins of the root link, m.
-    pub position: f64,
-    /// Angle between the rotations of the root link, rad.
-    pub rotation: f64,
-    /// Largest difference of a joint angle, rad, wrapped to ±π; 0 without joints.
-    pub joint: f64,
 }
 
 /// Reason why tosses cannot be read or simulated.
@@ -111,12 +85,6 @@ impl Tosses {
         Ok(Self { chain, tosses })
     }
 
-    /// Simulates all tosses in parallel, with contact rule `contact`, relative tolerance `tolerance`, and time step `step` (s)
-    /// while several contacts are closed. Results are in the order of the tosses.
-    pub fn roll_out(&self, contact: &ContactRule, tolerance: f64, step: f64) -> Vec<Result<RollOut, TossError>> {
-        self.tosses.par_iter().map(|toss| toss.roll_out(&self.chain, contact, tolerance, step)).collect()
-    }
-
     /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
     pub(crate) fn gaps(&self, toss: &Toss) -> Result<Vec<f64>, TossError> {
         let refuse = |reason| TossError::Simulation { number: toss.number, reason };
@@ -125,102 +93,15 @@ impl Tosses {
     }
 }
 
+/// Gravity of all tosses, m/s².
+const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+
 /// Simulation of a chain above the floor z = 0.
 fn on_floor(chain: &Chain, contact: &ContactRule) -> Result<Simulation, SimError> {
     let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z())?;
     let surface = Surface { name: "floor".into(), obstacle: floor, contact: contact.clone(), motion: None };
     let touches = Touch::all(chain, &[surface], 0.0)?.touches;
-    Ok(Simulation { gravity: Vector3::new(0.0, 0.0, -9.81), ..Simulation::new(chain.clone(), touches) })
-}
-
-impl Toss {
-    /// Simulates this toss from its first free sample to its last.
-    pub(crate) fn roll_out(
-        &self,
-        chain: &Chain,
-        contact: &ContactRule,
-        tolerance: f64,
-        step: f64,
-    ) -> Result<RollOut, TossError> {
-        let number = self.number;
-        let refuse = |reason: SimError| TossError::Simulation { number, reason };
-        let simulation = Simulation { tolerance, contact_step: step, ..on_floor(chain, contact).map_err(refuse)? };
-        let lowest = |sample: &Moment| simulation.smallest_gap(&sample.q);
-        let mut first = 0;
-        while first < self.samples.len() && lowest(&self.samples[first]).map_err(refuse)? <= 0.0 {
-            first += 1;
-        }
-        let Some(start) = self.samples.get(first) else {
-            let (what, rule) =
-                ("number of free samples", "a toss needs at least one sample without contact with the floor");
-            return Err(refuse(SimError::Setting { what, value: 0.0, rule }));
-        };
-        let measured = &self.samples[first..];
-        // sampled at the spacing of the measured samples
-        let end = measured[measured.len() - 1].time - start.time;
-        let every = end / (measured.len() - 1).max(1) as f64;
-        let mut rolled: Vec<Moment> = Vec::new();
-        let sampling = Sampling { every: Some(every), dense: false };
-        let summary = simulation.stream(&start.q, &start.qd, end, sampling, &mut |seen| {
-            if let Seen::Moment(moment) = seen {
-                rolled.push(moment.clone());
-            }
-        });
-        let summary = summary.map_err(refuse)?;
-        if rolled.len() < measured.len() {
-            rolled.push(summary.last.clone()); // by rounding, the last sample may lie beyond the end
-        }
-        let errors: Vec<PoseError> = rolled.iter().zip(measured).map(|(a, b)| PoseError::between(a, b)).collect();
-        let mut deepest = 0.0_f64;
-        for moment in &rolled {
-            deepest = deepest.max(-lowest(moment).map_err(refuse)?);
-        }
-        let count = errors.len() as f64;
-        let mean = |part: &dyn Fn(&PoseError) -> f64| errors.iter().map(part).sum::<f64>() / count;
-        Ok(RollOut {
-            number,
-            samples: errors.len(),
-            last: PoseError::between(&summary.last, &measured[measured.len() - 1]),
-            mean: PoseError {
-                position: mean(&|e| e.position),
-                rotation: mean(&|e| e.rotation),
-                joint: mean(&|e| e.joint),
-            },
-            mean_square: PoseError {
-                position: mean(&|e| e.position.powi(2)),
-                rotation: mean(&|e| e.rotation.powi(2)),
-                joint: mean(&|e| e.joint.powi(2)),
-            },
-            final_speed: Vector3::from_column_slice(&summary.last.qd[..3]).norm(),
-            deepest,
-            events: summary.events,
-        })
-    }
-}
-
-impl RollOut {
-    /// Error measure of B. Acosta, W. Yang, M. Posa (IEEE RA-L 7, 2022) over the samples of the roll-out: mean of |Δp|²
-    /// divided by `length` (m), plus mean of Δθ² (rad²), plus the mean of the squared joint error, if there is a joint. For
-    /// their cube they use half its width, 0.0524 m. As in the paper, the terms have different units: |Δp|²/`length` is a
-    /// length.
-    pub fn pose_error(&self, length: f64) -> f64 {
-        let PoseError { position, rotation, joint } = self.mean_square;
-        position / length + rotation + joint
-    }
-}
-
-impl PoseError {
-    fn between(a: &Moment, b: &Moment) -> Self {
-        let place = |m: &Moment| Vector3::from_column_slice(&m.q[..3]);
-        let turn = |m: &Moment| UnitQuaternion::from_quaternion(Quaternion::new(m.q[6], m.q[3], m.q[4], m.q[5]));
-        let wrapped = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
-        let joints = a.q[7..].iter().zip(&b.q[7..]);
-        Self {
-            position: (place(a) - place(b)).norm(),
-            rotation: turn(a).angle_to(&turn(b)),
-            joint: joints.map(|(a, b)| wrapped(a - b).abs()).fold(0.0, f64::max),
-        }
-    }
+    Ok(Simulation { gravity: GRAVITY, ..Simulation::new(chain.clone(), touches) })
 }
 
 fn only_urdf(folder: &Path) -> Result<PathBuf, String> {

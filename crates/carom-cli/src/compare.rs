@@ -1,0 +1,131 @@
+//! `carom compare`: every impact law on measured data.
+
+use crate::LoadArgs;
+use crate::error::CliError;
+use crate::fit::Bar;
+use crate::output::{make_folder, to_json, write_whole};
+use crate::{files, output::answer};
+use carom_study::Horizon;
+use carom_study::compare::{CompareError, CompareOptions, Comparison, compare, data_sets, markdown, summary, svg};
+use clap::{Args, builder::PossibleValuesParser};
+use serde::Serialize;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Compare all impact laws on measured data
+///
+/// Fits every law to each data set by cross-validation and judges it by the measurements that its
+/// coefficients were not fitted to. The measurements are dealt out to --folds folds by a seeded
+/// shuffle; for each fold the coefficients are fitted to the mean error outside it.
+///
+/// Input: folders, folders of such folders, or tables. A folder is recognised by its content:
+/// tosses.csv with a URDF (as for `carom tosses`; of several URDF files the one whose name begins
+/// the names of all others); a CSV table of single impacts of a planar ellipse (columns pre_vx,
+/// pre_vy, pre_w, post_…, d_x, d_y, d_th, n_…) or of a dropped square (columns drop, pre_x, pre_z,
+/// pre_th, pre_vx, pre_vz, pre_w, post_…). The names of the tables do not matter.
+/// Output: for each set the best law, its mean error on held-out measurements with its standard
+/// error, the next law with the paired difference, and the bound of any impulse at the point or the
+/// floor from the noise of the start. Tosses are judged to 0.1 s after the first impact and as a
+/// whole, from starts fitted to the flight and from starts given by the table.
+/// --out writes a Markdown table and an SVG picture of each set, summary.md and compare.json.
+/// JSON keys: seed, folds, comparisons [{set, what, measure, numbers, folds, left_out, rows [{law,
+///   several, coefficients [{name, values}], mean, standard_error, median, below_threshold, to_best
+///   {mean, standard_error}, refused, errors}], bound and floor {mean, standard_error, median}}].
+#[derive(Args)]
+#[command(verbatim_doc_comment)]
+pub struct CompareCommand {
+    /// Folders or tables
+    #[arg(value_name = "DATA", required = true)]
+    data: Vec<PathBuf>,
+    #[command(flatten)]
+    load: LoadArgs,
+    /// Number of folds, 2 or more
+    #[arg(long, value_name = "K", default_value_t = 5)]
+    folds: usize,
+    /// Seed of the folds, of the tosses that are fitted, and of the perturbed starts
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Largest friction of the search, above 0, at most 100
+    #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
+    max_friction: f64,
+    /// Sets of coefficients that each law may try on tosses
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    trials: usize,
+    /// Tosses to which coefficients are fitted; all tosses are judged
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    tosses: usize,
+    /// Part of the tosses whose error is fitted: whole, or early, to 0.1 s after the first impact
+    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "early")]
+    horizon: String,
+    /// Length L of the pose error of tosses, m: mean |Δp|²/L + mean Δθ² over the samples
+    #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
+    length: f64,
+    /// Relative tolerance of the integration of tosses
+    #[arg(long, default_value = "1e-5", allow_hyphen_values = true)]
+    tolerance: f64,
+    /// Length of a time step of tosses, where time steps are computed, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 1e-3, allow_hyphen_values = true)]
+    contact_step: f64,
+    /// Folder for the tables, pictures and the JSON file
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Print one line of JSON, with the error of every measurement, instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    seed: u64,
+    folds: usize,
+    comparisons: Vec<Comparison>,
+}
+
+impl CompareCommand {
+    pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
+        let refuse = |e: CompareError| CliError::Scene(e.to_string());
+        if let Some(folder) = &self.out {
+            files::check_folder("--out", folder)?;
+        }
+        let options = CompareOptions {
+            folds: self.folds,
+            seed: self.seed,
+            max_friction: self.max_friction,
+            trials: self.trials,
+            tosses: self.tosses,
+            horizon: if self.horizon == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole },
+            tolerance: self.tolerance,
+            contact_step: self.contact_step,
+            length: self.length,
+        };
+        let load = self.load.options(true);
+        let mut sets = Vec::new();
+        for path in &self.data {
+            sets.extend(data_sets(path, &load).map_err(refuse)?);
+        }
+        let mut comparisons: Vec<Vec<Comparison>> = Vec::new();
+        for set in &sets {
+            let bar = Bar::new("steps");
+            comparisons.push(compare(set, &options, &|done, all, _| bar.tell(done, all)).map_err(refuse)?);
+        }
+        let report = |comparisons| Report { seed: self.seed, folds: self.folds, comparisons };
+        let all: Vec<Comparison> = comparisons.concat();
+        if let Some(folder) = &self.out {
+            make_folder(folder)?;
+            for (k, one) in comparisons.iter().enumerate() {
+                // two sets of the same name are numbered
+                let same = sets[..k].iter().filter(|set| set.name == sets[k].name).count();
+                let name = if same == 0 { sets[k].name.clone() } else { format!("{}-{}", sets[k].name, same + 1) };
+                write_whole(&folder.join(format!("{name}.md")), &markdown(one))?;
+                write_whole(&folder.join(format!("{name}.svg")), &svg(one).map_err(refuse)?)?;
+            }
+            write_whole(&folder.join("summary.md"), &summary(&all))?;
+            let json = to_json(&report(all.clone())).map_err(CliError::Output)?;
+            write_whole(&folder.join("compare.json"), &format!("{json}\n"))?;
+        }
+        let told = |report: &Report, out: &mut dyn Write| -> io::Result<()> {
+            write!(out, "{}", summary(&report.comparisons))
+        };
+        answer(out, &report(all), self.json, told).map_err(|refused| CliError::refused(&self.data[0], refused))
+    }
+}

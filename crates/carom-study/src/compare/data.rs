@@ -1,0 +1,332 @@
+//! Data sets: what a folder holds, and how it is read.
+//!
+//! | content | recognised by | source |
+//! | --- | --- | --- |
+//! | tosses of a robot | `tosses.csv` and a URDF | ContactNets' cube (S. Pfrommer, M. Halm, M. Posa 2020) and the hinge of B. Bianchini, M. Halm, M. Posa (2023) |
+//! | impacts of a planar ellipse | a CSV table with `pre_vx, …, d_x, …, n_x, …` | N. Fazeli's planar impacts (MCube Lab, MIT, 2017) |
+//! | first impacts of a dropped square | a CSV table with `drop`, `pre_vz, …`, `post_vz, …` | drops of the MCube Lab |
+//!
+//! The tables have no body parameters, so the bodies are constants of this file.
+
+use crate::fit::{FitError, MeasuredImpact};
+use crate::tosses::{TossError, Tosses};
+use carom_chain::urdf::LoadOptions;
+use nalgebra::Vector3;
+use std::collections::HashMap;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::path::{Path, PathBuf};
+
+/// Measurements that laws can be compared on.
+#[derive(Debug, Clone)]
+pub struct DataSet {
+    /// Name of the folder, and of the table if the folder has several.
+    pub name: String,
+    pub(super) data: Data,
+}
+
+#[derive(Debug, Clone)]
+pub(super) enum Data {
+    Impacts(Impacts),
+    Tosses(Tosses),
+}
+
+/// Single impacts.
+#[derive(Debug, Clone)]
+pub(super) struct Impacts {
+    pub what: &'static str,
+    /// Number of each impact in its table.
+    pub numbers: Vec<i64>,
+    pub impacts: Vec<MeasuredImpact>,
+    pub left_out: usize,
+}
+
+/// Reason why laws cannot be compared.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompareError {
+    /// Error in a folder or file.
+    #[error("{}: {reason}", file.display())]
+    File {
+        /// The file or folder.
+        file: PathBuf,
+        /// The rule that is broken.
+        reason: String,
+    },
+    /// Error of tosses.
+    #[error(transparent)]
+    Tosses(#[from] TossError),
+    /// Error of the impacts of a data set.
+    #[error("{set}: {reason}")]
+    Impacts {
+        /// Name of the data set.
+        set: String,
+        /// Error of the fit.
+        reason: FitError,
+    },
+    /// Too few measurements.
+    #[error("{set}: it has {found} measurements that can be compared, but {needed} are needed for {folds} folds")]
+    TooFew {
+        /// Name of the data set.
+        set: String,
+        /// Number of measurements.
+        found: usize,
+        /// The required number.
+        needed: usize,
+        /// Number of folds.
+        folds: usize,
+    },
+    /// An option is out of its range.
+    #[error("{what} is {value}: {rule}")]
+    Setting {
+        /// The option.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// The rule that the value breaks.
+        rule: &'static str,
+    },
+    /// A picture cannot be drawn.
+    #[error("the picture of {set} cannot be drawn: {reason}")]
+    Picture {
+        /// Name of the data set.
+        set: String,
+        /// Error of the drawing library.
+        reason: String,
+    },
+}
+
+/// The data sets of a folder and of its subfolders, or of one table, in the order of their names.
+///
+/// # Errors
+/// [`CompareError::File`]: nothing is recognised, or a table is invalid.
+pub fn data_sets(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
+    let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
+    let mut found = if path.is_file() { table(path)?.into_iter().collect() } else { folder(path, options)? };
+    if found.is_empty() && path.is_dir() {
+        for inner in entries(path)?.iter().filter(|entry| entry.is_dir()) {
+            found.extend(folder(inner, options)?);
+        }
+    }
+    if found.is_empty() {
+        let rule = "it holds no data set: a folder needs tosses.csv with a URDF, or a CSV table with the columns pre_vx … \
+                    of single impacts";
+        return Err(refuse(rule.into()));
+    }
+    Ok(found)
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, CompareError> {
+    let refuse = |reason: std::io::Error| CompareError::File {
+        file: folder.to_owned(),
+        reason: format!("it cannot be read: {reason}"),
+    };
+    let read = std::fs::read_dir(folder).map_err(refuse)?;
+    let mut all: Vec<PathBuf> = read.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    all.sort();
+    Ok(all)
+}
+
+fn named(path: &Path) -> String {
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    whole.file_stem().map_or_else(|| "data".into(), |name| name.to_string_lossy().into_owned())
+}
+
+/// The data sets of one folder.
+fn folder(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
+    let name = named(path);
+    let entries = entries(path)?;
+    let of = |end: &str| entries.iter().filter(|path| path.extension().is_some_and(|e| e == end)).collect::<Vec<_>>();
+    if entries.iter().any(|entry| entry.ends_with("tosses.csv")) {
+        let tosses = Tosses::read(path, nominal(&of("urdf")).as_deref(), options)?;
+        return Ok(vec![DataSet { name, data: Data::Tosses(tosses) }]);
+    }
+    let mut tables = Vec::new();
+    for file in of("csv") {
+        tables.extend(table(file)?);
+    }
+    let alone = tables.len() == 1;
+    for set in &mut tables {
+        set.name = if alone { name.clone() } else { format!("{name}-{}", set.name) };
+    }
+    Ok(tables)
+}
+
+/// Of several URDF files the one whose name is the beginning of the names of all others: `elbow.urdf` beside
+/// `elbow_bad_init.urdf`.
+fn nominal(urdfs: &[&PathBuf]) -> Option<String> {
+    let stem = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let stems: Vec<String> = urdfs.iter().filter_map(|path| stem(path)).collect();
+    let first = stems.iter().find(|one| stems.iter().all(|other| other.starts_with(one.as_str())))?;
+    Some(format!("{first}.urdf"))
+}
+
+/// The data set of a table of single impacts; `None` for a table of another kind.
+fn table(path: &Path) -> Result<Option<DataSet>, CompareError> {
+    let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
+    let mut reader = csv::Reader::from_path(path).map_err(|e| refuse(e.to_string()))?;
+    let header = reader.headers().map_err(|e| refuse(e.to_string()))?.clone();
+    let column = |name: &str| header.iter().position(|it| it.trim() == name);
+    let (kind, names): (Kind, &[&str]) = if ELLIPSE.iter().all(|name| column(name).is_some()) {
+        (Kind::Ellipse, &ELLIPSE)
+    } else if SQUARE.iter().all(|name| column(name).is_some()) {
+        (Kind::Square, &SQUARE)
+    } else {
+        return Ok(None);
+    };
+    let at: HashMap<&str, usize> = names.iter().filter_map(|&name| Some((name, column(name)?))).collect();
+    let (mut numbers, mut impacts, mut left_out) = (Vec::new(), Vec::new(), 0);
+    for (k, record) in reader.records().enumerate() {
+        let line = k + 2;
+        let record = record.map_err(|e| refuse(e.to_string()))?;
+        let mut row = HashMap::new();
+        for (&name, &place) in &at {
+            let text = record.get(place).unwrap_or("").trim();
+            let value = text.parse::<f64>().ok().filter(|x| x.is_finite());
+            let rule = || refuse(format!("line {line}, column {name}: '{text}' is not a finite number"));
+            row.insert(name, value.ok_or_else(rule)?);
+        }
+        match kind.impact(&row) {
+            Some(Ok(impact)) => {
+                numbers.push(row[names[0]] as i64);
+                impacts.push(impact);
+            }
+            None | Some(Err(FitError::NoApproach { .. })) => left_out += 1,
+            Some(Err(error)) => return Err(refuse(format!("line {line}: {error}"))),
+        }
+    }
+    let data = Data::Impacts(Impacts { what: kind.what(), numbers, impacts, left_out });
+    Ok(Some(DataSet { name: named(path), data }))
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Ellipse,
+    Square,
+}
+
+const ELLIPSE: [&str; 13] =
+    ["i", "pre_vx", "pre_vy", "pre_w", "post_vx", "post_vy", "post_w", "d_x", "d_y", "d_th", "n_x", "n_y", "n_th"];
+const SQUARE: [&str; 10] =
+    ["drop", "pre_x", "pre_z", "pre_th", "pre_vx", "pre_vz", "pre_w", "post_vx", "post_vz", "post_w"];
+
+/// Mass (kg) and moment of inertia (kg m²) of the ellipse.
+const ELLIPSE_BODY: (f64, f64) = (0.0364, 1.3468e-5);
+/// Side of the square, m.
+const SIDE: f64 = 0.06;
+/// Its moment of inertia is m a²/6; its mass does not matter.
+const SQUARE_BODY: (f64, f64) = (1.0, SIDE * SIDE / 6.0);
+/// Height of the floor of the drops, m: the median height of the centre at rest less half the side.
+const FLOOR: f64 = 0.0014;
+/// Least tilt from a face, rad: below 20° a second corner strikes within the same samples.
+const LEAST_TILT: f64 = 20.0 * std::f64::consts::PI / 180.0;
+const GRAVITY: f64 = 9.81;
+
+impl Kind {
+    fn what(self) -> &'static str {
+        match self {
+            Self::Ellipse => "impacts of a planar ellipse",
+            Self::Square => "first impacts of a dropped square, tilted by more than 20°",
+        }
+    }
+
+    /// The impact of a row; `None` if it is not compared.
+    fn impact(self, row: &HashMap<&str, f64>) -> Option<Result<MeasuredImpact, FitError>> {
+        let of = |names: [&str; 3]| Vector3::from(names.map(|name| row[name]));
+        match self {
+            Self::Ellipse => {
+                let rows = [of(["d_x", "d_y", "d_th"]), of(["n_x", "n_y", "n_th"])];
+                let (before, after) = (of(["pre_vx", "pre_vy", "pre_w"]), of(["post_vx", "post_vy", "post_w"]));
+                passive(ELLIPSE_BODY, before, after)
+                    .then(|| MeasuredImpact::of_planar_body(ELLIPSE_BODY, rows, before, after))
+            }
+            Self::Square => {
+                let pose = of(["pre_x", "pre_z", "pre_th"]);
+                let (before, after) = (of(["pre_vx", "pre_vz", "pre_w"]), of(["post_vx", "post_vz", "post_w"]));
+                struck_square(pose, before, after)
+            }
+        }
+    }
+}
+
+/// Whether the kinetic energy of a body does not increase: a measurement in which it does is mistracked, because no passive
+/// contact can do that.
+fn passive((mass, inertia): (f64, f64), before: Vector3<f64>, after: Vector3<f64>) -> bool {
+    let energy = |v: Vector3<f64>| mass * v.xy().norm_squared() + inertia * v.z * v.z;
+    energy(after) <= energy(before)
+}
+
+/// The corner that is lowest of a square with its centre at `pose` (x, z, th; th turns x towards z), from the centre.
+fn lowest_corner(angle: f64) -> [f64; 2] {
+    let reach = SIDE * std::f64::consts::FRAC_1_SQRT_2;
+    let corners =
+        (0..4).map(|k| angle + FRAC_PI_4 + FRAC_PI_2 * f64::from(k)).map(|a| [reach * a.cos(), reach * a.sin()]);
+    corners.min_by(|a, b| a[1].total_cmp(&b[1])).unwrap_or([0.0, 0.0])
+}
+
+/// The first impact of the square at the instant at which its lowest corner touches the floor. The states of the table are at
+/// one time near it: the flight before the impact is followed to the instant, back or forth, and both vertical velocities
+/// change by gravity in between. `None` for a small tilt, and for a mistracked impact.
+fn struck_square(
+    pose: Vector3<f64>,
+    before: Vector3<f64>,
+    after: Vector3<f64>,
+) -> Option<Result<MeasuredImpact, FitError>> {
+    let at = |t: f64| {
+        let (z, angle) = (pose.y + before.y * t - 0.5 * GRAVITY * t * t, pose.z + before.z * t);
+        let corner = lowest_corner(angle);
+        (z + corner[1] - FLOOR, angle, corner)
+    };
+    // the corner falls at 1 to 3 m/s: the touching instant is within 20 ms, else at the time of the table
+    let (mut above, mut below) = (-0.02, 0.02);
+    let touches = at(above).0 > 0.0 && at(below).0 < 0.0;
+    for _ in 0..60 {
+        let middle = 0.5 * (above + below);
+        if at(middle).0 > 0.0 { above = middle } else { below = middle }
+    }
+    let time = if touches { below } else { 0.0 };
+    let (_, angle, [x, z]) = at(time);
+    let turned = angle.rem_euclid(FRAC_PI_2);
+    if turned.min(FRAC_PI_2 - turned) <= LEAST_TILT {
+        return None;
+    }
+    let fallen = Vector3::new(0.0, -GRAVITY * time, 0.0);
+    let (before, after) = (before + fallen, after + fallen);
+    let rows = [Vector3::new(1.0, 0.0, -z), Vector3::new(0.0, 1.0, x)];
+    passive(SQUARE_BODY, before, after).then(|| MeasuredImpact::of_planar_body(SQUARE_BODY, rows, before, after))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square that falls on a corner: the table may give its states at any time near the impact.
+    #[test]
+    fn the_touching_instant_does_not_depend_on_the_time_of_the_states() {
+        let (velocity, after) = (Vector3::new(0.3, -2.0, 1.5), Vector3::new(0.1, 0.8, -9.0));
+        let corner = lowest_corner(0.6);
+        let touching = Vector3::new(0.1, FLOOR - corner[1], 0.6);
+        let rows = [Vector3::new(1.0, 0.0, -corner[1]), Vector3::new(0.0, 1.0, corner[0])];
+        let truth = MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();
+        for t in [-0.006, 0.0, 0.004] {
+            let pose = touching + velocity * t - Vector3::new(0.0, 0.5 * GRAVITY * t * t, 0.0);
+            let fallen = Vector3::new(0.0, -GRAVITY * t, 0.0);
+            let found = struck_square(pose, velocity + fallen, after + fallen).unwrap().unwrap();
+            for friction in [0.0, 0.3, f64::INFINITY] {
+                let (a, b) = (found.least_residual(friction), truth.least_residual(friction));
+                assert!((a - b).abs() < 1e-9, "{t} {friction}: {a} {b}");
+            }
+            assert!((found.speed() - truth.speed()).abs() < 1e-9);
+        }
+        let flat = Vector3::new(0.0, 0.03, 0.1);
+        assert!(struck_square(flat, velocity, after).is_none(), "a tilt of 6° is left out");
+        assert!(struck_square(touching, velocity, 10.0 * after).is_none(), "an impact cannot add energy");
+    }
+
+    #[test]
+    fn the_nominal_robot_is_the_beginning_of_all_names() {
+        let paths = ["elbow_bad_init.urdf", "elbow.urdf"].map(PathBuf::from);
+        assert_eq!(nominal(&paths.iter().collect::<Vec<_>>()).as_deref(), Some("elbow.urdf"));
+        let other = ["arm.urdf", "box.urdf"].map(PathBuf::from);
+        assert_eq!(nominal(&other.iter().collect::<Vec<_>>()), None);
+    }
+}

@@ -1,0 +1,224 @@
+//! Comparison of all impact laws on measured data: which law predicts impacts that it was not fitted to?
+//!
+//! Every law has the same protocol. The measurements are dealt out to K folds by a seeded shuffle. For each fold the
+//! coefficients of a law are fitted to the mean error of the measurements outside the fold and judged by those in it. Every
+//! measurement is thus judged once, by coefficients that were fitted without it. Two laws are compared by the paired
+//! differences of their errors.
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `data.rs` | recognises and reads data sets |
+//! | `candidates.rs` | the laws and their coefficients |
+//! | `statistics.rs` | folds, means, paired differences |
+//! | `impacts.rs` | the protocol for single impacts |
+//! | `tosses.rs` | the protocol for tosses, and the floor from the noise of the start |
+//! | `page.rs`, `picture.rs` | a table in Markdown and a picture of each set |
+//!
+//! A minimum of a law's mean error over its coefficients is sought by a grid and by the Nelder–Mead method for single
+//! impacts, and by a grid that is refined around its best point for tosses.
+
+mod candidates;
+mod data;
+mod impacts;
+mod page;
+mod picture;
+mod statistics;
+mod tosses;
+
+pub use data::{CompareError, DataSet, data_sets};
+pub use page::{markdown, summary};
+pub use picture::svg;
+pub use statistics::{Estimate, Spread};
+
+use crate::tosses::Horizon;
+use candidates::Candidate;
+use serde::Serialize;
+
+/// Options of a comparison.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CompareOptions {
+    /// Number of folds, at least 2.
+    pub folds: usize,
+    /// Seed of the folds, of the tosses that are fitted, and of the perturbed starts.
+    pub seed: u64,
+    /// Upper bound of the coefficients of friction.
+    pub max_friction: f64,
+    /// Greatest number of sets of coefficients that a law tries on tosses.
+    pub trials: usize,
+    /// Greatest number of tosses to which coefficients are fitted; all tosses are judged.
+    pub tosses: usize,
+    /// The part of the tosses whose error is fitted; both parts are judged.
+    pub horizon: Horizon,
+    /// Relative tolerance of the simulation of tosses.
+    pub tolerance: f64,
+    /// Time step of the simulation of tosses, s.
+    pub contact_step: f64,
+    /// Length of the pose error of tosses, m.
+    pub length: f64,
+}
+
+impl Default for CompareOptions {
+    /// Five folds, seed 0, friction up to 1, 40 trials on 60 tosses, the part to 0.1 s after the first impact, tolerance 1e-5,
+    /// time step 1 ms, length 0.0524 m.
+    fn default() -> Self {
+        Self {
+            folds: 5,
+            seed: 0,
+            max_friction: 1.0,
+            trials: 40,
+            tosses: 60,
+            horizon: Horizon::Early,
+            tolerance: 1e-5,
+            contact_step: 1e-3,
+            length: 0.0524,
+        }
+    }
+}
+
+/// All laws on one part of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Name of the data set.
+    pub set: String,
+    /// What was compared.
+    pub what: String,
+    /// The measure of the error, with its unit.
+    pub measure: String,
+    /// Numbers of the measurements in their table, in the order of [`Row::errors`].
+    pub numbers: Vec<i64>,
+    /// Fold of each measurement.
+    pub folds: Vec<usize>,
+    /// Number of measurements of the table that were left out.
+    pub left_out: usize,
+    /// The laws, best mean first.
+    pub rows: Vec<Row>,
+    /// Least error of any impulse at the contact point that does not pull: no law of one contact can be below it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bound: Option<Spread>,
+    /// Error of the best law against itself from a start that is perturbed by the noise of the measurement: no model can be
+    /// expected below it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor: Option<Spread>,
+}
+
+/// A law on one part of a data set.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Row {
+    /// Name of the law.
+    pub law: String,
+    /// The law of impacts of several contacts, for tosses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub several: Option<&'static str>,
+    /// The fitted coefficients of each fold.
+    pub coefficients: Vec<FittedCoefficient>,
+    /// Statistics of the errors of all held-out measurements.
+    #[serde(flatten)]
+    pub error: Spread,
+    /// Share of the errors below the published threshold.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub below_threshold: Option<f64>,
+    /// Mean of the paired differences to the best law of the table, which has zeros.
+    pub to_best: Estimate,
+    /// Number of measurements whose prediction was refused; each counts with the greatest error of the others.
+    pub refused: usize,
+    /// Error of each measurement, predicted by the coefficients that were fitted without its fold.
+    pub errors: Vec<f64>,
+}
+
+/// A coefficient fitted for each fold.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FittedCoefficient {
+    /// Name of the coefficient.
+    pub name: &'static str,
+    /// Its value for each fold.
+    pub values: Vec<f64>,
+}
+
+/// The number of the comparison's steps that are done, the number of all, and what is being done.
+pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
+
+/// Compares all laws on a data set: one comparison for single impacts, four for tosses (both parts of the tosses from both
+/// starts).
+///
+/// # Errors
+/// [`CompareError`]: options out of their range, fewer measurements than folds, a toss that cannot be simulated at all.
+pub fn compare(
+    set: &DataSet,
+    options: &CompareOptions,
+    progress: Progress<'_>,
+) -> Result<Vec<Comparison>, CompareError> {
+    options.check()?;
+    match &set.data {
+        data::Data::Impacts(impacts) => Ok(vec![impacts::compare(set, impacts, options, progress)?]),
+        data::Data::Tosses(tosses) => tosses::compare(set, tosses, options, progress),
+    }
+}
+
+impl CompareOptions {
+    fn check(&self) -> Result<(), CompareError> {
+        let refuse = |what, value, rule| Err(CompareError::Setting { what, value, rule });
+        if self.folds < 2 {
+            return refuse("number of folds", self.folds as f64, "it must be at least 2");
+        }
+        if !(self.max_friction > 0.0 && self.max_friction <= 100.0) {
+            return refuse("largest friction", self.max_friction, "it must be above 0 and at most 100");
+        }
+        if self.trials == 0 {
+            return refuse("number of trials", 0.0, "it must be at least 1");
+        }
+        if self.tosses == 0 {
+            return refuse("number of tosses", 0.0, "it must be at least 1");
+        }
+        for (what, value) in [
+            ("tolerance", self.tolerance),
+            ("contact step", self.contact_step),
+            ("length of the pose error", self.length),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(what, value, "it must be positive and finite");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Error below which the published measure counts a toss as predicted.
+const THRESHOLD: f64 = 0.5;
+
+/// A candidate's coefficients by fold and the errors of the held-out measurements; infinite where the prediction was refused.
+struct Judged {
+    candidate: Candidate,
+    coefficients: Vec<Vec<f64>>,
+    errors: Vec<f64>,
+}
+
+/// Rows in the order of their means, with paired differences to the first.
+fn rows(judged: Vec<Judged>, several: bool, threshold: bool) -> Vec<Row> {
+    let one = |Judged { candidate, coefficients, mut errors }: Judged| {
+        let refused = errors.iter().filter(|error| !error.is_finite()).count();
+        let greatest = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
+        errors.iter_mut().filter(|error| !error.is_finite()).for_each(|error| *error = greatest);
+        let below = errors.iter().filter(|error| **error < THRESHOLD).count() as f64 / errors.len() as f64;
+        let of = |k: usize| coefficients.iter().map(|x| x[k]).collect();
+        let names = candidate.parameters.iter().enumerate();
+        Row {
+            law: candidate.law.into(),
+            several: several.then(|| candidate.several.name()),
+            coefficients: names
+                .map(|(k, parameter)| FittedCoefficient { name: parameter.name(), values: of(k) })
+                .collect(),
+            error: Spread::of(&errors),
+            below_threshold: threshold.then_some(below),
+            to_best: Estimate { mean: 0.0, standard_error: 0.0 },
+            refused,
+            errors,
+        }
+    };
+    let mut rows: Vec<Row> = judged.into_iter().map(one).collect();
+    rows.sort_by(|a, b| a.error.estimate.mean.total_cmp(&b.error.estimate.mean));
+    let best = rows.first().map_or_else(Vec::new, |row| row.errors.clone());
+    for row in &mut rows {
+        row.to_best = Estimate::of_pairs(&row.errors, &best);
+    }
+    rows
+}

@@ -1,0 +1,147 @@
+//! Estimates the state at the start of a free flight from all its sampled poses.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | z | 2nv | (step from a reference pose to q₀, qd₀) at the first sample | `z` |
+//! | Σ | 2nv×2nv | covariance of z, (SᵀS)⁻¹SᵀW S(SᵀS)⁻¹ | `spread` = (SᵀS)⁻¹SᵀW^½, a square root |
+//! | W | m×m | variances of the residuals, one for each coordinate, from their scatter about the fit | `sigmas` |
+//!
+//! Residuals are differences of poses in the metric of `least_squares.rs`, m. Velocities of the table are not used: a filtered
+//! difference of poses has an edge error at the first samples.
+
+use super::error::FitError;
+use super::flights::Flight;
+use super::least_squares::{MOST_STEPS, OUTLYING, ROUNDING, SETTLED, Samples, lines, medoid, pose_metric, rms, unwrap};
+use super::loss::{Cost, median};
+use carom_chain::Chain;
+use carom_sim::free_motion_at;
+use nalgebra::{DMatrix, DVector, Vector3};
+
+/// The state at the first sample of a flight, fitted to all its samples by [`launch`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Launched {
+    /// Configuration, rad or m.
+    pub q: Vec<f64>,
+    /// Joint velocities, rad/s or m/s.
+    pub qd: Vec<f64>,
+    /// Root mean square of the residuals, m.
+    pub rest: f64,
+    /// Times of the samples that were left out because their poses contradict those of all others, s.
+    pub outliers: Vec<f64>,
+    /// A square root of the covariance of (step of q, qd).
+    spread: DMatrix<f64>,
+}
+
+impl Launched {
+    /// A state drawn from the normal distribution of the estimate, by a generator of standard normal numbers.
+    ///
+    /// # Errors
+    /// [`FitError::Chain`] for a chain other than that of the fit.
+    pub fn drawn(&self, chain: &Chain, normal: &mut dyn FnMut() -> f64) -> Result<(Vec<f64>, Vec<f64>), FitError> {
+        let step = &self.spread * DVector::from_fn(self.spread.ncols(), |_, _| normal());
+        let (move_by, faster) = step.as_slice().split_at(chain.nv());
+        Ok((chain.integrate(&self.q, move_by, 1.0)?, self.qd.iter().zip(faster).map(|(a, b)| a + b).collect()))
+    }
+}
+
+/// Fewest samples that remain without outliers: two determine pose and velocity.
+const FEWEST: usize = 3;
+
+/// Estimates the state at the first sample of a free flight under `gravity` (world axes, m/s²) from the poses of all its
+/// samples, at least 3, by least squares: no motor torques, no damping. Mistracked samples are left out.
+///
+/// # Errors
+/// [`FitError::Sizes`]: too few samples; [`FitError::Chain`]: poses that do not fit the chain; [`FitError::NotFlown`]: no
+/// convergence.
+pub fn launch(chain: &Chain, gravity: Vector3<f64>, flight: &Flight) -> Result<Launched, FitError> {
+    let (found, needed) = (flight.times.len().min(flight.poses.len()), FEWEST);
+    if found < needed {
+        return Err(FitError::Sizes { what: "samples of a flight (three or more)", found, needed });
+    }
+    let mut poses = flight.poses.clone();
+    unwrap(chain, &mut poses);
+    let middle = medoid(chain, &poses)?;
+    let (step, rate) = lines(chain, &middle, &flight.times, &poses, flight.times[0])?;
+    let reference = chain.integrate(&middle, &step, 1.0)?;
+    let metric = pose_metric(chain, &reference)?;
+    let begin = flight.times[0];
+    let mut flown =
+        Flown { chain, gravity, begin, flight: Flight { times: flight.times.clone(), poses }, reference, metric };
+    let still = vec![0.0; chain.nv()];
+    let z = flown.robust(DVector::from_vec([still, rate].concat()))?;
+    let outliers = flown.leave_out(&z)?;
+    let (z, settled) = flown.solve(z, Cost::SQUARES, SETTLED)?;
+    let rest = flown.residual(&z)?;
+    if !settled {
+        return Err(FitError::NotFlown { steps: MOST_STEPS, rest: rms(&rest) });
+    }
+    let slopes = flown.slopes(&z, &rest)?;
+    // Noise of its own in each coordinate, which two unknowns describe: (SᵀS)⁻¹Sᵀ = R⁻¹Qᵀ with S = Q R
+    let (nv, samples) = (chain.nv(), flown.flight.times.len());
+    let sigma = |v: usize| {
+        let squares: f64 = rest.iter().skip(v).step_by(nv).map(|x| x * x).sum();
+        (squares / (samples - 2) as f64).sqrt()
+    };
+    let sigmas: Vec<f64> = (0..nv).map(sigma).collect();
+    let qr = slopes.qr();
+    let inverse = qr.r().try_inverse().unwrap_or_else(|| DMatrix::zeros(z.len(), z.len()));
+    let mut spread = inverse * qr.q().transpose();
+    for (k, mut column) in spread.column_iter_mut().enumerate() {
+        column *= sigmas[k % nv];
+    }
+    let qd = z.as_slice()[chain.nv()..].to_vec();
+    Ok(Launched { q: flown.pose(&z)?, qd, rest: rms(&rest), outliers, spread })
+}
+
+struct Flown<'a> {
+    chain: &'a Chain,
+    gravity: Vector3<f64>,
+    begin: f64,
+    flight: Flight,
+    reference: Vec<f64>,
+    metric: DMatrix<f64>,
+}
+
+impl Flown<'_> {
+    fn pose(&self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
+        Ok(self.chain.integrate(&self.reference, &z.as_slice()[..self.chain.nv()], 1.0)?)
+    }
+
+    /// Removes the outliers of a fit and returns their times; none if too few samples would remain.
+    fn leave_out(&mut self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
+        let misses = self.misses(&self.residual(z)?);
+        let greatest = (OUTLYING * median(misses.iter().copied())).max(ROUNDING);
+        if misses.iter().filter(|miss| **miss <= greatest).count() < FEWEST {
+            return Ok(Vec::new());
+        }
+        let Flight { times, poses } = std::mem::replace(&mut self.flight, Flight { times: vec![], poses: vec![] });
+        let mut outliers = Vec::new();
+        for ((time, pose), miss) in times.into_iter().zip(poses).zip(misses) {
+            if miss <= greatest {
+                self.flight.times.push(time);
+                self.flight.poses.push(pose);
+            } else {
+                outliers.push(time);
+            }
+        }
+        Ok(outliers)
+    }
+}
+
+impl Samples for Flown<'_> {
+    fn residual(&self, z: &DVector<f64>) -> Result<DVector<f64>, FitError> {
+        let times: Vec<f64> = self.flight.times.iter().map(|t| t - self.begin).collect();
+        let qd = &z.as_slice()[self.chain.nv()..];
+        let flown = free_motion_at(self.chain, &self.pose(z)?, qd, self.gravity, &times)?;
+        let mut out = Vec::new();
+        for (there, seen) in flown.iter().zip(&self.flight.poses) {
+            let miss = DVector::from_vec(self.chain.difference(seen, &there.q)?);
+            out.extend((&self.metric * miss).iter());
+        }
+        Ok(DVector::from_vec(out))
+    }
+
+    fn of_one(&self) -> usize {
+        self.chain.nv()
+    }
+}

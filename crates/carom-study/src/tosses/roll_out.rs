@@ -1,0 +1,242 @@
+//! Simulation of a toss, and its error against the measured poses.
+
+use super::{Launch, Start, Toss, TossError, Tosses, on_floor};
+use carom_chain::Chain;
+use carom_sim::{ContactRule, Moment, Sampling, Seen, SeveralLaw, SimError, Simulation};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use rayon::prelude::*;
+
+/// Options of the roll-outs and of their error measure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RollOutOptions {
+    /// Relative tolerance of the integration.
+    pub tolerance: f64,
+    /// Time step while several contacts are closed, s.
+    pub contact_step: f64,
+    /// Length that the position error is divided by in [`RollOut::pose_error`], m.
+    pub length: f64,
+    /// How the state at the start is determined.
+    pub start: Start,
+    /// The part of a toss that a fit minimises the error of.
+    pub horizon: Horizon,
+    /// The law of impacts of several contacts.
+    pub several: SeveralLaw,
+}
+
+impl Default for RollOutOptions {
+    /// 1e-6, 1 ms, and 0.0524 m, half the width of the cube of ContactNets; fitted starts, whole tosses, Moreau's law.
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            contact_step: 1e-3,
+            length: 0.0524,
+            start: Start::default(),
+            horizon: Horizon::default(),
+            several: SeveralLaw::default(),
+        }
+    }
+}
+
+/// The part of a toss that is compared, from its first free sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Horizon {
+    /// To the last sample.
+    #[default]
+    Whole,
+    /// To 0.1 s after the first impact.
+    Early,
+}
+
+impl Horizon {
+    /// Name of the part: `whole` or `early`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Whole => "whole",
+            Self::Early => "early",
+        }
+    }
+}
+
+/// End of [`Horizon::Early`] after the first impact, s.
+const EARLY: f64 = 0.1;
+
+/// Comparison of a roll-out with the measured toss.
+#[derive(Debug, Clone)]
+pub struct RollOut {
+    /// Number of the toss.
+    pub number: i64,
+    /// Number of samples from the first free one to the last.
+    pub samples: usize,
+    /// Error at the last sample.
+    pub last: PoseError,
+    /// Mean error over the samples.
+    pub mean: PoseError,
+    /// Mean of the squared errors over the samples: m², rad², rad².
+    pub mean_square: PoseError,
+    /// Mean of the squared errors over the samples to 0.1 s after the first impact: m², rad², rad²; `None` for a toss
+    /// without an impact before its last sample.
+    pub early_mean_square: Option<PoseError>,
+    /// Speed of the root link at the end of the roll-out, m/s.
+    pub final_speed: f64,
+    /// Greatest penetration of the floor at a sample of the roll-out, m; 0 if there is none.
+    pub deepest: f64,
+    /// Number of events of the roll-out.
+    pub events: usize,
+    /// Whether the start was fitted to the flight.
+    pub fitted: bool,
+}
+
+/// Difference between two poses.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PoseError {
+    /// Distance between the origins of the root link, m.
+    pub position: f64,
+    /// Angle between the rotations of the root link, rad.
+    pub rotation: f64,
+    /// Largest difference of a joint angle, rad, wrapped to ±π; 0 without joints.
+    pub joint: f64,
+}
+
+impl Tosses {
+    /// Simulates all tosses in parallel with contact rule `contact`, each to its last sample. Results are in the order of the
+    /// tosses.
+    pub fn roll_out(&self, contact: &ContactRule, options: &RollOutOptions) -> Vec<Result<RollOut, TossError>> {
+        let launches = self.launches(options.start);
+        let one = |(toss, launch): (&Toss, Result<Launch, TossError>)| {
+            launch?.roll_out(&self.chain, toss, contact, options, Horizon::Whole)
+        };
+        self.tosses.par_iter().zip(launches).map(one).collect()
+    }
+}
+
+impl Launch {
+    /// Index of the last measured sample of a part of the toss; `None` if the toss has no such part.
+    pub(crate) fn end(&self, toss: &Toss, horizon: Horizon) -> Option<usize> {
+        let last = toss.samples.len() - 1;
+        match horizon {
+            Horizon::Whole => Some(last),
+            Horizon::Early => {
+                let end = toss.samples[self.impact?].time + EARLY * (1.0 + 1e-9);
+                toss.samples.iter().rposition(|sample| sample.time <= end)
+            }
+        }
+    }
+
+    /// Simulates the toss from this start. With [`Horizon::Early`] the simulation ends with this part, if there is one, and the
+    /// errors are those up to there.
+    pub(crate) fn roll_out(
+        &self,
+        chain: &Chain,
+        toss: &Toss,
+        contact: &ContactRule,
+        options: &RollOutOptions,
+        horizon: Horizon,
+    ) -> Result<RollOut, TossError> {
+        let refuse = |reason: SimError| TossError::Simulation { number: toss.number, reason };
+        let last = self.end(toss, horizon).unwrap_or(toss.samples.len() - 1);
+        let (rolled, events) = self.simulate(chain, toss, last, contact, options).map_err(refuse)?;
+        let simulation = on_floor(chain, contact).map_err(refuse)?;
+        let mut deepest = 0.0_f64;
+        for moment in &rolled {
+            deepest = deepest.max(-simulation.smallest_gap(&moment.q).map_err(refuse)?);
+        }
+        let measured = &toss.samples[self.sample..=last];
+        let errors: Vec<PoseError> = rolled.iter().zip(measured).map(|(a, b)| PoseError::between(a, b)).collect();
+        let early = self.end(toss, Horizon::Early).and_then(|end| errors.get(..=end - self.sample));
+        let count = errors.len();
+        let end = &rolled[count - 1];
+        Ok(RollOut {
+            number: toss.number,
+            samples: count,
+            last: errors[count - 1],
+            mean: PoseError::mean(&errors, |x| x),
+            mean_square: PoseError::mean(&errors, |x| x * x),
+            early_mean_square: early.map(|errors| PoseError::mean(errors, |x| x * x)),
+            final_speed: Vector3::from_column_slice(&end.qd[..3]).norm(),
+            deepest,
+            events,
+            fitted: self.fitted.is_some(),
+        })
+    }
+
+    /// The simulated states at the samples from the start to the sample `last`, and the number of events.
+    pub(crate) fn simulate(
+        &self,
+        chain: &Chain,
+        toss: &Toss,
+        last: usize,
+        contact: &ContactRule,
+        options: &RollOutOptions,
+    ) -> Result<(Vec<Moment>, usize), SimError> {
+        let simulation = Simulation {
+            tolerance: options.tolerance,
+            contact_step: options.contact_step,
+            several: options.several,
+            ..on_floor(chain, contact)?
+        };
+        // sampled at the spacing of the measured samples
+        let measured = &toss.samples[self.sample..=last];
+        let end = measured[measured.len() - 1].time - measured[0].time;
+        let every = end / (measured.len() - 1).max(1) as f64;
+        let mut rolled: Vec<Moment> = Vec::new();
+        let sampling = Sampling { every: Some(every), dense: false };
+        let summary = simulation.stream(&self.q, &self.qd, end, sampling, &mut |seen| {
+            if let Seen::Moment(moment) = seen {
+                rolled.push(moment.clone());
+            }
+        })?;
+        // by rounding, the last sample may lie beyond the end
+        rolled.truncate(measured.len() - 1);
+        rolled.push(summary.last);
+        Ok((rolled, summary.events))
+    }
+}
+
+impl RollOut {
+    /// Error measure of B. Acosta, W. Yang, M. Posa (IEEE RA-L 7, 2022) over the samples of the roll-out: mean of |Δp|²
+    /// divided by `length` (m), plus mean of Δθ² (rad²), plus the mean of the squared joint error, if there is a joint. For
+    /// their cube they use half its width, 0.0524 m. As in the paper, the terms have different units: |Δp|²/`length` is a
+    /// length.
+    pub fn pose_error(&self, length: f64) -> f64 {
+        self.mean_square.measure(length)
+    }
+
+    /// The same over the samples to 0.1 s after the first impact; `None` for a toss without an impact before its last
+    /// sample.
+    pub fn early_error(&self, length: f64) -> Option<f64> {
+        Some(self.early_mean_square?.measure(length))
+    }
+
+    /// The error of a part of the toss.
+    pub(crate) fn error(&self, horizon: Horizon, length: f64) -> Option<f64> {
+        match horizon {
+            Horizon::Whole => Some(self.pose_error(length)),
+            Horizon::Early => self.early_error(length),
+        }
+    }
+}
+
+impl PoseError {
+    pub(crate) fn between(a: &Moment, b: &Moment) -> Self {
+        let place = |m: &Moment| Vector3::from_column_slice(&m.q[..3]);
+        let turn = |m: &Moment| UnitQuaternion::from_quaternion(Quaternion::new(m.q[6], m.q[3], m.q[4], m.q[5]));
+        let wrapped = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
+        let joints = a.q[7..].iter().zip(&b.q[7..]);
+        Self {
+            position: (place(a) - place(b)).norm(),
+            rotation: turn(a).angle_to(&turn(b)),
+            joint: joints.map(|(a, b)| wrapped(a - b).abs()).fold(0.0, f64::max),
+        }
+    }
+
+    pub(crate) fn mean(errors: &[Self], of: fn(f64) -> f64) -> Self {
+        let count = errors.len() as f64;
+        let mean = |part: fn(&Self) -> f64| errors.iter().map(|e| of(part(e))).sum::<f64>() / count;
+        Self { position: mean(|e| e.position), rotation: mean(|e| e.rotation), joint: mean(|e| e.joint) }
+    }
+
+    /// The measure of [`RollOut::pose_error`] of mean squares.
+    pub(crate) fn measure(&self, length: f64) -> f64 {
+        self.position / length + self.rotation + self.joint
+    }
+}
