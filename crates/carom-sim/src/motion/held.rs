@@ -120,8 +120,14 @@ impl<A: Space> Motion<'_, A> {
         let done =
             view.accelerate_and_respond((qd, &found.tau, sim.gravity), free, &constraints.forces, &mut found.responses);
         let done = match done {
-            Ok(()) if constraints.skew && constraints.rows.len() > 1 => {
+            Ok(()) if constraints.skew && (constraints.rows.len() > 1 || !constraints.starts.is_empty()) => {
                 view.respond(&constraints.rows, &mut found.own_responses)
+            }
+            done => done,
+        };
+        let done = match done {
+            Ok(()) if !constraints.starts.is_empty() => {
+                view.respond(&constraints.tangents, &mut found.tangent_responses)
             }
             done => done,
         };
@@ -131,9 +137,10 @@ impl<A: Space> Motion<'_, A> {
 
     /// Accelerations and forces in the present mode.
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
-        let lasting = std::mem::take(&mut self.lasting);
+        let mut lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &found));
+        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &mut found));
+        Self::keep_directions(&mut lasting, &found);
         (self.lasting, self.assembled) = (lasting, found);
         held
     }
@@ -147,19 +154,21 @@ impl<A: Space> Motion<'_, A> {
         Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
     }
 
-    fn solve(&self, time: f64, lasting: &[Lasting], found: &Assembled) -> Result<Held, SimError> {
-        let Assembled { constraints, responses, free, power, .. } = found;
+    fn solve(&self, time: f64, lasting: &[Lasting], found: &mut Assembled) -> Result<Held, SimError> {
+        let m = found.constraints.rows.len();
+        let lambda = if m == 0 {
+            DVector::zeros(0)
+        } else if found.constraints.starts.is_empty() {
+            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
+        } else {
+            self.starting_forces(time, lasting, found)?
+        };
+        let Assembled { constraints, responses, free, power, .. } = &*found;
         let mut held = Held {
             qdd: free.clone(),
             contacts: Vec::with_capacity(lasting.len()),
             joints: vec![0.0; self.dry.len()],
             power: *power,
-        };
-        let m = constraints.rows.len();
-        let lambda = if m == 0 {
-            DVector::zeros(0)
-        } else {
-            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
         };
         for (response, force) in responses.iter().zip(lambda.iter()) {
             held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
@@ -212,7 +221,7 @@ impl<A: Space> Motion<'_, A> {
             let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
             let rigid = lasting.iter().filter(|own| own.is_rigid());
             for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
-                let slides = matches!(own.hold, Hold::Slides { .. }) && constraints.skew;
+                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
                 // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
                 let row = contact.rows.start;
                 let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN

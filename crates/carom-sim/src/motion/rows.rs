@@ -1,6 +1,7 @@
 //! The rows of closed contacts and of joints that dry friction holds, at one state.
 
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::starting::Start;
 use crate::contact::{At, Touch};
 use crate::error::SimError;
 use crate::state::{Space, View};
@@ -20,6 +21,9 @@ pub(crate) struct Constraints {
     pub skew: bool,
     pub drifts: Vec<f64>,
     pub contacts: Vec<Contact>,
+    /// The contacts whose slip begins, and T: the rows of their slip, two of each.
+    pub starts: Vec<Start>,
+    pub tangents: Rows,
     /// Index into the list of dry joints, for each row after those of the contacts.
     pub joints: Vec<usize>,
 }
@@ -55,9 +59,20 @@ pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, least: f64) ->
     (u - n * n.dot(&u)).try_normalize(least)
 }
 
+/// The direction along which friction acts against a slip velocity u (tangential part taken) that lasts: that of u, but of u + noise
+/// toward, with a weight that vanishes above, where u is of the size of its error. `toward` is the direction at the end of the last step.
+/// Beyond a stop (u · toward < 0), which only trial steps reach, it is the smooth continuation −u/|u|.
+fn lasting_direction(u: Vector3<f64>, n: Vector3<f64>, toward: Vector3<f64>, noise: f64) -> Vector3<f64> {
+    let u = u - n * n.dot(&u);
+    let u = if u.dot(&toward) < 0.0 { -u } else { u };
+    let weight = (-u.norm_squared() / (noise * noise)).exp();
+    let along = toward - n * n.dot(&toward);
+    (u + along * (noise * weight)).try_normalize(0.0).unwrap_or(toward)
+}
+
 impl Constraints {
     pub fn new(nv: usize) -> Self {
-        Self { rows: Rows::new(nv), forces: Rows::new(nv), ..Self::default() }
+        Self { rows: Rows::new(nv), forces: Rows::new(nv), tangents: Rows::new(nv), ..Self::default() }
     }
 
     pub fn clear(&mut self) {
@@ -66,6 +81,8 @@ impl Constraints {
         self.skew = false;
         self.drifts.clear();
         self.contacts.clear();
+        self.starts.clear();
+        self.tangents.clear();
         self.joints.clear();
     }
 
@@ -105,7 +122,7 @@ impl Constraints {
             let mu = touch.contact.law.friction();
             place.row_into(view, normal, self.rows.add())?;
             if mu > 0.0 {
-                let d = direction_of_slip(u, normal, noise).unwrap_or(toward);
+                let d = lasting_direction(u, normal, toward, noise);
                 directions.set_column(2, &(normal - d * mu));
                 place.row_into(view, directions.column(2).into(), self.forces.add())?;
                 self.skew = true;
@@ -113,6 +130,19 @@ impl Constraints {
                 self.forces.add().copy_from_slice(self.rows.row(first));
             }
             self.drifts.push(gap_drift);
+        } else if let Hold::Starts { toward } = own.hold {
+            let friction = touch.contact.law.friction();
+            place.row_into(view, normal, self.rows.add())?;
+            self.forces.add().copy_from_slice(self.rows.row(first));
+            self.drifts.push(gap_drift);
+            for axis in 0..2 {
+                place.row_into(view, directions.column(axis).into(), self.tangents.add())?;
+            }
+            let along = |x: &Vector3<f64>| (directions.transpose() * x).xy();
+            let (row, contact, axes) = (first, self.contacts.len(), directions);
+            let (drift, toward) = (along(&u_drift), along(&toward).normalize());
+            self.starts.push(Start { contact, row, friction, axes, along: toward, drift });
+            self.skew = true;
         } else {
             for axis in directions.column_iter() {
                 place.row_into(view, axis.into(), self.rows.add())?;

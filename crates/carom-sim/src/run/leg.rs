@@ -20,7 +20,7 @@ use crate::model::Integrator;
 use crate::motion::ContactState;
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
-use ivp::matrix::MatrixStorage;
+use ivp::matrix::{Matrix, MatrixStorage};
 use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
@@ -36,6 +36,8 @@ pub(crate) const PATIENCE: usize = 60;
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The step of each component of y for difference quotients of the rate.
+    fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
     /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
     /// Witness `k` at (t, y).
@@ -275,6 +277,26 @@ impl FirstOrderSystem for System<'_> {
         rate.fill(0.0);
         self.ask(|flow| flow.rate(t, y, rate));
     }
+
+    /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity
+    /// far below that for which ivp's own differences are made.
+    fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
+        let mut steps = vec![0.0; y.len()];
+        self.ask(|flow| flow.steps(t, y, &mut steps));
+        let (mut moved, mut here, mut there) = (y.to_vec(), vec![0.0; y.len()], vec![0.0; y.len()]);
+        self.derivative(t, y, &mut here);
+        for (k, step) in steps.into_iter().enumerate() {
+            if step > 0.0 {
+                moved[k] = y[k] + step;
+                self.derivative(t, &moved, &mut there);
+            }
+            let whole = moved[k] - y[k];
+            moved[k] = y[k];
+            for (row, (there, here)) in there.iter().zip(&here).enumerate() {
+                jacobian[(row, k)] = if whole > 0.0 { (there - here) / whole } else { 0.0 };
+            }
+        }
+    }
 }
 
 /// A witness that fired within a step.
@@ -416,6 +438,10 @@ mod tests {
         fn rate(&mut self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
             self.latest = self.latest.max(t);
             out.fill(1.0);
+            Ok(())
+        }
+        fn steps(&mut self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+            out.fill(1e-8);
             Ok(())
         }
         fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
