@@ -1,13 +1,12 @@
 //! The rows of closed contacts and of joints that dry friction holds, at one state.
 
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use super::starting::Start;
 use crate::contact::{At, Touch};
 use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use std::ops::Range;
 
 /// Constraints at one state: R q̈ + drift = 0, with forces along the rows F.
@@ -54,14 +53,35 @@ impl Contact {
     }
 }
 
+/// A contact whose slip begins, among the constraints.
+#[derive(Debug, Clone)]
+pub(crate) struct Start {
+    /// Index among the rigid contacts, and its row.
+    pub contact: usize,
+    pub row: usize,
+    pub friction: f64,
+    /// Contact axes, tangents first.
+    pub axes: Matrix3<f64>,
+    pub along: Vector2<f64>,
+    /// u̇_t at q̈ = 0.
+    pub drift: Vector2<f64>,
+}
+
+impl Start {
+    /// The direction, world.
+    pub fn toward(&self) -> Vector3<f64> {
+        self.axes.column(0) * self.along.x + self.axes.column(1) * self.along.y
+    }
+}
+
 /// Unit direction of the tangential part of u; `None` if this is below `least`.
 pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, least: f64) -> Option<Vector3<f64>> {
     (u - n * n.dot(&u)).try_normalize(least)
 }
 
-/// The direction along which friction acts against a slip velocity u (tangential part taken) that lasts: that of u, but of u + noise
-/// toward, with a weight that vanishes above, where u is of the size of its error. `toward` is the direction at the end of the last step.
-/// Beyond a stop (u · toward < 0), which only trial steps reach, it is the smooth continuation −u/|u|.
+/// The direction against which friction acts at a slip velocity u: that of u. Where u is of the size of its error, it is that of u +
+/// noise · toward, with a weight that vanishes for faster slip; `toward` is the direction at the end of the last step. Beyond a stop
+/// (u · toward < 0), which only steps that are tried reach, it is continued smoothly by −u/|u|.
 fn lasting_direction(u: Vector3<f64>, n: Vector3<f64>, toward: Vector3<f64>, noise: f64) -> Vector3<f64> {
     let u = u - n * n.dot(&u);
     let u = if u.dot(&toward) < 0.0 { -u } else { u };

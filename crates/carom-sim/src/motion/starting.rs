@@ -18,28 +18,7 @@ use super::lasting::{Hold, Lasting};
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::Space;
-use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-
-/// A contact whose slip begins, among the constraints.
-#[derive(Debug, Clone)]
-pub(crate) struct Start {
-    /// Index among the rigid contacts, and its row.
-    pub contact: usize,
-    pub row: usize,
-    pub friction: f64,
-    /// Contact axes, tangents first.
-    pub axes: Matrix3<f64>,
-    pub along: Vector2<f64>,
-    /// u̇_t at q̈ = 0.
-    pub drift: Vector2<f64>,
-}
-
-impl Start {
-    /// The direction, world.
-    pub fn toward(&self) -> Vector3<f64> {
-        self.axes.column(0) * self.along.x + self.axes.column(1) * self.along.y
-    }
-}
+use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Newton's method converges in two or three steps from the direction of the evaluation before.
 const MOST_STEPS: usize = 20;
@@ -133,7 +112,7 @@ impl<A: Space> Motion<'_, A> {
     }
 }
 
-/// See [`Motion::starts`]: √(m/s)·s, for tolerances.
+/// The slip of [`Motion::starts`] at a tolerance of 1, m/s.
 const STARTS: f64 = 1.0;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

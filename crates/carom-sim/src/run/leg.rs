@@ -12,6 +12,7 @@
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 
+use super::differences::differences;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::{Segment, Statistics};
@@ -283,19 +284,7 @@ impl FirstOrderSystem for System<'_> {
     fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
         let mut steps = vec![0.0; y.len()];
         self.ask(|flow| flow.steps(t, y, &mut steps));
-        let (mut moved, mut here, mut there) = (y.to_vec(), vec![0.0; y.len()], vec![0.0; y.len()]);
-        self.derivative(t, y, &mut here);
-        for (k, step) in steps.into_iter().enumerate() {
-            if step > 0.0 {
-                moved[k] = y[k] + step;
-                self.derivative(t, &moved, &mut there);
-            }
-            let whole = moved[k] - y[k];
-            moved[k] = y[k];
-            for (row, (there, here)) in there.iter().zip(&here).enumerate() {
-                jacobian[(row, k)] = if whole > 0.0 { (there - here) / whole } else { 0.0 };
-            }
-        }
+        differences(|y, rate| self.derivative(t, y, rate), y, &steps, |at, slope| jacobian[at] = slope);
     }
 }
 
