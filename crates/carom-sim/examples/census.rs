@@ -6,6 +6,8 @@
 //!
 //! `cargo run --release -p carom-sim --example census -- order [STARTS]` runs box and table from 64 random starts each at tolerances from
 //! 1e-6 to 1e-10, and prints the quartiles of the error of q at the end against a run at 1e-12, and of its order in the tolerance.
+//!
+//! A scene's name after the number takes this scene only; `-- one NUMBER SCENE` prints the events of one start.
 
 use carom_sim::{Distribution, EventKind, Perturbation, Plan, Sampling, Scene, Seen, Simulation, StepReason, Summary};
 use std::collections::BTreeMap;
@@ -154,7 +156,7 @@ fn census(starts: u64, only: Option<&str>) -> Answer<()> {
         println!(
             "| {} | {starts} | {:.4} % | {} | {failed} | {:.3}, {:.2} |",
             study.name,
-            100.0 * stepped / (starts as f64 * study.duration),
+            100.0 * stepped.abs() / (starts as f64 * study.duration),
             counts.iter().map(|one| one.stretches.len()).sum::<usize>(),
             quartiles(&times)[1],
             times.iter().copied().fold(0.0, f64::max),
@@ -235,13 +237,39 @@ fn quartiles(values: &[f64]) -> [f64; 3] {
     [0.25, 0.5, 0.75].map(|share| at(share).unwrap_or(f64::NAN))
 }
 
+/// The events of one start, and its costs.
+fn one(number: u64, only: Option<&str>) -> Answer<()> {
+    for study in Study::all()?.iter().filter(|study| only.is_none_or(|name| name == study.name)) {
+        let start = study.start(number)?;
+        println!("{}: q {:?}, qd {:?}", study.name, start.0, start.1);
+        let touches = &study.plan.simulation.touches;
+        let summary = study.run(study.plan.simulation.tolerance, &start, &mut |seen| {
+            let Seen::Event(event) = seen else { return };
+            let of: Vec<&str> = match &event.kind {
+                EventKind::Several { touches: several, .. } => {
+                    several.iter().map(|&k| touches[k].name.as_str()).collect()
+                }
+                EventKind::Steps { reason } => vec![reason.name()],
+                kind => kind.touch().map(|k| touches[k].name.as_str()).into_iter().collect(),
+            };
+            println!("{:.12} {} {of:?}", event.time, event.kind.name());
+        })?;
+        println!("{:?}", summary.statistics);
+    }
+    Ok(())
+}
+
 fn main() -> Answer<()> {
     let mut args: Vec<String> = std::env::args().skip(1).collect();
-    let orders = args.first().is_some_and(|word| word == "order");
-    if orders {
+    let task = args.first().filter(|word| ["order", "one"].contains(&word.as_str())).cloned();
+    if task.is_some() {
         args.remove(0);
     }
-    let starts = args.first().map_or(Ok(if orders { 64 } else { 1000 }), |text| text.parse())?;
+    let number = args.first().map(|text| text.parse()).transpose()?;
     let only = args.get(1).map(String::as_str);
-    if orders { order(starts, only) } else { census(starts, only) }
+    match task.as_deref() {
+        Some("order") => order(number.unwrap_or(64), only),
+        Some(_) => one(number.unwrap_or(0), only),
+        None => census(number.unwrap_or(1000), only),
+    }
 }
