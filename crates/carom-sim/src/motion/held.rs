@@ -29,6 +29,9 @@ use crate::error::SimError;
 use crate::state::{Basis, Space};
 use nalgebra::{DMatrix, DVector, Vector3};
 
+/// Pivots of K above this share of its diagonal belong to independent rows: far above the share of [`Basis`] that decides.
+const INDEPENDENT: f64 = 1e-6;
+
 impl<A: Space> Motion<'_, A> {
     /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces, by central differences of fourth order along the
     /// motion, with steps of 1e-3 over the largest joint velocity: their relative error is about 1e-12. For touches without a
@@ -212,6 +215,15 @@ impl<A: Space> Motion<'_, A> {
             // A unit force must open the gap; NaN does not.
             let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
             return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
+        }
+        // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
+        if !constraints.skew
+            && let Some(factor) = k.clone().cholesky()
+        {
+            let l = factor.l_dirty();
+            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
+                return Ok(factor.solve(wanted));
+            }
         }
         let gram =
             if constraints.skew { constraints.rows.times(own_responses) } else { constraints.rows.times(responses) };
