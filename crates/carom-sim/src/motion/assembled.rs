@@ -43,6 +43,8 @@ pub(crate) struct Assembled {
     pub responses: Rows,
     /// M⁻¹Rᵀ, where F ≠ R.
     pub own_responses: Rows,
+    /// M⁻¹Tᵀ.
+    pub tangent_responses: Rows,
     pub free: DVector<f64>,
     /// Powers of the drive, and of damping, slipping dry friction and compliant contacts.
     pub power: [f64; 2],
@@ -59,6 +61,7 @@ impl Assembled {
             constraints: Constraints::new(nv),
             responses: Rows::new(nv),
             own_responses: Rows::new(nv),
+            tangent_responses: Rows::new(nv),
             free: DVector::zeros(nv),
             tau: vec![0.0; nv],
             scratch: vec![0.0; nv],

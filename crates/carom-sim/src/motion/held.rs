@@ -29,6 +29,9 @@ use crate::error::SimError;
 use crate::state::{Basis, Space};
 use nalgebra::{DMatrix, DVector, Vector3};
 
+/// Pivots of K above this share of its diagonal belong to independent rows: far above the share of [`Basis`] that decides.
+const INDEPENDENT: f64 = 1e-6;
+
 impl<A: Space> Motion<'_, A> {
     /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces, by central differences of fourth order along the
     /// motion, with steps of 1e-3 over the largest joint velocity: their relative error is about 1e-12. For touches without a
@@ -120,8 +123,14 @@ impl<A: Space> Motion<'_, A> {
         let done =
             view.accelerate_and_respond((qd, &found.tau, sim.gravity), free, &constraints.forces, &mut found.responses);
         let done = match done {
-            Ok(()) if constraints.skew && constraints.rows.len() > 1 => {
+            Ok(()) if constraints.skew && (constraints.rows.len() > 1 || !constraints.starts.is_empty()) => {
                 view.respond(&constraints.rows, &mut found.own_responses)
+            }
+            done => done,
+        };
+        let done = match done {
+            Ok(()) if !constraints.starts.is_empty() => {
+                view.respond(&constraints.tangents, &mut found.tangent_responses)
             }
             done => done,
         };
@@ -131,9 +140,10 @@ impl<A: Space> Motion<'_, A> {
 
     /// Accelerations and forces in the present mode.
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
-        let lasting = std::mem::take(&mut self.lasting);
+        let mut lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &found));
+        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &mut found));
+        Self::keep_directions(&mut lasting, &found);
         (self.lasting, self.assembled) = (lasting, found);
         held
     }
@@ -147,19 +157,21 @@ impl<A: Space> Motion<'_, A> {
         Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
     }
 
-    fn solve(&self, time: f64, lasting: &[Lasting], found: &Assembled) -> Result<Held, SimError> {
-        let Assembled { constraints, responses, free, power, .. } = found;
+    fn solve(&self, time: f64, lasting: &[Lasting], found: &mut Assembled) -> Result<Held, SimError> {
+        let m = found.constraints.rows.len();
+        let lambda = if m == 0 {
+            DVector::zeros(0)
+        } else if found.constraints.starts.is_empty() {
+            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
+        } else {
+            self.starting_forces(time, lasting, found)?
+        };
+        let Assembled { constraints, responses, free, power, .. } = &*found;
         let mut held = Held {
             qdd: free.clone(),
             contacts: Vec::with_capacity(lasting.len()),
             joints: vec![0.0; self.dry.len()],
             power: *power,
-        };
-        let m = constraints.rows.len();
-        let lambda = if m == 0 {
-            DVector::zeros(0)
-        } else {
-            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
         };
         for (response, force) in responses.iter().zip(lambda.iter()) {
             held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
@@ -204,6 +216,15 @@ impl<A: Space> Motion<'_, A> {
             let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
             return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
         }
+        // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
+        if !constraints.skew
+            && let Some(factor) = k.clone().cholesky()
+        {
+            let l = factor.l_dirty();
+            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
+                return Ok(factor.solve(wanted));
+            }
+        }
         let gram =
             if constraints.skew { constraints.rows.times(own_responses) } else { constraints.rows.times(responses) };
         let basis = Basis::of(&gram);
@@ -212,7 +233,7 @@ impl<A: Space> Motion<'_, A> {
             let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
             let rigid = lasting.iter().filter(|own| own.is_rigid());
             for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
-                let slides = matches!(own.hold, Hold::Slides { .. }) && constraints.skew;
+                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
                 // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
                 let row = contact.rows.start;
                 let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN

@@ -15,6 +15,8 @@ pub(crate) enum Hold {
     /// It slides. The direction of slip, a unit vector, holds while the slip is too small to define it; it is zero without
     /// friction and at joint limits.
     Slides { toward: Vector3<f64> },
+    /// It slides from rest, still slowly, in this direction: see `starting.rs`.
+    Starts { toward: Vector3<f64> },
     /// It sticks.
     Sticks,
     /// A latch: it sticks whatever the force.

@@ -10,6 +10,7 @@ mod rows;
 mod select;
 mod settle;
 mod smooth;
+mod starting;
 mod told;
 
 pub(crate) use assembled::Held;

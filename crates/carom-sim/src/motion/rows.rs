@@ -6,7 +6,7 @@ use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use std::ops::Range;
 
 /// Constraints at one state: R q̈ + drift = 0, with forces along the rows F.
@@ -20,6 +20,9 @@ pub(crate) struct Constraints {
     pub skew: bool,
     pub drifts: Vec<f64>,
     pub contacts: Vec<Contact>,
+    /// The contacts whose slip begins, and T: the rows of their slip, two of each.
+    pub starts: Vec<Start>,
+    pub tangents: Rows,
     /// Index into the list of dry joints, for each row after those of the contacts.
     pub joints: Vec<usize>,
 }
@@ -50,14 +53,46 @@ impl Contact {
     }
 }
 
+/// A contact whose slip begins, among the constraints.
+#[derive(Debug, Clone)]
+pub(crate) struct Start {
+    /// Index among the rigid contacts, and its row.
+    pub contact: usize,
+    pub row: usize,
+    pub friction: f64,
+    /// Contact axes, tangents first.
+    pub axes: Matrix3<f64>,
+    pub along: Vector2<f64>,
+    /// u̇_t at q̈ = 0.
+    pub drift: Vector2<f64>,
+}
+
+impl Start {
+    /// The direction, world.
+    pub fn toward(&self) -> Vector3<f64> {
+        self.axes.column(0) * self.along.x + self.axes.column(1) * self.along.y
+    }
+}
+
 /// Unit direction of the tangential part of u; `None` if this is below `least`.
 pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, least: f64) -> Option<Vector3<f64>> {
     (u - n * n.dot(&u)).try_normalize(least)
 }
 
+/// The direction against which friction acts at a slip velocity u: that of u. Where u is of the size of its error, it is that of u +
+/// noise · toward, with a weight that vanishes for faster slip; `toward` is the direction at the end of the last step. Beyond a stop
+/// (u · toward < 0), which only steps that are tried reach, it is continued smoothly by −u/|u|.
+fn lasting_direction(u: Vector3<f64>, n: Vector3<f64>, toward: Vector3<f64>, noise: f64) -> Vector3<f64> {
+    let u = u - n * n.dot(&u);
+    let u = if u.dot(&toward) < 0.0 { -u } else { u };
+    let weight = (-u.norm_squared() / (noise * noise)).exp();
+    let along = toward - n * n.dot(&toward);
+    (u + along * (noise * weight)).try_normalize(0.0).unwrap_or(toward)
+}
+
 impl Constraints {
     pub fn new(nv: usize) -> Self {
-        Self { rows: Rows::new(nv), forces: Rows::new(nv), ..Self::default() }
+        Self { rows: Rows::new(nv), forces: Rows::new(nv), tangents: Rows::new(nv), ..Self::default() }
     }
 
     pub fn clear(&mut self) {
@@ -66,6 +101,8 @@ impl Constraints {
         self.skew = false;
         self.drifts.clear();
         self.contacts.clear();
+        self.starts.clear();
+        self.tangents.clear();
         self.joints.clear();
     }
 
@@ -105,7 +142,7 @@ impl Constraints {
             let mu = touch.contact.law.friction();
             place.row_into(view, normal, self.rows.add())?;
             if mu > 0.0 {
-                let d = direction_of_slip(u, normal, noise).unwrap_or(toward);
+                let d = lasting_direction(u, normal, toward, noise);
                 directions.set_column(2, &(normal - d * mu));
                 place.row_into(view, directions.column(2).into(), self.forces.add())?;
                 self.skew = true;
@@ -113,6 +150,19 @@ impl Constraints {
                 self.forces.add().copy_from_slice(self.rows.row(first));
             }
             self.drifts.push(gap_drift);
+        } else if let Hold::Starts { toward } = own.hold {
+            let friction = touch.contact.law.friction();
+            place.row_into(view, normal, self.rows.add())?;
+            self.forces.add().copy_from_slice(self.rows.row(first));
+            self.drifts.push(gap_drift);
+            for axis in 0..2 {
+                place.row_into(view, directions.column(axis).into(), self.tangents.add())?;
+            }
+            let along = |x: &Vector3<f64>| (directions.transpose() * x).xy();
+            let (row, contact, axes) = (first, self.contacts.len(), directions);
+            let (drift, toward) = (along(&u_drift), along(&toward).normalize());
+            self.starts.push(Start { contact, row, friction, axes, along: toward, drift });
+            self.skew = true;
         } else {
             for axis in directions.column_iter() {
                 place.row_into(view, axis.into(), self.rows.add())?;

@@ -19,7 +19,7 @@ use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::Space;
+use crate::state::{Basis, Space};
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 
@@ -42,7 +42,7 @@ pub(crate) struct Candidate {
     pub touch: usize,
     /// Unit direction of slip; `None`: at rest.
     pub slip: Option<Vector3<f64>>,
-    /// Whether it presses (a compliant contact): it is kept.
+    /// Whether it presses (a compliant contact), or its slip begins: it is kept.
     pub kept: Option<Lasting>,
 }
 
@@ -86,7 +86,9 @@ impl<A: Space> Motion<'_, A> {
                 slip = direction_of_slip(u, place.normal, rest);
             }
         }
-        Ok(Candidate { touch, slip, kept: None })
+        let starts = |own: &&Lasting| own.touch == touch && matches!(own.hold, Hold::Starts { .. });
+        let kept = slip.and(self.lasting.iter().find(starts).copied());
+        Ok(Candidate { touch, slip, kept })
     }
 
     /// Sets the modes of the candidates and of the joints with dry friction; contacts that open are dropped. The normal
@@ -148,7 +150,13 @@ impl<A: Space> Motion<'_, A> {
         entries: &[Lasting],
         found: &mut Assembled,
     ) -> Result<Option<Solution>, SimError> {
-        self.assemble((time, y), entries, found)?;
+        // Where slip begins friction is that of a contact at rest.
+        let at_rest = |own: &Lasting| match own.hold {
+            Hold::Starts { .. } => Lasting { hold: Hold::Sticks, ..*own },
+            _ => *own,
+        };
+        let entries: Vec<Lasting> = entries.iter().map(at_rest).collect();
+        self.assemble((time, y), &entries, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
         let mut constraints = Vec::new();
         for own in entries.iter().filter(|own| own.is_rigid()) {
@@ -199,7 +207,7 @@ impl<A: Space> Motion<'_, A> {
             match own.hold {
                 Hold::Latched | Hold::Presses { .. } => false,
                 _ if force <= forces => opens.abs() <= accelerations,
-                Hold::Slides { .. } => false,
+                Hold::Slides { .. } | Hold::Starts { .. } => false,
                 Hold::Sticks => {
                     let t = solution.force.rows(contact.rows.start, 2).norm();
                     let a = solution.acceleration.rows(contact.rows.start, 2).norm();
@@ -248,6 +256,13 @@ impl<A: Space> Motion<'_, A> {
     fn take(&mut self, entries: &[Lasting], found: &Assembled, solution: &Solution) {
         let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
         let mut contacts = found.constraints.contacts.iter();
+        // The friction of redundant contacts is a convention, from which no directions follow; in the plane the direction is given.
+        let begins = entries.iter().any(|own| matches!(own.hold, Hold::Sticks | Hold::Starts { .. }));
+        let determined = begins && A::LINEAR == 3 && {
+            let constraints = &found.constraints;
+            let gram = constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
+            Basis::of(&gram).rows.len() == constraints.rows.len()
+        };
         self.lasting.clear();
         for own in entries {
             if !own.is_rigid() {
@@ -260,15 +275,17 @@ impl<A: Space> Motion<'_, A> {
             let hold = match own.hold {
                 Hold::Latched => Hold::Latched,
                 _ if !loaded => continue,
-                Hold::Sticks => {
+                Hold::Sticks | Hold::Starts { .. } => {
                     let force = contact.force(solution.force.as_slice());
                     let normal = contact.normal;
                     let tangential = force - normal * solution.force[last];
                     let a = solution.acceleration.rows(contact.rows.start, 2);
-                    if a.norm() > accelerations {
+                    if own.hold != Hold::Sticks || a.norm() > accelerations {
                         // Slip begins against the friction force.
-                        let toward = -tangential.try_normalize(0.0).unwrap_or_else(Vector3::zeros);
-                        Hold::Slides { toward }
+                        match (-tangential).try_normalize(0.0) {
+                            Some(toward) if determined => Hold::Starts { toward },
+                            toward => Hold::Slides { toward: toward.unwrap_or_else(Vector3::zeros) },
+                        }
                     } else {
                         Hold::Sticks
                     }

@@ -6,6 +6,7 @@ use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_chain::Rows;
@@ -123,13 +124,11 @@ impl<A: Space> Motion<'_, A> {
         }
     }
 
-    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them. Returns the slowest slip,
-    /// m/s.
-    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
+    /// Updates the directions of slip, which turn in space; the witness functions for its stop use them.
+    pub fn follow_slip(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let (q, qd) = self.split(y);
         let (sim, noise) = (self.sim, self.noise());
-        let mut slowest = f64::INFINITY;
         let view = self.view(q)?;
         for own in &mut lasting {
             if let Hold::Slides { toward } = &mut own.hold
@@ -137,11 +136,46 @@ impl<A: Space> Motion<'_, A> {
             {
                 let u = sim.touches[own.touch].u(&place, &view, qd, time)?;
                 *toward = direction_of_slip(u, place.normal, noise).unwrap_or(*toward);
-                slowest = slowest.min(u.dot(toward).abs());
             }
         }
         self.lasting = lasting;
+        Ok(())
+    }
+
+    /// The slowest slip of the contacts that slide with friction and whose direction follows from it, m/s; infinite if there are
+    /// none.
+    pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
+        let slides = |own: &Lasting| matches!(own.hold, Hold::Slides { .. });
+        let rough = |touch: &Touch| touch.contact.law.friction() > 0.0;
+        let lasting: Vec<Lasting> = self.lasting.iter().filter(|own| slides(own)).copied().collect();
+        let (sim, (q, qd)) = (self.sim, self.split(y));
+        let view = self.view(q)?;
+        let mut slowest = f64::INFINITY;
+        for touch in lasting.iter().map(|own| &sim.touches[own.touch]).filter(|touch| rough(touch)) {
+            let slip = touch.slip(&touch.at(&view, q, time), &view, qd, time)?;
+            slowest = slowest.min(slip.unwrap_or(f64::INFINITY));
+        }
         Ok(slowest)
+    }
+
+    /// The direction of slip that has begun, where it is fast enough, follows from it from now on. Contacts that begin to slide at
+    /// one time are fast enough at one time, too: up to the error of the integration, and some of them have half that speed.
+    pub fn started(&mut self, time: f64, y: &[f64]) -> Result<(), SimError> {
+        let mut lasting = self.lasting.clone();
+        let (sim, least) = (self.sim, 0.5 * self.starts());
+        let (q, qd) = self.split(y);
+        let view = self.view(q)?;
+        for own in &mut lasting {
+            if let Hold::Starts { toward } = own.hold {
+                let touch = &sim.touches[own.touch];
+                let slip = touch.slip(&touch.at(&view, q, time), &view, qd, time)?;
+                if slip.is_none_or(|slip| slip >= least) {
+                    own.hold = Hold::Slides { toward };
+                }
+            }
+        }
+        self.lasting = lasting;
+        self.follow_slip(time, y)
     }
 
     /// Takes out the components of slip across the directions of slip, of the contacts that slide and stick in the mode `after`: by

@@ -77,7 +77,8 @@ impl Kept {
     /// Whether both have the same contacts in the same modes.
     pub fn is_alike(&self, other: &Self) -> bool {
         let same = |(own, other): (&Lasting, &Lasting)| {
-            own.touch == other.touch && std::mem::discriminant(&own.hold) == std::mem::discriminant(&other.hold)
+            let (own, other) = (own.mode(), other.mode());
+            own.touch() == other.touch() && std::mem::discriminant(&own) == std::mem::discriminant(&other)
         };
         let contacts = self.lasting.len() == other.lasting.len() && self.lasting.iter().zip(&other.lasting).all(same);
         let joints = self.dry.iter().zip(&other.dry).all(|(own, other)| own.state == other.state);
@@ -408,7 +409,7 @@ impl Lasting {
     pub fn mode(&self) -> ContactMode {
         let touch = self.touch;
         match self.hold {
-            Hold::Slides { .. } => ContactMode::Sliding { touch },
+            Hold::Slides { .. } | Hold::Starts { .. } => ContactMode::Sliding { touch },
             Hold::Sticks => ContactMode::Sticking { touch },
             Hold::Latched => ContactMode::Latched { touch },
             Hold::Presses { damping, .. } => ContactMode::Pressing { touch, damping },

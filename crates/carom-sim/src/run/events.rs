@@ -256,6 +256,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 }
                 return Ok(());
             }
+            Watch::SlipGrows(_) => return self.motion.started(self.time, &before),
             Watch::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.lasting[i].touch;

@@ -12,6 +12,7 @@
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 
+use super::differences::differences;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::{Segment, Statistics};
@@ -20,7 +21,7 @@ use crate::model::Integrator;
 use crate::motion::ContactState;
 use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
-use ivp::matrix::MatrixStorage;
+use ivp::matrix::{Matrix, MatrixStorage};
 use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
@@ -36,6 +37,8 @@ pub(crate) const PATIENCE: usize = 60;
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The step of each component of y for difference quotients of the rate.
+    fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
     /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
     /// Witness `k` at (t, y).
@@ -275,6 +278,14 @@ impl FirstOrderSystem for System<'_> {
         rate.fill(0.0);
         self.ask(|flow| flow.rate(t, y, rate));
     }
+
+    /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity
+    /// far below that for which ivp's own differences are made.
+    fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
+        let mut steps = vec![0.0; y.len()];
+        self.ask(|flow| flow.steps(t, y, &mut steps));
+        differences(|y, rate| self.derivative(t, y, rate), y, &steps, |at, slope| jacobian[at] = slope);
+    }
 }
 
 /// A witness that fired within a step.
@@ -416,6 +427,10 @@ mod tests {
         fn rate(&mut self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
             self.latest = self.latest.max(t);
             out.fill(1.0);
+            Ok(())
+        }
+        fn steps(&mut self, _: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+            out.fill(1e-8);
             Ok(())
         }
         fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {

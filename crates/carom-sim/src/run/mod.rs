@@ -2,6 +2,7 @@
 
 mod branch;
 mod crossing;
+mod differences;
 mod events;
 mod impacts;
 mod leap;

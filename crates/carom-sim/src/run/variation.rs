@@ -114,7 +114,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Whether a contact slides with friction.
     pub fn slips(&self) -> bool {
-        let slips = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } if toward != Vector3::zeros());
+        let slips = |own: &Lasting| matches!(own.hold, Hold::Slides { toward } | Hold::Starts { toward } if toward != Vector3::zeros());
         self.motion.lasting.iter().any(slips)
     }
 
@@ -125,7 +125,10 @@ impl<A: Space> Run<'_, '_, A> {
         // The direction of a slow slip is strongly curved in the velocities: differences of fourth order, on this side of its stop.
         let slips = self.slips();
         let y = self.y_of(x);
-        let slowest = if slips { self.motion.follow_slip(time, &y)? } else { f64::INFINITY };
+        if slips {
+            self.motion.follow_slip(time, &y)?;
+        }
+        let slowest = self.motion.slowest_slip(time, &y)?;
         for (j, direction) in tangent.column_iter().enumerate() {
             let size = x
                 .iter()

@@ -24,6 +24,8 @@ pub(crate) enum Watch {
     NormalForce(usize),
     /// The slip velocity becomes zero.
     SlipStops(usize),
+    /// Slip from rest is so fast that its direction follows from it.
+    SlipGrows(usize),
     /// The contact force leaves the friction cone.
     Cone(usize),
     /// A compliant contact opens.
@@ -40,6 +42,9 @@ pub(crate) enum Watch {
     /// The loops come near a pose at which the mechanism could branch.
     Branches,
 }
+
+/// Share of the slowest slip by which velocities are moved for difference quotients.
+const FINE: f64 = 1e-3;
 
 /// A motion with the witness functions of its present contact mode.
 pub(crate) struct Watched<'m, 'a, A: Space> {
@@ -69,6 +74,9 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                     if rule.law.friction() > 0.0 && sim.touches[own.touch].link().is_some() {
                         watches.push(Watch::SlipStops(i));
                     }
+                }
+                Hold::Starts { .. } => {
+                    watches.extend([Watch::NormalForce(i), Watch::SlipStops(i), Watch::SlipGrows(i)]);
                 }
                 Hold::Sticks => watches.extend([Watch::NormalForce(i), Watch::Cone(i)]),
                 Hold::Presses { .. } => {
@@ -118,6 +126,20 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
         self.motion.rate(time.min(self.latest), y, out)
     }
 
+    fn steps(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
+        let usual = f64::EPSILON.sqrt();
+        for (step, x) in out.iter_mut().zip(y) {
+            *step = usual * x.abs().max(1.0);
+        }
+        // The energies have no effect on the motion.
+        out[nq + nv..nq + nv + 2].fill(0.0);
+        // The rate depends on the direction of slip: below the size of the slip it is linear.
+        let slip = self.motion.slowest_slip(time.min(self.latest), y)?.max(self.motion.noise());
+        out[nq..nq + nv].iter_mut().for_each(|step| *step = step.min(FINE * slip));
+        Ok(())
+    }
+
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
         let time = time.min(self.latest);
         out.clear();
@@ -164,10 +186,11 @@ pub(crate) fn look<A: Space>(
 ) -> Result<(), SimError> {
     let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
     let admissible = if watches.contains(&Watch::Admissible) { motion.margin(time, y)? } else { 0.0 };
-    let noise = motion.noise();
+    let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
     let regular = if watches.contains(&Watch::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
-    let now = Now { regular, lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise };
+    let now =
+        Now { regular, lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise, starts };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for watch in watches {
@@ -188,6 +211,8 @@ struct Now<'a> {
     admissible: f64,
     /// Error of velocities.
     noise: f64,
+    /// Slip up to which it begins.
+    starts: f64,
 }
 
 impl Watch {
@@ -233,10 +258,17 @@ impl Watch {
             }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];
-                let Hold::Slides { toward } = now.lasting[i].hold else { return Ok(Witness::default()) };
+                let (Hold::Slides { toward } | Hold::Starts { toward }) = now.lasting[i].hold else {
+                    return Ok(Witness::default());
+                };
                 let place = touch.at(view, q, time).surface;
                 let u = place.map_or(Ok(nalgebra::Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
                 Witness::velocity(u.dot(&toward), now.noise)
+            }
+            (Self::SlipGrows(i), _) => {
+                let touch = &sim.touches[now.lasting[i].touch];
+                let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
+                Witness::margin(now.starts - slip.unwrap_or_default())
             }
             (Self::JointStops(k), _) => {
                 let DryJoint { v, state, .. } = now.dry[k];

@@ -1,0 +1,152 @@
+//! Contacts whose slip begins.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | d | 2 | direction of slip, in the axes of the contact | `along` |
+//! | a_t | 2 | acceleration of the slip | `slips` |
+//! | r | k | a_t across d, of each such contact: what is to vanish | `across` |
+//!
+//! Friction acts against the slip u, whose direction turns at the rate (friction acceleration)/|u|: out of a contact at rest the
+//! equations of motion are as stiff as the slip is small, and their solution is the one that stays bounded. As u(0) = 0 that is u ∥ a_t
+//! up to (turn of the direction in this time)·|u|. So up to a slip of [`Motion::starts`] the direction follows from the accelerations,
+//! as in a contact at rest: a_t ∥ d, solved by Newton's method for the angles of all such contacts, with the other constraints held.
+//! The velocity across d that is missing then arises by friction from that slip on, with the same impulse as if it had arisen
+//! before; what is left is of the second order in the angle, which is of the order of the time of the start.
+
+use super::assembled::Assembled;
+use super::lasting::{Hold, Lasting};
+use super::smooth::Motion;
+use crate::error::SimError;
+use crate::state::Space;
+use nalgebra::{DMatrix, DVector, Vector2};
+
+/// Newton's method converges in two or three steps from the direction of the evaluation before.
+const MOST_STEPS: usize = 20;
+/// Directions are solved to this share of the friction accelerations.
+const SOLVED: f64 = 1e-13;
+
+fn across(d: Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(-d.y, d.x)
+}
+
+impl<A: Space> Motion<'_, A> {
+    /// Slip from rest up to this has the direction of its acceleration, m/s. The error is of second order in the time of the start,
+    /// and that is √slip where forces change steadily.
+    pub fn starts(&self) -> f64 {
+        STARTS * self.sim.tolerance.sqrt()
+    }
+
+    /// λ where slip begins at some contacts; stores their directions.
+    pub fn starting_forces(
+        &self,
+        time: f64,
+        lasting: &[Lasting],
+        found: &mut Assembled,
+    ) -> Result<DVector<f64>, SimError> {
+        let wanted = -found.offset();
+        let count = found.constraints.starts.len();
+        for step in 0.. {
+            self.push_along(found);
+            let k = found.delassus();
+            let lambda = self.forces(time, lasting, found, &k, &wanted)?;
+            let mut qdd = found.free.clone();
+            add(&mut qdd, found, &lambda);
+            let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
+            let starts = &found.constraints.starts;
+            let left = DVector::from_fn(count, |i, _| slips[i].dot(&across(starts[i].along)));
+            let solved = left.iter().zip(&sizes).all(|(left, size)| left.abs() <= SOLVED * size);
+            if solved || step == MOST_STEPS {
+                return Ok(lambda);
+            }
+            // r changes with the angles by the turn of d and by the friction that turns with it.
+            let mut slope = DMatrix::zeros(count, count);
+            for j in 0..count {
+                let turned = found.turned(j, lambda[starts[j].row]);
+                let held: DVector<f64> =
+                    found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
+                let mut change = turned;
+                add(&mut change, found, &self.forces(time, lasting, found, &k, &-held)?);
+                for i in 0..count {
+                    let moved = found.tangents(i, change.as_slice());
+                    slope[(i, j)] = moved.dot(&across(starts[i].along));
+                }
+                slope[(j, j)] -= slips[j].dot(&starts[j].along);
+            }
+            let Some(turn) = slope.lu().solve(&left) else { return Ok(lambda) };
+            for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
+                // Far from the solution the step may be of any size.
+                let angle = -turn.clamp(-0.5, 0.5);
+                start.along = (start.along * angle.cos() + across(start.along) * angle.sin()).normalize();
+            }
+        }
+        unreachable!("the last step returns")
+    }
+
+    /// The responses and force directions of contacts whose slip begins, along n − μ d.
+    fn push_along(&self, found: &mut Assembled) {
+        let Assembled { constraints, responses, own_responses, tangent_responses, .. } = found;
+        for (i, start) in constraints.starts.iter().enumerate() {
+            let force = -start.friction * start.along;
+            let (first, second) = (tangent_responses.row(2 * i), tangent_responses.row(2 * i + 1));
+            let normal = own_responses.row(start.row);
+            let target = responses.iter_mut().nth(start.row).into_iter().flatten();
+            for (k, x) in target.enumerate() {
+                *x = normal[k] + force.x * first[k] + force.y * second[k];
+            }
+            let contact = &mut constraints.contacts[start.contact];
+            if let Some(directions) = &mut contact.directions {
+                directions.set_column(2, &(contact.normal - start.toward() * start.friction));
+            }
+        }
+    }
+
+    /// Keeps the directions of slip that begins, for the next evaluation and for the witness functions.
+    pub fn keep_directions(lasting: &mut [Lasting], found: &Assembled) {
+        let starting = lasting.iter_mut().filter_map(|own| match &mut own.hold {
+            Hold::Starts { toward } => Some(toward),
+            _ => None,
+        });
+        for (toward, start) in starting.zip(&found.constraints.starts) {
+            *toward = start.toward();
+        }
+    }
+}
+
+/// The slip of [`Motion::starts`] at a tolerance of 1, m/s.
+const STARTS: f64 = 1.0;
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Adds M⁻¹Fᵀλ.
+fn add(qdd: &mut DVector<f64>, found: &Assembled, lambda: &DVector<f64>) {
+    for (response, force) in found.responses.iter().zip(lambda.iter()) {
+        qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
+    }
+}
+
+impl Assembled {
+    /// T q̈ of the i-th contact whose slip begins.
+    fn tangents(&self, i: usize, qdd: &[f64]) -> Vector2<f64> {
+        let rows = &self.constraints.tangents;
+        Vector2::new(rows.dot(2 * i, qdd), rows.dot(2 * i + 1, qdd))
+    }
+
+    /// Its acceleration of slip, and the size of the terms of it.
+    fn slip_acceleration(&self, i: usize, qdd: &DVector<f64>) -> (Vector2<f64>, f64) {
+        let drift = self.constraints.starts[i].drift;
+        let rows = &self.constraints.tangents;
+        let terms = |k: usize| rows.row(k).iter().zip(qdd.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        let size = terms(2 * i).max(terms(2 * i + 1)) + drift.amax();
+        (self.tangents(i, qdd.as_slice()) + drift, size)
+    }
+
+    /// The change of q̈ per angle by which the friction of the i-th contact turns, at this normal force.
+    fn turned(&self, i: usize, force: f64) -> DVector<f64> {
+        let start = &self.constraints.starts[i];
+        let turn = across(start.along) * (-start.friction * force);
+        let (first, second) = (self.tangent_responses.row(2 * i), self.tangent_responses.row(2 * i + 1));
+        DVector::from_fn(self.free.len(), |k, _| turn.x * first[k] + turn.y * second[k])
+    }
+}
