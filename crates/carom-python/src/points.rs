@@ -148,11 +148,11 @@ impl Chain {
             let why = format!("relative_stiffness has {} numbers for {} points", stiffnesses.len(), points.len());
             return Err(exceptions::StateError::new_err(why));
         }
-        let struck = |(((frame, offset), normal), relative_stiffness): ((&(String, [f64; 3]), Vector3<f64>), f64)| {
-            Ok(StruckPoint { point: FramePoint::new(self.frame(frame)?, *offset), normal, grip, relative_stiffness })
+        let struck = |(k, (frame, offset)): (usize, &(String, [f64; 3]))| {
+            let point = FramePoint::new(self.frame(frame)?, *offset);
+            Ok(StruckPoint { point, normal: normals[k], grip, relative_stiffness: stiffnesses[k] })
         };
-        let points: Vec<StruckPoint> =
-            points.iter().zip(normals).zip(stiffnesses).map(struck).collect::<PyResult<_>>()?;
+        let points: Vec<StruckPoint> = points.iter().enumerate().map(struck).collect::<PyResult<_>>()?;
         let (q, qd) = (self.q(q)?.single("q")?, self.v("qd", qd)?.single("qd")?);
         let hit = Joints::read(self, joints)?.with(|model| self.chain.impact_at_points(&q, &qd, &points, model, law));
         Ok(SeveralImpact(hit.map_err(raise)?))
