@@ -17,7 +17,7 @@ use carom_chain::Chain;
 use carom_sim::free_motion_at;
 use nalgebra::{DMatrix, DVector, Vector3};
 
-/// The state at the first sample of a flight, fitted to all its samples by [`launch`].
+/// The state at the first sample of a flight, fitted to all its samples by [`launch()`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Launched {
     /// Configuration, rad or m.

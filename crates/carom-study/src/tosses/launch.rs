@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// How the state at the start of a roll-out is determined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Start {
-    /// By [`launch`]: fitted to the poses of all samples from the first free one to the first impact.
+    /// By [`launch()`]: fitted to the poses of all samples from the first free one to the first impact.
     #[default]
     Fitted,
     /// The pose and the velocities of the first free sample, as the table gives them.
