@@ -99,7 +99,7 @@ fn every_help_fits_100_columns_and_describes_computation_input_output_and_option
     let overview = help("--help");
     let listed = overview.split_once("Commands:\n").unwrap().1.split("\n\n").next().unwrap();
     let commands: Vec<&str> = listed.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(commands.len(), 14, "13 commands and `help`: {commands:?}");
+    assert_eq!(commands.len(), 15, "14 commands and `help`: {commands:?}");
     for words in ["Exit status:", "  0  Done.", "  1  An input is refused.", "  2  Wrong command line."] {
         assert!(overview.contains(words), "{words}");
     }

@@ -164,7 +164,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 "contact = { restituton = 0.9 }",
                 "line 7: unknown field `restituton`, expected one of `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`, `compliance`; did you mean `restitution`?",
+                 `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `restitution`?",
             ),
             ("contact = { law = \"newtn\" }", &format!("[[surface]] 'surface 1': contact law = \"newtn\": {LAWS}")),
             (
@@ -245,7 +245,7 @@ fn invalid_contact_rules_are_refused() {
             (
                 &pair("link = \"tip\"\nlach = true"),
                 "line 13: unknown field `lach`, expected one of `link`, `surface`, `joint`, `law`, `restitution`, \
-                 `tangential_restitution`, `friction`, `latch`, `compliance`; did you mean `latch`?",
+                 `tangential_restitution`, `friction`, `latch`, `compliance`, `relative_stiffness`; did you mean `latch`?",
             ),
         ],
     );

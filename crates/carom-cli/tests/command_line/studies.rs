@@ -12,7 +12,7 @@ fn stress_writes_its_table_as_markdown_json_and_svg() {
     assert_eq!(desk.files("table"), ["stress.json", "stress.md", "stress.svg"]);
     let read = |name: &str| std::fs::read_to_string(desk.0.join("table").join(name)).unwrap();
     let json: Value = serde_json::from_str(&read("stress.json")).unwrap();
-    assert_eq!(json["methods"].as_array().unwrap().len(), 14);
+    assert_eq!(json["methods"].as_array().unwrap().len(), 15);
     let cells = json["scenes"][0]["cells"].as_array().unwrap();
     assert!(cells.len() == 8 && cells.iter().all(|cell| cell["verdict"] == "exact"), "{cells:?}");
     assert!(read("stress.md").contains("| jam | exact |") && read("stress.svg").starts_with("<svg"));
