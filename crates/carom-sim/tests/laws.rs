@@ -272,7 +272,7 @@ fn invalid_laws_and_coefficients_of_scene_files_are_refused_with_key_value_and_r
     );
     assert_eq!(
         said("d", "", "[[contact.pair]]\njoint = \"elbow\"\ntangential_restitution = 0.1"),
-        "FILE: [[contact.pair]] has joint: joint limits have restitution and latch only, remove law, \
+        "FILE: [[contact.pair]] has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
          tangential_restitution, friction and compliance"
     );
     let misspelt = said("e", "", "[contact]\ntangental_restitution = 0.1");
