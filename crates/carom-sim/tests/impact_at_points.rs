@@ -190,3 +190,28 @@ fn wrong_points_are_refused_with_the_reason() {
     let hot = StruckPoint { grip: Grip::Contact { restitution: 2.0, friction: 0.1 }, ..good };
     assert!(refused(&[hot]).contains("restitution 2 is outside"), "{}", refused(&[hot]));
 }
+
+/// Under the energetic law two struck points share the impulse by their stiffnesses: only the ratio counts, points may be listed in any
+/// order with theirs, and another ratio is another impact. Tolerance: that of the law's integration.
+#[test]
+fn struck_points_share_the_energetic_impulse_by_the_ratio_of_their_stiffnesses() {
+    let chain = quadruped();
+    let (q, qd) = state(&chain, 0.4);
+    let grip = Grip::Contact { restitution: 0.6, friction: 0.0 };
+    let two = points(&chain, "trunk", &[[0.2, 0.1, -0.1], [-0.2, -0.1, -0.1]], grip);
+    let after = |stiffnesses: [f64; 2], swapped: bool| {
+        let mut struck: Vec<StruckPoint> = two.clone();
+        struck.iter_mut().zip(stiffnesses).for_each(|(point, ratio)| point.relative_stiffness = ratio);
+        if swapped {
+            struck.reverse();
+        }
+        let law = SeveralLaw::Energetic { exponent: 1.5 };
+        chain.impact_at_points(&q, &qd, &struck, JointModel::Free, law).unwrap().qd_plus
+    };
+    let uneven = after([10.0, 1.0], false);
+    close("scale", &after([25.0, 2.5], false), &uneven, 1e-9);
+    close("order", &after([10.0, 1.0], true), &uneven, 1e-9);
+    let even = after([1.0, 1.0], false);
+    let off = even.iter().zip(&uneven).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(off > 1e-3, "{off}");
+}
