@@ -209,7 +209,7 @@ fn invalid_contact_rules_are_refused() {
         &[
             (
                 "several = \"newton\"",
-                "line 11, several = \"newton\": unknown variant `newton`, expected one of `moreau`, `poisson`, `sequential`",
+                "line 11, several = \"newton\": unknown variant `newton`, expected one of `moreau`, `poisson`, `sequential`, `energetic`",
             ),
             (
                 "links = [[\"tip\", \"tip\"]]",
