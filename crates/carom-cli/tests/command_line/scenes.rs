@@ -234,7 +234,7 @@ fn invalid_contact_rules_are_refused() {
             (&pair("joint = \"elbw\""), "[[contact.pair]] no joint is named 'elbw'; did you mean 'elbow'?"),
             (
                 &pair("joint = \"elbow\"\nfriction = 0.3"),
-                "[[contact.pair]] has joint: joint limits have restitution and latch only, remove law, \
+                "[[contact.pair]] has joint: joint limits have restitution, latch and relative_stiffness only, remove law, \
                  tangential_restitution, friction and compliance",
             ),
             (&pair("link = \"tip\"\nlaw = \"hertz\""), &format!("[[contact.pair]] law = \"hertz\": {LAWS}")),
