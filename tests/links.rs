@@ -1,6 +1,6 @@
 //! Contacts between two links of a chain.
 
-use carom::impact::Coefficients;
+use carom::impact::{Coefficients, Energetic};
 use carom::sim::{ContactLaw, ContactRule, Event, EventKind, SeveralLaw, Simulation, Touch};
 use carom::{Chain, Frictionless};
 use carom_chain::urdf::LoadOptions;
@@ -158,4 +158,53 @@ fn invalid_link_pairs_are_refused() {
     assert_eq!(refuse("ball1", "ball1"), "link 'ball1' is paired with itself: name two links");
     assert_eq!(refuse("ball1", "world"), "link 'world' has no collision shape: give it one in the URDF");
     assert!(refuse("ball1", "ball3").contains("ball3"), "{}", refuse("ball1", "ball3"));
+}
+
+/// The balls of B8 under the energetic law, whose outcome depends on the stiffnesses; with a middle contact of another
+/// stiffness the ratio counts.
+#[test]
+fn energetic_law_disperses_cradles_as_elastic_contacts_do() {
+    for (exponent, stiffnesses, after) in [
+        (1.0, vec![1.0, 1.0], vec![-0.130262, 0.150230, 0.980032]),
+        (1.5, vec![7.0, 7.0], vec![-0.070952, 0.076403, 0.994549]),
+        (1.5, vec![10.0, 1.0], vec![-0.006184, 0.006222, 0.999962]),
+        (1.5, vec![1.0, 10.0], vec![-0.325713, 0.575813, 0.749900]),
+        (1.5, vec![1.0; 4], vec![-0.07109, -0.03027, -0.01446, 0.12704, 0.98878]),
+    ] {
+        let count = after.len();
+        let contact = ContactRule::new(Frictionless { restitution: 1.0 });
+        let mut sim = neighbours(row(count), contact);
+        sim.several = SeveralLaw::Energetic { exponent };
+        sim.touches.iter_mut().zip(&stiffnesses).for_each(|(touch, k)| touch.contact.relative_stiffness = *k);
+        let mut q: Vec<f64> = (0..count).map(|k| 2.0 * RADIUS * k as f64).collect();
+        q[0] = -0.3;
+        let mut qd = vec![0.0; count];
+        qd[0] = 1.0;
+        let run = sim.run(&q, &qd, 0.5).unwrap();
+        // As many digits as are known.
+        let within = if count == 3 { 1e-6 } else { 1e-5 };
+        for (found, expected) in run.events[0].qd_plus.iter().zip(&after) {
+            assert!((found - expected).abs() < within, "{exponent} {stiffnesses:?}: {:?}", run.events[0].qd_plus);
+        }
+        let energy: f64 = run.summary.last.qd.iter().map(|v| v * v).sum();
+        assert!((energy - 1.0).abs() < 1e-10, "{energy}");
+    }
+}
+
+/// A contact with friction is refused before the run, as are a stiffness and an exponent out of range.
+#[test]
+fn energetic_law_refuses_friction_and_invalid_stiffnesses() {
+    let energetic = SeveralLaw::Energetic { exponent: 1.5 };
+    let refused = |several, contact| {
+        let sim = Simulation { several, ..neighbours(row(3), contact) };
+        sim.run(&[-0.3, 0.2, 0.4], &[1.0, 0.0, 0.0], 0.5).unwrap_err().to_string()
+    };
+    let smooth = ContactRule::new(Frictionless { restitution: 1.0 });
+    let rough = ContactRule::new(Energetic { restitution: 0.5, friction: 0.2 });
+    assert!(
+        refused(energetic, rough).contains("friction is 0.2: the energetic law for several contacts has no friction")
+    );
+    let soft = ContactRule { relative_stiffness: 0.0, ..smooth.clone() };
+    assert!(refused(energetic, soft).contains("relative_stiffness is 0: "));
+    assert!(refused(SeveralLaw::Energetic { exponent: 0.5 }, smooth).contains("0.5"));
 }

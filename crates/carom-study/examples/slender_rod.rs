@@ -30,8 +30,9 @@ const SPEED: f64 = 1.0;
 /// Longest duration of a bounce, s.
 const DURATION: f64 = 6e-3;
 const LENGTHS: [f64; 3] = [0.1, 0.2, 0.4];
-/// Bends of the model, the last, and of coarser ones for the convergence.
-const BENDS: [usize; 4] = [0, 4, 8, 16];
+/// Number of bends of the model, and of the models whose convergence is shown.
+const BENDS: usize = 16;
+const CONVERGENCE: [usize; 5] = [0, 4, 8, BENDS, 32];
 
 /// A drop.
 struct Bounce {
@@ -42,12 +43,11 @@ struct Bounce {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let inclinations: Vec<f64> = (1..=18).map(|k| 5.0 * f64::from(k)).collect();
-    let own = BENDS[BENDS.len() - 1];
     let mut curves = Vec::new();
-    println!("apparent e (contacts), {own} bends; rigid: no bend, the same contact");
+    println!("apparent e (contacts), {BENDS} bends; rigid: no bend, the same contact");
     println!("{:>6}{:>14}{:>14}{:>14}{:>14}", "θ", "100 mm", "200 mm", "400 mm", "rigid 200 mm");
     for length in LENGTHS {
-        let bounces = inclinations.iter().map(|angle| bounce(length, own, *angle));
+        let bounces = inclinations.iter().map(|angle| bounce(length, BENDS, *angle));
         curves.push((length, bounces.collect::<Result<Vec<_>, _>>()?));
     }
     let rigid = inclinations.iter().map(|angle| bounce(LENGTHS[1], 0, *angle)).collect::<Result<Vec<_>, _>>()?;
@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!();
     }
     println!("\n200 mm at 30°, over the number of bends");
-    for bends in BENDS.into_iter().chain([32]) {
+    for bends in CONVERGENCE {
         let Bounce { restitution, contacts } = bounce(LENGTHS[1], bends, 30.0)?;
         println!("{bends:>4} bends   e {restitution:.4}   {contacts} contacts");
     }

@@ -10,7 +10,8 @@
 //! | [`energetic`](SeveralProblem::energetic), Liu, Zhao & Brogliato | in the ratios of their forces, along the impact | a ratio of works | never gains |
 //!
 //! The outcome of `sequential` depends on the order; [`all_orders`](SeveralProblem::all_orders) returns the outcomes of
-//! all orders. That of `energetic` depends on the ratios of the [`Stiffnesses`]. Friction is Coulomb's with the circular cone, not a pyramid. Symbols, and Moreau's law:
+//! all orders. That of `energetic` depends on the ratios of the [`Stiffnesses`]. Friction is Coulomb's with the circular cone, not a
+//! pyramid. Symbols, and Moreau's law:
 //!
 //! | Symbol | Size | Meaning | Our name |
 //! |---|---|---|---|

@@ -10,8 +10,8 @@
 //! equations of motion are as stiff as the slip is small, and their solution is the one that stays bounded. As u(0) = 0 that is u ∥ a_t
 //! up to (turn of the direction in this time)·|u|. So up to a slip of [`Motion::starts`] the direction follows from the accelerations,
 //! as in a contact at rest: a_t ∥ d, solved by Newton's method for the angles of all such contacts, with the other constraints held.
-//! The velocity across d that is missing then arises by friction from that slip on, with the same impulse as if it had arisen
-//! before; what is left is of the second order in the angle, which is of the order of the time of the start.
+//! The velocity across d is zero during the start. Friction adds it afterwards, by the same impulse. The error is of second order in
+//! the angle by which d turns during the start, and this angle is proportional to the duration of the start.
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};

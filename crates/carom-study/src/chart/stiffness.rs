@@ -25,7 +25,7 @@ pub struct Stiffened {
 pub struct StiffnessChart {
     /// The runs, in ascending order of the factor.
     pub runs: Vec<Stiffened>,
-    /// The theoretical order, 1/(n + 1); with several compliant contacts the smallest of theirs.
+    /// The theoretical order, 1/(n + 1); with several compliant contacts the smallest of their orders.
     pub theory: f64,
 }
 
