@@ -17,6 +17,7 @@
 //! | corner or ball | face | normal of the face | n·(c − p) − r |
 //! | rim | face | normal of the face | n·(c − R m − p), m the unit vector of n − (n·k) k |
 //! | edge or round side | edge or round side | e × e′ | n·(x − x′) − r − r′ |
+//! | rim | edge, r′ = 0 | t × e′, t the tangent of the rim | n·(c + R m − x′) |
 //! | corner or ball | edge or round side, r + r′ > 0 | from the axis to c | distance − r − r′ |
 //! | corner or ball | corner or ball, r + r′ > 0 | from c′ to c | distance − r − r′ |
 //!
@@ -25,7 +26,9 @@
 //! the ends of the edges. The points move on the bodies, and n turns, with rates that follow from ω, ω′ and u where g = 0
 //! and ġ = 0: for instance, a point on a face has ṅ = ω′ × n.
 //!
-//! Not included: a rim against an edge, a round side or another rim. [`crate::gap`] sees these, too.
+//! A rim meets an edge at up to two points, for instance where its cap lies on the edge: they are two contacts.
+//!
+//! Not included: a rim against a round side or another rim. [`crate::gap`] sees these, too.
 
 use crate::gap::Gap;
 use crate::parts::{Bounds, CornerKind, CornerPart, EdgePart, FacePart, Part, Parts, RimPart};
@@ -38,6 +41,8 @@ use nalgebra::Vector3;
 pub struct Meeting {
     own: Part,
     other: Part,
+    /// Of a rim and an edge: the crossing with the greater coordinate along the edge.
+    upper: bool,
 }
 
 /// A [`Meeting`] at one pose of both bodies.
@@ -47,6 +52,13 @@ pub struct Met {
     pub gap: Gap,
     /// How far the contact point is inside the faces and edges, m; there is no contact where it is below −[`Met::OUTSIDE`].
     pub margin: f64,
+}
+
+/// `rim 1 on edge 2`, and for the upper crossing `rim 1 on edge 2 again`.
+impl std::fmt::Display for Meeting {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} on {}{}", self.own, self.other, if self.upper { " again" } else { "" })
+    }
 }
 
 impl Met {
@@ -82,6 +94,12 @@ const FLAT: f64 = 1e-9;
 const PARALLEL: f64 = 1e-6;
 /// A point that is below a face by more than this times its distance to another face has come through the other.
 const DEEPER: f64 = 10.0;
+/// Newton's method for the point of a rim converges in a few steps.
+const NEWTON: usize = 30;
+/// Its residual, as a share of the radius.
+const CLOSE: f64 = 1e-15;
+/// A point of a rim further than this from the crossing that it begins at is another one, rad.
+const TURNED: f64 = 0.7;
 /// No contact.
 const NOWHERE: f64 = -1.0;
 
@@ -104,7 +122,7 @@ impl Meeting {
         let rims = |parts: &Parts| (0..parts.rims.len()).map(Part::Rim).collect::<Vec<_>>();
         let mut add = |firsts: Vec<Part>, seconds: Vec<Part>| {
             for own in firsts {
-                all.extend(seconds.iter().map(|&other| Self { own, other }));
+                all.extend(seconds.iter().map(|&other| Self { own, other, upper: false }));
             }
         };
         add(corners(own), faces(other));
@@ -115,13 +133,19 @@ impl Meeting {
         add(corners(own), edges(other));
         add(edges(own), corners(other));
         add(corners(own), corners(other));
+        add(rims(own), edges(other));
+        add(edges(own), rims(other));
+        let crosses =
+            |it: &&Self| matches!((it.own, it.other), (Part::Rim(_), Part::Edge(_)) | (Part::Edge(_), Part::Rim(_)));
+        let upper: Vec<Self> = all.iter().filter(crosses).map(|it| Self { upper: true, ..*it }).collect();
+        all.extend(upper);
         all.retain(|meeting| meeting.is_possible(own, other));
         all
     }
 
     /// Whether these contacts include every way in which the two bodies can touch at points.
     pub fn are_complete(own: &Parts, other: &Parts) -> bool {
-        let flat = |parts: &Parts| parts.edges.is_empty() && parts.rims.is_empty();
+        let flat = |parts: &Parts| parts.edges.iter().all(|edge| edge.radius == 0.0) && parts.rims.is_empty();
         (own.rims.is_empty() || flat(other)) && (other.rims.is_empty() || flat(own))
     }
 
@@ -139,6 +163,8 @@ impl Meeting {
             (Part::Corner(_), Part::Corner(_) | Part::Edge(_)) | (Part::Edge(_), Part::Corner(_)) => {
                 radius(own, self.own).zip(radius(other, self.other)).is_some_and(|(r, s)| r + s > 0.0)
             }
+            (Part::Rim(_), Part::Edge(_)) => radius(other, self.other) == Some(0.0),
+            (Part::Edge(_), Part::Rim(_)) => radius(own, self.own) == Some(0.0),
             _ => true,
         }
     }
@@ -155,20 +181,20 @@ impl Meeting {
 
     /// Whether the environment's part is the first in the table of the module's documentation.
     fn swapped(&self) -> bool {
-        matches!((self.own, self.other), (Part::Face(_), _) | (Part::Edge(_), Part::Corner(_)))
+        matches!((self.own, self.other), (Part::Face(_), _) | (Part::Edge(_), Part::Corner(_) | Part::Rim(_)))
     }
 
     /// Gap, normal and contact points at the poses of both bodies.
     pub fn at(&self, own: Placed, other: Placed) -> Met {
         let swapped = self.swapped();
         let (local, gap) = if swapped {
-            let local = meet((self.other, other), (self.own, own));
+            let local = meet((self.other, other), (self.own, own), self.upper);
             let beyond = local.point - local.normal * local.distance;
             let gap =
                 Gap { distance: local.distance, normal: -local.normal, on_robot: beyond, on_environment: local.point };
             (local, gap)
         } else {
-            let local = meet((self.own, own), (self.other, other));
+            let local = meet((self.own, own), (self.other, other), self.upper);
             let beyond = local.point - local.normal * local.distance;
             let gap =
                 Gap { distance: local.distance, normal: local.normal, on_robot: local.point, on_environment: beyond };
@@ -198,10 +224,10 @@ impl Meeting {
         u: Vector3<f64>,
     ) -> Slide {
         if self.swapped() {
-            let (rate, first) = slide((self.other, other, other_turning), (self.own, own, turning), -u);
+            let (rate, first) = slide((self.other, other, other_turning), (self.own, own, turning), -u, self.upper);
             Slide { normal_rate: -rate, on_robot: first - u, on_environment: first }
         } else {
-            let (rate, first) = slide((self.own, own, turning), (self.other, other, other_turning), u);
+            let (rate, first) = slide((self.own, own, turning), (self.other, other, other_turning), u, self.upper);
             // a and b coincide and move together.
             Slide { normal_rate: rate, on_robot: first, on_environment: first + u }
         }
@@ -225,8 +251,12 @@ fn within(face: &FacePart, pose: &Pose<Spatial<f64>>, p: Vector3<f64>, height: f
             (radius - across).min(length + height)
         }
     };
-    let through = height < -Met::OUTSIDE && (margin <= Met::OUTSIDE || height < -DEEPER * margin);
-    if through { NOWHERE } else { margin }
+    if came_through(height, margin) { NOWHERE } else { margin }
+}
+
+/// Whether a point below a face or a round side with this margin is there because it came through another face.
+fn came_through(height: f64, margin: f64) -> bool {
+    height < -Met::OUTSIDE && (margin <= Met::OUTSIDE || height < -DEEPER * margin)
 }
 
 /// Whether no edge of this corner falls towards the other body by more than [`AWAY`]. `n` is in the axes of the parts.
@@ -243,7 +273,12 @@ fn exposed(edge: &EdgePart, n: Vector3<f64>) -> bool {
     edge.beside.is_none_or(|faces| faces.iter().all(|face| n.dot(&face.inward) >= -AWAY))
 }
 
-fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)) -> Local {
+/// Whether an edge that has passed another one along n is inside its body.
+fn is_inside(edge: &EdgePart, n: Vector3<f64>) -> bool {
+    edge.beside.is_none_or(|faces| faces.iter().all(|face| n.dot(&face.normal) <= 0.0))
+}
+
+fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed), upper: bool) -> Local {
     let nowhere = Local { distance: 1.0, normal: Vector3::z(), point: Vector3::zeros(), margin: NOWHERE };
     match (first, second) {
         (Part::Corner(i), Part::Face(j)) => {
@@ -280,16 +315,28 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
                 margin = NOWHERE;
             }
             // Edges that have passed each other overlap only if each is inside the other's body.
-            let inside = |edge: &EdgePart, n: Vector3<f64>| {
-                edge.beside.is_none_or(|faces| faces.iter().all(|face| n.dot(&face.normal) <= 0.0))
-            };
-            if distance < -Met::OUTSIDE && !(inside(one, own) && inside(two, -other)) {
+            if distance < -Met::OUTSIDE && !(is_inside(one, own) && is_inside(two, -other)) {
                 margin = NOWHERE;
             }
             if distance < -AWAY * one.half_length.max(one.radius).min(two.half_length.max(two.radius)) {
                 margin = NOWHERE;
             }
             Local { distance, normal: n, point: x + e * s - n * one.radius, margin }
+        }
+        (Part::Rim(i), Part::Edge(j)) => {
+            let (rim, edge) = (&a.rims[i], &b.edges[j]);
+            let Some(crossing) = RimCrossing::of((rim, pose), (edge, place), upper) else { return nowhere };
+            let RimCrossing { n, m, s, point, w, .. } = crossing;
+            let distance = n.dot(&w);
+            let axis = pose.rotation * rim.axis;
+            // The cylinder is on the side of n, between its cap and its round side.
+            let held = n.dot(&axis) <= AWAY && n.dot(&m) <= AWAY;
+            let away = -place.rotation.tr_mul(&n);
+            let inside = n.dot(&axis) <= 0.0 && n.dot(&m) <= 0.0 && is_inside(edge, away);
+            let apart = distance >= -Met::OUTSIDE || inside;
+            let counts = held && apart && exposed(edge, away) && distance >= -AWAY * rim.radius.min(edge.half_length);
+            let margin = if counts { edge.half_length - s.abs() } else { NOWHERE };
+            Local { distance, normal: n, point, margin }
         }
         (Part::Corner(i), Part::Edge(j)) => {
             let (corner, edge) = (&a.corners[i], &b.edges[j]);
@@ -301,7 +348,8 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             let Some(n) = across.try_normalize(0.0) else { return nowhere };
             let distance = across.norm() - corner.radius - edge.radius;
             let counts = faces(corner, pose.rotation.tr_mul(&n)) && exposed(edge, -place.rotation.tr_mul(&n));
-            let margin = if counts { edge.half_length - t.abs() } else { NOWHERE };
+            let margin = edge.half_length - t.abs();
+            let margin = if counts && !came_through(distance, margin) { margin } else { NOWHERE };
             Local { distance, normal: n, point: c - n * corner.radius, margin }
         }
         (Part::Corner(i), Part::Corner(j)) => {
@@ -369,11 +417,79 @@ impl Crossing {
     }
 }
 
+/// The points of a rim and of an edge that are joined by a common perpendicular.
+struct RimCrossing {
+    /// Unit normal, from the edge to the rim.
+    n: Vector3<f64>,
+    /// t × e′ = `sine` n.
+    sine: f64,
+    /// Unit vector from the centre of the rim to its point, and the tangent there.
+    m: Vector3<f64>,
+    t: Vector3<f64>,
+    e: Vector3<f64>,
+    /// The point of the rim, and its vector from that of the edge, which has the parameter s.
+    point: Vector3<f64>,
+    w: Vector3<f64>,
+    s: f64,
+}
+
+impl RimCrossing {
+    /// The perpendicular near the lower or upper point at which the rim and the projection of the edge onto its plane cross.
+    fn of(
+        (rim, pose): (&RimPart, &Pose<Spatial<f64>>),
+        (edge, place): (&EdgePart, &Pose<Spatial<f64>>),
+        upper: bool,
+    ) -> Option<Self> {
+        let (axis, e) = (pose.rotation * rim.axis, place.rotation * edge.along);
+        let (centre, middle) = (pose.point(rim.centre), place.point(edge.middle));
+        let flat = |v: Vector3<f64>| v - axis * axis.dot(&v);
+        let (along, from) = (flat(e), flat(middle - centre));
+        let square = along.norm_squared();
+        if square.sqrt() <= PARALLEL {
+            return None;
+        }
+        let half = along.dot(&from) / square;
+        let beside = from - along * half;
+        let root = (rim.radius * rim.radius - beside.norm_squared()) / square;
+        if root <= 0.0 {
+            return None;
+        }
+        let s = if upper { root.sqrt() - half } else { -root.sqrt() - half };
+        let start = (from + along * s).normalize();
+        let side = axis.cross(&start);
+        // The distance of the rim's point from the edge is stationary: w ⟂ t, with w ⟂ e′ by the choice of s.
+        let mut angle = 0.0_f64;
+        for _ in 0..NEWTON {
+            let (sin, cos) = angle.sin_cos();
+            let (m, t) = (start * cos + side * sin, side * cos - start * sin);
+            let point = centre + m * rim.radius;
+            let s = e.dot(&(point - middle));
+            let w = point - middle - e * s;
+            let rise = w.dot(&t);
+            let (across, out) = (t.cross(&e), w.dot(&m));
+            let sharp = rim.radius * across.norm_squared();
+            // Further away the rim's point depends on the gap too much to be that of a contact.
+            if out.abs() > 0.5 * sharp || angle.abs() > TURNED {
+                return None;
+            }
+            if rise.abs() <= CLOSE * rim.radius {
+                let sine = across.norm();
+                let below = edge.beside.map_or(w, |[p, q]| -(place.rotation * (p.inward + q.inward)));
+                let sine = if across.dot(&below) < 0.0 { -sine } else { sine };
+                return (sine.abs() > PARALLEL).then(|| Self { n: across / sine, sine, m, t, e, point, w, s });
+            }
+            angle -= rise / (sharp - out);
+        }
+        None
+    }
+}
+
 /// ṅ and α.
 fn slide(
     (first, (a, pose), turning): (Part, Placed, Vector3<f64>),
     (second, (b, place), other_turning): (Part, Placed, Vector3<f64>),
     u: Vector3<f64>,
+    upper: bool,
 ) -> (Vector3<f64>, Vector3<f64>) {
     let zero = Vector3::zeros();
     // The contact point of a ball with centre fixed to the first body: a = c − r n.
@@ -411,6 +527,18 @@ fn slide(
             let across = f.cross(&n);
             let s = (rate * (r + other) - apart).dot(&across) / e.dot(&across);
             (rate, e * s + of_ball(r, n, rate))
+        }
+        (Part::Rim(i), Part::Edge(j)) => {
+            let (rim, edge) = (&a.rims[i], &b.edges[j]);
+            let Some(RimCrossing { n, sine, m, t, e, .. }) = RimCrossing::of((rim, pose), (edge, place), upper) else {
+                return (zero, zero);
+            };
+            // Both points move together: u + φ̇ R t is along e′. The tangent turns by ω and by φ̇ on the rim.
+            let across = e.cross(&n);
+            let turn = -u.dot(&across) / (rim.radius * t.dot(&across));
+            let tangent = turning.cross(&t) - m * turn;
+            let turned = tangent.cross(&e) + t.cross(&other_turning.cross(&e));
+            ((turned - n * n.dot(&turned)) / sine, t * (turn * rim.radius))
         }
         (Part::Corner(i), Part::Edge(j)) => {
             let (corner, edge) = (&a.corners[i], &b.edges[j]);

@@ -102,14 +102,23 @@ fn contact_points_and_normals_move_as_their_differences_in_time() {
         }
     }
     // Each kind of pair was examined, with the environment's part first or second.
-    for kind in ["corner on face", "face on corner", "rim on face", "face on rim", "edge on edge", "corner on edge"] {
+    for kind in [
+        "corner on face",
+        "face on corner",
+        "rim on face",
+        "face on rim",
+        "edge on edge",
+        "corner on edge",
+        "rim on edge",
+        "edge on rim",
+    ] {
         assert!(kinds.get(kind).is_some_and(|count| *count > 100), "{kind}: {kinds:?}");
     }
     assert!(kinds["edge on corner"] > 100 && kinds["corner on corner"] > 20, "{kinds:?}");
 }
 
 /// Bodies that are moved together until they touch: the least gap of the parts that face each other is then zero, too, and no
-/// gap of parts is below that of the bodies. Pairs whose parts are complete, so all but those of rims.
+/// gap of parts is below that of the bodies. Pairs whose parts are complete, so all but those of rims with round bodies.
 #[test]
 fn bodies_touch_where_their_parts_touch() {
     let mut rng = fastrand::Rng::with_seed(8);
@@ -135,9 +144,9 @@ fn bodies_touch_where_their_parts_touch() {
                 for _ in 0..10_000 {
                     a.translation += way * left;
                     left = gap(&a);
-                    // Points up to `Met::OUTSIDE` beside a face count, too.
+                    // Points up to `Met::OUTSIDE` beside a face or beyond the end of an edge count, too, on both bodies.
                     assert!(
-                        least(&a, &b) > left - 2.0 * Met::OUTSIDE,
+                        least(&a, &b) > left - 4.0 * Met::OUTSIDE,
                         "{own_name} {other_name}: {} {left}",
                         least(&a, &b)
                     );

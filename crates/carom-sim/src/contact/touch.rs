@@ -175,8 +175,7 @@ impl Touch {
         let pair = Arc::new(pair);
         let whole = format!("{} on {surface}", pair.shape.link());
         for part in meetings.into_iter().map(Some).chain([None]) {
-            let name =
-                part.map_or_else(|| whole.clone(), |part| format!("{whole}, {} on {}", part.own(), part.other()));
+            let name = part.map_or_else(|| whole.clone(), |part| format!("{whole}, {part}"));
             let kind = TouchKind::Pair { pair: pair.clone(), part };
             touches.push(Self {
                 name,
