@@ -78,7 +78,7 @@ pub enum EventKind {
 pub enum StepReason {
     /// The scene asks for them.
     Asked,
-    /// A face lies on a mesh, or a rim on an edge: contacts that are not divided into points.
+    /// A face lies on a mesh, or a rim on a round body: contacts that are not divided into points.
     Face,
     /// Too many impacts within one time step.
     Crowd,
@@ -93,7 +93,7 @@ impl StepReason {
     pub fn name(self) -> &'static str {
         match self {
             Self::Asked => "the scene asks for time steps",
-            Self::Face => "a face lies on a mesh, or a rim on an edge",
+            Self::Face => "a face lies on a mesh, or a rim on a round body",
             Self::Crowd => "too many events within one time step",
             Self::NoMode => "no mode of the contacts is consistent",
             Self::Stiff => "the motion is too stiff for the integrators",
