@@ -450,12 +450,10 @@ impl RimCrossing {
         }
         let half = along.dot(&from) / square;
         let beside = from - along * half;
-        let root = (rim.radius * rim.radius - beside.norm_squared()) / square;
-        if root <= 0.0 {
-            return None;
-        }
-        let s = if upper { root.sqrt() - half } else { -root.sqrt() - half };
-        let start = (from + along * s).normalize();
+        // Where the projection misses the rim, the crossings have merged: on which side of them the perpendicular is, decides.
+        let root = ((rim.radius * rim.radius - beside.norm_squared()) / square).max(0.0).sqrt();
+        let s = if upper { root - half } else { -root - half };
+        let start = (from + along * s).try_normalize(0.0)?;
         let side = axis.cross(&start);
         // The distance of the rim's point from the edge is stationary: w ⟂ t, with w ⟂ e′ by the choice of s.
         let mut angle = 0.0_f64;
@@ -473,6 +471,9 @@ impl RimCrossing {
                 return None;
             }
             if rise.abs() <= CLOSE * rim.radius {
+                if (m.dot(&along) > 0.0) != upper {
+                    return None;
+                }
                 let sine = across.norm();
                 let below = edge.beside.map_or(w, |[p, q]| -(place.rotation * (p.inward + q.inward)));
                 let sine = if across.dot(&below) < 0.0 { -sine } else { sine };

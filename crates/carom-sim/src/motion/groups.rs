@@ -227,8 +227,8 @@ impl<'a, A: Space> Gaps<'a, A> {
             return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
         }
         let (least, part) = self.least(group, &placed, |_| true);
-        let found = pair.is_complete() && part.is_some();
-        let Some(whole) = whole.filter(|_| !found && !part.is_some_and(|part| self.is_nearest(part, &placed))) else {
+        // Parts that overlap deeply do not count: another one may be apart.
+        let Some(whole) = whole.filter(|_| !part.is_some_and(|part| self.is_nearest(part, &placed))) else {
             return Ok(least);
         };
         match pair.separation(&placed) {

@@ -4,7 +4,8 @@
 //! leg or at the end of a step, above its hysteresis. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
 //! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
 //! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
-//! is detected. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
+//! is detected. Of a gap that closes at its rate within a step, and whose parts do not face each other at its end, some times within
+//! the step are examined. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
 //! velocity is the error of its integration. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
@@ -16,6 +17,7 @@ use super::differences::differences;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::{Segment, Statistics};
+use crate::contact::APART;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
 use crate::motion::ContactState;
@@ -28,6 +30,8 @@ use std::cell::RefCell;
 
 /// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
 const HYSTERESIS: f64 = 1e-14;
+/// Times within a step at which a gap is examined whose parts have passed each other at its end.
+const PROBES: usize = 16;
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
 /// [`Accuracy::patience`] of the first attempt.
@@ -388,6 +392,8 @@ impl Observer<'_, '_, '_> {
         }
         let (reached, value) = if after.value <= level {
             (end, after.value)
+        } else if let Some(within) = self.passed(k, (start, end), after, dense) {
+            within
         } else {
             let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
             let lowest = descent((start, -a), (end, -b), |time| -self.at(k, time, dense).rate.unwrap_or(0.0));
@@ -402,6 +408,24 @@ impl Observer<'_, '_, '_> {
         }
         let above = |time: f64| self.at(k, time, dense).value - level;
         Some((descent((start, before.value - level), (reached, value - level), above), level))
+    }
+
+    /// The first time in the step, of some, at which a gap is closed whose parts do not face each other at the end, because they
+    /// have passed each other.
+    fn passed(
+        &mut self,
+        k: usize,
+        (start, end): (f64, f64),
+        after: Witness,
+        dense: &StepInterpolant,
+    ) -> Option<(f64, f64)> {
+        let level = self.levels[k]?;
+        let closing = self.before[k].rate.is_some_and(|rate| self.before[k].value + rate * (end - start) < level);
+        if after.value < APART || !closing {
+            return None;
+        }
+        let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);
+        times.map(|time| (time, self.at(k, time, dense).value)).find(|(_, value)| *value <= level)
     }
 
     /// One witness on the dense output.
@@ -476,6 +500,19 @@ mod tests {
         // Values of size one are exact to some units of rounding.
         let there = gap(found.time);
         assert!(there.value.abs() < 8.0 * f64::EPSILON && there.rate < Some(0.0), "{there:?} at {}", found.time);
+    }
+
+    /// Two parts approach, overlap up to a depth at which they count as apart, and are that deep at the end of the only step.
+    #[test]
+    fn parts_that_pass_each_other_within_a_step_touch() {
+        let end = 2.0_f64.powi(-10);
+        let gap = |t: f64| {
+            let value = 0.3 * end - t;
+            if value < -0.1 * end { Witness::gap(APART, 0.0) } else { Witness::gap(value, -1.0) }
+        };
+        let (found, _, _) = run(gap, end, Integrator::DormandPrince);
+        assert_eq!(found.fired, Some(0));
+        assert!((found.time / (0.3 * end) - 1.0).abs() < 1e-14, "{}", found.time / end);
     }
 
     /// Beyond its end the forces may be others, for instance those of the next row of a table.
