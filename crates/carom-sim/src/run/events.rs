@@ -225,9 +225,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        let crowd =
-            self.memory.recent.len() == CROWD && self.time - self.memory.recent[0] < self.motion.sim.contact_step;
-        if crowd {
+        if self.memory.is_crowded(self.time, self.motion.sim.contact_step) {
             return self.step_on(StepReason::Crowd);
         }
         let before = self.y.clone();
@@ -271,10 +269,18 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_) | Watch::Admissible => {}
         }
         let events = self.memory.events;
+        let old = self.motion.lasting.clone();
         self.resettle(&[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
         if self.memory.events == events {
+            self.memory.add(self.time);
             match watch {
+                Watch::NormalForce(i) => {
+                    let last = self.memory.kept.replace(self.time);
+                    if last.is_some_and(|last| self.time - last <= AGAIN * (1.0 + self.time)) {
+                        self.resettle_without(Some(old[i].touch), &[], &before)?;
+                    }
+                }
                 Watch::SlipStops(i) | Watch::Cone(i) => {
                     if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
                         self.note(EventKind::Mode { mode }, &before, Vec::new());
@@ -420,10 +426,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.memory.events += 1;
-        self.memory.recent.push_back(self.time);
-        if self.memory.recent.len() > CROWD {
-            self.memory.recent.pop_front();
-        }
+        self.memory.add(self.time);
     }
 
     /// Continues by time steps.
@@ -470,8 +473,8 @@ const TURNS: u32 = 20;
 const TURNING: f64 = 0.1;
 /// The factor by which the time is longer in which it is integrated implicitly next.
 const LONGER: f64 = 8.0;
-/// With this number of events within one contact step the run continues by time stepping.
-const CROWD: usize = 300;
+/// A contact whose normal force is zero again within this time has none, s.
+const AGAIN: f64 = 1e-13;
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

@@ -7,12 +7,32 @@ use std::collections::VecDeque;
 pub(crate) struct Memory {
     /// Number of events so far.
     pub events: usize,
-    /// Times of the last events, to detect too many within a short time.
-    pub recent: VecDeque<f64>,
+    /// Times at which the last legs ended at a zero of a witness function, to detect too many within a short time.
+    recent: VecDeque<f64>,
+    /// Time of the last zero of a normal force after which its contact was chosen again with the same mode.
+    pub kept: Option<f64>,
     /// Times of the last impacts, to detect their accumulation.
     pub blows: VecDeque<f64>,
     /// Whether the chain is at rest and stays so.
     pub resting: bool,
     /// The time for which the present mode, which is stiff, is next integrated implicitly, s.
     pub implicit: Option<f64>,
+}
+
+/// So many ends of legs within one time step are too many.
+const CROWD: usize = 300;
+
+impl Memory {
+    /// A leg has ended at a zero of a witness function, or an event has followed.
+    pub fn add(&mut self, time: f64) {
+        self.recent.push_back(time);
+        if self.recent.len() > CROWD {
+            self.recent.pop_front();
+        }
+    }
+
+    /// Whether there were too many of them within this time.
+    pub fn is_crowded(&self, time: f64, within: f64) -> bool {
+        self.recent.len() == CROWD && time - self.recent[0] < within
+    }
 }
