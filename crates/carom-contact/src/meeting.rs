@@ -326,7 +326,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
         (Part::Rim(i), Part::Edge(j)) => {
             let (rim, edge) = (&a.rims[i], &b.edges[j]);
             let Some(crossing) = RimCrossing::of((rim, pose), (edge, place), upper) else { return nowhere };
-            let RimCrossing { n, m, s, point, w, .. } = crossing;
+            let RimCrossing { n, m, s, point, w, to_middle, .. } = crossing;
             let distance = n.dot(&w);
             let axis = pose.rotation * rim.axis;
             // The cylinder is on the side of n, between its cap and its round side.
@@ -335,7 +335,7 @@ fn meet((first, (a, pose)): (Part, Placed), (second, (b, place)): (Part, Placed)
             let inside = n.dot(&axis) <= 0.0 && n.dot(&m) <= 0.0 && is_inside(edge, away);
             let apart = distance >= -Met::OUTSIDE || inside;
             let counts = held && apart && exposed(edge, away) && distance >= -AWAY * rim.radius.min(edge.half_length);
-            let margin = if counts { edge.half_length - s.abs() } else { NOWHERE };
+            let margin = if counts { to_middle.min(edge.half_length - s.abs()) } else { NOWHERE };
             Local { distance, normal: n, point, margin }
         }
         (Part::Corner(i), Part::Edge(j)) => {
@@ -431,6 +431,8 @@ struct RimCrossing {
     point: Vector3<f64>,
     w: Vector3<f64>,
     s: f64,
+    /// Distance, along the edge's projection, to the point of the rim where both crossings merge; negative beyond it.
+    to_middle: f64,
 }
 
 impl RimCrossing {
@@ -450,7 +452,7 @@ impl RimCrossing {
         }
         let half = along.dot(&from) / square;
         let beside = from - along * half;
-        // Where the projection misses the rim, the crossings have merged: on which side of them the perpendicular is, decides.
+        // Where the projection misses the rim, the crossings have merged.
         let root = ((rim.radius * rim.radius - beside.norm_squared()) / square).max(0.0).sqrt();
         let s = if upper { root - half } else { -root - half };
         let start = (from + along * s).try_normalize(0.0)?;
@@ -471,13 +473,21 @@ impl RimCrossing {
                 return None;
             }
             if rise.abs() <= CLOSE * rim.radius {
-                if (m.dot(&along) > 0.0) != upper {
-                    return None;
-                }
                 let sine = across.norm();
                 let below = edge.beside.map_or(w, |[p, q]| -(place.rotation * (p.inward + q.inward)));
                 let sine = if across.dot(&below) < 0.0 { -sine } else { sine };
-                return (sine.abs() > PARALLEL).then(|| Self { n: across / sine, sine, m, t, e, point, w, s });
+                let to_middle = if upper { point - centre } else { centre - point }.dot(&along) / square.sqrt();
+                return (sine.abs() > PARALLEL).then(|| Self {
+                    n: across / sine,
+                    sine,
+                    m,
+                    t,
+                    e,
+                    point,
+                    w,
+                    s,
+                    to_middle,
+                });
             }
             angle -= rise / (sharp - out);
         }
