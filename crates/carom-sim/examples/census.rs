@@ -142,7 +142,12 @@ struct Count {
     time: f64,
     evaluations: usize,
     residual: f64,
+    /// Impacts of several contacts that their law does not solve.
+    unsolved: usize,
 }
+
+/// The residual above which an impact is not solved.
+const UNSOLVED: f64 = 1e-9;
 
 fn count(study: &Study, number: u64) -> Count {
     let mut found = Count::default();
@@ -156,6 +161,8 @@ fn count(study: &Study, number: u64) -> Count {
             if let Some((reason, from)) = since.take() {
                 found.stretches.push((reason, from, event.time - from));
             }
+            found.unsolved +=
+                usize::from(matches!(event.kind, EventKind::Several { residual, .. } if residual > UNSOLVED));
             if let EventKind::Steps { reason } = event.kind {
                 since = Some((reason, event.time));
             }
@@ -210,8 +217,11 @@ fn census(starts: u64, only: Option<&str>) -> Answer<()> {
         }
         let evaluations: usize = counts.iter().map(|one| one.evaluations).sum();
         let residual = counts.iter().map(|one| one.residual).fold(0.0, f64::max);
-        more +=
-            &format!("\n{}: events {kinds:?}; {evaluations} evaluations; worst residual {residual:.1e}\n", study.name);
+        let unsolved: usize = counts.iter().map(|one| one.unsolved).sum();
+        more += &format!(
+            "\n{}: events {kinds:?}; {evaluations} evaluations; worst residual {residual:.1e}, {unsolved} impacts without solution\n",
+            study.name
+        );
         for (reason, (stretches, time, first)) in reasons {
             more +=
                 &format!("  {stretches} stretches, {time:.4} s: {reason}; starts {:?}\n", &first[..first.len().min(8)]);

@@ -158,7 +158,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let before = self.y.clone();
                 self.resettle(&[], &before)
             }
-            Ending::Stuck(reason) => self.no_mode(reason),
+            Ending::Stuck(reason) => {
+                // Several slips that end together turn before the first of them is zero: those below the error have ended.
+                let (before, events) = (self.y.clone(), self.memory.events);
+                if reason == StepReason::Stiff {
+                    self.resettle(&[], &before)?;
+                }
+                if self.memory.events == events { self.no_mode(reason) } else { Ok(()) }
+            }
         }
     }
 

@@ -29,6 +29,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 /// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
+/// An impact with a larger residual has no solution by its law.
+const UNSOLVED: f64 = 1e-9;
 /// After this number of steps without contact the motion continues event-driven.
 const OPEN_STEPS: usize = 10;
 /// After this number of steps a consistent mode is looked for.
@@ -194,11 +196,17 @@ impl<A: Space> Run<'_, '_, A> {
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
         let u_minus = rows.velocities(&qd);
-        let outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
-        self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
+        let mut outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), sim.several)?;
+        let residual = outcome.residual;
+        self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
+        if residual > UNSOLVED && !ends {
+            // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
+            rows.without_restitution();
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
+        }
         push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
-        let kind = EventKind::Several { touches: together.to_vec(), residual: outcome.residual };
+        let kind = EventKind::Several { touches: together.to_vec(), residual };
         self.note(kind, &before, rows.blows(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
