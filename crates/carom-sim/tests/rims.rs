@@ -1,0 +1,99 @@
+//! The arm of `scenes/table.toml` from starts after which its links lie with rims and round sides on the edges of the table.
+
+use carom_sim::{EventKind, Scene, StopReason};
+
+/// Runs the scene from a start; without time steps, and with its energies in balance.
+fn falls(q: [f64; 7], qd: [f64; 7]) {
+    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/table.toml")).unwrap();
+    let plan = scene.plan().unwrap();
+    let run = plan.simulation.run(&q, &qd, scene.duration).unwrap();
+    assert_eq!(run.summary.stop, StopReason::Duration);
+    let steps = run.events.iter().filter(|event| matches!(event.kind, EventKind::Steps { .. })).count();
+    let touches = &plan.simulation.touches;
+    let on_rim = run.events.iter().any(|event| {
+        let struck = match &event.kind {
+            EventKind::Several { touches, .. } => touches.clone(),
+            kind => kind.touch().into_iter().collect(),
+        };
+        struck.iter().any(|&k| touches[k].name.contains("rim") && touches[k].name.contains("on edge"))
+    });
+    assert!(steps == 0 && on_rim, "{steps} stretches of time steps");
+    // The arm falls from some 100 J. The tolerance of the scene is 1e-8, over some hundreds of steps.
+    let books = run.summary.energy;
+    assert!(books.error().abs() < 1e-5, "{books:?}");
+}
+
+/// The rim of link 4 falls through the depth at which its parts still face those of the table within one step.
+#[test]
+fn a_rim_that_passes_an_edge_within_one_step_strikes_it() {
+    falls(
+        [
+            0.13988434817783543,
+            0.21750649733473265,
+            0.17342113782728888,
+            1.0606399216288978,
+            -0.05015494080119918,
+            0.6665896162417076,
+            0.134763020341726,
+        ],
+        [
+            0.4200720416459818,
+            -0.31858579654457253,
+            0.22957111694827992,
+            0.19141135514476826,
+            0.09721242429418142,
+            -0.17331361623660085,
+            -0.25015463924548775,
+        ],
+    );
+}
+
+/// Link 3 slides on its round side over the edge until the edge is at the end of the side, and then on its rim.
+#[test]
+fn a_link_slides_from_its_round_side_onto_its_rim() {
+    falls(
+        [
+            -0.04838735506223396,
+            0.44979694228016215,
+            -0.12366199736359915,
+            1.129897224337399,
+            -0.2516082813147116,
+            0.5665988118212527,
+            -0.2173178470235937,
+        ],
+        [
+            -0.2691529633978871,
+            -0.42343678847102845,
+            -0.4159521126159217,
+            0.016966004951329494,
+            -0.48534260328233964,
+            -0.4656059474065769,
+            0.4215903893003219,
+        ],
+    );
+}
+
+/// The force of a joint stop falls to zero so that its contact is chosen again with a force of rounding, at one time for ever.
+#[test]
+fn a_stop_whose_force_is_zero_again_at_once_opens() {
+    falls(
+        [
+            -0.22538874928093344,
+            0.23487823049662315,
+            0.03780444850577051,
+            1.0845349578705117,
+            -0.19971084899532102,
+            0.6329662375084928,
+            -0.09508113300939948,
+        ],
+        [
+            -0.25344490529300767,
+            -0.34899276266204254,
+            0.017950518004907212,
+            -0.40044165515137375,
+            -0.31378633036853165,
+            -0.452897398558055,
+            0.09466057280339757,
+        ],
+    );
+}
