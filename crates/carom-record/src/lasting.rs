@@ -144,8 +144,8 @@ fn modes() -> rerun::StateConfiguration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carom_impact::Flags;
     use crate::target::Target;
+    use carom_impact::Flags;
 
     fn state(mode: ContactMode) -> ContactState {
         let zero = Vector3::zeros();

@@ -44,7 +44,16 @@ impl<A: Space> Motion<'_, A> {
             let at = sim.touches[own.touch].at(&view, q, time);
             let (point, normal) = at.surface.map_or_else(Default::default, |place| (place.position, place.normal));
             let (touch, mode, gap) = (own.touch, own.mode(), at.gap);
-            ContactState { touch, mode, point, normal, gap, force: force.force, normal_force: force.normal_force, flags }
+            ContactState {
+                touch,
+                mode,
+                point,
+                normal,
+                gap,
+                force: force.force,
+                normal_force: force.normal_force,
+                flags,
+            }
         });
         Ok(states.collect())
     }

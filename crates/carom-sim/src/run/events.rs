@@ -382,19 +382,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// The event that the motion in the present mode is not unique, if it was not noted before.
-    fn note_open(&mut self) -> Result<(), SimError> {
-        let open = self.motion.open(self.time, &self.y)?;
-        if let Some((reason, touches)) = &open
-            && open != self.memory.open
-        {
-            let (y, touches) = (self.y.clone(), touches.clone());
-            self.note(EventKind::NonUnique { reason: *reason, touches }, &y, Vec::new());
-        }
-        self.memory.open = open;
-        Ok(())
-    }
-
     /// Notes whether the motion is unique, and ends the run if the chain is at rest and stays so.
     pub fn rest(&mut self) -> Result<(), SimError> {
         self.note_open()?;

@@ -142,11 +142,9 @@ impl EventKind {
             | Self::Zeno { touch, .. }
             | Self::LiftOff { touch } => Some(*touch),
             Self::Mode { mode } => mode.touch(),
-            Self::Several { .. }
-            | Self::Joint { .. }
-            | Self::Steps { .. }
-            | Self::NonUnique { .. }
-            | Self::Rest => None,
+            Self::Several { .. } | Self::Joint { .. } | Self::Steps { .. } | Self::NonUnique { .. } | Self::Rest => {
+                None
+            }
         }
     }
 }
