@@ -1,7 +1,7 @@
 """Prints the difference of every line of peers.jsonl from carom: compare.py CAROM PEERS.jsonl SCENE.toml...
 
 The differences are those of the joint velocities and of the kinetic energy right after the first impact, and of the joint
-velocities at the end; each relative to the largest number of its kind in the result of carom.
+velocities at the end; each relative to the largest number of its kind in the result of carom, if that is not zero.
 """
 
 import json
@@ -13,7 +13,8 @@ import sys
 def off(found, wanted):
     if found is None or len(found) != len(wanted):
         return None
-    return max(abs(a - b) for a, b in zip(found, wanted)) / max(map(abs, wanted))
+    # At rest the difference itself.
+    return max(abs(a - b) for a, b in zip(found, wanted)) / (max(map(abs, wanted)) or 1.0)
 
 
 def show(value, width=10):

@@ -4,6 +4,7 @@ Adds to the content of the file: the start velocity if it is given through the t
 first, and, for peers with compliant contacts, the effective mass and the approach speed of the tip.
 """
 
+import itertools
 import json
 import os
 import sys
@@ -21,6 +22,15 @@ def ball_of(urdf, link):
         sphere = at.find("collision/geometry/sphere")
         if at.get("name") == link and sphere is not None:
             return float(sphere.get("radius"))
+    return None
+
+
+def box_of(urdf, link):
+    """The edges of a link's box, m."""
+    for at in xml.parse(urdf).getroot().iter("link"):
+        box = at.find("collision/geometry/box")
+        if at.get("name") == link and box is not None:
+            return list(map(float, box.get("size").split()))
     return None
 
 
@@ -59,7 +69,8 @@ def prepare(path):
     gravity = np.array(run.get("gravity", [0, 0, 0]), float)
     out = {
         "name": os.path.splitext(os.path.basename(path))[0], "urdf": urdf, "floating": floating, "tip": robot.get("tip", "tip"),
-        "tip_radius": ball_of(urdf, robot.get("tip", "tip")), "duration": run["duration"], "gravity": gravity.tolist(),
+        "tip_radius": ball_of(urdf, robot.get("tip", "tip")),
+        "box": box_of(urdf, robot.get("tip", "tip")) if floating else None, "duration": run["duration"], "gravity": gravity.tolist(),
         "q": list(map(float, robot["q"])), "joints": [model.names[i] for i in range(1, model.njoints)],
         "surfaces": [it["shape"] for it in scene.get("surface", [])],
     }
@@ -74,10 +85,21 @@ def prepare(path):
             along -= normal * (normal @ along)
             along /= np.linalg.norm(along)
             qd = np.linalg.pinv(jacobian) @ (wish["speed"] * (np.cos(angle) * along - np.sin(angle) * normal))
+        if out["box"]:
+            # The lowest corner strikes.
+            arms = [data.oMf[frame].rotation @ (np.array(signs) * out["box"] / 2) for signs in itertools.product((-1, 1), repeat=3)]
+            arm = min(arms, key=lambda it: normal @ it)
+            centre = centre + arm
+            turn = pinocchio.skew(arm)
+            jacobian = jacobian - turn @ pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[3:]
+            heights = sorted(normal @ (it - arm) for it in arms)
         inverse = normal @ jacobian @ np.linalg.solve(mass, jacobian.T @ normal)
-        gap = normal @ (centre - point) - out["tip_radius"]
+        gap = normal @ (centre - point) - (out["tip_radius"] or 0.0)
         towards, pull = -(normal @ (jacobian @ qd)), -(normal @ gravity)
         speed = towards if not floating else np.sqrt(towards**2 + 2 * pull * gap)
+        if out["box"] and abs(gap) < 1e-9:
+            # It stands on an edge: the speed of a fall from the height of the edge that strikes next.
+            gap, speed = 0.0, np.sqrt(2 * pull * next(it for it in heights if it > 1e-9))
         out.update(plane={"point": point.tolist(), "normal": normal.tolist()}, gap=gap, effective_mass=1 / inverse, approach=speed)
     out["qd"] = qd.tolist()
     if not floating:

@@ -1,5 +1,6 @@
 """The scenes in Drake: its discrete solvers and its continuous plant, with compliant contacts (Hunt & Crossley)."""
 
+import itertools
 import logging
 import math
 from importlib.metadata import version
@@ -21,6 +22,10 @@ VERSION = version("drake")
 logging.getLogger("drake").setLevel(logging.ERROR)
 
 
+# Radius of the balls at the corners of a box, m.
+CORNER = 1e-9
+
+
 def contact_steps(dt):
     """Number of steps in a contact: with more steps the error of the rebound falls and the contact lasts longer."""
     return max(40.0, 1.0 / math.sqrt(dt))
@@ -37,6 +42,14 @@ def material(scene, stiffness):
         AddContactMaterial(point_stiffness=2 * stiffness, friction=friction, properties=properties,
                            dissipation=common.hunt_crossley(scene["restitution"], scene["approach"]))
     return properties
+
+
+def points(scene):
+    """The ball of the tip, or the corners of the box: a pair of shapes has only one contact point, so each corner is a ball."""
+    if not scene["box"]:
+        return [("ball", np.zeros(3), scene["tip_radius"])]
+    corners = itertools.product((-1, 1), repeat=3)
+    return [(f"corner{k}", np.array(it) * scene["box"] / 2, CORNER) for k, it in enumerate(corners)]
 
 
 class Run:
@@ -56,7 +69,8 @@ class Run:
             if k == 0:
                 plane = scene["plane"]
                 pose, shape = HalfSpace.MakePose(np.array(plane["normal"]), np.array(plane["point"])), HalfSpace()
-                plant.RegisterCollisionGeometry(self.tip, RigidTransform(), Sphere(scene["tip_radius"]), "ball", material(scene, stiffness))
+                for name, at, radius in points(scene):
+                    plant.RegisterCollisionGeometry(self.tip, RigidTransform(at), Sphere(radius), name, material(scene, stiffness))
             else:
                 pose, shape = RigidTransform(np.array(shape["box"]["centre"])), Box(*shape["box"]["size"])
             ours.append(plant.RegisterCollisionGeometry(plant.world_body(), pose, shape, f"surface{k}", material(scene, stiffness)))

@@ -22,15 +22,18 @@ def plane_quaternion(normal):
 def model_of(scene):
     if scene["floating"]:
         spec = mujoco.MjSpec()
-        body = spec.worldbody.add_body(name="ball")
+        body = spec.worldbody.add_body(name="body")
         body.add_freejoint()
         body.mass, body.inertia, body.explicitinertial = scene["body"]["mass"], scene["body"]["inertia"], True
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene["tip_radius"], 0, 0])
+        if scene["box"]:
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[x / 2 for x in scene["box"]])
+        else:
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene["tip_radius"], 0, 0])
     else:
         spec = mujoco.MjSpec.from_file(scene["urdf"])
     for geom in spec.geoms:
         # Only the ball of the tip can touch, as in carom, where the other pairs are out of reach.
-        tip = geom.type == mujoco.mjtGeom.mjGEOM_SPHERE
+        tip = geom.type == (mujoco.mjtGeom.mjGEOM_BOX if scene["box"] else mujoco.mjtGeom.mjGEOM_SPHERE)
         geom.name = "tip" if tip else ""
         geom.contype, geom.conaffinity = (1, 2) if tip else (0, 0)
         if not scene["floating"]:

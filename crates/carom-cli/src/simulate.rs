@@ -29,12 +29,13 @@ const SAMPLE: f64 = 0.004;
 /// (N s) and the mode; the final q and qd; the energy balance (J); the work of the integrator.
 /// JSON keys:
 ///   joints, stop_reason (duration, events), mode (of contact at the end);
-///   events [{time, kind, contact, reason, q, qd_minus, qd_plus, impact, impulses}];
-///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force}]};
+///   events [{time, kind, contact, contacts (of several), reason, flags, q, qd_minus, qd_plus, impact,
+///     impulses}];
+///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force, flags}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
-///     neglected_frictions, neglected_bound, neglected_depth}.
+///     non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
@@ -62,7 +63,7 @@ pub struct Simulate {
     /// Columns: time (s), contact (its name), mode (sliding, sticking, latched, pressing, stepping), point
     /// x, y, z (m) and unit normal nx, ny, nz from the environment to the robot in world axes, gap (m; rad),
     /// force on the robot fx, fy, fz (N, world axes) and its normal component (N; N m at a joint limit, where
-    /// the vectors are zero).
+    /// the vectors are zero), flags (non-unique: the motion depends on how forces are distributed).
     #[arg(long, value_name = "X.csv|X.parquet", verbatim_doc_comment)]
     contacts: Option<PathBuf>,
     /// Start from this state instead of that of the scene
@@ -119,11 +120,15 @@ struct Happened<'a> {
     kind: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     contact: Option<&'a str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    contacts: Vec<&'a str>,
     q: &'a [f64],
     qd_minus: &'a [f64],
     qd_plus: &'a [f64],
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<&'static str>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    flags: Vec<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     impact: Option<Impact>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -170,6 +175,7 @@ struct Lasting<'a> {
     gap: f64,
     force: [f64; 3],
     normal_force: f64,
+    flags: Vec<&'static str>,
 }
 
 #[derive(Serialize)]
@@ -190,6 +196,7 @@ struct Cost {
     refinements: usize,
     contact_steps: usize,
     worst_residual: f64,
+    non_unique_time: f64,
     neglected_frictions: usize,
     neglected_bound: f64,
     neglected_depth: f64,
@@ -272,6 +279,7 @@ fn lasting<'a>(sim: &'a Simulation, state: &ContactState) -> Lasting<'a> {
         gap: state.gap,
         force: state.force.into(),
         normal_force: state.normal_force,
+        flags: state.flags.names().collect(),
     }
 }
 
@@ -281,10 +289,15 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
         time: e.time,
         kind: e.kind.name(),
         contact: contact(sim, &e.kind),
+        contacts: several(&e.kind).iter().map(|touch| sim.touches[*touch].name.as_str()).collect(),
         q: &e.q,
         qd_minus: &e.qd_minus,
         qd_plus: &e.qd_plus,
         reason: reason(&e.kind),
+        flags: match &e.kind {
+            EventKind::Several { flags, .. } => flags.names().collect(),
+            _ => Vec::new(),
+        },
         impact: match &e.kind {
             EventKind::Impact { touch, hit } => Some(Impact {
                 law: sim.touches[*touch].contact.law.name(),
@@ -338,6 +351,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             refinements: s.refinements,
             contact_steps: s.contact_steps,
             worst_residual: s.worst_residual,
+            non_unique_time: s.non_unique_time,
             neglected_frictions: s.neglected,
             neglected_bound: s.neglected_bound,
             neglected_depth: s.neglected_depth,
@@ -353,9 +367,18 @@ fn contact<'a>(sim: &'a Simulation, kind: &'a EventKind) -> Option<&'a str> {
     }
 }
 
-/// Why time steps begin.
+/// The contacts of an event of several.
+fn several(kind: &EventKind) -> &[usize] {
+    match kind {
+        EventKind::Several { touches, .. } | EventKind::NonUnique { touches, .. } => touches,
+        _ => &[],
+    }
+}
+
+/// Why time steps begin, or why the motion is not unique.
 fn reason(kind: &EventKind) -> Option<&'static str> {
     match kind {
+        EventKind::NonUnique { reason, .. } => Some(reason.name()),
         EventKind::Steps { reason } => Some(reason.name()),
         _ => None,
     }
@@ -373,13 +396,22 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
             event.kind.name(),
             contact(sim, &event.kind).or(reason(&event.kind)).unwrap_or("")
         )?;
-        if let EventKind::Several { touches, .. } = &event.kind {
+        let touches = several(&event.kind);
+        if !touches.is_empty() {
             let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();
+            if reason(&event.kind).is_some() {
+                write!(out, ": ")?;
+            }
             let listed = if names.len() > LISTED + 1 { LISTED } else { names.len() };
             write!(out, "{}", names[..listed].join(", "))?;
             if names.len() > listed {
                 write!(out, " and {} more", names.len() - listed)?;
             }
+        }
+        if let EventKind::Several { flags, .. } = &event.kind
+            && !flags.is_empty()
+        {
+            write!(out, ": {flags}")?;
         }
         if let EventKind::Impact { hit, .. } = &event.kind {
             let [u_minus, u_plus] =
@@ -413,6 +445,9 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
         "{} events, {} steps, {} rejected, {} evaluations, {} steps with several contacts",
         run.events, s.steps, s.rejections, s.evaluations, s.contact_steps
     )?;
+    if s.non_unique_time > 0.0 {
+        writeln!(out, "the motion is not unique for {} s: see the events", short(s.non_unique_time))?;
+    }
     if s.neglected > 0 {
         let bound = short(s.neglected_bound);
         writeln!(

@@ -27,7 +27,8 @@ impl Flags {
     pub const SINGULAR: Self = Self(1 << 2);
     /// The approach is slower than 1e-9 of the contact speed: angles and ratios are dominated by rounding.
     pub const GRAZING: Self = Self(1 << 3);
-    /// More than one impulse satisfies the law: [`Law::branches`](crate::Law::branches) returns all of them.
+    /// More than one outcome satisfies the law: [`Law::branches`](crate::Law::branches) returns all of them. Of several contacts:
+    /// the velocities depend on how impulses are distributed over redundant contacts, see [`undetermined`](crate::undetermined).
     pub const NON_UNIQUE: Self = Self(1 << 4);
     /// The contact does not approach: no impact takes place, and the impulse is zero.
     pub const NO_APPROACH: Self = Self(1 << 5);

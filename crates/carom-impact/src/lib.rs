@@ -130,5 +130,5 @@ pub use outcome::{ImpactOutcome, Mode, Phase};
 pub use problem::ImpactProblem;
 pub use several::{
     Accuracy, Constraint, EnergeticOutcome, Order, OrderError, OrderOutcome, OrderSet, PoissonOutcome,
-    SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses,
+    SequentialOutcome, SeveralOutcome, SeveralProblem, Stiffnesses, undetermined,
 };

@@ -176,7 +176,8 @@ impl Run {
     }
 
     /// The lasting contacts at the samples as a Table: time (s), contact, mode, point x, y, z (m), unit normal nx, ny, nz from the
-    /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit).
+    /// environment to the robot, gap (m; rad), force on the robot fx, fy, fz (N, world axes), normal_force (N; N m at a limit),
+    /// flags ("non-unique" where the motion depends on how forces are distributed, else "").
     #[getter]
     fn contacts(&self) -> Table {
         let told = self.told.iter().filter_map(|told| match told {
@@ -212,7 +213,7 @@ impl Run {
     }
 
     /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, worst_residual,
-    /// neglected_frictions, neglected_bound, neglected_depth.
+    /// non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = &self.summary.statistics;
@@ -223,6 +224,7 @@ impl Run {
         dict.set_item("refinements", s.refinements)?;
         dict.set_item("contact_steps", s.contact_steps)?;
         dict.set_item("worst_residual", s.worst_residual)?;
+        dict.set_item("non_unique_time", s.non_unique_time)?;
         dict.set_item("neglected_frictions", s.neglected)?;
         dict.set_item("neglected_bound", s.neglected_bound)?;
         dict.set_item("neglected_depth", s.neglected_depth)?;
@@ -244,6 +246,7 @@ type Push<'py> = (String, Bound<'py, PyAny>, Bound<'py, PyAny>);
 pub struct RunEvent {
     event: Event,
     contact: Option<String>,
+    contacts: Vec<String>,
     blows: Vec<String>,
 }
 
@@ -251,8 +254,14 @@ impl RunEvent {
     /// An event of this simulation.
     pub fn of(sim: &Simulation, event: Event) -> Self {
         let contact = contact(sim, &event.kind).map(str::to_owned);
+        let contacts: Vec<String> = match &event.kind {
+            EventKind::Several { touches, .. } | EventKind::NonUnique { touches, .. } => {
+                touches.iter().map(|touch| sim.touches[*touch].name.clone()).collect()
+            }
+            _ => Vec::new(),
+        };
         let blows = event.blows.iter().map(|blow| sim.touches[blow.touch].name.clone()).collect();
-        Self { event, contact, blows }
+        Self { event, contact, contacts, blows }
     }
 }
 
@@ -264,8 +273,8 @@ impl RunEvent {
         self.event.time
     }
 
-    /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "stepping", "rest", or the new
-    /// contact mode.
+    /// "impact", "several", "latch", "limit", "zeno", "lift-off", "joint-stops", "joint-moves", "stepping", "non-unique", "rest",
+    /// or the new contact mode.
     #[getter]
     fn kind(&self) -> &'static str {
         self.event.kind.name()
@@ -275,6 +284,31 @@ impl RunEvent {
     #[getter]
     fn contact(&self) -> Option<&str> {
         self.contact.as_deref()
+    }
+
+    /// Names of the contacts of an event of the kind "several" or "non-unique"; else empty.
+    #[getter]
+    fn contacts(&self) -> Vec<String> {
+        self.contacts.clone()
+    }
+
+    /// Why, for the kinds "stepping" and "non-unique"; else None.
+    #[getter]
+    fn reason(&self) -> Option<&'static str> {
+        match &self.event.kind {
+            EventKind::Steps { reason } => Some(reason.name()),
+            EventKind::NonUnique { reason, .. } => Some(reason.name()),
+            _ => None,
+        }
+    }
+
+    /// Names of the flags of an event of the kind "several": "energy-gain", "non-unique"; else empty.
+    #[getter]
+    fn flags(&self) -> Vec<&'static str> {
+        match &self.event.kind {
+            EventKind::Several { flags, .. } => flags.names().collect(),
+            _ => Vec::new(),
+        }
     }
 
     /// Configuration, shape (nq,).

@@ -11,8 +11,12 @@ use std::collections::BTreeMap;
 
 const FORCE: u32 = 0x59c1_7aff;
 const OPEN: &str = "open";
+/// Modes of contacts whose motion is not unique.
+const SLIDES_OPENLY: &str = "sliding, non-unique";
+const STICKS_OPENLY: &str = "sticking, non-unique";
+const STEPS_OPENLY: &str = "stepping, non-unique";
 /// Modes with their colours.
-const MODES: [(&str, u32); 8] = [
+const MODES: [(&str, u32); 11] = [
     ("free", 0x4e79_a7ff),
     ("sliding", 0xf28e_2bff),
     ("sticking", 0xe157_59ff),
@@ -20,6 +24,9 @@ const MODES: [(&str, u32); 8] = [
     ("pressing", 0xedc9_48ff),
     ("several", 0x59a1_4fff),
     ("stepping", 0x9c75_5fff),
+    (SLIDES_OPENLY, 0xff9d_a7ff),
+    (STICKS_OPENLY, 0x9c2f_4aff),
+    (STEPS_OPENLY, 0xc8a2_c8ff),
     (OPEN, 0x3a40_4cff),
 ];
 
@@ -51,7 +58,7 @@ impl Lanes {
             self.lane(sink, touches, touch, OPEN)?;
         }
         for state in states {
-            self.lane(sink, touches, state.touch, state.mode.name())?;
+            self.lane(sink, touches, state.touch, shown(state))?;
         }
         self.enter(sink)
     }
@@ -86,7 +93,7 @@ impl Lanes {
         let whole = match (closed.next(), closed.next()) {
             (None, _) => "free",
             (Some(only), None) => only,
-            (Some("stepping"), Some(_)) => "stepping",
+            (Some("stepping" | STEPS_OPENLY), Some(_)) => "stepping",
             _ => "several",
         };
         if self.whole.replace(whole) == Some(whole) {
@@ -119,6 +126,16 @@ impl Lanes {
     }
 }
 
+/// The mode of a contact, and whether the motion with it is unique.
+fn shown(state: &ContactState) -> &'static str {
+    match state.mode.name() {
+        name if state.flags.is_empty() => name,
+        "sticking" => STICKS_OPENLY,
+        "stepping" => STEPS_OPENLY,
+        _ => SLIDES_OPENLY,
+    }
+}
+
 fn modes() -> rerun::StateConfiguration {
     let modes = rerun::StateConfiguration::new().with_values(MODES.map(|(name, _)| name));
     modes.with_colors(MODES.map(|(_, colour)| colour))
@@ -128,11 +145,13 @@ fn modes() -> rerun::StateConfiguration {
 mod tests {
     use super::*;
     use crate::target::Target;
+    use carom_impact::Flags;
 
     fn state(mode: ContactMode) -> ContactState {
         let zero = Vector3::zeros();
         let touch = mode.touch().unwrap();
-        ContactState { touch, mode, point: zero, normal: zero, gap: 0.0, force: zero, normal_force: 0.0 }
+        let flags = Flags::NONE;
+        ContactState { touch, mode, point: zero, normal: zero, gap: 0.0, force: zero, normal_force: 0.0, flags }
     }
 
     /// Sampled contacts alone, without the events between them, give each lane its mode; a contact that is not told is open.
@@ -149,6 +168,10 @@ mod tests {
         assert_eq!(all(&lanes), (vec![(0, "sliding"), (2, "sticking")], Some("several")));
         lanes.set(&sink, &touches, &two[1..]).unwrap();
         assert_eq!(all(&lanes), (vec![(0, OPEN), (2, "sticking")], Some("sticking")));
+        let open = ContactState { flags: Flags::NON_UNIQUE, ..two[0] };
+        lanes.set(&sink, &touches, &[open, two[1]]).unwrap();
+        assert_eq!(all(&lanes).0[0], (0, SLIDES_OPENLY));
+        lanes.set(&sink, &touches, &two[1..]).unwrap();
         lanes.event(&sink, &touches, &EventKind::LiftOff { touch: 2 }).unwrap();
         assert_eq!(all(&lanes), (vec![(0, OPEN), (2, OPEN)], Some("free")));
     }

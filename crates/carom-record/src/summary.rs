@@ -21,6 +21,9 @@ pub(crate) fn words(event: &Event, touches: &[String]) -> String {
         EventKind::Several { touches: several, .. } => {
             format!("{what}: {}", several.iter().map(name).collect::<Vec<_>>().join(", "))
         }
+        EventKind::NonUnique { reason, touches: several } => {
+            format!("{what}: {}: {}", several.iter().map(name).collect::<Vec<_>>().join(", "), reason.name())
+        }
         EventKind::Limit { joint, impulse, .. } => format!("{what} of {joint}: impulse {}", short(*impulse)),
         EventKind::Zeno { touch, impacts } => format!("{what}: {}, after {impacts} impacts at rest", name(touch)),
         EventKind::Joint { joint, .. } => format!("{what}: {joint}"),

@@ -51,7 +51,7 @@ pub use model::{
     Controller, Drive, Gains, ImpactInvariant, Integrator, Load, Loop, LoopFrame, LoopJoint, Observed, Parameter,
     Reference, RobotDrive, Simulation, Spring, Tracking, Transition, UserController, Wrench, WrenchAxes,
 };
-pub use motion::{ContactState, free_motion, free_motion_at};
+pub use motion::{ContactState, NonUnique, free_motion, free_motion_at};
 pub use plan::{Bounded, Decision, Plan};
 pub use run::{
     Advance, Broken, EnergyBooks, Event, EventKind, EventTime, Sampling, Seen, Segment, Sensitivity, Session,

@@ -3,6 +3,7 @@
 use crate::table::Column;
 use carom_chain::urdf::JointType;
 use carom_chain::{Chain, Coordinates};
+use carom_impact::Flags;
 use carom_sim::{ContactState, Simulation};
 
 /// Key of the scene's text in the metadata of Parquet tables.
@@ -48,7 +49,10 @@ pub fn state_columns(chain: &Chain) -> Vec<Column> {
 /// Modes of the rows of a table of contacts.
 const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
 
-/// The columns of a table of lasting contacts: time, contact, mode, point, normal, gap, force on the robot, normal force.
+/// Flags of the rows of a table of contacts; the first: none.
+const FLAGS: [&str; 2] = ["", "non-unique"];
+
+/// The columns of a table of lasting contacts: time, contact, mode, point, normal, gap, force on the robot, normal force, flags.
 pub fn contact_columns(sim: &Simulation) -> Vec<Column> {
     // A column of words needs a word, which no row uses if nothing touches.
     let nothing = sim.touches.is_empty().then(String::new);
@@ -62,6 +66,7 @@ pub fn contact_columns(sim: &Simulation) -> Vec<Column> {
     for (unit, names) in units.into_iter().chain(forces) {
         columns.extend(names.iter().map(|name| Column::number(*name).in_unit(unit)));
     }
+    columns.push(Column::word("flags", FLAGS));
     columns
 }
 
@@ -71,5 +76,6 @@ pub fn contact_row(time: f64, state: &ContactState) -> Vec<f64> {
     let mut row = vec![time, state.touch as f64, mode as f64];
     row.extend(state.point.iter().chain(state.normal.iter()).chain([&state.gap]));
     row.extend(state.force.iter().chain([&state.normal_force]));
+    row.push(if state.flags.contains(Flags::NON_UNIQUE) { 1.0 } else { 0.0 });
     row
 }

@@ -40,6 +40,56 @@ fn simulate_gives_events_and_a_table() {
     assert_eq!(table.lines().count(), 127);
 }
 
+/// A box that spins on its four corners: an event with its reason and contacts, a flag at each contact of answer and table, the time.
+#[test]
+fn simulate_tells_where_a_motion_is_not_unique() {
+    let desk = Desk::new("non-unique");
+    desk.write("box.urdf", include_str!("../../../../robots/box.urdf"));
+    let scene = |spin: f64| {
+        format!(
+            r#"[robot]
+urdf = "box.urdf"
+floating = true
+tip = "box"
+q = [0, 0, 0.025, 0, 0, 0, 1]
+qd = [0.5, 0, 0, 0, 0, {spin}]
+[[surface]]
+name = "floor"
+shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}
+[contact]
+law = "newton"
+restitution = 0
+friction = 0.3
+[run]
+duration = 0.02
+gravity = [0, 0, -9.81]
+"#
+        )
+    };
+    for (spin, words) in [(0.0, &[][..]), (3.0, &["non-unique"])] {
+        desk.write("s.toml", scene(spin));
+        let run = &desk.answers("simulate s.toml --json --contacts c.csv", "")[0];
+        let open = |event: &&Value| event["kind"] == "non-unique";
+        let events: Vec<&Value> = run["events"].as_array().unwrap().iter().filter(open).collect();
+        assert_eq!(events.len(), words.len(), "{run}");
+        for event in events {
+            assert_eq!(event["reason"], "the motion depends on the distribution of forces over redundant contacts");
+            assert_eq!(event["contacts"].as_array().unwrap().len(), 4);
+        }
+        let contacts = run["final"]["contacts"].as_array().unwrap();
+        assert!(contacts.len() == 4 && contacts.iter().all(|contact| contact["flags"] == serde_json::json!(words)));
+        let time = run["statistics"]["non_unique_time"].as_f64().unwrap();
+        assert!((time - 0.02 * words.len() as f64).abs() < 1e-12, "{time}");
+        let table = std::fs::read_to_string(desk.0.join("c.csv")).unwrap();
+        let end = format!(",{}", words.join(""));
+        let mut lines = table.lines();
+        assert!(lines.next().unwrap().ends_with(",normal_force,flags"));
+        assert!(lines.all(|line| line.ends_with(&end)), "{table}");
+        let said = desk.run("simulate s.toml").out;
+        assert_eq!(said.contains("non-unique"), !words.is_empty(), "{said}");
+    }
+}
+
 #[test]
 fn invalid_scenes_are_refused_with_the_reason() {
     let desk = Desk::new("simulate-bad");

@@ -61,6 +61,7 @@ mod response;
 mod restart;
 mod sequential;
 mod solve;
+mod unique;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -68,6 +69,7 @@ pub use energetic::{EnergeticOutcome, Stiffnesses};
 pub use orders::{OrderOutcome, OrderSet};
 pub use poisson::PoissonOutcome;
 pub use sequential::{Order, OrderError, SequentialOutcome};
+pub use unique::undetermined;
 
 use solve::Found;
 
@@ -249,7 +251,8 @@ impl SeveralProblem {
     /// friction as under [`Whittaker`](crate::Whittaker); without friction by a separating contact that an impulse
     /// brings to rest, whose share is `½ p u⁻`, even with one e for all contacts. [`poisson`](Self::poisson) has no
     /// such gain. Redundant contacts have many solutions for the impulses; without friction all of them give the same
-    /// `u_plus`.
+    /// `u_plus`. With friction it may depend on the solution where contacts slide in different directions, or with
+    /// different coefficients ([`Flags::NON_UNIQUE`]; see [`undetermined`]).
     ///
     /// **Fails** if no impulses satisfy the law. This requires e > 0 and a singular H: friction wedges a contact, or
     /// obstacles on both sides of the robot, where the separating contact (target 0, not -e u⁻) prevents the rebound
@@ -269,7 +272,11 @@ impl SeveralProblem {
             check_size("warm_start", self.u_minus.len(), guess.len())?;
             check_velocity("warm_start", guess.as_slice())?;
         }
-        Ok(self.outcome(restart::solve_patiently(self, accuracy, warm_start)))
+        let mut outcome = self.outcome(restart::solve_patiently(self, accuracy, warm_start));
+        if self.gram {
+            outcome.flags |= Flags::NON_UNIQUE.when(self.has_others(&outcome.impulse, &outcome.u_plus));
+        }
+        Ok(outcome)
     }
 
     /// The outcome of these impulses.
@@ -342,7 +349,8 @@ pub struct SeveralOutcome {
     /// Work of the impulses at the mean velocity, `½ pᵀ(u⁻ + u⁺)` (J). In an impact without forces (`u_free = u_minus`)
     /// it is the change of kinetic energy; in a time step the work of the forces has to be added.
     pub energy_change: f64,
-    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero; `non-unique` if other
+    /// impulses in the same modes satisfy the law of Moreau, or of Poisson, and give other velocities.
     pub flags: Flags,
 }
 

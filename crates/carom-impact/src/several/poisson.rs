@@ -6,6 +6,7 @@ use super::natural_map::admissible;
 use super::restart::solve_patiently;
 use super::solve::Found;
 use super::{Accuracy, Constraint, SeveralOutcome, SeveralProblem};
+use crate::Flags;
 
 /// Outcome of [`SeveralProblem::poisson`].
 #[derive(Debug, Clone, PartialEq)]
@@ -95,16 +96,15 @@ impl SeveralProblem {
         // The sum of two impulses in a cone is in the cone, but for rounding.
         let mut sum = &compression + &expanded.impulse;
         admissible(self.rows(), &mut sum);
-        PoissonOutcome {
-            expansion: &sum - &compression,
-            u_compressed: &self.u_minus + &self.delassus * &compression,
-            compression,
-            total: self.outcome(Found {
-                impulse: sum,
-                residual: residual.max(expanded.residual),
-                iterations: iterations + expanded.iterations,
-            }),
-        }
+        let u_compressed = &self.u_minus + &self.delassus * &compression;
+        let mut total = self.outcome(Found {
+            residual: residual.max(expanded.residual),
+            iterations: iterations + expanded.iterations,
+            impulse: sum,
+        });
+        let others = first.has_others(&compression, &u_compressed) || self.has_others(&total.impulse, &total.u_plus);
+        total.flags |= Flags::NON_UNIQUE.when(others);
+        PoissonOutcome { expansion: &total.impulse - &compression, u_compressed, compression, total }
     }
 
     /// Expansion as an inelastic problem for the excess over `f = e λ_cn`. The friction that f allows, a disc of fixed

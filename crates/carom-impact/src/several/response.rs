@@ -90,7 +90,7 @@ impl<'a> Response<'a> {
 
 /// Gᵀ (r × n) with H = G Gᵀ within rounding, if r is at most `most`: Cholesky's decomposition, whose next pivot is the
 /// one that is largest relative to its own diagonal entry, so that the unit of a row does not matter.
-fn thin_factor(h: &DMatrix<f64>, most: usize) -> Option<DMatrix<f64>> {
+pub(super) fn thin_factor(h: &DMatrix<f64>, most: usize) -> Option<DMatrix<f64>> {
     let n = h.nrows();
     let mut factor = DMatrix::zeros(most, n);
     // Diagonal entries of what is not yet factored.

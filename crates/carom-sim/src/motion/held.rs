@@ -19,7 +19,7 @@
 //! λ = X η, the forces of equal springs under all rows that a rigid displacement compresses. For F = R these are the
 //! forces of least norm; for normal forces under a face they are affine in the position of the contact point. The motion does
 //! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
-//! different directions: a spinning box. Its motion is that of the convention.
+//! different directions: a spinning box. Its motion is that of the convention, and flagged (`unique.rs`).
 
 use super::assembled::{Assembled, Force, Held};
 use super::lasting::{Hold, Lasting};

@@ -12,6 +12,7 @@ mod settle;
 mod smooth;
 mod starting;
 mod told;
+mod unique;
 
 pub(crate) use assembled::Held;
 pub use free_motion::{free_motion, free_motion_at};
@@ -21,3 +22,4 @@ pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Kept, Motion, bristles};
 pub use told::ContactState;
+pub use unique::NonUnique;

@@ -24,9 +24,9 @@ use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces.
-const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
+pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// Residuals above this are not a solution.
-const UNSOLVED: f64 = 1e-9;
+pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
 const TIE: f64 = 1e-9;
 /// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
@@ -47,12 +47,14 @@ pub(crate) struct Candidate {
 }
 
 /// A solution of the complementarity problem.
-struct Solution {
-    force: DVector<f64>,
+pub(super) struct Solution {
+    pub force: DVector<f64>,
     acceleration: DVector<f64>,
     qdd: DVector<f64>,
     /// Size of the accelerations and of the forces.
-    scale: [f64; 2],
+    pub scale: [f64; 2],
+    /// The problem that it solves.
+    problem: SeveralProblem,
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -102,6 +104,7 @@ impl<A: Space> Motion<'_, A> {
             joint.state = if rate.abs() > rest { Dry::Brakes(rate.signum()) } else { Dry::Holds };
         }
         let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+        self.other_mode = None;
         self.project(&entries, time, y)?;
         let resting = self.dry.iter().any(|joint| joint.state == Dry::Holds);
         if !resting && entries.iter().all(|entry| !entry.is_rigid()) {
@@ -110,6 +113,9 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut found = Assembled::new(self.sim.chain.nv());
         let Some(now) = self.complementarity((time, y), &entries, &mut found)? else { return Ok(false) };
+        let others = self.has_other_mode(&now.problem, &entries, &found, &now)?;
+        let rigid = || entries.iter().filter(|own| own.is_rigid());
+        self.other_mode = others.then(|| rigid().map(|own| own.touch).collect());
         let ahead = if self.is_tied(&entries, &found, &now) { self.ahead((time, y), &entries, &now)? } else { None };
         let (found, solution) = ahead.unwrap_or((found, now));
         self.take(&entries, &found, &solution);
@@ -194,7 +200,7 @@ impl<A: Space> Motion<'_, A> {
         let largest = terms.fold(0.0, f64::max);
         let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);
         let scale = [largest, outcome.impulse.amax().max(largest / mobility)];
-        Ok(Some(Solution { force: outcome.impulse, acceleration, qdd, scale }))
+        Ok(Some(Solution { force: outcome.impulse, acceleration, qdd, scale, problem }))
     }
 
     /// Whether a contact is undecided: neither loaded nor opening, or at rest on the border of its cone.

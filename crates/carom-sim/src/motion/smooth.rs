@@ -34,6 +34,8 @@ pub(crate) struct Motion<'a, A: Space> {
     /// For each number of qd whether an impact has hit its robot.
     was_hit: Vec<bool>,
     pub gaps: Gaps<'a, A>,
+    /// The contacts at the last choice of the mode, if another mode was consistent, too: see `unique.rs`.
+    pub other_mode: Option<Vec<usize>>,
     /// The loops of the mechanism.
     pub couplings: Vec<Coupling<A>>,
     /// The largest number of independent rows of the loops so far.
@@ -128,6 +130,7 @@ impl<'a, A: Space> Motion<'a, A> {
             impacts: vec![0; sim.touches.len()],
             was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),
+            other_mode: None,
             row: if sim.loops.is_empty() { A::row(model) } else { None },
             couplings: sim.couplings(model),
             rank: 0,

@@ -4,6 +4,7 @@ use super::smooth::Motion;
 use crate::contact::ContactMode;
 use crate::error::SimError;
 use crate::state::Space;
+use carom_impact::Flags;
 use nalgebra::Vector3;
 
 /// A lasting contact at one time.
@@ -24,6 +25,8 @@ pub struct ContactState {
     /// Its normal component, N; for a joint limit the force or torque on the joint, N or N m. Forces of redundant contacts
     /// are those of equal springs under all of them.
     pub normal_force: f64,
+    /// `non-unique` if the motion depends on how this force and those of other contacts are distributed.
+    pub flags: Flags,
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -33,15 +36,24 @@ impl<A: Space> Motion<'_, A> {
             return Ok(Vec::new());
         }
         let held = self.in_mode(time, y)?;
-        let lasting = self.lasting.clone();
+        let (lasting, flags) = (self.lasting.clone(), self.flags());
         let sim = self.sim;
         let (q, _) = self.split(y);
         let view = self.view(q)?;
-        let states = lasting.iter().zip(&held.contacts).map(|(own, force)| {
+        let states = lasting.iter().zip(&held.contacts).zip(flags).map(|((own, force), flags)| {
             let at = sim.touches[own.touch].at(&view, q, time);
             let (point, normal) = at.surface.map_or_else(Default::default, |place| (place.position, place.normal));
             let (touch, mode, gap) = (own.touch, own.mode(), at.gap);
-            ContactState { touch, mode, point, normal, gap, force: force.force, normal_force: force.normal_force }
+            ContactState {
+                touch,
+                mode,
+                point,
+                normal,
+                gap,
+                force: force.force,
+                normal_force: force.normal_force,
+                flags,
+            }
         });
         Ok(states.collect())
     }

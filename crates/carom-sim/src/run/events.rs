@@ -22,7 +22,7 @@ use super::watch::{Watch, Watched};
 use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion};
+use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, NonUnique};
 use crate::state::{Blow, Space};
 use carom_chain::urdf::JointType;
 
@@ -95,6 +95,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return Ok(Ending::Passed);
         }
         self.measure();
+        let start = self.time;
         let mut flow = match Watched::new(&mut self.motion, (self.time, kink), &self.y) {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
@@ -133,6 +134,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let watches = flow.watches;
         match ended {
             Ok(LegEnd { time, y, fired, stalled }) => {
+                if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
+                    self.statistics.non_unique_time += time - start;
+                }
                 (self.time, self.y) = (time, y);
                 self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
                 match (fired, stalled) {
@@ -206,7 +210,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let touch = &sim.touches[touch];
                 return Err(SimError::Overlap { touch: touch.name.clone(), depth: -gap, unit: unit(sim, touch) });
             } else if gap <= TOUCHING {
-                if rate < 0.0 {
+                if rate < -ROUNDING * self.motion.speed {
                     hits.push(touch);
                 } else if rate <= self.motion.rest() {
                     rests.push(touch);
@@ -391,8 +395,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// Ends the run if the chain is at rest and stays so.
+    /// Notes whether the motion is unique, and ends the run if the chain is at rest and stays so.
     pub fn rest(&mut self) -> Result<(), SimError> {
+        self.note_open()?;
         let rested = std::mem::replace(&mut self.memory.resting, false);
         let rest = self.motion.rest();
         let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
@@ -470,6 +475,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 }
 
+/// At the start approach velocities up to this share of the joint velocities are rounding.
+const ROUNDING: f64 = 1e-14;
 /// Gaps up to this size count as closed when another contact closes, m.
 pub(crate) const TOUCHING: f64 = 1e-9;
 /// A jam within this time counts as reached, s.

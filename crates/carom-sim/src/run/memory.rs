@@ -1,5 +1,6 @@
 //! What a run remembers of its last events.
 
+use crate::motion::NonUnique;
 use std::collections::VecDeque;
 
 /// The part of a run's state by which neighbouring runs must start alike: their motions differ, their pasts do not.
@@ -13,6 +14,8 @@ pub(crate) struct Memory {
     pub kept: Option<f64>,
     /// Times of the last impacts, to detect their accumulation.
     pub blows: VecDeque<f64>,
+    /// Why the motion in the present mode is not unique, with its contacts.
+    pub open: Option<(NonUnique, Vec<usize>)>,
     /// Whether the chain is at rest and stays so.
     pub resting: bool,
     /// The time for which the present mode, which is stiff, is next integrated implicitly, s.

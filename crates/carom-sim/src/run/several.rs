@@ -24,7 +24,7 @@ use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
 use crate::state::{Blow, Loops, Space, View};
 use carom_chain::algebra::z_onto;
 use carom_chain::{ChainError, Rows};
-use carom_impact::{Accuracy, Constraint, SeveralProblem};
+use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 /// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
@@ -130,8 +130,8 @@ impl Closures {
         DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, v) - self.surface[i])
     }
 
-    /// The contacts of a time step of this length with these impulses.
-    fn told(&self, impulse: &DVector<f64>, step: f64) -> Vec<ContactState> {
+    /// The contacts of a time step of this length with these impulses and flags.
+    fn told(&self, impulse: &DVector<f64>, step: f64, flags: Flags) -> Vec<ContactState> {
         let state = |closed: &Closed| {
             let normal_force = impulse[closed.rows.end - 1] / step;
             let (touch, mode, gap) = (closed.touch, ContactMode::Stepping, closed.gap);
@@ -139,7 +139,7 @@ impl Closures {
             let (point, normal, force) = closed.place.as_ref().map_or((zero, zero, zero), |(axes, point)| {
                 (*point, axes.column(2).into(), closed.push(axes, impulse) / step)
             });
-            ContactState { touch, mode, point, normal, gap, force, normal_force }
+            ContactState { touch, mode, point, normal, gap, force, normal_force, flags }
         };
         self.contacts.iter().map(state).collect()
     }
@@ -206,7 +206,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
-        let kind = EventKind::Several { touches: together.to_vec(), residual };
+        let kind = EventKind::Several { touches: together.to_vec(), residual, flags: outcome.flags };
         self.note(kind, &before, rows.blows(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
@@ -359,7 +359,9 @@ impl<A: Space> Run<'_, '_, A> {
             let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, &outcome.impulse);
-            told = rows.told(&outcome.impulse, step);
+            let open = outcome.flags.contains(Flags::NON_UNIQUE);
+            self.statistics.non_unique_time += if open { step } else { 0.0 };
+            told = rows.told(&outcome.impulse, step, if open { Flags::NON_UNIQUE } else { Flags::NONE });
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);

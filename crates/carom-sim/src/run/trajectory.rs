@@ -3,9 +3,10 @@
 
 use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
-use crate::motion::ContactState;
+use crate::motion::{ContactState, NonUnique};
 use crate::state::{Blow, Moment};
 use carom_chain::Chain;
+use carom_impact::Flags;
 use std::f64::consts::PI;
 
 /// The kind of an event.
@@ -25,6 +26,9 @@ pub enum EventKind {
         touches: Vec<usize>,
         /// Residual of the contact conditions, relative to the velocities.
         residual: f64,
+        /// `energy-gain` if the law has increased the energy, `non-unique` if the velocities depend on how impulses are
+        /// distributed over redundant contacts.
+        flags: Flags,
     },
     /// An impact at a latch, which holds the contact from now on.
     Latch {
@@ -69,6 +73,13 @@ pub enum EventKind {
         /// Why.
         reason: StepReason,
     },
+    /// The motion from here on, up to the next change of a mode, is one of several that the laws admit.
+    NonUnique {
+        /// Why.
+        reason: NonUnique,
+        /// The contacts: indices in [`Simulation::touches`](crate::Simulation::touches).
+        touches: Vec<usize>,
+    },
     /// The chain is at rest and stays at rest to the end.
     Rest,
 }
@@ -103,7 +114,7 @@ impl StepReason {
 
 impl EventKind {
     /// Name of the kind: `impact`, `several`, `latch`, `limit`, `zeno`, `lift-off`, `joint-stops`, `joint-moves`,
-    /// `stepping` or `rest`.
+    /// `stepping`, `non-unique` or `rest`.
     /// For [`EventKind::Mode`] the name of the mode (`free`, `sliding`, `sticking`, `latched`, `pressing`).
     pub fn name(&self) -> &'static str {
         match self {
@@ -112,6 +123,7 @@ impl EventKind {
             Self::Latch { .. } => "latch",
             Self::Joint { holds: true, .. } => "joint-stops",
             Self::Joint { holds: false, .. } => "joint-moves",
+            Self::NonUnique { .. } => "non-unique",
             Self::Rest => "rest",
             Self::Steps { .. } => "stepping",
             Self::Limit { .. } => "limit",
@@ -130,7 +142,9 @@ impl EventKind {
             | Self::Zeno { touch, .. }
             | Self::LiftOff { touch } => Some(*touch),
             Self::Mode { mode } => mode.touch(),
-            Self::Several { .. } | Self::Joint { .. } | Self::Steps { .. } | Self::Rest => None,
+            Self::Several { .. } | Self::Joint { .. } | Self::Steps { .. } | Self::NonUnique { .. } | Self::Rest => {
+                None
+            }
         }
     }
 }
@@ -248,6 +262,8 @@ pub struct Statistics {
     pub contact_steps: usize,
     /// Largest residual of the problems with several contacts, relative to their velocities.
     pub worst_residual: f64,
+    /// Time in contact modes, and in time steps, whose motion depends on how forces are distributed over redundant contacts, s.
+    pub non_unique_time: f64,
     /// Number of impacts whose friction was neglected.
     pub neglected: usize,
     /// Largest bound on the error of these impacts: change of the velocity of the contact point, relative to its velocity

@@ -107,7 +107,8 @@ pub fn walls(method: &str) -> Judged {
     let moved = run(&sim, 0.0, [0.0; 2], time)?;
     let fall = 0.5 * G * time * time;
     let error = (moved.summary.last.q[2] + fall).abs() / fall;
-    Ok(without_steps(Found::figure(error), &moved))
+    let flagged = moved.events.iter().any(|event| matches!(event.kind, EventKind::NonUnique { .. }));
+    Ok(without_steps(Found::figure(error).must_be("flagged non-unique: a squeeze could hold it", flagged), &moved))
 }
 
 /// It lands flat with e = 0.5, and its four corners chatter together: at rest after √(2h/g) (1 + e)/(1 − e).

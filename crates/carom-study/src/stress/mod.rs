@@ -20,6 +20,7 @@ mod chains;
 mod definition;
 mod impulse_path;
 mod lasting;
+mod many;
 mod motion;
 mod report;
 mod scenes;

@@ -474,26 +474,3 @@ pub fn cradle(method: &str) -> Judged {
     let how = format!("({a:.3}, {b:.3}, {c:.3}) m/s whatever the stiffnesses");
     Ok(Found::figure(farthest(|_| Ok(after))?).must("error of the law's own solution", off, super::EXACT).noting(how))
 }
-
-/// J. M. Housner, Bull. Seism. Soc. Am. 53 (1963) 403. The block turns about its left corner when the right one strikes.
-pub fn rocking_block(method: &str) -> Judged {
-    let mut error = 0.0;
-    for alpha in [0.1_f64, 0.2, 0.3] {
-        let (b, h) = (alpha.sin(), alpha.cos());
-        // Unit mass, half diagonal 1, inertia 1/3; (v_x, v_z, ω about y): a point (x, z) moves with (v_x + ωz, v_z − ωx).
-        let mut rows = DMatrix::zeros(6, 3);
-        for (k, x) in [-b, b].into_iter().enumerate() {
-            rows.set_row(3 * k, &nalgebra::RowVector3::new(1.0, 0.0, -h));
-            rows.set_row(3 * k + 2, &nalgebra::RowVector3::new(0.0, 1.0, -x));
-        }
-        let inverse = DMatrix::from_diagonal(&dvector![1.0, 1.0, 3.0]);
-        let v = dvector![h, -b, 1.0];
-        let corners = vec![Constraint::Contact { restitution: 0.0, friction: 5.0 }; 2];
-        let block = problem(&rows * inverse * rows.transpose(), &rows * v, corners)?;
-        let hit = resolve(method, &block)?;
-        // Between the corners' heights lies ω: (u_z,left − u_z,right)/2b.
-        let ratio = (hit.u_plus[2] - hit.u_plus[5]) / (2.0 * b);
-        error = worse(error, (ratio - (1.0 - 1.5 * b * b)).abs());
-    }
-    Ok(Found::figure(error))
-}

@@ -1,7 +1,7 @@
 //! Motions: accumulations, slopes, jams, lasting contacts, stiff contacts, time steps.
 
 use crate::stress::Bound::{Between, Near};
-use crate::stress::{Bound, COMPLIANT, EVENTS, Expected, Judged, STEPS, Scene, lasting, motion};
+use crate::stress::{Bound, COMPLIANT, EVENTS, Expected, Judged, STEPS, Scene, lasting, many, motion};
 
 /// A time step's error of the height: between a third of h and ten h (m/s times s).
 const fn step_error(step: f64) -> Bound {
@@ -234,6 +234,72 @@ pub(super) const SCENES: &[Scene] = &[
             "the sum of the times of flight is geometric, √(2h/g) (1 + e)/(1 − e); the integration has a tolerance of 1e-12",
         )],
         judge: lasting::chatter,
+    },
+    Scene {
+        name: "block on a gliding wedge",
+        story: "a block slides on four corners down a wedge of 0.4 rad that glides on a smooth floor, μ = 0.2, for 0.3 s",
+        measures: "largest error of the places of both, m",
+        tolerance: 1e-6,
+        expected: &[
+            Expected::within(&[EVENTS], 1e-11, "constant accelerations: integration with tolerance 1e-12"),
+            Expected::within(&[STEPS], 1e-8, "a step that is centred in time is exact for a constant force"),
+        ],
+        judge: many::wedge,
+    },
+    Scene {
+        name: "stacked boxes",
+        story: "two boxes, one on the other, slide at 1 m/s; the floor is rougher than the lower box, μ = 0.4 and 0.2",
+        measures: "largest error of the distances, m",
+        tolerance: 1e-6,
+        expected: &[
+            Expected::within(&[EVENTS], 1e-11, "v²/2a for each box, with tolerance 1e-12 up to its stop"),
+            Expected::within(
+                &[STEPS],
+                1e-6,
+                "in the step of the stop, of h = 1 ms, a h²/8 = 6.1e-7 m are lost at most",
+            ),
+        ],
+        judge: many::stack,
+    },
+    Scene {
+        name: "rolling to sliding",
+        story: "two wheels on an axle, pulled by a force that grows, roll until their friction is exhausted, μ = 0.2, and slide",
+        measures: "error of the distance, m, and of the rim's velocity, m/s",
+        tolerance: 1e-6,
+        expected: &[
+            Expected::within(
+                &[EVENTS],
+                1e-9,
+                "polynomials in time, joined where the friction of rolling reaches μ m g",
+            ),
+            Expected::degrades(&[STEPS], Between(1.01e-6, 5e-2), "Moreau–Jean is of order 1, h = 1 ms"),
+            Expected::degrades(
+                &[COMPLIANT],
+                Between(1.01e-6, 1e-2),
+                "friction smoothed over v_s = 1e-3 m/s: the rolling wheels creep at up to v_s artanh(f/μN)",
+            ),
+        ],
+        judge: many::wheels,
+    },
+    Scene {
+        name: "rocking to rest",
+        story: "a block of tan α = 1/4 rocks on two corners from α/2 down to rest, e = 0 (compliant: e = 0.01), μ = 2",
+        measures: "largest error of the angle up to the seventh impact, rad",
+        tolerance: 1e-6,
+        expected: &[
+            Expected::within(&[EVENTS], 1e-9, "quadratures of the half swings, Housner's ratio at every impact"),
+            Expected::degrades(
+                &[STEPS],
+                Between(1.01e-6, 1e-1),
+                "Moreau–Jean is of order 1, h = 1 ms: each impact is late by a share of h",
+            ),
+            Expected::degrades(
+                &[COMPLIANT],
+                Between(1.01e-6, 1e-1),
+                "the corners sink by (m g/k)^(2/3) = 1e-4 m, 1e-3 of the width, and e = 0.01 adds rebounds",
+            ),
+        ],
+        judge: many::rocking_to_rest,
     },
     stiff("stiffness 1e4 N/m^1.5", |_| motion::stiffness(1e4)),
     stiff("stiffness 1e7 N/m^1.5", |_| motion::stiffness(1e7)),

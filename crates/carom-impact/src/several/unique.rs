@@ -1,0 +1,134 @@
+//! Whether redundant forces determine the motion.
+//!
+//! | Symbol | Size | Meaning | Our name |
+//! |---|---|---|---|
+//! | R, F | m × nv | rows that the constraints hold; directions along which their forces act | – |
+//! | K | m × m | R M⁻¹ Fᵀ | `delassus` |
+//! | G | m × m | F M⁻¹ Fᵀ | `gram` |
+//! | ν | m | a change of the forces that the constraints do not feel: K ν = 0 | – |
+//!
+//! With the forces λ, λ + ν satisfies the constraints as well. The motion is the same if Fᵀν = 0, that is νᵀGν = 0. For F = R this
+//! holds for every ν: the forces of a box on four corners are not determined, its motion is. A contact that slides has
+//! F = n − μ d. Of a box that slides without turning the rows F have the rank of R, and its motion is determined. Where its contacts
+//! slide in different directions, or with different coefficients of friction, F has a larger rank.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::response::thin_factor;
+use super::{Constraint, SeveralProblem};
+
+/// Singular values of K below this share of the largest count as zero.
+const NULL: f64 = 1e-9;
+/// Changes of forces whose effect on the motion is below this share of that of the largest single force count as without effect:
+/// directions of slip have an error of 1e-6.
+const EFFECT: f64 = 1e-5;
+/// Impulses below this share of the largest are zero.
+const LOADED: f64 = 1e-9;
+/// Slip below this share of the velocities has no direction.
+const SLIPS: f64 = 1e-6;
+
+/// For each of the forces of contacts that last, whether it takes part in a change of forces that keeps all constraints and changes
+/// the motion. If it is `false` for all, the motion is unique although forces may not be.
+///
+/// `delassus` is K = R M⁻¹ Fᵀ, with the rows R that the constraints hold and the directions F of their forces, n − μ d for a contact
+/// that slides; `gram` is F M⁻¹ Fᵀ. All forces are taken as changeable in both directions: contacts without load and joints whose
+/// dry friction is exhausted are left out.
+///
+/// ```
+/// use carom_impact::undetermined;
+/// use nalgebra::dmatrix;
+///
+/// // A block of 1 kg between two walls, sliding down: R = ±x, F = ±x + μ y. A squeeze brakes it.
+/// let mu = 0.5;
+/// let k = dmatrix![1.0, -1.0; -1.0, 1.0];
+/// let gram = dmatrix![1.0 + mu * mu, -1.0 + mu * mu; -1.0 + mu * mu, 1.0 + mu * mu];
+/// assert_eq!(undetermined(&k, &gram), [true, true]);
+/// // Without friction it does not.
+/// assert_eq!(undetermined(&k, &k), [false, false]);
+/// ```
+pub fn undetermined(delassus: &DMatrix<f64>, gram: &DMatrix<f64>) -> Vec<bool> {
+    let m = gram.nrows();
+    let mut found = vec![false; m];
+    let size = |j: usize| if gram[(j, j)] > 0.0 { gram[(j, j)].sqrt().recip() } else { 0.0 };
+    let sizes = DVector::from_fn(m, |j, _| size(j));
+    let mut scaled = DMatrix::from_fn(m, m, |i, j| delassus[(i, j)] * sizes[j]);
+    for mut row in scaled.row_iter_mut() {
+        let most = row.amax();
+        if most > 0.0 {
+            row /= most;
+        }
+    }
+    let gram = DMatrix::from_fn(m, m, |i, j| gram[(i, j)] * sizes[i] * sizes[j]);
+    let Some(svd) = scaled.try_svd(false, true, f64::EPSILON, 1000) else { return found };
+    let Some(v_t) = svd.v_t else { return found };
+    let least = NULL * svd.singular_values.amax();
+    for (value, row) in svd.singular_values.iter().zip(v_t.row_iter()) {
+        let null = row.transpose();
+        // Rows of zeros: a direction that a chain does not have.
+        if *value > least || null.iter().zip(&sizes).all(|(x, size)| *size == 0.0 || x.abs() <= EFFECT) {
+            continue;
+        }
+        if null.dot(&(&gram * &null)) > EFFECT * EFFECT {
+            found.iter_mut().zip(&null).for_each(|(found, x)| *found |= x.abs() > EFFECT);
+        }
+    }
+    found
+}
+
+impl SeveralProblem {
+    /// Whether other impulses satisfy the law as well, in the modes of these, and give other velocities.
+    pub(super) fn has_others(&self, impulse: &DVector<f64>, u_plus: &DVector<f64>) -> bool {
+        let loads = LOADED * impulse.amax();
+        let slips = SLIPS * self.u_minus.amax().max(self.u_free.amax());
+        // The rows that are held; the columns of the directions of impulses.
+        let (mut held, mut along, mut slides) = (Vec::new(), Vec::new(), 0);
+        for (row, constraint) in self.rows() {
+            let unit = |k: usize| [(k, 1.0), (k, 0.0), (k, 0.0)];
+            match *constraint {
+                Constraint::Contact { friction, .. } if impulse[row + 2] > loads => {
+                    let slip = u_plus[row].hypot(u_plus[row + 1]);
+                    held.push(row + 2);
+                    if slip > slips && friction > 0.0 {
+                        let [x, y] = [row, row + 1].map(|k| (k, -friction * u_plus[k] / slip));
+                        along.push([(row + 2, 1.0), x, y]);
+                        slides += 1;
+                    } else {
+                        along.push(unit(row + 2));
+                        if friction > 0.0 {
+                            held.extend([row, row + 1]);
+                            along.extend([unit(row), unit(row + 1)]);
+                        }
+                    }
+                }
+                Constraint::Stop { .. } if impulse[row] > loads => {
+                    held.push(row);
+                    along.push(unit(row));
+                }
+                Constraint::Held => {
+                    held.push(row);
+                    along.push(unit(row));
+                }
+                Constraint::Dry { bound } if impulse[row].abs() < bound => {
+                    held.push(row);
+                    along.push(unit(row));
+                }
+                _ => {}
+            }
+        }
+        let m = held.len();
+        if slides == 0 || m < 2 {
+            return false;
+        }
+        let h = &self.delassus;
+        let own = DMatrix::from_fn(m, m, |i, j| h[(held[i], held[j])]);
+        if thin_factor(&own, m - 1).is_none() {
+            return false; // independent rows
+        }
+        let k = DMatrix::from_fn(m, m, |i, j| along[j].iter().map(|(row, share)| h[(held[i], *row)] * share).sum());
+        let gram = DMatrix::from_fn(m, m, |i, j| {
+            let of = |row: usize| along[j].iter().map(|(column, share)| h[(row, *column)] * share).sum::<f64>();
+            along[i].iter().map(|(row, share)| of(*row) * share).sum()
+        });
+        undetermined(&k, &gram).contains(&true)
+    }
+}

@@ -1,0 +1,200 @@
+//! Whether the motion with several contacts is unique.
+//!
+//! Two kinds of contacts leave it open:
+//!
+//! - **Redundant contacts that slide.** The constraints leave a change of their forces free, and with it friction, so the
+//!   accelerations depend on the convention by which forces are distributed (`held.rs`): a spinning box, corners with different
+//!   friction. The criterion is that of [`undetermined`]: K ν = 0 with Fᵀν ≠ 0. It is examined only where rows are redundant.
+//! - **Several consistent modes** of the complementarity problem (`select.rs`). They need forces that balance each other inside
+//!   their friction cones, as those of a block wedged between two walls, or a contact whose own force pulls the bodies together
+//!   (Painlevé): n H n < μ |H_tn|. Where one of both is possible the problem is solved again from zero forces and from large ones,
+//!   and the accelerations are compared.
+//!
+//! That no forces balance each other, K λ = 0, is certified by a velocity v = M⁻¹Rᵀc with F v > 0 for all rays of the cones, for a
+//! contact at rest n·u > μ |t·u|: then cᵀK λ = λᵀF v > 0 (Gordan's theorem). Rosenblatt's perceptron finds it in a few steps where
+//! contacts push to one side, as those of a body that lies on a floor.
+
+use super::assembled::Assembled;
+use super::lasting::{Hold, Lasting};
+use super::select::Solution;
+use super::smooth::Motion;
+use crate::error::SimError;
+use crate::state::{Basis, Space};
+use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
+use nalgebra::{DMatrix, DVector};
+
+/// Steps of the perceptron.
+const STEPS: usize = 64;
+/// A velocity is inside the dual cones if it leaves this share of its size.
+const INSIDE: f64 = 1e-9;
+/// Forces of the second start, as a multiple of those of the solution.
+const SQUEEZE: f64 = 1e3;
+/// Iterations for a second solution: those that exist are near the start.
+const FEW: usize = 200;
+/// Accelerations differ by more than this share of the largest.
+const DIFFER: f64 = 1e-6;
+
+/// Why the motion is not unique.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NonUnique {
+    /// It depends on how forces are distributed over redundant contacts, of which some slide.
+    Distribution,
+    /// Several modes of the contacts are consistent, with different accelerations.
+    Modes,
+}
+
+impl NonUnique {
+    /// The reason in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Distribution => "the motion depends on the distribution of forces over redundant contacts",
+            Self::Modes => "several modes of the contacts are consistent",
+        }
+    }
+}
+
+impl Assembled {
+    /// For each rigid contact whether its force is not determined, and the motion depends on it.
+    pub fn undetermined(&self) -> Vec<bool> {
+        let constraints = &self.constraints;
+        let none = vec![false; constraints.contacts.len()];
+        // Contacts whose slip begins are independent.
+        if !constraints.skew || constraints.rows.len() < 2 || !constraints.starts.is_empty() {
+            return none;
+        }
+        let own = constraints.rows.times(&self.own_responses);
+        if Basis::of(&own).rows.len() == constraints.rows.len() {
+            return none;
+        }
+        let forces = undetermined(&self.delassus(), &constraints.forces.times(&self.responses));
+        constraints.contacts.iter().map(|contact| forces[contact.rows.clone()].contains(&true)).collect()
+    }
+}
+
+impl<A: Space> Motion<'_, A> {
+    /// The flags of the lasting contacts in the present mode, in their order.
+    pub fn flags(&self) -> Vec<Flags> {
+        let mut rigid = self.assembled.undetermined().into_iter();
+        let flag = |own: &Lasting| {
+            let open = own.is_rigid() && rigid.next().unwrap_or_default();
+            if open { Flags::NON_UNIQUE } else { Flags::NONE }
+        };
+        self.lasting.iter().map(flag).collect()
+    }
+
+    /// The touches whose forces leave the motion open in the present mode, with the reason.
+    pub fn open(&mut self, time: f64, y: &[f64]) -> Result<Option<(NonUnique, Vec<usize>)>, SimError> {
+        if let Some(touches) = &self.other_mode {
+            return Ok(Some((NonUnique::Modes, touches.clone())));
+        }
+        if self.lasting.iter().filter(|own| own.is_rigid()).count() < 2 {
+            return Ok(None);
+        }
+        let lasting = std::mem::take(&mut self.lasting);
+        let mut found = std::mem::take(&mut self.assembled);
+        let assembled = self.assemble((time, y), &lasting, &mut found);
+        (self.lasting, self.assembled) = (lasting, found);
+        assembled?;
+        let flags = self.flags();
+        let open = self.lasting.iter().zip(&flags).filter(|(_, flags)| flags.contains(Flags::NON_UNIQUE));
+        let touches: Vec<usize> = open.map(|(own, _)| own.touch).collect();
+        Ok((!touches.is_empty()).then_some((NonUnique::Distribution, touches)))
+    }
+
+    /// Whether the complementarity problem has a solution with other accelerations than these.
+    pub(super) fn has_other_mode(
+        &self,
+        problem: &SeveralProblem,
+        entries: &[Lasting],
+        found: &Assembled,
+        solution: &Solution,
+    ) -> Result<bool, SimError> {
+        if !self.may_have_other_modes(entries, found) {
+            return Ok(false);
+        }
+        let accuracy = Accuracy { tolerance: super::select::ACCURACY.tolerance, max_iterations: FEW };
+        // Along the forces, too: the weight of a block between walls does not act along their normals.
+        let Assembled { constraints, free, .. } = found;
+        let terms = |row: &[f64]| row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        let largest = constraints.forces.iter().map(terms).fold(solution.scale[0], f64::max);
+        let mobility = found.delassus().diagonal().amax().max(f64::MIN_POSITIVE);
+        let force = solution.scale[1].max(largest / mobility);
+        let mut squeezed = DVector::zeros(solution.force.len());
+        for contact in &found.constraints.contacts {
+            squeezed[contact.rows.end - 1] = SQUEEZE * force;
+        }
+        for start in [DVector::zeros(solution.force.len()), squeezed] {
+            let other = problem.simultaneous(&accuracy, Some(&start))?;
+            if other.residual > super::select::UNSOLVED {
+                continue;
+            }
+            let mut change = DVector::<f64>::zeros(found.free.len());
+            for (response, force) in found.responses.iter().zip((other.impulse - &solution.force).iter()) {
+                change.iter_mut().zip(response).for_each(|(a, x)| *a += force * x);
+            }
+            if found.constraints.rows.iter().chain(found.constraints.forces.iter()).any(|row| {
+                let a: f64 = row.iter().zip(change.iter()).map(|(r, a)| r * a).sum();
+                a.abs() > DIFFER * largest
+            }) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    fn may_have_other_modes(&self, entries: &[Lasting], found: &Assembled) -> bool {
+        let mu = |own: &Lasting| self.sim.touches[own.touch].contact.law.friction();
+        let rigid: Vec<&Lasting> = entries.iter().filter(|own| own.is_rigid()).collect();
+        if rigid.iter().all(|own| mu(own) == 0.0 || self.sim.touches[own.touch].link().is_none()) {
+            return false;
+        }
+        let k = found.delassus();
+        let pulls = found.constraints.contacts.iter().zip(&rigid).any(|(contact, own)| {
+            let n = contact.rows.end - 1;
+            let across = k.view((contact.rows.start, n), (contact.rows.len() - 1, 1)).norm();
+            own.hold != Hold::Latched && k[(n, n)] <= if contact.rows.len() == 3 { mu(own) * across } else { 0.0 }
+        });
+        pulls || (found.constraints.rows.len() > 1 && rigid.len() > 1 && !self.push_to_one_side(&rigid, found))
+    }
+
+    /// Whether a velocity certifies that no forces of these contacts balance each other.
+    fn push_to_one_side(&self, rigid: &[&Lasting], found: &Assembled) -> bool {
+        let constraints = &found.constraints;
+        if !constraints.joints.is_empty() || rigid.iter().any(|own| own.hold == Hold::Latched) {
+            return false;
+        }
+        let own = if constraints.skew { &found.own_responses } else { &found.responses };
+        let (gram, forces): (DMatrix<f64>, DMatrix<f64>) = (constraints.rows.times(own), constraints.forces.times(own));
+        let m = gram.nrows();
+        // v = M⁻¹Rᵀ c; u = F v.
+        let mut u = DVector::<f64>::zeros(m);
+        let mut c = DVector::<f64>::zeros(m);
+        for _ in 0..STEPS {
+            let size = c.dot(&(&gram * &c)).max(0.0).sqrt();
+            // The contact that is farthest outside, with the ray of its cone that shows it.
+            let mut worst: Option<(f64, DVector<f64>)> = None;
+            for (contact, own) in constraints.contacts.iter().zip(rigid) {
+                let (first, n) = (contact.rows.start, contact.rows.end - 1);
+                let mut ray = DVector::zeros(m);
+                ray[n] = 1.0;
+                let slip = u.rows(first, n - first).norm();
+                if n > first && slip > 0.0 {
+                    let mu = self.sim.touches[own.touch].contact.law.friction();
+                    (first..n).for_each(|row| ray[row] = -mu * u[row] / slip);
+                }
+                let length = ray.dot(&(&gram * &ray)).max(f64::MIN_POSITIVE).sqrt();
+                let inside = ray.dot(&u) / length;
+                if worst.as_ref().is_none_or(|(least, _)| inside < *least) {
+                    worst = Some((inside, ray / length));
+                }
+            }
+            let Some((inside, ray)) = worst else { return false };
+            if inside > INSIDE * size && size > 0.0 {
+                return true;
+            }
+            u += &forces * &ray;
+            c += ray;
+        }
+        false
+    }
+}
