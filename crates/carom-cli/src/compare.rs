@@ -117,6 +117,9 @@ impl CompareCommand {
             let cases: Vec<Option<TossCases>> =
                 sets.iter().map(|set| toss_cases(set, &options).map_err(refuse)).collect::<Result<_, _>>()?;
             let cases: Vec<TossCases> = cases.into_iter().flatten().collect();
+            if cases.is_empty() {
+                return Err(CliError::Option("--export: none of the data sets has tosses".into()));
+            }
             let json = to_json(&cases).map_err(CliError::Output)?;
             return write_whole(file, &format!("{json}\n"));
         }
