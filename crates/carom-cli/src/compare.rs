@@ -6,7 +6,9 @@ use crate::fit::Bar;
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer};
 use carom_study::Horizon;
-use carom_study::compare::{CompareError, CompareOptions, Comparison, compare, data_sets, markdown, summary, svg};
+use carom_study::compare::{
+    CompareError, CompareOptions, Comparison, TossCases, compare, data_sets, markdown, summary, svg, toss_cases,
+};
 use clap::{Args, builder::PossibleValuesParser};
 use serde::Serialize;
 use std::io::{self, Write};
@@ -31,6 +33,9 @@ use std::path::PathBuf;
 /// JSON keys: seed, folds, comparisons [{set, what, measure, numbers, folds, left_out, rows [{law,
 ///   several, coefficients [{name, values}], mean, standard_error, median, below_threshold, to_best
 ///   {mean, standard_error}, refused, errors}], bound and floor {mean, standard_error, median}}].
+/// JSON keys of --export, for each set of tosses: set, urdf, gravity, folds, seed, trials, horizon,
+///   length, max_friction, cases [{number, fold, fitted, fitted_start and given_start {q, qd}, times,
+///   poses [q], early (index of the last sample to 0.1 s after the first impact)}].
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct CompareCommand {
@@ -69,6 +74,10 @@ pub struct CompareCommand {
     /// Folder for the tables, pictures and the JSON file
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
+    /// Write the tosses with their starts, folds and measured poses to a JSON file, for other
+    /// simulators, and compare nothing
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "json"], verbatim_doc_comment)]
+    export: Option<PathBuf>,
     /// Print one line of JSON, with the error of every measurement, instead of a table
     #[arg(long)]
     json: bool,
@@ -87,6 +96,7 @@ impl CompareCommand {
         if let Some(folder) = &self.out {
             files::check_folder("--out", folder)?;
         }
+        files::check(&[], &[("--export", self.export.as_deref())])?;
         let options = CompareOptions {
             folds: self.folds,
             seed: self.seed,
@@ -102,6 +112,16 @@ impl CompareCommand {
         let mut sets = Vec::new();
         for path in &self.data {
             sets.extend(data_sets(path, &load).map_err(refuse)?);
+        }
+        if let Some(file) = &self.export {
+            let cases: Vec<Option<TossCases>> =
+                sets.iter().map(|set| toss_cases(set, &options).map_err(refuse)).collect::<Result<_, _>>()?;
+            let cases: Vec<TossCases> = cases.into_iter().flatten().collect();
+            if cases.is_empty() {
+                return Err(CliError::Option("--export: none of the data sets has tosses".into()));
+            }
+            let json = to_json(&cases).map_err(CliError::Output)?;
+            return write_whole(file, &format!("{json}\n"));
         }
         let mut comparisons: Vec<Vec<Comparison>> = Vec::new();
         for set in &sets {

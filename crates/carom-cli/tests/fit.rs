@@ -184,6 +184,8 @@ fn a_comparison_writes_tables_pictures_and_json() {
     let rule = "it holds no data set: a folder needs tosses.csv with a URDF, or a CSV table with the columns pre_vx … of single \
                 impacts";
     desk.refused("compare out", &format!("out: {rule}"));
+    desk.refused("compare data --export cases.json", "--export: none of the data sets has tosses");
+    assert!(!desk.0.join("cases.json").exists());
     desk.refused("compare data --folds 1", "number of folds is 1: it must be at least 2");
 }
 

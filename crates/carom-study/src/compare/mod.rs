@@ -12,12 +12,14 @@
 //! | `statistics.rs` | folds, means, paired differences |
 //! | `impacts.rs` | the protocol for single impacts |
 //! | `tosses.rs` | the protocol for tosses, and the floor from the noise of the start |
+//! | `cases.rs` | the tosses and their folds, for other simulators |
 //! | `page.rs`, `picture.rs` | a table in Markdown and a picture of each set |
 //!
 //! A minimum of a law's mean error over its coefficients is sought by a grid and by the Nelder–Mead method for single
 //! impacts, and by a grid that is refined around its best point for tosses.
 
 mod candidates;
+mod cases;
 mod data;
 mod impacts;
 mod page;
@@ -25,6 +27,7 @@ mod picture;
 mod statistics;
 mod tosses;
 
+pub use cases::{TossCase, TossCases, TossStart, toss_cases};
 pub use data::{CompareError, DataSet, data_sets};
 pub use page::{markdown, summary};
 pub use picture::svg;

@@ -2,11 +2,12 @@
 //! from both starts.
 
 use super::candidates::Candidate;
+use super::cases::{TossCase, TossCases, TossStart};
 use super::data::{CompareError, DataSet};
 use super::statistics::{Spread, folds, shuffled};
 use super::{CompareOptions, Comparison, Judged, Progress, rows};
 use crate::fit::Region;
-use crate::tosses::{Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, Tosses};
+use crate::tosses::{GRAVITY, Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, Tosses};
 use carom_sim::{ContactLaw, ContactRule, Moment, SimError};
 use rayon::prelude::*;
 
@@ -35,29 +36,46 @@ struct Trial {
     errors: Vec<f64>,
 }
 
+/// The tosses of a set as [`compare`] uses them.
+pub(super) fn export(set: &DataSet, tosses: &Tosses, options: &CompareOptions) -> Result<TossCases, CompareError> {
+    let work = Work::new(set, tosses, options)?;
+    let case = |(k, kept): (usize, &Kept<'_>)| {
+        let Kept { toss, given, launch } = kept;
+        let samples = &toss.samples[launch.sample..];
+        let start = |launch: &Launch| TossStart { q: launch.q.clone(), qd: launch.qd.clone() };
+        TossCase {
+            number: toss.number,
+            fold: work.fold_of[k],
+            fitted: work.fitted.contains(&k),
+            fitted_start: start(launch),
+            given_start: start(given),
+            times: samples.iter().map(|sample| sample.time - samples[0].time).collect(),
+            poses: samples.iter().map(|sample| sample.q.clone()).collect(),
+            early: launch.end(toss, Horizon::Early).map_or(0, |end| end - launch.sample),
+        }
+    };
+    Ok(TossCases {
+        set: set.name.clone(),
+        urdf: tosses.urdf.clone(),
+        gravity: GRAVITY.into(),
+        folds: options.folds,
+        seed: options.seed,
+        trials: options.trials,
+        horizon: options.horizon.name(),
+        length: options.length,
+        max_friction: options.max_friction,
+        cases: work.kept.iter().enumerate().map(case).collect(),
+    })
+}
+
 pub(super) fn compare(
     set: &DataSet,
     tosses: &Tosses,
     options: &CompareOptions,
     progress: Progress<'_>,
 ) -> Result<Vec<Comparison>, CompareError> {
-    let launches = tosses.launches(Start::Fitted).into_iter().zip(tosses.launches(Start::Given));
-    let mut kept = Vec::new();
-    for (toss, both) in tosses.tosses.iter().zip(launches) {
-        let (Ok(launch), Ok(given)) = both else { continue };
-        if launch.end(toss, Horizon::Early).is_some() {
-            kept.push(Kept { toss, given, launch });
-        }
-    }
-    let (found, needed) = (kept.len(), 2 * options.folds);
-    if found < needed {
-        return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
-    }
-    let fold_of = folds(found, options.folds, options.seed);
-    // at least two of each fold, so that every fold leaves some to fit
-    let fitted: Vec<usize> = shuffled(found, options.seed).into_iter().take(options.tosses.max(needed)).collect();
-    let work = Work { tosses, options, kept, fold_of, fitted };
-
+    let work = Work::new(set, tosses, options)?;
+    let found = work.kept.len();
     let candidates = Candidate::all_for_tosses();
     let all = candidates.len() + 1;
     let mut judged: Vec<[Judged; 4]> = Vec::new();
@@ -93,6 +111,28 @@ pub(super) fn compare(
 
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
+}
+
+impl<'a> Work<'a> {
+    /// Deals the tosses that both starts and an impact are known of out to the folds, and chooses those that are fitted.
+    fn new(set: &DataSet, tosses: &'a Tosses, options: &'a CompareOptions) -> Result<Self, CompareError> {
+        let launches = tosses.launches(Start::Fitted).into_iter().zip(tosses.launches(Start::Given));
+        let mut kept = Vec::new();
+        for (toss, both) in tosses.tosses.iter().zip(launches) {
+            let (Ok(launch), Ok(given)) = both else { continue };
+            if launch.end(toss, Horizon::Early).is_some() {
+                kept.push(Kept { toss, given, launch });
+            }
+        }
+        let (found, needed) = (kept.len(), 2 * options.folds);
+        if found < needed {
+            return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
+        }
+        let fold_of = folds(found, options.folds, options.seed);
+        // at least two of each fold, so that every fold leaves some to fit
+        let fitted: Vec<usize> = shuffled(found, options.seed).into_iter().take(options.tosses.max(needed)).collect();
+        Ok(Self { tosses, options, kept, fold_of, fitted })
+    }
 }
 
 impl Work<'_> {

@@ -27,6 +27,8 @@ pub use roll_out::{Horizon, PoseError, RollOut, RollOutOptions};
 pub struct Tosses {
     /// The robot, with a floating base.
     pub chain: Chain,
+    /// The file of the robot.
+    pub urdf: PathBuf,
     /// The tosses, in the order of the table.
     pub tosses: Vec<Toss>,
 }
@@ -82,7 +84,7 @@ impl Tosses {
         chain.check_dynamics().map_err(|e| refuse(&urdf, e.to_string()))?;
         let table = folder.join("tosses.csv");
         let tosses = read_table(&table, &chain).map_err(|reason| refuse(&table, reason))?;
-        Ok(Self { chain, tosses })
+        Ok(Self { chain, urdf, tosses })
     }
 
     /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
@@ -94,7 +96,7 @@ impl Tosses {
 }
 
 /// Gravity of all tosses, m/s².
-const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
+pub(crate) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// Simulation of a chain above the floor z = 0.
 fn on_floor(chain: &Chain, contact: &ContactRule) -> Result<Simulation, SimError> {

@@ -1,7 +1,7 @@
 //! Comparisons of all laws on synthetic data: the law that made the data wins, and a fold's coefficients do not know the fold.
 
 use super::*;
-use carom_study::compare::{CompareOptions, Comparison, DataSet, compare, data_sets};
+use carom_study::compare::{CompareOptions, Comparison, DataSet, compare, data_sets, toss_cases};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -137,7 +137,8 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
     let urdf = format!("{}/../../robots/ball.urdf", env!("CARGO_MANIFEST_DIR"));
     std::fs::copy(urdf, folder.0.join("ball.urdf")).unwrap();
     let options = CompareOptions { folds: 2, trials: 36, tosses: 4, ..CompareOptions::default() };
-    let all = compare(&folder.set(), &options, QUIETLY).unwrap();
+    let set = folder.set();
+    let all = compare(&set, &options, QUIETLY).unwrap();
     assert_eq!(all.len(), 4);
     assert_eq!(all[0].numbers.len(), 8);
     let of = |part: usize, law: &str| {
@@ -156,6 +157,39 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
         assert!(fitted.estimate.mean < 1e-6 && given.estimate.mean > 1e-4, "{fitted:?} {given:?}");
     }
     assert!(all[1].rows.iter().all(|row| row.below_threshold.is_some()));
+
+    // what is exported is enough to compute the errors of the table again: start, fold, poses, end of the early part
+    let cases = toss_cases(&set, &options).unwrap().unwrap();
+    assert_eq!((cases.set.as_str(), cases.trials, cases.horizon), (all[0].set.as_str(), 36, "early"));
+    assert_eq!(cases.cases.iter().map(|case| case.number).collect::<Vec<_>>(), all[0].numbers);
+    assert_eq!(cases.cases.iter().map(|case| case.fold).collect::<Vec<_>>(), all[0].folds);
+    assert_eq!(cases.cases.iter().filter(|case| case.fitted).count(), 4);
+    for (k, case) in cases.cases.iter().enumerate() {
+        for (part, start, end) in [
+            (0, &case.fitted_start, case.early),
+            (1, &case.fitted_start, case.poses.len() - 1),
+            (3, &case.given_start, case.poses.len() - 1),
+        ] {
+            let row =
+                all[part].rows.iter().find(|row| row.law == "energetic" && row.several == Some("moreau")).unwrap();
+            let [e, mu] = [0, 1].map(|c| row.coefficients[c].values[case.fold]);
+            let law = carom_impact::Energetic { restitution: e, friction: mu };
+            let last = case.times.len() - 1;
+            let every = case.times[last] / last as f64;
+            let rolled = trajectories::rolled(&ball, law, &start.q, &start.qd, every, case.times[last] + 1e-9);
+            let error = |(moment, pose): (&Moment, &Vec<f64>)| {
+                let turn = |q: &[f64]| {
+                    nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]))
+                };
+                let place = (0..3).map(|k| (moment.q[k] - pose[k]).powi(2)).sum::<f64>();
+                place / cases.length + turn(&moment.q).angle_to(&turn(pose)).powi(2)
+            };
+            let sum: f64 = rolled.iter().zip(&case.poses).take(end + 1).map(error).sum();
+            // the tolerances of the two simulations are 1e-6 and 1e-5
+            let (found, told) = (sum / (end + 1) as f64, row.errors[k]);
+            assert!((found - told).abs() < 1e-4 * told + 1e-7, "toss {}, part {part}: {found} {told}", case.number);
+        }
+    }
 }
 
 #[test]

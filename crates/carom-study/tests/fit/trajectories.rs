@@ -261,7 +261,7 @@ fn a_fitted_start_does_not_need_the_velocities_of_the_table() {
     for sample in wrong.iter_mut().flat_map(|toss| &mut toss.samples) {
         sample.qd[0] += 0.1;
     }
-    let tosses = Tosses { chain: ball, tosses: wrong };
+    let tosses = Tosses { chain: ball, urdf: "ball.urdf".into(), tosses: wrong };
     let rule = carom_sim::ContactRule::new(law);
     let errors = |start| {
         let options = RollOutOptions { start, tolerance: 1e-9, ..RollOutOptions::default() };
@@ -279,26 +279,38 @@ fn a_fitted_start_does_not_need_the_velocities_of_the_table() {
     }
 }
 
+/// The samples of a motion above the floor z = 0.
+pub(super) fn rolled(
+    chain: &Chain,
+    law: carom_impact::Energetic,
+    q: &[f64],
+    qd: &[f64],
+    every: f64,
+    duration: f64,
+) -> Vec<Moment> {
+    let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let contact = carom_sim::ContactRule::new(law);
+    let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact, motion: None };
+    let touches = carom_sim::Touch::all(chain, &[floor], 0.0).unwrap().touches;
+    let simulation = carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(chain.clone(), touches) };
+    let mut samples: Vec<Moment> = Vec::new();
+    let sampling = carom_sim::Sampling { every: Some(every), dense: false };
+    let mut keep = |seen: carom_sim::Seen| {
+        if let carom_sim::Seen::Moment(moment) = seen {
+            samples.push(moment.clone());
+        }
+    };
+    simulation.stream(q, qd, duration, sampling, &mut keep).unwrap();
+    samples
+}
+
 /// Tosses of a chain above the floor z = 0, computed with a law and sampled every 10 ms for 0.5 s.
 pub(super) fn thrown(chain: &Chain, law: carom_impact::Energetic, rng: &mut Rng, count: i64) -> Vec<Toss> {
     let one = |number| {
         let (mut q, mut qd) = tossed(rng);
         q[2] = 0.15 + 0.1 * rng.f64();
         qd[2] *= 0.2;
-        let obstacle = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
-        let contact = carom_sim::ContactRule::new(law);
-        let floor = carom_sim::Surface { name: "floor".into(), obstacle, contact, motion: None };
-        let touches = carom_sim::Touch::all(chain, &[floor], 0.0).unwrap().touches;
-        let simulation =
-            carom_sim::Simulation { gravity: GRAVITY, ..carom_sim::Simulation::new(chain.clone(), touches) };
-        let mut samples: Vec<Moment> = Vec::new();
-        let sampling = carom_sim::Sampling { every: Some(0.01), dense: false };
-        let mut keep = |seen: carom_sim::Seen| {
-            if let carom_sim::Seen::Moment(moment) = seen {
-                samples.push(moment.clone());
-            }
-        };
-        simulation.stream(&q, &qd, 0.5, sampling, &mut keep).unwrap();
+        let samples = rolled(chain, law, &q, &qd, 0.01, 0.5);
         Toss { number, samples }
     };
     (0..count).map(one).collect()
@@ -310,7 +322,7 @@ fn a_fit_to_tosses_of_a_ball_recovers_the_coefficients() {
     let ball = load("ball");
     let law = carom_impact::Energetic { restitution: 0.62, friction: 0.13 };
     let tosses = thrown(&ball, law, &mut Rng::with_seed(12), 8);
-    let tosses = Tosses { chain: ball, tosses };
+    let tosses = Tosses { chain: ball, urdf: "ball.urdf".into(), tosses };
     let options = FitOptions { train: 0.5, ..ALL };
     let fit = fit_trajectories(&tosses, &options, &RollOutOptions::default(), QUIET).unwrap();
     // resolution of the search: 1/50 of its range, halved a few times
