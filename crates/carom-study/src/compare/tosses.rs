@@ -1,21 +1,22 @@
 //! The protocol for tosses: coefficients are fitted to roll-outs from fitted starts, and judged on both parts of the tosses
 //! from both starts.
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Parameter};
 use super::data::{CompareError, DataSet};
+use super::scenes::{effects, rule, scene};
+use super::search::{Trial, descend};
 use super::statistics::{Spread, folds, shuffled};
-use super::{CompareOptions, Comparison, Judged, Progress, rows};
-use crate::fit::Region;
-use crate::tosses::{Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, Tosses};
-use carom_sim::{ContactLaw, ContactRule, Moment, SimError};
+use super::{CompareOptions, Comparison, Judged, Progress, chosen, rows};
+use crate::tosses::{Horizon, Launch, PoseError, RollOut, RollOutOptions, Scene, Start, Toss, Tosses};
+use carom_chain::urdf::Robot;
+use carom_sim::{Moment, SimError};
 use rayon::prelude::*;
-
-/// The search for coefficients ends when its step is below this share of the range.
-const FINEST: f64 = 0.01;
+use std::cell::RefCell;
 
 /// The tosses that are compared, with both starts.
 struct Work<'a> {
     tosses: &'a Tosses,
+    robot: &'a Robot,
     options: &'a CompareOptions,
     kept: Vec<Kept<'a>>,
     fold_of: Vec<usize>,
@@ -29,15 +30,10 @@ struct Kept<'a> {
     launch: Launch,
 }
 
-/// A set of coefficients and the errors of the tosses to which coefficients are fitted.
-struct Trial {
-    x: Vec<f64>,
-    errors: Vec<f64>,
-}
-
 pub(super) fn compare(
     set: &DataSet,
     tosses: &Tosses,
+    robot: &Robot,
     options: &CompareOptions,
     progress: Progress<'_>,
 ) -> Result<Vec<Comparison>, CompareError> {
@@ -56,14 +52,29 @@ pub(super) fn compare(
     let fold_of = folds(found, options.folds, options.seed);
     // at least two of each fold, so that every fold leaves some to fit
     let fitted: Vec<usize> = shuffled(found, options.seed).into_iter().take(options.tosses.max(needed)).collect();
-    let work = Work { tosses, options, kept, fold_of, fitted };
+    let work = Work { tosses, robot, options, kept, fold_of, fitted };
 
     let candidates = Candidate::all_for_tosses();
-    let all = candidates.len() + 1;
+    let effects = effects(robot);
+    let all = candidates.len() + effects.len() + 1;
     let mut judged: Vec<[Judged; 4]> = Vec::new();
+    let tell = |k: usize, candidate: &Candidate| {
+        let effects = candidate.effects.iter().map(|effect| format!(" + {}", effect.name())).collect::<String>();
+        progress(k, all, &format!("{}: {} ({}){effects}", set.name, candidate.law, candidate.several.name()));
+    };
     for (k, candidate) in candidates.into_iter().enumerate() {
-        progress(k, all, &format!("{}: {} ({})", set.name, candidate.law, candidate.several.name()));
-        judged.push(work.judge(candidate));
+        tell(k, &candidate);
+        judged.push(work.judge(candidate, None));
+    }
+    // the effects are added to the law with the least training error
+    let training = |one: &[Judged; 4]| one[0].training.iter().flatten().sum::<f64>();
+    let mut last = (0..judged.len()).min_by(|a, b| training(&judged[*a]).total_cmp(&training(&judged[*b]))).unwrap_or(0);
+    for effect in effects {
+        let candidate = judged[last][0].candidate.with(effect);
+        tell(judged.len(), &candidate);
+        let next = work.judge(candidate, Some(&judged[last][0]));
+        last = judged.len();
+        judged.push(next);
     }
     progress(all - 1, all, &format!("{}: floor", set.name));
     let best = judged.iter().min_by(|a, b| mean(&a[0].errors).total_cmp(&mean(&b[0].errors)));
@@ -84,6 +95,7 @@ pub(super) fn compare(
         numbers: work.kept.iter().map(|kept| kept.toss.number).collect(),
         folds: work.fold_of.clone(),
         left_out: tosses.tosses.len() - found,
+        selected: chosen(&judged, &work.fold_of),
         rows: rows(judged, true, k % 2 == 1),
         bound: None,
         floor: floors.as_ref().map(|floors| Spread::of(&floors[k])),
@@ -102,81 +114,91 @@ impl Work<'_> {
         RollOutOptions { tolerance, contact_step, length, start, horizon, several }
     }
 
-    fn rule(candidate: &Candidate, x: &[f64]) -> ContactRule {
-        let law = ContactLaw::named(candidate.law, candidate.coefficients(x));
-        ContactRule::new(law.unwrap_or_else(|| unreachable!("the candidates have the names of laws")))
+    fn scene(&self, candidate: &Candidate, x: &[f64]) -> Scene {
+        scene(self.robot, &self.tosses.chain, candidate, x)
     }
 
-    /// The errors of the tosses that are fitted, at the coefficients `x`; infinite where a roll-out is refused.
-    fn tried(&self, candidate: &Candidate, x: &[f64]) -> Vec<f64> {
-        let (rule, roll) = (Self::rule(candidate, x), self.roll(candidate));
+    /// The fitted starts of tosses for the parameters `x`: fitted again if the flight depends on them.
+    fn launches(&self, candidate: &Candidate, x: &[f64], scene: &Scene, of: &[usize]) -> Vec<Launch> {
+        let moves = flight(candidate, x).iter().any(|(parameter, x)| *x != parameter.nominal());
         let one = |&k: &usize| {
             let Kept { toss, launch, .. } = &self.kept[k];
-            let rolled = launch.roll_out(&self.tosses.chain, toss, &rule, &roll, roll.horizon);
-            rolled.ok().and_then(|rolled| rolled.error(roll.horizon, roll.length)).unwrap_or(f64::INFINITY)
+            if moves { launch.refitted(&scene.chain, toss) } else { launch.clone() }
         };
-        self.fitted.par_iter().map(one).collect()
+        of.par_iter().map(one).collect()
     }
 
-    /// Coefficients for each fold, fitted without it: a grid, then steps along each coefficient from the best point, halved
-    /// where none is better. The folds share their trials.
-    fn fit(&self, candidate: &Candidate) -> Vec<Vec<f64>> {
+    /// Parameters for each fold, fitted without it, and the errors to which they were fitted. A model with effects starts from
+    /// the model without the last one.
+    fn fit(&self, candidate: &Candidate, simpler: Option<&Judged>) -> Vec<Trial> {
         let region = candidate.region(self.options.max_friction);
-        let budget = self.options.trials;
-        let mut trials: Vec<Trial> = Vec::new();
-        let add = |trials: &mut Vec<Trial>, x: Vec<f64>| {
-            if trials.len() < budget && trials.iter().all(|trial| trial.x != x) {
-                trials.push(Trial { errors: self.tried(candidate, &x), x });
+        let roll = self.roll(candidate);
+        let seen: RefCell<Vec<Trial>> = RefCell::default();
+        let starts: RefCell<Vec<(Vec<(Parameter, f64)>, Vec<Launch>)>> = RefCell::default();
+        // The errors of all tosses that are fitted; a fold reads those outside it. Folds share the trials at the same point.
+        let errors = |x: &[f64]| -> Vec<f64> {
+            if let Some(trial) = seen.borrow().iter().find(|trial| trial.x == x) {
+                return trial.errors.clone();
             }
-        };
-        for x in region.points() {
-            add(&mut trials, x);
-        }
-        let best = |trials: &[Trial], fold: usize| {
-            let cost = |trial: &Trial| {
-                let outside = self.fitted.iter().zip(&trial.errors).filter(|(k, _)| self.fold_of[**k] != fold);
-                outside.map(|(_, error)| error).sum::<f64>()
+            let (rule, scene, key) = (rule(candidate, x), self.scene(candidate, x), flight(candidate, x));
+            let known = starts.borrow().iter().position(|(other, _)| *other == key);
+            let known = known.unwrap_or_else(|| {
+                let launches = self.launches(candidate, x, &scene, &self.fitted);
+                starts.borrow_mut().push((key, launches));
+                starts.borrow().len() - 1
+            });
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let rolled = launch.roll_out(&scene, self.kept[k].toss, &rule, &roll, roll.horizon);
+                rolled.ok().and_then(|rolled| rolled.error(roll.horizon, roll.length)).unwrap_or(f64::INFINITY)
             };
-            let costs = trials.iter().map(|trial| (cost(trial), &trial.x));
-            costs.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, x)| x.clone())
+            let errors: Vec<f64> = self.fitted.par_iter().zip(&starts.borrow()[known].1).map(one).collect();
+            seen.borrow_mut().push(Trial { x: x.to_vec(), errors: errors.clone() });
+            errors
         };
-        let mut at: Vec<(Vec<f64>, f64)> =
-            (0..self.options.folds).map(|fold| (best(&trials, fold), FIRST_STEP)).collect();
-        while trials.len() < budget && at.iter().any(|(_, step)| *step >= FINEST) {
-            for (fold, (x, step)) in at.iter_mut().enumerate().filter(|(_, (_, step))| *step >= FINEST) {
-                for around in around(&region, x, *step) {
-                    add(&mut trials, around);
-                }
-                let next = best(&trials, fold);
-                if next == *x {
-                    *step *= 0.5;
-                }
-                *x = next;
-            }
-        }
-        (0..self.options.folds).map(|fold| best(&trials, fold)).collect()
+        let in_fold = |fold: usize| {
+            let outside = |x: &[f64]| -> Vec<f64> {
+                let all = errors(x);
+                self.fitted.iter().zip(all).filter(|(k, _)| self.fold_of[**k] != fold).map(|(_, error)| error).collect()
+            };
+            let begin = match simpler {
+                Some(simpler) => vec![candidate.nominal(&simpler.candidate, &simpler.coefficients[fold])],
+                None => region.points(),
+            };
+            let budget = (self.options.trials + 1).saturating_sub(begin.len());
+            descend(&region, begin, budget, &outside)
+        };
+        (0..self.options.folds).filter_map(in_fold).collect()
     }
 
-    /// The errors of all tosses by the coefficients that were fitted without their fold: early and whole from the fitted start,
+    /// The errors of all tosses by the parameters that were fitted without their fold: early and whole from the fitted start,
     /// early and whole from the given one.
-    fn judge(&self, candidate: Candidate) -> [Judged; 4] {
-        let coefficients = self.fit(&candidate);
-        let rules: Vec<ContactRule> = coefficients.iter().map(|x| Self::rule(&candidate, x)).collect();
+    fn judge(&self, candidate: Candidate, simpler: Option<&Judged>) -> [Judged; 4] {
+        let (coefficients, training): (Vec<Vec<f64>>, Vec<Vec<f64>>) =
+            self.fit(&candidate, simpler).into_iter().map(|trial| (trial.x, trial.errors)).unzip();
         let roll = self.roll(&candidate);
-        let one = |k: usize| {
-            let Kept { toss, given, launch } = &self.kept[k];
-            let rule = &rules[self.fold_of[k]];
-            let errors = |launch: &Launch| {
-                let rolled = launch.roll_out(&self.tosses.chain, toss, rule, &roll, Horizon::Whole);
-                let of = |rolled: &RollOut, horizon| rolled.error(horizon, roll.length).unwrap_or(f64::INFINITY);
-                rolled.map_or([f64::INFINITY; 2], |one| [of(&one, Horizon::Early), of(&one, Horizon::Whole)])
+        let mut all: Vec<Vec<f64>> = vec![Vec::new(); self.kept.len()];
+        for (fold, x) in coefficients.iter().enumerate() {
+            let (rule, scene) = (rule(&candidate, x), self.scene(&candidate, x));
+            let held: Vec<usize> = (0..self.kept.len()).filter(|k| self.fold_of[*k] == fold).collect();
+            let launches = self.launches(&candidate, x, &scene, &held);
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let Kept { toss, given, .. } = &self.kept[k];
+                let errors = |launch: &Launch| {
+                    let rolled = launch.roll_out(&scene, toss, &rule, &roll, Horizon::Whole);
+                    let of = |rolled: &RollOut, horizon| rolled.error(horizon, roll.length).unwrap_or(f64::INFINITY);
+                    rolled.map_or([f64::INFINITY; 2], |one| [of(&one, Horizon::Early), of(&one, Horizon::Whole)])
+                };
+                (k, [errors(launch), errors(given)].concat())
             };
-            [errors(launch), errors(given)].concat()
-        };
-        let all: Vec<Vec<f64>> = (0..self.kept.len()).into_par_iter().map(one).collect();
+            let judged: Vec<(usize, Vec<f64>)> = held.par_iter().zip(&launches).map(one).collect();
+            for (k, errors) in judged {
+                all[k] = errors;
+            }
+        }
         [0, 1, 2, 3].map(|part| Judged {
             candidate: candidate.clone(),
             coefficients: coefficients.clone(),
+            training: training.clone(),
             errors: all.iter().map(|errors| errors[part]).collect(),
         })
     }
@@ -186,17 +208,19 @@ impl Work<'_> {
     fn floors(&self, best: &Judged) -> [Vec<f64>; 4] {
         let roll = self.roll(&best.candidate);
         let one = |k: usize| -> Option<Vec<f64>> {
-            let Kept { toss, given, launch } = &self.kept[k];
-            let rule = Self::rule(&best.candidate, &best.coefficients[self.fold_of[k]]);
+            let Kept { toss, given, .. } = &self.kept[k];
+            let x = &best.coefficients[self.fold_of[k]];
+            let (rule, scene) = (rule(&best.candidate, x), self.scene(&best.candidate, x));
+            let launch = self.launches(&best.candidate, x, &scene, &[k]).pop()?;
             let state = &launch.fitted.as_ref()?.state;
             let mut rng = fastrand::Rng::with_seed(self.options.seed.wrapping_add(k as u64));
-            let (q, qd) = state.drawn(&self.tosses.chain, &mut || normal(&mut rng)).ok()?;
+            let (q, qd) = state.drawn(&scene.chain, &mut || normal(&mut rng)).ok()?;
             let drawn = Launch { q, qd, ..launch.clone() };
             let last = toss.samples.len() - 1;
             let simulated = |launch: &Launch| -> Result<Vec<Moment>, SimError> {
-                Ok(launch.simulate(&self.tosses.chain, toss, last, &rule, &roll)?.0)
+                Ok(launch.simulate(&scene, toss, last, &rule, &roll)?.0)
             };
-            let truth = simulated(launch).ok()?;
+            let truth = simulated(&launch).ok()?;
             let early = launch.end(toss, Horizon::Early)? - launch.sample;
             let mut errors = Vec::new();
             for other in [&drawn, given] {
@@ -213,20 +237,10 @@ impl Work<'_> {
     }
 }
 
-/// The first step of the search, as a share of the range.
-const FIRST_STEP: f64 = 0.08;
-
-/// The points one step along each coefficient from `x`, within the box.
-fn around(region: &Region, x: &[f64], step: f64) -> Vec<Vec<f64>> {
-    let mut points = Vec::new();
-    for (k, &(low, high)) in region.bounds.iter().enumerate() {
-        for sign in [1.0, -1.0] {
-            let mut point = x.to_vec();
-            point[k] += sign * step * (high - low);
-            points.push(region.clamp(&point));
-        }
-    }
-    points
+/// The parameters on which the flight before the first impact depends, with their values.
+fn flight(candidate: &Candidate, x: &[f64]) -> Vec<(Parameter, f64)> {
+    let all = candidate.parameters.iter().copied().zip(x.iter().copied());
+    all.filter(|(parameter, _)| parameter.moves_flight()).collect()
 }
 
 /// A standard normal number (G. E. P. Box, M. E. Muller 1958).

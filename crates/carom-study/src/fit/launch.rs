@@ -71,27 +71,30 @@ pub fn launch(chain: &Chain, gravity: Vector3<f64>, flight: &Flight) -> Result<L
     let z = flown.robust(DVector::from_vec([still, rate].concat()))?;
     let outliers = flown.leave_out(&z)?;
     let (z, settled) = flown.solve(z, Cost::SQUARES, SETTLED)?;
-    let rest = flown.residual(&z)?;
-    if !settled {
-        return Err(FitError::NotFlown { steps: MOST_STEPS, rest: rms(&rest) });
-    }
-    let slopes = flown.slopes(&z, &rest)?;
-    // Noise of its own in each coordinate, which two unknowns describe: (SᵀS)⁻¹Sᵀ = R⁻¹Qᵀ with S = Q R
-    let (nv, samples) = (chain.nv(), flown.flight.times.len());
-    let sigma = |v: usize| {
-        let squares: f64 = rest.iter().skip(v).step_by(nv).map(|x| x * x).sum();
-        (squares / (samples - 2) as f64).sqrt()
-    };
-    let sigmas: Vec<f64> = (0..nv).map(sigma).collect();
-    let qr = slopes.qr();
-    let inverse = qr.r().try_inverse().unwrap_or_else(|| DMatrix::zeros(z.len(), z.len()));
-    let mut spread = inverse * qr.q().transpose();
-    for (k, mut column) in spread.column_iter_mut().enumerate() {
-        column *= sigmas[k % nv];
-    }
-    let qd = z.as_slice()[chain.nv()..].to_vec();
-    Ok(Launched { q: flown.pose(&z)?, qd, rest: rms(&rest), outliers, spread })
+    flown.launched(&z, settled, outliers)
 }
+
+/// The same for another inertia of the chain, from an earlier estimate and without its outliers.
+pub(crate) fn relaunch(
+    chain: &Chain,
+    gravity: Vector3<f64>,
+    flight: &Flight,
+    earlier: &Launched,
+) -> Result<Launched, FitError> {
+    let mut poses = flight.poses.clone();
+    unwrap(chain, &mut poses);
+    let begin = flight.times[0];
+    let seen = flight.times.iter().copied().zip(poses).filter(|(time, _)| !earlier.outliers.contains(time));
+    let (times, poses) = seen.unzip();
+    let (reference, metric) = (earlier.q.clone(), pose_metric(chain, &earlier.q)?);
+    let flown = Flown { chain, gravity, begin, flight: Flight { times, poses }, reference, metric };
+    let z = DVector::from_vec([vec![0.0; chain.nv()], earlier.qd.clone()].concat());
+    let (z, settled) = flown.solve(z, Cost::SQUARES, RESETTLED)?;
+    flown.launched(&z, settled, earlier.outliers.clone())
+}
+
+/// The iteration from an earlier estimate ends with a relative step below this.
+const RESETTLED: f64 = 1e-6;
 
 struct Flown<'a> {
     chain: &'a Chain,
@@ -105,6 +108,30 @@ struct Flown<'a> {
 impl Flown<'_> {
     fn pose(&self, z: &DVector<f64>) -> Result<Vec<f64>, FitError> {
         Ok(self.chain.integrate(&self.reference, &z.as_slice()[..self.chain.nv()], 1.0)?)
+    }
+
+    /// The estimate at the solution `z`.
+    fn launched(&self, z: &DVector<f64>, settled: bool, outliers: Vec<f64>) -> Result<Launched, FitError> {
+        let rest = self.residual(z)?;
+        if !settled {
+            return Err(FitError::NotFlown { steps: MOST_STEPS, rest: rms(&rest) });
+        }
+        let slopes = self.slopes(z, &rest)?;
+        // Noise of its own in each coordinate, which two unknowns describe: (SᵀS)⁻¹Sᵀ = R⁻¹Qᵀ with S = Q R
+        let (nv, samples) = (self.chain.nv(), self.flight.times.len());
+        let sigma = |v: usize| {
+            let squares: f64 = rest.iter().skip(v).step_by(nv).map(|x| x * x).sum();
+            (squares / (samples - 2) as f64).sqrt()
+        };
+        let sigmas: Vec<f64> = (0..nv).map(sigma).collect();
+        let qr = slopes.qr();
+        let inverse = qr.r().try_inverse().unwrap_or_else(|| DMatrix::zeros(z.len(), z.len()));
+        let mut spread = inverse * qr.q().transpose();
+        for (k, mut column) in spread.column_iter_mut().enumerate() {
+            column *= sigmas[k % nv];
+        }
+        let qd = z.as_slice()[self.chain.nv()..].to_vec();
+        Ok(Launched { q: self.pose(z)?, qd, rest: rms(&rest), outliers, spread })
     }
 
     /// Removes the outliers of a fit and returns their times; none if too few samples would remain.

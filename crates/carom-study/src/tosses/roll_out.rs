@@ -1,7 +1,6 @@
 //! Simulation of a toss, and its error against the measured poses.
 
-use super::{Launch, Start, Toss, TossError, Tosses, on_floor};
-use carom_chain::Chain;
+use super::{Launch, Scene, Start, Toss, TossError, Tosses, on_floor};
 use carom_sim::{ContactRule, Moment, Sampling, Seen, SeveralLaw, SimError, Simulation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -101,9 +100,9 @@ impl Tosses {
     /// Simulates all tosses in parallel with contact rule `contact`, each to its last sample. Results are in the order of the
     /// tosses.
     pub fn roll_out(&self, contact: &ContactRule, options: &RollOutOptions) -> Vec<Result<RollOut, TossError>> {
-        let launches = self.launches(options.start);
+        let (launches, scene) = (self.launches(options.start), self.scene());
         let one = |(toss, launch): (&Toss, Result<Launch, TossError>)| {
-            launch?.roll_out(&self.chain, toss, contact, options, Horizon::Whole)
+            launch?.roll_out(&scene, toss, contact, options, Horizon::Whole)
         };
         self.tosses.par_iter().zip(launches).map(one).collect()
     }
@@ -126,7 +125,7 @@ impl Launch {
     /// errors are those up to there.
     pub(crate) fn roll_out(
         &self,
-        chain: &Chain,
+        scene: &Scene,
         toss: &Toss,
         contact: &ContactRule,
         options: &RollOutOptions,
@@ -134,8 +133,8 @@ impl Launch {
     ) -> Result<RollOut, TossError> {
         let refuse = |reason: SimError| TossError::Simulation { number: toss.number, reason };
         let last = self.end(toss, horizon).unwrap_or(toss.samples.len() - 1);
-        let (rolled, events) = self.simulate(chain, toss, last, contact, options).map_err(refuse)?;
-        let simulation = on_floor(chain, contact).map_err(refuse)?;
+        let (rolled, events) = self.simulate(scene, toss, last, contact, options).map_err(refuse)?;
+        let simulation = on_floor(scene, contact).map_err(refuse)?;
         let mut deepest = 0.0_f64;
         for moment in &rolled {
             deepest = deepest.max(-simulation.smallest_gap(&moment.q).map_err(refuse)?);
@@ -162,7 +161,7 @@ impl Launch {
     /// The simulated states at the samples from the start to the sample `last`, and the number of events.
     pub(crate) fn simulate(
         &self,
-        chain: &Chain,
+        scene: &Scene,
         toss: &Toss,
         last: usize,
         contact: &ContactRule,
@@ -172,7 +171,7 @@ impl Launch {
             tolerance: options.tolerance,
             contact_step: options.contact_step,
             several: options.several,
-            ..on_floor(chain, contact)?
+            ..on_floor(scene, contact)?
         };
         // sampled at the spacing of the measured samples
         let measured = &toss.samples[self.sample..=last];
