@@ -33,8 +33,10 @@ pub(super) enum Effect {
     Hinge,
     /// Moments of inertia of every link about its own axes, as multiples of those in the URDF.
     Inertia,
-    /// Mass of the links after the first one, as a multiple of that in the URDF.
+    /// The same, and the mass of the links after the first one as a multiple of that in the URDF.
     Masses,
+    /// Offsets of the origins of the joints from those in the URDF, along the axes of the parent link.
+    Placement,
     /// Another height of the floor than z = 0.
     Floor,
 }
@@ -64,6 +66,8 @@ pub(super) enum Parameter {
     Inertia(usize),
     /// Multiple of [`Effect::Masses`].
     Mass,
+    /// Offset of [`Effect::Placement`] along an axis, m: 0 for x, 1 for y, 2 for z.
+    Offset(usize),
     /// Height of the floor, m.
     Height,
 }
@@ -79,6 +83,7 @@ impl Effect {
             Self::Hinge => "hinge",
             Self::Inertia => "inertia",
             Self::Masses => "masses",
+            Self::Placement => "placement",
             Self::Floor => "floor",
         }
     }
@@ -91,7 +96,8 @@ impl Effect {
             Self::Corners => &[Parameter::Radius, Parameter::Growth],
             Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
             Self::Inertia => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2)],
-            Self::Masses => &[Parameter::Mass],
+            Self::Masses => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2), Parameter::Mass],
+            Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
             Self::Floor => &[Parameter::Height],
         }
     }
@@ -113,6 +119,9 @@ impl Parameter {
             Self::Inertia(1) => "inertia_y",
             Self::Inertia(_) => "inertia_z",
             Self::Mass => "mass",
+            Self::Offset(0) => "offset_x",
+            Self::Offset(1) => "offset_y",
+            Self::Offset(_) => "offset_z",
             Self::Height => "floor_height",
         }
     }
@@ -133,6 +142,9 @@ impl Parameter {
             Self::Inertia(1) => "I_y",
             Self::Inertia(_) => "I_z",
             Self::Mass => "mass",
+            Self::Offset(0) => "offset x",
+            Self::Offset(1) => "y",
+            Self::Offset(_) => "z",
             Self::Height => "floor",
         }
     }
@@ -149,6 +161,7 @@ impl Parameter {
             Self::Damping => (0.0, 0.01),
             Self::DryFriction => (0.0, 0.05),
             Self::Inertia(_) | Self::Mass => (0.2, 2.0),
+            Self::Offset(_) => (-0.015, 0.015),
             Self::Height => (-0.01, 0.01),
         }
     }
@@ -173,7 +186,7 @@ impl Parameter {
 
     /// Whether the start of a roll-out, which is fitted to the free flight, depends on the parameter.
     pub fn moves_flight(self) -> bool {
-        matches!(self, Self::Inertia(_) | Self::Mass)
+        matches!(self, Self::Inertia(_) | Self::Mass | Self::Offset(_))
     }
 }
 

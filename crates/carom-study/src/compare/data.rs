@@ -283,12 +283,7 @@ fn passive((mass, inertia): (f64, f64), before: Vector3<f64>, after: Vector3<f64
 /// one time near it: the flight before the impact is followed to the instant, back or forth, and both vertical velocities
 /// change by gravity in between. The state after the impact is from `count` samples. `None` for a small tilt, and for a
 /// mistracked impact.
-fn struck_square(
-    pose: Vector3<f64>,
-    before: Vector3<f64>,
-    after: Vector3<f64>,
-    count: f64,
-) -> Option<PlanarImpact> {
+fn struck_square(pose: Vector3<f64>, before: Vector3<f64>, after: Vector3<f64>, count: f64) -> Option<PlanarImpact> {
     let at = |t: f64| {
         let (z, angle) = (pose.y + before.y * t - 0.5 * GRAVITY * t * t, pose.z + before.z * t);
         let corner = lowest_corner(SIDE, angle);

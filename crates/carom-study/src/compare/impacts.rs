@@ -2,9 +2,11 @@
 
 use super::candidates::Candidate;
 use super::data::{CompareError, DataSet, Impacts};
+use super::identify::weakest;
 use super::planar::PlanarImpact;
 use super::statistics::{Spread, folds};
-use super::{CompareOptions, Comparison, Judged, Progress, best, chosen, rows};
+use super::{CompareOptions, Comparison, Judged, Progress, best, centre, chosen, rows};
+use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -51,6 +53,14 @@ pub(super) fn compare(
         let of = |(impact, &fold): (&PlanarImpact, &usize)| impact.bound(&best.candidate, &best.coefficients[fold]);
         impacts.iter().zip(&fold_of).map(of).collect()
     };
+    let direction = |best: &Judged| {
+        let model = &best.candidate;
+        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+            let one = |impact: &PlanarImpact| Some(DVector::from_column_slice(impact.residual(model, x)?.as_slice()));
+            impacts.iter().map(one).collect()
+        };
+        weakest(model, &model.region(options.max_friction), &centre(&best.coefficients), &residuals)
+    };
     Ok(Comparison {
         set: set.name.clone(),
         what: (*what).into(),
@@ -59,6 +69,7 @@ pub(super) fn compare(
         left_out: *left_out,
         bound: best(&judged).map(|best| Spread::of(&bound(best))),
         floor: None,
+        weakest: best(&judged).and_then(direction),
         selected: chosen(&judged, &fold_of),
         rows: rows(judged, false, false),
         folds: fold_of,

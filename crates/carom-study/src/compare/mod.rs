@@ -10,6 +10,7 @@
 //! | `data.rs` | recognises and reads data sets |
 //! | `candidates.rs` | the models: laws, effects, and the parameters that are fitted |
 //! | `statistics.rs` | folds, means, paired differences |
+//! | `identify.rs` | the combination of parameters that the measurements determine least |
 //! | `selection.rs` | the choice among models by the measurements outside a fold |
 //! | `impacts.rs`, `planar.rs` | the protocol for single impacts, and what a model predicts for one |
 //! | `tosses.rs`, `search.rs` | the protocol for tosses, the search for parameters, the floor from the noise of the start |
@@ -21,6 +22,7 @@
 
 mod candidates;
 mod data;
+mod identify;
 mod impacts;
 mod page;
 mod picture;
@@ -32,6 +34,7 @@ mod statistics;
 mod tosses;
 
 pub use data::{CompareError, DataSet, data_sets};
+pub use identify::Weakest;
 pub use page::{markdown, summary};
 pub use picture::svg;
 pub use selection::Selected;
@@ -51,7 +54,7 @@ pub struct CompareOptions {
     pub seed: u64,
     /// Upper bound of the coefficients of friction.
     pub max_friction: f64,
-    /// Greatest number of sets of coefficients that a law tries on tosses.
+    /// Greatest number of sets of parameters that a model tries on tosses for each fold.
     pub trials: usize,
     /// Greatest number of tosses to which coefficients are fitted; all tosses are judged.
     pub tosses: usize,
@@ -110,6 +113,9 @@ pub struct Comparison {
     /// The models that the measurements outside each fold select.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub selected: Option<Selected>,
+    /// The combination of the best model's parameters that the measurements determine least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weakest: Option<Weakest>,
 }
 
 /// A law on one part of a data set.
@@ -219,6 +225,13 @@ fn best(judged: &[Judged]) -> Option<&Judged> {
     judged.iter().min_by(|a, b| mean(a).total_cmp(&mean(b)))
 }
 
+/// The mean of the parameters over the folds.
+fn centre(coefficients: &[Vec<f64>]) -> Vec<f64> {
+    let folds = coefficients.len() as f64;
+    let count = coefficients.first().map_or(0, Vec::len);
+    (0..count).map(|k| coefficients.iter().map(|x| x[k]).sum::<f64>() / folds).collect()
+}
+
 /// The errors, with the greatest one in place of those that are infinite.
 fn finite(errors: &[f64]) -> Vec<f64> {
     let greatest = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
@@ -230,7 +243,8 @@ fn rows(judged: Vec<Judged>, several: bool, threshold: bool) -> Vec<Row> {
     let simpler = |k: usize| -> Option<Estimate> {
         let candidate = &judged[k].candidate;
         let effects = candidate.effects.split_last()?.1;
-        let without = judged.iter().find(|one| candidate.extends(&one.candidate) && one.candidate.effects == effects)?;
+        let without =
+            judged.iter().find(|one| candidate.extends(&one.candidate) && one.candidate.effects == effects)?;
         Some(Estimate::of_pairs(&finite(&judged[k].errors), &finite(&without.errors)))
     };
     let simpler: Vec<Option<Estimate>> = (0..judged.len()).map(simpler).collect();
@@ -245,7 +259,11 @@ fn rows(judged: Vec<Judged>, several: bool, threshold: bool) -> Vec<Row> {
             several: several.then(|| candidate.several.name()),
             effects: candidate.effects.iter().map(|effect| effect.name()).collect(),
             coefficients: names
-                .map(|(k, parameter)| FittedCoefficient { name: parameter.name(), symbol: parameter.symbol(), values: of(k) })
+                .map(|(k, parameter)| FittedCoefficient {
+                    name: parameter.name(),
+                    symbol: parameter.symbol(),
+                    values: of(k),
+                })
                 .collect(),
             error: Spread::of(&errors),
             below_threshold: threshold.then_some(below),

@@ -1,7 +1,7 @@
 //! Tables of comparisons in Markdown.
 
 use super::candidates::Candidate;
-use super::{Comparison, Estimate, Row, Selected};
+use super::{Comparison, Estimate, Row, Selected, Weakest};
 use std::fmt::Write;
 
 /// A number with three or four significant digits.
@@ -102,12 +102,7 @@ fn table(one: &Comparison) -> String {
     line(&columns.iter().map(|_| "---".to_owned()).collect::<Vec<_>>());
     for (k, row) in one.rows.iter().enumerate() {
         let estimate = row.error.estimate;
-        let mut cells = vec![
-            name(row),
-            coefficients(row),
-            pair(estimate),
-            short(row.error.median),
-        ];
+        let mut cells = vec![name(row), coefficients(row), pair(estimate), short(row.error.median)];
         if threshold {
             cells.push(row.below_threshold.map_or(String::new(), |share| format!("{share:.3}")));
         }
@@ -134,7 +129,8 @@ fn table(one: &Comparison) -> String {
                 None => each.push((model, 1)),
             }
         }
-        let each: Vec<String> = each.iter().map(|(model, count)| format!("{model} ({count} of {})", models.len())).collect();
+        let each: Vec<String> =
+            each.iter().map(|(model, count)| format!("{model} ({count} of {})", models.len())).collect();
         let _ = writeln!(
             page,
             "\nSelected inside the training folds: {}. Mean {}, median {}; difference to the constant law selected in the \
@@ -143,6 +139,20 @@ fn table(one: &Comparison) -> String {
             pair(error.estimate),
             short(error.median),
             pair(*to_constant)
+        );
+    }
+    if let Some(Weakest { model, direction, deviation, least_deviation }) = &one.weakest {
+        let mut parts = direction.clone();
+        parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        parts.retain(|(_, w)| w.abs() >= 0.2);
+        let parts: Vec<String> = parts.iter().map(|(name, w)| format!("{w:+.2} {name}")).collect();
+        let _ = writeln!(
+            page,
+            "\nLeast determined combination of the parameters of {model}, as shares of their ranges: {}; standard deviation \
+             {} along it, {} along the best determined one.",
+            parts.join(" "),
+            short(*deviation),
+            short(*least_deviation)
         );
     }
     page
@@ -155,9 +165,7 @@ pub fn summary(comparisons: &[Comparison]) -> String {
     );
     for one in comparisons {
         let Some(best) = one.rows.first() else { continue };
-        let next = one.rows.get(1).map_or(String::new(), |row| {
-            format!("{}, {}", name(row), pair(row.to_best))
-        });
+        let next = one.rows.get(1).map_or(String::new(), |row| format!("{}, {}", name(row), pair(row.to_best)));
         let level = one.rows.iter().filter(|row| row.to_best.mean <= 2.0 * row.to_best.standard_error).count();
         let limit = one.bound.or(one.floor).map_or(String::new(), |spread| short(spread.estimate.mean));
         let estimate = best.error.estimate;

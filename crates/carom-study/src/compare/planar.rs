@@ -52,21 +52,26 @@ impl PlanarImpact {
         MeasuredImpact::of_planar_body(self.body, self.rows(arm), self.before, self.after)
     }
 
-    /// |v| in the metric of the kinetic energy, per square root of the mass, m/s.
-    fn norm(&self, v: Vector3<f64>) -> f64 {
+    /// A velocity whose norm is that in the metric of the kinetic energy, per square root of the mass, m/s.
+    fn scaled(&self, v: Vector3<f64>) -> Vector3<f64> {
         let (mass, inertia) = self.body;
-        (v.xy().norm_squared() + inertia / mass * v.z * v.z).sqrt()
+        Vector3::new(v.x, v.y, (inertia / mass).sqrt() * v.z)
     }
 
     /// |v − v⁺|/|v⁻| for the velocity v that a model predicts; infinite where its law refuses the impact.
     pub fn error(&self, model: &Candidate, x: &[f64]) -> f64 {
+        self.residual(model, x).map_or(f64::INFINITY, |residual| residual.norm())
+    }
+
+    /// The residual whose norm is [`error`](Self::error); `None` where the law refuses the impact.
+    pub fn residual(&self, model: &Candidate, x: &[f64]) -> Option<Vector3<f64>> {
         let arm = model.value(Parameter::Arm, x).unwrap_or(1.0);
         let strike = |rows, before| struck(self.body, rows, before, model, x);
-        let Some(mut v) = strike(self.rows(arm), self.before) else { return f64::INFINITY };
+        let mut v = strike(self.rows(arm), self.before)?;
         if let Some(sequel) = self.sequel.as_ref().filter(|_| model.effects.contains(&Effect::Strikes)) {
             v = sequel.measured(v, strike);
         }
-        self.norm(v - self.after) / self.norm(self.before)
+        Some(self.scaled(v - self.after) / self.scaled(self.before).norm())
     }
 
     /// The least error of any impulse at the contact point that does not pull.
@@ -188,4 +193,67 @@ fn corners(side: f64, angle: f64) -> [Vector2<f64>; 4] {
 /// The corner that is lowest, from the centre.
 pub(super) fn lowest_corner(side: f64, angle: f64) -> Vector2<f64> {
     corners(side, angle).into_iter().min_by(|a, b| a.y.total_cmp(&b.y)).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carom_impact::{Frictionless, Law};
+
+    const SIDE: f64 = 0.06;
+
+    fn sequel(samples: &[f64]) -> Sequel {
+        Sequel { side: SIDE, angle: 0.4, samples: samples.to_vec() }
+    }
+
+    /// A lossless impact without friction of a square of mass 1.
+    fn lossless(rows: [Vector3<f64>; 2], before: Vector3<f64>) -> Option<Vector3<f64>> {
+        let inverse = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, 6.0 / (SIDE * SIDE)));
+        let jacobian = Matrix2x3::from_rows(&rows.map(|row| row.transpose()));
+        let problem = ImpactProblem::new(jacobian * inverse * jacobian.transpose(), jacobian * before).ok()?;
+        Some(
+            before + inverse * jacobian.transpose() * Frictionless { restitution: 1.0 }.resolve(&problem).ok()?.impulse,
+        )
+    }
+
+    /// Lines through samples of a free flight give its velocity at the touching instant.
+    #[test]
+    fn a_flight_without_strikes_shows_its_velocity() {
+        let v = Vector3::new(0.3, 2.0, 5.0);
+        let seen = sequel(&[0.006, 0.01, 0.014, 0.018]).measured(v, |_, _| unreachable!("no corner strikes"));
+        assert!((seen - v).norm() < 1e-12, "{seen}");
+    }
+
+    /// The square turns towards its face, and further corners strike: without friction and loss the energy and the momentum
+    /// along the floor are kept from strike to strike, and no corner is below the floor at a sample.
+    #[test]
+    fn further_strikes_keep_energy_and_stay_above_the_floor() {
+        let v = Vector3::new(0.3, 0.2, -40.0);
+        let strikes = std::cell::Cell::new(0);
+        let count = |rows, before| {
+            strikes.set(strikes.get() + 1);
+            lossless(rows, before)
+        };
+        let seen = sequel(&[0.03, 0.031]).measured(v, count);
+        assert!(strikes.get() >= 1, "a corner strikes");
+        assert!((seen.x - v.x).abs() < 1e-9, "{seen}");
+        // two samples 1 ms apart, after all strikes, give the velocity between them: the energy is that of the launch
+        let corner = lowest_corner(SIDE, 0.4);
+        let energy = |v: Vector3<f64>| 0.5 * (v.xy().norm_squared() + SIDE * SIDE / 6.0 * v.z * v.z);
+        let mut flight = Falling { side: SIDE, time: 0.0, pose: Vector3::new(0.0, -corner.y, 0.4), v };
+        while let Some((time, corner)) = flight.next_strike(0.03) {
+            flight.advance(time);
+            let at = flight.corners(time)[corner] - flight.pose.xy();
+            assert!(flight.corners(time)[flight.lowest(time)].y > -1e-6);
+            flight.v = lossless([Vector3::new(1.0, 0.0, -at.y), Vector3::new(0.0, 1.0, at.x)], flight.v).unwrap();
+            let now = energy(flight.v) + GRAVITY * (flight.pose.y + corner_height(0.4));
+            assert!((now - energy(v)).abs() < 1e-6, "{now} {}", energy(v));
+        }
+        assert!((seen.z - flight.v.z).abs() < 1e-9, "{seen} {}", flight.v);
+    }
+
+    /// Height of the lowest corner over the centre.
+    fn corner_height(angle: f64) -> f64 {
+        lowest_corner(SIDE, angle).y
+    }
 }

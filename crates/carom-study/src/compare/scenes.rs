@@ -15,8 +15,8 @@ pub(super) fn effects(robot: &Robot) -> Vec<Effect> {
     let mut effects = Vec::new();
     effects.extend(boxes.then_some(Effect::Corners));
     effects.extend((!robot.joints.is_empty()).then_some(Effect::Hinge));
-    effects.push(Effect::Inertia);
-    effects.extend(several.then_some(Effect::Masses));
+    effects.push(if several { Effect::Masses } else { Effect::Inertia });
+    effects.extend((!robot.joints.is_empty()).then_some(Effect::Placement));
     effects.extend([Effect::Floor, Effect::Speed]);
     effects
 }
@@ -44,6 +44,9 @@ pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]
         link.collisions = link.collisions.iter().flat_map(|it| rounded(it, radius, growth)).collect();
     }
     for joint in &mut robot.joints {
+        for axis in 0..3 {
+            joint.origin.translation.vector[axis] += of(Parameter::Offset(axis));
+        }
         joint.damping += of(Parameter::Damping);
         joint.friction += of(Parameter::DryFriction);
     }

@@ -36,7 +36,8 @@ pub(super) fn descend(
     let mut steps = vec![FIRST_STEP; best.x.len()];
     let mut tried = 0;
     while steps.iter().any(|step: &f64| step.abs() >= FINEST) {
-        for k in 0..steps.len() {
+        // the parameters of the last effect, which have been moved least, first
+        for k in (0..steps.len()).rev() {
             let (low, high) = region.bounds[k];
             let mut better = false;
             for turn in [1.0, -1.0] {

@@ -58,7 +58,8 @@ fn in_fold(judged: &[Judged], fold: usize, effects: bool) -> Option<usize> {
                     gain.mean > ACCEPTED * gain.standard_error
                 }
             };
-            let Some(next) = (0..judged.len()).filter(further).min_by_key(|k| judged[*k].candidate.effects.len()) else {
+            let Some(next) = (0..judged.len()).filter(further).min_by_key(|k| judged[*k].candidate.effects.len())
+            else {
                 break;
             };
             at = next;

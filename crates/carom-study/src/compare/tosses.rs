@@ -3,13 +3,15 @@
 
 use super::candidates::{Candidate, Parameter};
 use super::data::{CompareError, DataSet};
+use super::identify::weakest;
 use super::scenes::{effects, rule, scene};
 use super::search::{Trial, descend};
 use super::statistics::{Spread, folds, shuffled};
-use super::{CompareOptions, Comparison, Judged, Progress, chosen, rows};
+use super::{CompareOptions, Comparison, Judged, Progress, Weakest, centre, chosen, rows};
 use crate::tosses::{Horizon, Launch, PoseError, RollOut, RollOutOptions, Scene, Start, Toss, Tosses};
 use carom_chain::urdf::Robot;
 use carom_sim::{Moment, SimError};
+use nalgebra::DVector;
 use rayon::prelude::*;
 use std::cell::RefCell;
 
@@ -68,7 +70,8 @@ pub(super) fn compare(
     }
     // the effects are added to the law with the least training error
     let training = |one: &[Judged; 4]| one[0].training.iter().flatten().sum::<f64>();
-    let mut last = (0..judged.len()).min_by(|a, b| training(&judged[*a]).total_cmp(&training(&judged[*b]))).unwrap_or(0);
+    let mut last =
+        (0..judged.len()).min_by(|a, b| training(&judged[*a]).total_cmp(&training(&judged[*b]))).unwrap_or(0);
     for effect in effects {
         let candidate = judged[last][0].candidate.with(effect);
         tell(judged.len(), &candidate);
@@ -79,6 +82,7 @@ pub(super) fn compare(
     progress(all - 1, all, &format!("{}: floor", set.name));
     let best = judged.iter().min_by(|a, b| mean(&a[0].errors).total_cmp(&mean(&b[0].errors)));
     let floors = best.map(|best| work.floors(&best[0]));
+    let weakest = best.and_then(|best| work.weakest(&best[0]));
     let mut parts: [Vec<Judged>; 4] = Default::default();
     for four in judged {
         for (part, one) in parts.iter_mut().zip(four) {
@@ -98,6 +102,7 @@ pub(super) fn compare(
         selected: chosen(&judged, &work.fold_of),
         rows: rows(judged, true, k % 2 == 1),
         bound: None,
+        weakest: weakest.clone().filter(|_| k == 0),
         floor: floors.as_ref().map(|floors| Spread::of(&floors[k])),
     };
     Ok(parts.into_iter().enumerate().map(comparison).collect())
@@ -201,6 +206,21 @@ impl Work<'_> {
             training: training.clone(),
             errors: all.iter().map(|errors| errors[part]).collect(),
         })
+    }
+
+    /// The combination of a model's parameters that the fitted tosses determine least.
+    fn weakest(&self, best: &Judged) -> Option<Weakest> {
+        let (model, roll) = (&best.candidate, self.roll(&best.candidate));
+        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+            let (rule, scene) = (rule(model, x), self.scene(model, x));
+            let launches = self.launches(model, x, &scene, &self.fitted);
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let residual = launch.residual(&scene, self.kept[k].toss, &rule, &roll);
+                residual.ok().map(DVector::from_vec)
+            };
+            self.fitted.par_iter().zip(&launches).map(one).collect()
+        };
+        weakest(model, &model.region(self.options.max_friction), &centre(&best.coefficients), &residuals)
     }
 
     /// The error of a law against itself: from a start drawn from the estimate instead of the estimate, and from the given

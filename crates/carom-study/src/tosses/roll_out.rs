@@ -158,6 +158,22 @@ impl Launch {
         })
     }
 
+    /// The residuals of a roll-out, whose squares sum up to [`RollOut::error`] of the part: for each sample |Δp|/√`length` in
+    /// world axes, the rotation vector, and the joint, over the square root of the number of samples.
+    pub(crate) fn residual(
+        &self,
+        scene: &Scene,
+        toss: &Toss,
+        contact: &ContactRule,
+        options: &RollOutOptions,
+    ) -> Result<Vec<f64>, SimError> {
+        let last = self.end(toss, options.horizon).unwrap_or(toss.samples.len() - 1);
+        let (rolled, _) = self.simulate(scene, toss, last, contact, options)?;
+        let share = (rolled.len() as f64).sqrt().recip();
+        let both = rolled.iter().zip(&toss.samples[self.sample..=last]);
+        Ok(both.flat_map(|(a, b)| apart(a, b, options.length)).map(|x| x * share).collect())
+    }
+
     /// The simulated states at the samples from the start to the sample `last`, and the number of events.
     pub(crate) fn simulate(
         &self,
@@ -215,11 +231,29 @@ impl RollOut {
     }
 }
 
+fn place(moment: &Moment) -> Vector3<f64> {
+    Vector3::from_column_slice(&moment.q[..3])
+}
+
+fn turn(moment: &Moment) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(moment.q[6], moment.q[3], moment.q[4], moment.q[5]))
+}
+
+/// An angle between −π and π.
+fn wrapped(x: f64) -> f64 {
+    (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+}
+
+/// The components of the difference between two poses, in the units of the measure.
+fn apart(a: &Moment, b: &Moment, length: f64) -> Vec<f64> {
+    let away = (place(a) - place(b)) / length.sqrt();
+    let turned = turn(b).rotation_to(&turn(a)).scaled_axis();
+    let joints = a.q[7..].iter().zip(&b.q[7..]).map(|(a, b)| wrapped(a - b));
+    away.iter().chain(turned.iter()).copied().chain(joints).collect()
+}
+
 impl PoseError {
     pub(crate) fn between(a: &Moment, b: &Moment) -> Self {
-        let place = |m: &Moment| Vector3::from_column_slice(&m.q[..3]);
-        let turn = |m: &Moment| UnitQuaternion::from_quaternion(Quaternion::new(m.q[6], m.q[3], m.q[4], m.q[5]));
-        let wrapped = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
         let joints = a.q[7..].iter().zip(&b.q[7..]);
         Self {
             position: (place(a) - place(b)).norm(),
