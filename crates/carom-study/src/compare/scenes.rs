@@ -107,3 +107,27 @@ impl Law<f64, 3> for AtSpeed {
         law.unwrap_or_else(|| unreachable!("the candidates have the names of laws")).resolve(problem)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Isometry3;
+
+    /// The support function of a box with edges a, rounded by r, is Σ |dᵢ| (aᵢ/2 − r) + r.
+    #[test]
+    fn rounded_corners_are_inside_the_box_that_they_belong_to() {
+        let size = Vector3::new(0.1, 0.06, 0.04);
+        let origin = Isometry3::translation(0.01, 0.0, -0.02);
+        let sharp = Collision { name: None, origin, shape: Shape::Box { size } };
+        let round = rounded(&sharp, 0.005, 0.002);
+        for d in [Vector3::x(), -Vector3::z(), Vector3::new(1.0, -2.0, 0.5).normalize()] {
+            let support = round.iter().map(|it| {
+                let Shape::Sphere { radius } = it.shape else { panic!("{it:?}") };
+                (it.origin.translation.vector - origin.translation.vector).dot(&d) + radius
+            });
+            let expected = d.abs().dot(&((size.add_scalar(0.002)) * 0.5).add_scalar(-0.005)) + 0.005;
+            assert!((support.fold(f64::MIN, f64::max) - expected).abs() < 1e-15, "{d}");
+        }
+        assert_eq!(rounded(&sharp, 0.0, 0.0), [sharp]);
+    }
+}
