@@ -28,6 +28,9 @@ pub struct Weakest {
     pub least_deviation: f64,
 }
 
+/// The residual of each measurement at parameters.
+pub(super) type Residuals<'a> = &'a dyn Fn(&[f64]) -> Vec<Option<DVector<f64>>>;
+
 /// Half of the step of the differences, as a share of the range.
 const STEP: f64 = 0.01;
 /// Derivatives beyond this number of medians are those of jumps.
@@ -35,12 +38,7 @@ const JUMP: f64 = 10.0;
 
 /// The weakest combination at the parameters `x`; `residuals` gives the residual of each measurement, of a fixed length, or
 /// `None` where the model refuses it. `None` with fewer than two parameters.
-pub(super) fn weakest(
-    model: &Candidate,
-    region: &Region,
-    x: &[f64],
-    residuals: &dyn Fn(&[f64]) -> Vec<Option<DVector<f64>>>,
-) -> Option<Weakest> {
+pub(super) fn weakest(model: &Candidate, region: &Region, x: &[f64], residuals: Residuals<'_>) -> Option<Weakest> {
     let p = x.len();
     if p < 2 {
         return None;

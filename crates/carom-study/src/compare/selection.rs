@@ -50,10 +50,10 @@ fn in_fold(judged: &[Judged], fold: usize, effects: bool) -> Option<usize> {
     let mean = |k: usize| Estimate::of(&training(k)).mean;
     let accepted = |law: usize| {
         let mut at = law;
-        while effects {
+        loop {
             let further = |k: &usize| {
                 let (own, other) = (&judged[*k].candidate, &judged[at].candidate);
-                own.effects.len() > other.effects.len() && own.extends(other) && {
+                effects && own.effects.len() > other.effects.len() && own.extends(other) && {
                     let gain = Estimate::of_pairs(&training(at), &training(*k));
                     gain.mean > ACCEPTED * gain.standard_error
                 }

@@ -143,7 +143,7 @@ impl<'a> Work<'a> {
         let region = candidate.region(self.options.max_friction);
         let roll = self.roll(candidate);
         let seen: RefCell<Vec<Trial>> = RefCell::default();
-        let starts: RefCell<Vec<(Vec<(Parameter, f64)>, Vec<Launch>)>> = RefCell::default();
+        let starts: RefCell<Vec<Starts>> = RefCell::default();
         // The errors of all tosses that are fitted; a fold reads those outside it. Folds share the trials at the same point.
         let errors = |x: &[f64]| -> Vec<f64> {
             if let Some(trial) = seen.borrow().iter().find(|trial| trial.x == x) {
@@ -261,6 +261,9 @@ impl<'a> Work<'a> {
     }
 }
 
+/// The starts of the tosses that are fitted, for parameters of [`flight`].
+type Starts = (Vec<(Parameter, f64)>, Vec<Launch>);
+
 /// The parameters on which the flight before the first impact depends, with their values.
 fn flight(candidate: &Candidate, x: &[f64]) -> Vec<(Parameter, f64)> {
     let all = candidate.parameters.iter().copied().zip(x.iter().copied());
@@ -349,8 +352,8 @@ mod tests {
         let by = super::super::Estimate::of_pairs(&rounded.errors, &sharp.errors);
         assert!(by.mean < -2.0 * by.standard_error, "{by:?}");
         // with the true parameters, whose law made the tosses, nothing but the tolerance of the simulation remains
-        let truth = Trial { x: vec![0.4, 0.2, 0.008, 0.0], errors: Vec::new() };
-        let (rule, scene) = (rule(&rounded.candidate, &truth.x), work.scene(&rounded.candidate, &truth.x));
+        let truth = [0.4, 0.2, 0.008, 0.0];
+        let (rule, scene) = (rule(&rounded.candidate, &truth), work.scene(&rounded.candidate, &truth));
         let roll = work.roll(&rounded.candidate);
         let of = |Kept { toss, launch, .. }: &Kept<'_>| {
             launch.roll_out(&scene, toss, &rule, &roll, Horizon::Early).unwrap().error(Horizon::Early, roll.length)

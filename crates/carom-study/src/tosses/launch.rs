@@ -102,7 +102,7 @@ impl Launch {
     /// The start for another inertia of the robot: a fitted state is fitted again, to the same samples. A state of the table,
     /// and one whose fit does not converge, is kept.
     pub(crate) fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
-        let again = |fitted: &Fitted| Some(relaunch(chain, GRAVITY, &self.flight(toss), &fitted.state).ok()?);
+        let again = |fitted: &Fitted| relaunch(chain, GRAVITY, &self.flight(toss), &fitted.state).ok();
         let Some((samples, state)) = self.fitted.as_ref().and_then(|old| Some((old.samples, again(old)?))) else {
             return self.clone();
         };
