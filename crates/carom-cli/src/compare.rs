@@ -24,15 +24,30 @@ use std::path::PathBuf;
 /// tosses.csv with a URDF (as for `carom tosses`; of several URDF files the one whose name begins
 /// the names of all others); a CSV table of single impacts of a planar ellipse (columns pre_vx,
 /// pre_vy, pre_w, post_…, d_x, d_y, d_th, n_…) or of a dropped square (columns drop, pre_x, pre_z,
-/// pre_th, pre_vx, pre_vz, pre_w, post_…). The names of the tables do not matter.
+/// pre_th, pre_vx, pre_vz, pre_w, post_…, n_post). The names of the tables do not matter.
+/// Models: every law with constant coefficients; then effects, each in addition to those before it:
+///   arm        the tangential lever arm of the ellipse as a multiple of that of the table
+///   strikes    strikes of further corners of the square before its velocity is measured
+///   corners    radius of the corners of boxes, and length added to their edges (tosses)
+///   hinge      viscous damping and dry friction of the joints (tosses)
+///   inertia    multiples of the moments of inertia (tosses of one link)
+///   masses     the same and a multiple of the masses after the first link (tosses of several)
+///   placement  offsets of the origins of the joints (tosses)
+///   floor      height of the floor (tosses)
+///   speed      restitution e (v/v1)^-nu for the approach speed v, with v1 = 1 m/s
+/// Effects are added to every law for single impacts, and for tosses to the law with the least error
+/// of the measurements that it is fitted to. For each fold a model is selected by the measurements
+/// outside it: an effect is accepted if it lowers their error by more than two standard errors.
 /// Output: for each set the best law, its mean error on held-out measurements with its standard
 /// error, the next law with the paired difference, and the bound of any impulse at the point or the
 /// floor from the noise of the start. Tosses are judged to 0.1 s after the first impact and as a
 /// whole, from starts fitted to the flight and from starts given by the table.
 /// --out writes a Markdown table and an SVG picture of each set, summary.md and compare.json.
 /// JSON keys: seed, folds, comparisons [{set, what, measure, numbers, folds, left_out, rows [{law,
-///   several, coefficients [{name, values}], mean, standard_error, median, below_threshold, to_best
-///   {mean, standard_error}, refused, errors}], bound and floor {mean, standard_error, median}}].
+///   several, effects, coefficients [{name, values}], mean, standard_error, median, below_threshold,
+///   to_best and to_simpler {mean, standard_error}, refused, errors}], bound and floor {mean,
+///   standard_error, median}, selected {models, mean, standard_error, median, to_constant, errors},
+///   weakest {model, direction [[name, component]], deviation, least_deviation}}].
 /// JSON keys of --export, for each set of tosses: set, urdf, gravity, folds, seed, trials, horizon,
 ///   length, max_friction, cases [{number, fold, fitted, fitted_start and given_start {q, qd}, times,
 ///   poses [q], early (index of the last sample to 0.1 s after the first impact)}].
@@ -53,10 +68,10 @@ pub struct CompareCommand {
     /// Largest friction of the search, above 0, at most 100
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
-    /// Sets of coefficients that each law may try on tosses
+    /// Sets of parameters that each model may try on tosses for each fold
     #[arg(long, value_name = "N", default_value_t = 40)]
     trials: usize,
-    /// Tosses to which coefficients are fitted; all tosses are judged
+    /// Tosses to which parameters are fitted; all tosses are judged
     #[arg(long, value_name = "N", default_value_t = 60)]
     tosses: usize,
     /// Part of the tosses whose error is fitted: whole, or early, to 0.1 s after the first impact

@@ -119,12 +119,10 @@ fn a_box_on_corners_with_different_friction_is_flagged_and_follows_the_conventio
 
     // Loads a + b x + c y: Σ λ = m g, Σ λ y = 0, Σ λ (x + μ h) = 0 with friction −μ λ along x at the height −h.
     let h = HALF[2];
-    let moments = |f: &dyn Fn(usize, &Vector3<f64>) -> f64, basis: usize| -> f64 {
-        let one = |(i, (_, p)): (usize, &(usize, Vector3<f64>))| [1.0, p.x, p.y][basis] * f(i, p);
-        corners.iter().enumerate().map(one).sum()
-    };
-    let rows: [&dyn Fn(usize, &Vector3<f64>) -> f64; 3] = [&|_, _| 1.0, &|_, p| p.y, &|i, p| p.x - mus[i] * h];
-    let matrix = nalgebra::Matrix3::from_fn(|i, j| moments(rows[i], j));
+    let row = |k: usize, i: usize| [1.0, corners[i].1.y, corners[i].1.x - mus[i] * h][k];
+    let moments =
+        |k: usize, basis: usize| (0..4).map(|i| [1.0, corners[i].1.x, corners[i].1.y][basis] * row(k, i)).sum::<f64>();
+    let matrix = nalgebra::Matrix3::from_fn(moments);
     let abc = matrix.lu().solve(&Vector3::new(MASS * G, 0.0, 0.0)).unwrap();
     let loads: Vec<f64> = corners.iter().map(|(_, p)| abc.dot(&Vector3::new(1.0, p.x, p.y))).collect();
     for (state, load) in told[..4].iter().zip(&loads) {
@@ -138,7 +136,7 @@ fn a_box_on_corners_with_different_friction_is_flagged_and_follows_the_conventio
     // Second order in the time.
     assert!((spin / (turn(&loads) * duration) - 1.0).abs() < 1e-3, "{spin} for {}", turn(&loads) * duration);
     // Another admissible split: the null vector of the three balances.
-    let balance = Matrix4::from_fn(|i, j| if i < 3 { rows[i](j, &corners[j].1) } else { 0.0 });
+    let balance = Matrix4::from_fn(|i, j| if i < 3 { row(i, j) } else { 0.0 });
     let null = balance.svd(false, true).v_t.unwrap().row(3).transpose();
     assert!((balance * null).norm() < 1e-12 * MASS * G);
     let other: Vec<f64> = (0..4).map(|i| loads[i] + null[i]).collect();

@@ -1,29 +1,106 @@
-//! The laws that are compared, and the search for their coefficients.
+//! The models that are compared: a law, the effects beyond constant coefficients, and the parameters that are fitted.
 
 use crate::fit::Region;
 use carom_impact::{Coefficients, LAW_NAMES};
 use carom_sim::SeveralLaw;
 
-/// A law, and for tosses the law of impacts of several contacts, whose coefficients are fitted.
+/// A law with effects, whose parameters are fitted.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Candidate {
     /// One of [`LAW_NAMES`].
     pub law: &'static str,
     /// The law of impacts of several contacts; irrelevant for single impacts.
     pub several: SeveralLaw,
-    /// The coefficients that are fitted.
+    /// What the model has beyond the law.
+    pub effects: Vec<Effect>,
+    /// The parameters that are fitted: the coefficients of the law, then those of the effects.
     pub parameters: Vec<Parameter>,
 }
 
-/// A coefficient that is fitted.
+/// An effect that a law with constant coefficients on the contact of the data set does not have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Effect {
+    /// Restitution that depends on the approach speed v: e = e₁ (v/v₁)^−ν with v₁ = 1 m/s, at most 1. ν = 1/4 for plastic
+    /// indentation (K. L. Johnson, Contact Mechanics, 1985, section 11.4).
+    Speed,
+    /// The tangential lever arm of the contact as a multiple of that of the table.
+    Arm,
+    /// Other corners of the body strike before the last sample from which the velocity after the impact is measured.
+    Strikes,
+    /// Boxes with other edges than in the URDF, and with rounded corners: spheres at the corners, inset by their radius.
+    Corners,
+    /// Viscous damping and dry friction of the joints.
+    Hinge,
+    /// Moments of inertia of every link about its own axes, as multiples of those in the URDF.
+    Inertia,
+    /// The same, and the mass of the links after the first one as a multiple of that in the URDF.
+    Masses,
+    /// Offsets of the origins of the joints from those in the URDF, along the axes of the parent link.
+    Placement,
+    /// Another height of the floor than z = 0.
+    Floor,
+}
+
+/// A quantity that is fitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Parameter {
-    /// Coefficient of restitution.
+    /// Coefficient of restitution; with [`Effect::Speed`] at an approach speed of 1 m/s.
     Restitution,
     /// Coefficient of friction.
     Friction,
     /// Coefficient of tangential restitution.
     Tangential,
+    /// ν of [`Effect::Speed`].
+    Exponent,
+    /// The multiple of [`Effect::Arm`].
+    Arm,
+    /// Radius of the corners of boxes, m.
+    Radius,
+    /// Length added to every edge of boxes, m.
+    Growth,
+    /// Viscous damping, N m s/rad.
+    Damping,
+    /// Dry friction, N m.
+    DryFriction,
+    /// Multiple of the moment of inertia about an axis of the link: 0 for x, 1 for y, 2 for z.
+    Inertia(usize),
+    /// Multiple of [`Effect::Masses`].
+    Mass,
+    /// Offset of [`Effect::Placement`] along an axis, m: 0 for x, 1 for y, 2 for z.
+    Offset(usize),
+    /// Height of the floor, m.
+    Height,
+}
+
+impl Effect {
+    /// Name of the effect.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Speed => "speed",
+            Self::Arm => "arm",
+            Self::Strikes => "strikes",
+            Self::Corners => "corners",
+            Self::Hinge => "hinge",
+            Self::Inertia => "inertia",
+            Self::Masses => "masses",
+            Self::Placement => "placement",
+            Self::Floor => "floor",
+        }
+    }
+
+    fn parameters(self) -> &'static [Parameter] {
+        match self {
+            Self::Speed => &[Parameter::Exponent],
+            Self::Arm => &[Parameter::Arm],
+            Self::Strikes => &[],
+            Self::Corners => &[Parameter::Radius, Parameter::Growth],
+            Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
+            Self::Inertia => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2)],
+            Self::Masses => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2), Parameter::Mass],
+            Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
+            Self::Floor => &[Parameter::Height],
+        }
+    }
 }
 
 impl Parameter {
@@ -32,6 +109,43 @@ impl Parameter {
             Self::Restitution => "restitution",
             Self::Friction => "friction",
             Self::Tangential => "tangential_restitution",
+            Self::Exponent => "speed_exponent",
+            Self::Arm => "arm",
+            Self::Radius => "corner_radius",
+            Self::Growth => "edge_growth",
+            Self::Damping => "damping",
+            Self::DryFriction => "dry_friction",
+            Self::Inertia(0) => "inertia_x",
+            Self::Inertia(1) => "inertia_y",
+            Self::Inertia(_) => "inertia_z",
+            Self::Mass => "mass",
+            Self::Offset(0) => "offset_x",
+            Self::Offset(1) => "offset_y",
+            Self::Offset(_) => "offset_z",
+            Self::Height => "floor_height",
+        }
+    }
+
+    /// Symbol in tables, with the unit of the number.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Restitution => "e",
+            Self::Friction => "μ",
+            Self::Tangential => "e_t",
+            Self::Exponent => "ν",
+            Self::Arm => "arm",
+            Self::Radius => "radius",
+            Self::Growth => "growth",
+            Self::Damping => "damping",
+            Self::DryFriction => "dry friction",
+            Self::Inertia(0) => "I_x",
+            Self::Inertia(1) => "I_y",
+            Self::Inertia(_) => "I_z",
+            Self::Mass => "mass",
+            Self::Offset(0) => "offset x",
+            Self::Offset(1) => "y",
+            Self::Offset(_) => "z",
+            Self::Height => "floor",
         }
     }
 
@@ -40,6 +154,15 @@ impl Parameter {
             Self::Restitution => (0.0, 1.0),
             Self::Friction => (0.0, max_friction),
             Self::Tangential => (-1.0, 1.0),
+            Self::Exponent => (-0.5, 0.5),
+            Self::Arm => (-1.5, 1.5),
+            Self::Radius => (0.0, 0.015),
+            Self::Growth => (-0.01, 0.01),
+            Self::Damping => (0.0, 0.01),
+            Self::DryFriction => (0.0, 0.05),
+            Self::Inertia(_) | Self::Mass => (0.2, 2.0),
+            Self::Offset(_) => (-0.015, 0.015),
+            Self::Height => (-0.01, 0.01),
         }
     }
 
@@ -47,13 +170,31 @@ impl Parameter {
         match self {
             Self::Restitution => vec![0.0, 0.2, 0.4, 0.6, 0.8],
             Self::Friction => [0.05, 0.15, 0.3, 0.6].map(|share| share * max_friction).to_vec(),
-            Self::Tangential => vec![0.0],
+            Self::Tangential | Self::Exponent => vec![0.0],
+            Self::Arm => vec![-1.0, 1.0],
+            _ => vec![self.nominal()],
         }
+    }
+
+    /// The value at which an effect is absent.
+    pub fn nominal(self) -> f64 {
+        match self {
+            Self::Arm | Self::Inertia(_) | Self::Mass => 1.0,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether the start of a roll-out, which is fitted to the free flight, depends on the parameter.
+    pub fn moves_flight(self) -> bool {
+        matches!(self, Self::Inertia(_) | Self::Mass | Self::Offset(_))
     }
 }
 
+/// Approach speed at which [`Effect::Speed`] has the restitution that is fitted, and the speed below which e is constant, m/s.
+const SPEEDS: (f64, f64) = (1.0, 0.1);
+
 impl Candidate {
-    /// Every law of [`LAW_NAMES`] with the coefficients that it has.
+    /// Every law of [`LAW_NAMES`] with the coefficients that it has, and no effect.
     pub fn all() -> Vec<Self> {
         use Parameter::{Friction, Restitution, Tangential};
         let parameters = |law| match law {
@@ -61,7 +202,8 @@ impl Candidate {
             "chatterjee-ruina" => vec![Restitution, Friction, Tangential],
             _ => vec![Restitution, Friction],
         };
-        let one = |law| Self { law, several: SeveralLaw::default(), parameters: parameters(law) };
+        let several = SeveralLaw::default();
+        let one = |law| Self { law, several, effects: Vec::new(), parameters: parameters(law) };
         LAW_NAMES.into_iter().map(one).collect()
     }
 
@@ -74,7 +216,26 @@ impl Candidate {
         all
     }
 
-    /// The box of the coefficients and a grid of starting values.
+    /// The model with one more effect.
+    pub fn with(&self, effect: Effect) -> Self {
+        let mut more = self.clone();
+        more.effects.push(effect);
+        more.parameters.extend(effect.parameters());
+        more
+    }
+
+    /// The values of the parameters at which the model is `simpler` with the values `x`.
+    pub fn nominal(&self, simpler: &Self, x: &[f64]) -> Vec<f64> {
+        let value = |own: &Parameter| simpler.value(*own, x).unwrap_or(own.nominal());
+        self.parameters.iter().map(value).collect()
+    }
+
+    /// Whether the model is another one with further effects.
+    pub fn extends(&self, other: &Self) -> bool {
+        self.law == other.law && self.several == other.several && self.effects.starts_with(&other.effects)
+    }
+
+    /// The box of the parameters and a grid of starting values.
     pub fn region(&self, max_friction: f64) -> Region {
         Region {
             bounds: self.parameters.iter().map(|parameter| parameter.bounds(max_friction)).collect(),
@@ -82,16 +243,19 @@ impl Candidate {
         }
     }
 
-    /// The coefficients as values of the law.
-    pub fn coefficients(&self, x: &[f64]) -> Coefficients {
-        let mut all = Coefficients::default();
-        for (parameter, &x) in self.parameters.iter().zip(x) {
-            match parameter {
-                Parameter::Restitution => all.restitution = x,
-                Parameter::Friction => all.friction = x,
-                Parameter::Tangential => all.tangential_restitution = x,
-            }
+    /// The value of a parameter; `None` if the model does not have it.
+    pub fn value(&self, parameter: Parameter, x: &[f64]) -> Option<f64> {
+        self.parameters.iter().zip(x).find(|(own, _)| **own == parameter).map(|(_, x)| *x)
+    }
+
+    /// The coefficients of the law at an approach speed, m/s.
+    pub fn coefficients(&self, x: &[f64], speed: f64) -> Coefficients {
+        let of = |parameter| self.value(parameter, x);
+        let slower = of(Parameter::Exponent).map_or(1.0, |nu| (speed.max(SPEEDS.1) / SPEEDS.0).powf(-nu));
+        Coefficients {
+            restitution: (of(Parameter::Restitution).unwrap_or_default() * slower).min(1.0),
+            friction: of(Parameter::Friction).unwrap_or_default(),
+            tangential_restitution: of(Parameter::Tangential).unwrap_or_default(),
         }
-        all
     }
 }

@@ -68,6 +68,6 @@ pub fn toss_cases(set: &DataSet, options: &CompareOptions) -> Result<Option<Toss
     options.check()?;
     match &set.data {
         Data::Impacts(_) => Ok(None),
-        Data::Tosses(all) => tosses::export(set, all, options).map(Some),
+        Data::Tosses(all, robot) => tosses::export(set, all, robot, options).map(Some),
     }
 }

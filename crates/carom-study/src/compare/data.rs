@@ -8,12 +8,14 @@
 //!
 //! The tables have no body parameters, so the bodies are constants of this file.
 
-use crate::fit::{FitError, MeasuredImpact};
-use crate::tosses::{TossError, Tosses};
-use carom_chain::urdf::LoadOptions;
+use super::candidates::Effect;
+use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
+use crate::fit::FitError;
+use crate::tosses::{TossError, Tosses, urdf_of};
+use carom_chain::urdf::{self, LoadOptions, Robot};
 use nalgebra::Vector3;
 use std::collections::HashMap;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path, PathBuf};
 
 /// Measurements that laws can be compared on.
@@ -27,7 +29,8 @@ pub struct DataSet {
 #[derive(Debug, Clone)]
 pub(super) enum Data {
     Impacts(Impacts),
-    Tosses(Tosses),
+    /// Tosses, and the robot of their URDF.
+    Tosses(Tosses, Box<Robot>),
 }
 
 /// Single impacts.
@@ -36,7 +39,9 @@ pub(super) struct Impacts {
     pub what: &'static str,
     /// Number of each impact in its table.
     pub numbers: Vec<i64>,
-    pub impacts: Vec<MeasuredImpact>,
+    pub impacts: Vec<PlanarImpact>,
+    /// The effects that are tried, each in addition to those before it.
+    pub effects: &'static [Effect],
     pub left_out: usize,
 }
 
@@ -137,8 +142,10 @@ fn folder(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareErr
     let entries = entries(path)?;
     let of = |end: &str| entries.iter().filter(|path| path.extension().is_some_and(|e| e == end)).collect::<Vec<_>>();
     if entries.iter().any(|entry| entry.ends_with("tosses.csv")) {
-        let tosses = Tosses::read(path, nominal(&of("urdf")).as_deref(), options)?;
-        return Ok(vec![DataSet { name, data: Data::Tosses(tosses) }]);
+        let robot = nominal(&of("urdf"));
+        let tosses = Tosses::read(path, robot.as_deref(), options)?;
+        let robot = urdf::read_file(urdf_of(path, robot.as_deref())?, options).map_err(TossError::from)?;
+        return Ok(vec![DataSet { name, data: Data::Tosses(tosses, Box::new(robot)) }]);
     }
     let mut tables = Vec::new();
     for file in of("csv") {
@@ -186,15 +193,19 @@ fn table(path: &Path) -> Result<Option<DataSet>, CompareError> {
             row.insert(name, value.ok_or_else(rule)?);
         }
         match kind.impact(&row) {
-            Some(Ok(impact)) => {
-                numbers.push(row[names[0]] as i64);
-                impacts.push(impact);
-            }
-            None | Some(Err(FitError::NoApproach { .. })) => left_out += 1,
-            Some(Err(error)) => return Err(refuse(format!("line {line}: {error}"))),
+            // the problem of the impact must be one that laws resolve
+            Some(impact) => match impact.measured(1.0) {
+                Ok(_) => {
+                    numbers.push(row[names[0]] as i64);
+                    impacts.push(impact);
+                }
+                Err(FitError::NoApproach { .. }) => left_out += 1,
+                Err(error) => return Err(refuse(format!("line {line}: {error}"))),
+            },
+            None => left_out += 1,
         }
     }
-    let data = Data::Impacts(Impacts { what: kind.what(), numbers, impacts, left_out });
+    let data = Data::Impacts(Impacts { what: kind.what(), numbers, impacts, effects: kind.effects(), left_out });
     Ok(Some(DataSet { name: named(path), data }))
 }
 
@@ -206,8 +217,8 @@ enum Kind {
 
 const ELLIPSE: [&str; 13] =
     ["i", "pre_vx", "pre_vy", "pre_w", "post_vx", "post_vy", "post_w", "d_x", "d_y", "d_th", "n_x", "n_y", "n_th"];
-const SQUARE: [&str; 10] =
-    ["drop", "pre_x", "pre_z", "pre_th", "pre_vx", "pre_vz", "pre_w", "post_vx", "post_vz", "post_w"];
+const SQUARE: [&str; 11] =
+    ["drop", "n_post", "pre_x", "pre_z", "pre_th", "pre_vx", "pre_vz", "pre_w", "post_vx", "post_vz", "post_w"];
 
 /// Mass (kg) and moment of inertia (kg m²) of the ellipse.
 const ELLIPSE_BODY: (f64, f64) = (0.0364, 1.3468e-5);
@@ -219,7 +230,13 @@ const SQUARE_BODY: (f64, f64) = (1.0, SIDE * SIDE / 6.0);
 const FLOOR: f64 = 0.0014;
 /// Least tilt from a face, rad: below 20° a second corner strikes within the same samples.
 const LEAST_TILT: f64 = 20.0 * std::f64::consts::PI / 180.0;
-const GRAVITY: f64 = 9.81;
+/// Spacing of the samples of the drops, s.
+const SAMPLE: f64 = 1.0 / 250.0;
+/// Time of the first sample of the flight after the impact, in spacings after the time of the states: the sample before it,
+/// which is next to the impact, is left out.
+const FIRST: f64 = 1.5;
+/// Most samples that a flight after an impact can have.
+const SAMPLES: f64 = 1000.0;
 
 impl Kind {
     fn what(self) -> &'static str {
@@ -229,20 +246,27 @@ impl Kind {
         }
     }
 
+    fn effects(self) -> &'static [Effect] {
+        match self {
+            Self::Ellipse => &[Effect::Arm, Effect::Speed],
+            Self::Square => &[Effect::Strikes, Effect::Speed],
+        }
+    }
+
     /// The impact of a row; `None` if it is not compared.
-    fn impact(self, row: &HashMap<&str, f64>) -> Option<Result<MeasuredImpact, FitError>> {
+    fn impact(self, row: &HashMap<&str, f64>) -> Option<PlanarImpact> {
         let of = |names: [&str; 3]| Vector3::from(names.map(|name| row[name]));
         match self {
             Self::Ellipse => {
                 let rows = [of(["d_x", "d_y", "d_th"]), of(["n_x", "n_y", "n_th"])];
                 let (before, after) = (of(["pre_vx", "pre_vy", "pre_w"]), of(["post_vx", "post_vy", "post_w"]));
-                passive(ELLIPSE_BODY, before, after)
-                    .then(|| MeasuredImpact::of_planar_body(ELLIPSE_BODY, rows, before, after))
+                let impact = PlanarImpact { body: ELLIPSE_BODY, rows, before, after, sequel: None };
+                passive(ELLIPSE_BODY, before, after).then_some(impact)
             }
             Self::Square => {
                 let pose = of(["pre_x", "pre_z", "pre_th"]);
                 let (before, after) = (of(["pre_vx", "pre_vz", "pre_w"]), of(["post_vx", "post_vz", "post_w"]));
-                struck_square(pose, before, after)
+                struck_square(pose, before, after, row["n_post"])
             }
         }
     }
@@ -255,26 +279,15 @@ fn passive((mass, inertia): (f64, f64), before: Vector3<f64>, after: Vector3<f64
     energy(after) <= energy(before)
 }
 
-/// The corner that is lowest of a square with its centre at `pose` (x, z, th; th turns x towards z), from the centre.
-fn lowest_corner(angle: f64) -> [f64; 2] {
-    let reach = SIDE * std::f64::consts::FRAC_1_SQRT_2;
-    let corners =
-        (0..4).map(|k| angle + FRAC_PI_4 + FRAC_PI_2 * f64::from(k)).map(|a| [reach * a.cos(), reach * a.sin()]);
-    corners.min_by(|a, b| a[1].total_cmp(&b[1])).unwrap_or([0.0, 0.0])
-}
-
 /// The first impact of the square at the instant at which its lowest corner touches the floor. The states of the table are at
 /// one time near it: the flight before the impact is followed to the instant, back or forth, and both vertical velocities
-/// change by gravity in between. `None` for a small tilt, and for a mistracked impact.
-fn struck_square(
-    pose: Vector3<f64>,
-    before: Vector3<f64>,
-    after: Vector3<f64>,
-) -> Option<Result<MeasuredImpact, FitError>> {
+/// change by gravity in between. The state after the impact is from `count` samples. `None` for a small tilt, and for a
+/// mistracked impact.
+fn struck_square(pose: Vector3<f64>, before: Vector3<f64>, after: Vector3<f64>, count: f64) -> Option<PlanarImpact> {
     let at = |t: f64| {
         let (z, angle) = (pose.y + before.y * t - 0.5 * GRAVITY * t * t, pose.z + before.z * t);
-        let corner = lowest_corner(angle);
-        (z + corner[1] - FLOOR, angle, corner)
+        let corner = lowest_corner(SIDE, angle);
+        (z + corner.y - FLOOR, angle, corner)
     };
     // the corner falls at 1 to 3 m/s: the touching instant is within 20 ms, else at the time of the table
     let (mut above, mut below) = (-0.02, 0.02);
@@ -284,15 +297,17 @@ fn struck_square(
         if at(middle).0 > 0.0 { above = middle } else { below = middle }
     }
     let time = if touches { below } else { 0.0 };
-    let (_, angle, [x, z]) = at(time);
+    let (_, angle, corner) = at(time);
     let turned = angle.rem_euclid(FRAC_PI_2);
     if turned.min(FRAC_PI_2 - turned) <= LEAST_TILT {
         return None;
     }
     let fallen = Vector3::new(0.0, -GRAVITY * time, 0.0);
     let (before, after) = (before + fallen, after + fallen);
-    let rows = [Vector3::new(1.0, 0.0, -z), Vector3::new(0.0, 1.0, x)];
-    passive(SQUARE_BODY, before, after).then(|| MeasuredImpact::of_planar_body(SQUARE_BODY, rows, before, after))
+    let rows = [Vector3::new(1.0, 0.0, -corner.y), Vector3::new(0.0, 1.0, corner.x)];
+    let samples = (0..count.clamp(2.0, SAMPLES) as usize).map(|k| (FIRST + k as f64) * SAMPLE - time).collect();
+    let sequel = Some(Sequel { side: SIDE, angle, samples });
+    passive(SQUARE_BODY, before, after).then_some(PlanarImpact { body: SQUARE_BODY, rows, before, after, sequel })
 }
 
 #[cfg(test)]
@@ -303,14 +318,14 @@ mod tests {
     #[test]
     fn the_touching_instant_does_not_depend_on_the_time_of_the_states() {
         let (velocity, after) = (Vector3::new(0.3, -2.0, 1.5), Vector3::new(0.1, 0.8, -9.0));
-        let corner = lowest_corner(0.6);
-        let touching = Vector3::new(0.1, FLOOR - corner[1], 0.6);
-        let rows = [Vector3::new(1.0, 0.0, -corner[1]), Vector3::new(0.0, 1.0, corner[0])];
-        let truth = MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();
+        let corner = lowest_corner(SIDE, 0.6);
+        let touching = Vector3::new(0.1, FLOOR - corner.y, 0.6);
+        let rows = [Vector3::new(1.0, 0.0, -corner.y), Vector3::new(0.0, 1.0, corner.x)];
+        let truth = crate::fit::MeasuredImpact::of_planar_body(SQUARE_BODY, rows, velocity, after).unwrap();
         for t in [-0.006, 0.0, 0.004] {
             let pose = touching + velocity * t - Vector3::new(0.0, 0.5 * GRAVITY * t * t, 0.0);
             let fallen = Vector3::new(0.0, -GRAVITY * t, 0.0);
-            let found = struck_square(pose, velocity + fallen, after + fallen).unwrap().unwrap();
+            let found = struck_square(pose, velocity + fallen, after + fallen, 5.0).unwrap().measured(1.0).unwrap();
             for friction in [0.0, 0.3, f64::INFINITY] {
                 let (a, b) = (found.least_residual(friction), truth.least_residual(friction));
                 assert!((a - b).abs() < 1e-9, "{t} {friction}: {a} {b}");
@@ -318,8 +333,8 @@ mod tests {
             assert!((found.speed() - truth.speed()).abs() < 1e-9);
         }
         let flat = Vector3::new(0.0, 0.03, 0.1);
-        assert!(struck_square(flat, velocity, after).is_none(), "a tilt of 6° is left out");
-        assert!(struck_square(touching, velocity, 10.0 * after).is_none(), "an impact cannot add energy");
+        assert!(struck_square(flat, velocity, after, 5.0).is_none(), "a tilt of 6° is left out");
+        assert!(struck_square(touching, velocity, 10.0 * after, 5.0).is_none(), "an impact cannot add energy");
     }
 
     #[test]

@@ -2,9 +2,11 @@
 
 use super::candidates::Candidate;
 use super::data::{CompareError, DataSet, Impacts};
+use super::identify::weakest;
+use super::planar::PlanarImpact;
 use super::statistics::{Spread, folds};
-use super::{CompareOptions, Comparison, Judged, Progress, rows};
-use crate::fit::{FitError, LawPair, MeasuredImpact};
+use super::{CompareOptions, Comparison, Judged, Progress, best, centre, chosen, rows};
+use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -14,7 +16,7 @@ const SETTLED: f64 = 1e-7;
 
 pub(super) fn compare(
     set: &DataSet,
-    Impacts { what, numbers, impacts, left_out }: &Impacts,
+    Impacts { what, numbers, impacts, effects, left_out }: &Impacts,
     options: &CompareOptions,
     progress: Progress<'_>,
 ) -> Result<Comparison, CompareError> {
@@ -23,7 +25,11 @@ pub(super) fn compare(
         return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
     }
     let fold_of = folds(found, options.folds, options.seed);
-    let candidates = Candidate::all();
+    let mut candidates = Candidate::all();
+    for k in 0..effects.len() {
+        let longest: Vec<Candidate> = candidates.iter().filter(|one| one.effects.len() == k).cloned().collect();
+        candidates.extend(longest.iter().map(|one| one.with(effects[k])));
+    }
     let all = candidates.len() * options.folds;
     let done = AtomicUsize::new(0);
     let judge = |candidate: Candidate| {
@@ -33,45 +39,56 @@ pub(super) fn compare(
             fitted
         };
         let coefficients: Vec<Vec<f64>> = (0..options.folds).into_par_iter().map(one).collect();
-        let laws: Result<Vec<LawPair>, FitError> =
-            coefficients.iter().map(|x| LawPair::new(candidate.law, candidate.coefficients(x))).collect();
-        let laws = laws.map_err(|reason| CompareError::Impacts { set: set.name.clone(), reason })?;
-        let errors = impacts.iter().zip(&fold_of).map(|(impact, &fold)| error(impact, &laws[fold])).collect();
-        Ok(Judged { candidate, coefficients, errors })
+        let errors = impacts.iter().zip(&fold_of).map(|(impact, &fold)| impact.error(&candidate, &coefficients[fold]));
+        let errors = errors.collect();
+        let training = |(fold, x): (usize, &Vec<f64>)| {
+            let outside = impacts.iter().zip(&fold_of).filter(|(_, of)| **of != fold);
+            outside.map(|(impact, _)| impact.error(&candidate, x)).collect()
+        };
+        let training = coefficients.iter().enumerate().map(training).collect();
+        Judged { candidate, coefficients, training, errors }
     };
-    let judged: Vec<Judged> = candidates.into_iter().map(judge).collect::<Result<_, CompareError>>()?;
-    let bound: Vec<f64> = impacts.iter().map(|impact| impact.least_residual(f64::INFINITY) / impact.speed()).collect();
+    let judged: Vec<Judged> = candidates.into_iter().map(judge).collect();
+    let bound = |best: &Judged| -> Vec<f64> {
+        let of = |(impact, &fold): (&PlanarImpact, &usize)| impact.bound(&best.candidate, &best.coefficients[fold]);
+        impacts.iter().zip(&fold_of).map(of).collect()
+    };
+    let direction = |best: &Judged| {
+        let model = &best.candidate;
+        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+            let one = |impact: &PlanarImpact| Some(DVector::from_column_slice(impact.residual(model, x)?.as_slice()));
+            impacts.iter().map(one).collect()
+        };
+        weakest(model, &model.region(options.max_friction), &centre(&best.coefficients), &residuals)
+    };
     Ok(Comparison {
         set: set.name.clone(),
         what: (*what).into(),
         measure: "|v − v⁺|/|v⁻| in the metric of the kinetic energy".into(),
         numbers: numbers.clone(),
-        folds: fold_of,
         left_out: *left_out,
-        rows: rows(judged, false, false),
-        bound: Some(Spread::of(&bound)),
+        bound: best(&judged).map(|best| Spread::of(&bound(best))),
         floor: None,
+        weakest: best(&judged).and_then(direction),
+        selected: chosen(&judged, &fold_of),
+        rows: rows(judged, false, false),
+        folds: fold_of,
     })
 }
 
-/// The normalised error of a law; infinite where it refuses the impact.
-fn error(impact: &MeasuredImpact, laws: &LawPair) -> f64 {
-    impact.residual(laws).map_or(f64::INFINITY, |residual| residual.norm() / impact.speed())
-}
-
-/// The coefficients with the least mean error over the impacts outside a fold.
+/// The parameters with the least mean error over the impacts outside a fold.
 fn fit(
     candidate: &Candidate,
-    impacts: &[MeasuredImpact],
+    impacts: &[PlanarImpact],
     fold_of: &[usize],
     fold: usize,
     options: &CompareOptions,
 ) -> Vec<f64> {
-    let train: Vec<&MeasuredImpact> =
+    let train: Vec<&PlanarImpact> =
         impacts.iter().zip(fold_of).filter(|(_, of)| **of != fold).map(|(impact, _)| impact).collect();
-    let cost = |x: &[f64]| match LawPair::new(candidate.law, candidate.coefficients(x)) {
-        Ok(laws) => (train.iter().map(|impact| error(impact, &laws)).sum::<f64>() / train.len() as f64).min(f64::MAX),
-        Err(_) => f64::MAX,
+    let cost = |x: &[f64]| {
+        let sum: f64 = train.iter().map(|impact| impact.error(candidate, x)).sum();
+        (sum / train.len() as f64).min(f64::MAX)
     };
     let region = candidate.region(options.max_friction);
     let best = region.points().into_iter().map(|x| (cost(&x), x)).min_by(|a, b| a.0.total_cmp(&b.0));

@@ -8,10 +8,13 @@
 //! | file | content |
 //! | --- | --- |
 //! | `data.rs` | recognises and reads data sets |
-//! | `candidates.rs` | the laws and their coefficients |
+//! | `candidates.rs` | the models: laws, effects, and the parameters that are fitted |
 //! | `statistics.rs` | folds, means, paired differences |
-//! | `impacts.rs` | the protocol for single impacts |
-//! | `tosses.rs` | the protocol for tosses, and the floor from the noise of the start |
+//! | `identify.rs` | the combination of parameters that the measurements determine least |
+//! | `selection.rs` | the choice among models by the measurements outside a fold |
+//! | `impacts.rs`, `planar.rs` | the protocol for single impacts, and what a model predicts for one |
+//! | `tosses.rs`, `search.rs` | the protocol for tosses, the search for parameters, the floor from the noise of the start |
+//! | `scenes.rs` | the scene and the contact rule of a model on tosses |
 //! | `cases.rs` | the tosses and their folds, for other simulators |
 //! | `page.rs`, `picture.rs` | a table in Markdown and a picture of each set |
 //!
@@ -21,20 +24,28 @@
 mod candidates;
 mod cases;
 mod data;
+mod identify;
 mod impacts;
 mod page;
 mod picture;
+mod planar;
+mod scenes;
+mod search;
+mod selection;
 mod statistics;
 mod tosses;
 
 pub use cases::{TossCase, TossCases, TossStart, toss_cases};
 pub use data::{CompareError, DataSet, data_sets};
+pub use identify::Weakest;
 pub use page::{markdown, summary};
 pub use picture::svg;
+pub use selection::Selected;
 pub use statistics::{Estimate, Spread};
 
 use crate::tosses::Horizon;
 use candidates::Candidate;
+use selection::chosen;
 use serde::Serialize;
 
 /// Options of a comparison.
@@ -46,7 +57,7 @@ pub struct CompareOptions {
     pub seed: u64,
     /// Upper bound of the coefficients of friction.
     pub max_friction: f64,
-    /// Greatest number of sets of coefficients that a law tries on tosses.
+    /// Greatest number of sets of parameters that a model tries on tosses for each fold.
     pub trials: usize,
     /// Greatest number of tosses to which coefficients are fitted; all tosses are judged.
     pub tosses: usize,
@@ -102,6 +113,12 @@ pub struct Comparison {
     /// expected below it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor: Option<Spread>,
+    /// The models that the measurements outside each fold select.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub selected: Option<Selected>,
+    /// The combination of the best model's parameters that the measurements determine least.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weakest: Option<Weakest>,
 }
 
 /// A law on one part of a data set.
@@ -112,7 +129,10 @@ pub struct Row {
     /// The law of impacts of several contacts, for tosses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub several: Option<&'static str>,
-    /// The fitted coefficients of each fold.
+    /// What the model has beyond the law with constant coefficients.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub effects: Vec<&'static str>,
+    /// The fitted parameters of each fold.
     pub coefficients: Vec<FittedCoefficient>,
     /// Statistics of the errors of all held-out measurements.
     #[serde(flatten)]
@@ -122,6 +142,9 @@ pub struct Row {
     pub below_threshold: Option<f64>,
     /// Mean of the paired differences to the best law of the table, which has zeros.
     pub to_best: Estimate,
+    /// Mean of the paired differences to the same model without its last effect; negative where the effect helps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_simpler: Option<Estimate>,
     /// Number of measurements whose prediction was refused; each counts with the greatest error of the others.
     pub refused: usize,
     /// Error of each measurement, predicted by the coefficients that were fitted without its fold.
@@ -133,6 +156,8 @@ pub struct Row {
 pub struct FittedCoefficient {
     /// Name of the coefficient.
     pub name: &'static str,
+    #[serde(skip)]
+    symbol: &'static str,
     /// Its value for each fold.
     pub values: Vec<f64>,
 }
@@ -153,7 +178,7 @@ pub fn compare(
     options.check()?;
     match &set.data {
         data::Data::Impacts(impacts) => Ok(vec![impacts::compare(set, impacts, options, progress)?]),
-        data::Data::Tosses(tosses) => tosses::compare(set, tosses, options, progress),
+        data::Data::Tosses(tosses, robot) => tosses::compare(set, tosses, robot, options, progress),
     }
 }
 
@@ -192,32 +217,66 @@ const THRESHOLD: f64 = 0.5;
 struct Judged {
     candidate: Candidate,
     coefficients: Vec<Vec<f64>>,
+    /// For each fold the errors of the measurements outside it to which the parameters were fitted.
+    training: Vec<Vec<f64>>,
     errors: Vec<f64>,
+}
+
+/// The candidate with the least mean error.
+fn best(judged: &[Judged]) -> Option<&Judged> {
+    let mean = |one: &Judged| one.errors.iter().sum::<f64>();
+    judged.iter().min_by(|a, b| mean(a).total_cmp(&mean(b)))
+}
+
+/// The mean of the parameters over the folds.
+fn centre(coefficients: &[Vec<f64>]) -> Vec<f64> {
+    let folds = coefficients.len() as f64;
+    let count = coefficients.first().map_or(0, Vec::len);
+    (0..count).map(|k| coefficients.iter().map(|x| x[k]).sum::<f64>() / folds).collect()
+}
+
+/// The errors, with the greatest one in place of those that are infinite.
+fn finite(errors: &[f64]) -> Vec<f64> {
+    let greatest = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
+    errors.iter().map(|error| if error.is_finite() { *error } else { greatest }).collect()
 }
 
 /// Rows in the order of their means, with paired differences to the first.
 fn rows(judged: Vec<Judged>, several: bool, threshold: bool) -> Vec<Row> {
-    let one = |Judged { candidate, coefficients, mut errors }: Judged| {
+    let simpler = |k: usize| -> Option<Estimate> {
+        let candidate = &judged[k].candidate;
+        let effects = candidate.effects.split_last()?.1;
+        let without =
+            judged.iter().find(|one| candidate.extends(&one.candidate) && one.candidate.effects == effects)?;
+        Some(Estimate::of_pairs(&finite(&judged[k].errors), &finite(&without.errors)))
+    };
+    let simpler: Vec<Option<Estimate>> = (0..judged.len()).map(simpler).collect();
+    let one = |(Judged { candidate, coefficients, errors, .. }, to_simpler): (Judged, Option<Estimate>)| {
         let refused = errors.iter().filter(|error| !error.is_finite()).count();
-        let greatest = errors.iter().copied().filter(|error| error.is_finite()).fold(0.0, f64::max);
-        errors.iter_mut().filter(|error| !error.is_finite()).for_each(|error| *error = greatest);
+        let errors = finite(&errors);
         let below = errors.iter().filter(|error| **error < THRESHOLD).count() as f64 / errors.len() as f64;
         let of = |k: usize| coefficients.iter().map(|x| x[k]).collect();
         let names = candidate.parameters.iter().enumerate();
         Row {
             law: candidate.law.into(),
             several: several.then(|| candidate.several.name()),
+            effects: candidate.effects.iter().map(|effect| effect.name()).collect(),
             coefficients: names
-                .map(|(k, parameter)| FittedCoefficient { name: parameter.name(), values: of(k) })
+                .map(|(k, parameter)| FittedCoefficient {
+                    name: parameter.name(),
+                    symbol: parameter.symbol(),
+                    values: of(k),
+                })
                 .collect(),
             error: Spread::of(&errors),
             below_threshold: threshold.then_some(below),
             to_best: Estimate { mean: 0.0, standard_error: 0.0 },
+            to_simpler,
             refused,
             errors,
         }
     };
-    let mut rows: Vec<Row> = judged.into_iter().map(one).collect();
+    let mut rows: Vec<Row> = judged.into_iter().zip(simpler).map(one).collect();
     rows.sort_by(|a, b| a.error.estimate.mean.total_cmp(&b.error.estimate.mean));
     let best = rows.first().map_or_else(Vec::new, |row| row.errors.clone());
     for row in &mut rows {

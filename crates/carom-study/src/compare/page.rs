@@ -1,6 +1,7 @@
 //! Tables of comparisons in Markdown.
 
-use super::{Comparison, Row};
+use super::candidates::Candidate;
+use super::{Comparison, Estimate, Row, Selected, Weakest};
 use std::fmt::Write;
 
 /// A number with three or four significant digits.
@@ -18,23 +19,32 @@ pub(super) fn short(x: f64) -> String {
     }
 }
 
-/// The name of a row: its law, and the law of several contacts if it is not the default.
+/// The name of a row: its law, the law of several contacts if it is not the default, and its effects.
 pub(super) fn name(row: &Row) -> String {
-    match row.several {
-        Some(several) if several != carom_sim::SeveralLaw::default().name() => format!("{}, {several}", row.law),
-        _ => row.law.clone(),
-    }
+    full(&row.law, row.several, &row.effects)
+}
+
+/// The name of a model.
+pub(super) fn title(model: &Candidate) -> String {
+    let effects: Vec<&str> = model.effects.iter().map(|effect| effect.name()).collect();
+    full(model.law, Some(model.several.name()), &effects)
+}
+
+fn full(law: &str, several: Option<&str>, effects: &[&str]) -> String {
+    let several = several.filter(|several| *several != carom_sim::SeveralLaw::default().name());
+    let several = several.map_or(String::new(), |several| format!(", {several}"));
+    effects.iter().fold(format!("{law}{several}"), |name, effect| format!("{name} + {effect}"))
+}
+
+fn pair(of: Estimate) -> String {
+    format!("{} ± {}", short(of.mean), short(of.standard_error))
 }
 
 /// Range of a coefficient over the folds.
 fn coefficients(row: &Row) -> String {
     let of = |fitted: &super::FittedCoefficient| {
         let (low, high) = fitted.values.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
-        let symbol = match fitted.name {
-            "restitution" => "e",
-            "friction" => "μ",
-            _ => "e_t",
-        };
+        let symbol = fitted.symbol;
         let range = if format!("{low:.3}") == format!("{high:.3}") {
             format!("{low:.3}")
         } else {
@@ -73,6 +83,7 @@ fn table(one: &Comparison) -> String {
     let mut page = String::new();
     let threshold = one.rows.iter().any(|row| row.below_threshold.is_some());
     let refused = one.rows.iter().any(|row| row.refused > 0);
+    let effects = one.rows.iter().any(|row| row.to_simpler.is_some());
     let columns = [
         Some("law"),
         Some("coefficients"),
@@ -80,6 +91,7 @@ fn table(one: &Comparison) -> String {
         Some("median"),
         threshold.then_some("share below 0.5"),
         Some("difference to the best"),
+        effects.then_some("difference by the last effect"),
         refused.then_some("refused"),
     ];
     let columns: Vec<&str> = columns.into_iter().flatten().collect();
@@ -90,19 +102,14 @@ fn table(one: &Comparison) -> String {
     line(&columns.iter().map(|_| "---".to_owned()).collect::<Vec<_>>());
     for (k, row) in one.rows.iter().enumerate() {
         let estimate = row.error.estimate;
-        let mut cells = vec![
-            name(row),
-            coefficients(row),
-            format!("{} ± {}", short(estimate.mean), short(estimate.standard_error)),
-            short(row.error.median),
-        ];
+        let mut cells = vec![name(row), coefficients(row), pair(estimate), short(row.error.median)];
         if threshold {
             cells.push(row.below_threshold.map_or(String::new(), |share| format!("{share:.3}")));
         }
-        let apart = row.to_best;
-        let apart =
-            if k == 0 { "–".into() } else { format!("{} ± {}", short(apart.mean), short(apart.standard_error)) };
-        cells.push(apart);
+        cells.push(if k == 0 { "–".into() } else { pair(row.to_best) });
+        if effects {
+            cells.push(row.to_simpler.map_or(String::new(), pair));
+        }
         if refused {
             cells.push(row.refused.to_string());
         }
@@ -110,10 +117,43 @@ fn table(one: &Comparison) -> String {
     }
     for (name, spread) in [("best impulse at the point", one.bound), ("floor: noise of the start", one.floor)] {
         let Some(spread) = spread else { continue };
-        let mean = format!("{} ± {}", short(spread.estimate.mean), short(spread.estimate.standard_error));
-        let mut cells = vec![name.to_owned(), String::new(), mean, short(spread.median)];
+        let mut cells = vec![name.to_owned(), String::new(), pair(spread.estimate), short(spread.median)];
         cells.resize(columns.len(), String::new());
         line(&cells);
+    }
+    if let Some(Selected { models, error, to_constant, .. }) = &one.selected {
+        let mut each: Vec<(&String, usize)> = Vec::new();
+        for model in models {
+            match each.iter_mut().find(|(other, _)| *other == model) {
+                Some((_, count)) => *count += 1,
+                None => each.push((model, 1)),
+            }
+        }
+        let each: Vec<String> =
+            each.iter().map(|(model, count)| format!("{model} ({count} of {})", models.len())).collect();
+        let _ = writeln!(
+            page,
+            "\nSelected inside the training folds: {}. Mean {}, median {}; difference to the constant law selected in the \
+             same way {}.",
+            each.join(", "),
+            pair(error.estimate),
+            short(error.median),
+            pair(*to_constant)
+        );
+    }
+    if let Some(Weakest { model, direction, deviation, least_deviation }) = &one.weakest {
+        let mut parts = direction.clone();
+        parts.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        parts.retain(|(_, w)| w.abs() >= 0.2);
+        let parts: Vec<String> = parts.iter().map(|(name, w)| format!("{w:+.2} {name}")).collect();
+        let _ = writeln!(
+            page,
+            "\nLeast determined combination of the parameters of {model}, as shares of their ranges: {}; standard deviation \
+             {} along it, {} along the best determined one.",
+            parts.join(" "),
+            short(*deviation),
+            short(*least_deviation)
+        );
     }
     page
 }
@@ -125,9 +165,7 @@ pub fn summary(comparisons: &[Comparison]) -> String {
     );
     for one in comparisons {
         let Some(best) = one.rows.first() else { continue };
-        let next = one.rows.get(1).map_or(String::new(), |row| {
-            format!("{}, {} ± {}", name(row), short(row.to_best.mean), short(row.to_best.standard_error))
-        });
+        let next = one.rows.get(1).map_or(String::new(), |row| format!("{}, {}", name(row), pair(row.to_best)));
         let level = one.rows.iter().filter(|row| row.to_best.mean <= 2.0 * row.to_best.standard_error).count();
         let limit = one.bound.or(one.floor).map_or(String::new(), |spread| short(spread.estimate.mean));
         let estimate = best.error.estimate;

@@ -7,8 +7,8 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 const WIDTH: u32 = 820;
-/// Left end of the scale, and its right end from the right edge, pixels.
-const MARGIN: (i32, i32) = (200, 40);
+/// Least left end of the scale, width of a letter, and right end of the scale from the right edge, pixels.
+const MARGIN: (i32, i32, i32) = (200, 7, 40);
 const ROW: i32 = 22;
 /// Height of a panel without its rows.
 const HEAD: i32 = 96;
@@ -55,8 +55,10 @@ fn panel(root: &Area<'_>, one: &Comparison, top: i32) -> Result<(), Box<dyn std:
     let (low, high) = ends.chain(limited).fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(x), high.max(x)));
     let room = 0.05 * (high - low).max(1e-9);
     let (low, high) = ((low - room).max(0.0), high + room);
-    let wide = WIDTH as i32 - MARGIN.0 - MARGIN.1;
-    let at = |x: f64| MARGIN.0 + ((x - low) / (high - low) * f64::from(wide)).round() as i32;
+    let longest = one.rows.iter().map(|row| name(row).chars().count()).max().unwrap_or(0) as i32;
+    let left = (20 + MARGIN.1 * longest).clamp(MARGIN.0, WIDTH as i32 / 2);
+    let wide = WIDTH as i32 - left - MARGIN.2;
+    let at = |x: f64| left + ((x - low) / (high - low) * f64::from(wide)).round() as i32;
     let (first, text) = (top + 44, ("sans-serif", 14));
     let bottom = first + ROW * bars.len() as i32;
     let title = format!("{}: {}", one.set, one.what);
@@ -82,7 +84,7 @@ fn panel(root: &Area<'_>, one: &Comparison, top: i32) -> Result<(), Box<dyn std:
         root.draw(&Text::new(name(row), (12, y - 8), text))?;
         if mean > far {
             let value = format!("{} →", short(mean));
-            root.draw(&Text::new(value, (WIDTH as i32 - MARGIN.1 - 60, y - 8), text.into_font().color(&colour)))?;
+            root.draw(&Text::new(value, (WIDTH as i32 - MARGIN.2 - 60, y - 8), text.into_font().color(&colour)))?;
             continue;
         }
         root.draw(&PathElement::new([(at(mean - error), y), (at(mean + error), y)], colour.stroke_width(2)))?;

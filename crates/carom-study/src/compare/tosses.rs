@@ -1,22 +1,25 @@
 //! The protocol for tosses: coefficients are fitted to roll-outs from fitted starts, and judged on both parts of the tosses
 //! from both starts.
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Parameter};
 use super::cases::{TossCase, TossCases, TossStart};
 use super::data::{CompareError, DataSet};
+use super::identify::weakest;
+use super::scenes::{effects, rule, scene};
+use super::search::{Trial, descend};
 use super::statistics::{Spread, folds, shuffled};
-use super::{CompareOptions, Comparison, Judged, Progress, rows};
-use crate::fit::Region;
-use crate::tosses::{GRAVITY, Horizon, Launch, PoseError, RollOut, RollOutOptions, Start, Toss, Tosses};
-use carom_sim::{ContactLaw, ContactRule, Moment, SimError};
+use super::{CompareOptions, Comparison, Judged, Progress, Weakest, centre, chosen, rows};
+use crate::tosses::{GRAVITY, Horizon, Launch, PoseError, RollOut, RollOutOptions, Scene, Start, Toss, Tosses};
+use carom_chain::urdf::Robot;
+use carom_sim::{Moment, SimError};
+use nalgebra::DVector;
 use rayon::prelude::*;
-
-/// The search for coefficients ends when its step is below this share of the range.
-const FINEST: f64 = 0.01;
+use std::cell::RefCell;
 
 /// The tosses that are compared, with both starts.
 struct Work<'a> {
     tosses: &'a Tosses,
+    robot: &'a Robot,
     options: &'a CompareOptions,
     kept: Vec<Kept<'a>>,
     fold_of: Vec<usize>,
@@ -30,15 +33,14 @@ struct Kept<'a> {
     launch: Launch,
 }
 
-/// A set of coefficients and the errors of the tosses to which coefficients are fitted.
-struct Trial {
-    x: Vec<f64>,
-    errors: Vec<f64>,
-}
-
 /// The tosses of a set as [`compare`] uses them.
-pub(super) fn export(set: &DataSet, tosses: &Tosses, options: &CompareOptions) -> Result<TossCases, CompareError> {
-    let work = Work::new(set, tosses, options)?;
+pub(super) fn export(
+    set: &DataSet,
+    tosses: &Tosses,
+    robot: &Robot,
+    options: &CompareOptions,
+) -> Result<TossCases, CompareError> {
+    let work = Work::new(&set.name, tosses, robot, options)?;
     let case = |(k, kept): (usize, &Kept<'_>)| {
         let Kept { toss, given, launch } = kept;
         let samples = &toss.samples[launch.sample..];
@@ -71,21 +73,38 @@ pub(super) fn export(set: &DataSet, tosses: &Tosses, options: &CompareOptions) -
 pub(super) fn compare(
     set: &DataSet,
     tosses: &Tosses,
+    robot: &Robot,
     options: &CompareOptions,
     progress: Progress<'_>,
 ) -> Result<Vec<Comparison>, CompareError> {
-    let work = Work::new(set, tosses, options)?;
-    let found = work.kept.len();
+    let work = Work::new(&set.name, tosses, robot, options)?;
     let candidates = Candidate::all_for_tosses();
-    let all = candidates.len() + 1;
+    let effects = effects(robot);
+    let all = candidates.len() + effects.len() + 1;
     let mut judged: Vec<[Judged; 4]> = Vec::new();
+    let tell = |k: usize, candidate: &Candidate| {
+        let effects = candidate.effects.iter().map(|effect| format!(" + {}", effect.name())).collect::<String>();
+        progress(k, all, &format!("{}: {} ({}){effects}", set.name, candidate.law, candidate.several.name()));
+    };
     for (k, candidate) in candidates.into_iter().enumerate() {
-        progress(k, all, &format!("{}: {} ({})", set.name, candidate.law, candidate.several.name()));
-        judged.push(work.judge(candidate));
+        tell(k, &candidate);
+        judged.push(work.judge(candidate, None));
+    }
+    // the effects are added to the law with the least training error
+    let training = |one: &[Judged; 4]| one[0].training.iter().flatten().sum::<f64>();
+    let mut last =
+        (0..judged.len()).min_by(|a, b| training(&judged[*a]).total_cmp(&training(&judged[*b]))).unwrap_or(0);
+    for effect in effects {
+        let candidate = judged[last][0].candidate.with(effect);
+        tell(judged.len(), &candidate);
+        let next = work.judge(candidate, Some(&judged[last][0]));
+        last = judged.len();
+        judged.push(next);
     }
     progress(all - 1, all, &format!("{}: floor", set.name));
     let best = judged.iter().min_by(|a, b| mean(&a[0].errors).total_cmp(&mean(&b[0].errors)));
     let floors = best.map(|best| work.floors(&best[0]));
+    let weakest = best.and_then(|best| work.weakest(&best[0]));
     let mut parts: [Vec<Judged>; 4] = Default::default();
     for four in judged {
         for (part, one) in parts.iter_mut().zip(four) {
@@ -101,9 +120,11 @@ pub(super) fn compare(
         measure: format!("mean |Δp|²/L + mean Δθ² over the samples, L = {} m", options.length),
         numbers: work.kept.iter().map(|kept| kept.toss.number).collect(),
         folds: work.fold_of.clone(),
-        left_out: tosses.tosses.len() - found,
+        left_out: tosses.tosses.len() - work.kept.len(),
+        selected: chosen(&judged, &work.fold_of),
         rows: rows(judged, true, k % 2 == 1),
         bound: None,
+        weakest: weakest.clone().filter(|_| k == 0),
         floor: floors.as_ref().map(|floors| Spread::of(&floors[k])),
     };
     Ok(parts.into_iter().enumerate().map(comparison).collect())
@@ -114,8 +135,8 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 impl<'a> Work<'a> {
-    /// Deals the tosses that both starts and an impact are known of out to the folds, and chooses those that are fitted.
-    fn new(set: &DataSet, tosses: &'a Tosses, options: &'a CompareOptions) -> Result<Self, CompareError> {
+    /// The tosses that have both starts and an impact, and those to which parameters are fitted.
+    fn new(set: &str, tosses: &'a Tosses, robot: &'a Robot, options: &'a CompareOptions) -> Result<Self, CompareError> {
         let launches = tosses.launches(Start::Fitted).into_iter().zip(tosses.launches(Start::Given));
         let mut kept = Vec::new();
         for (toss, both) in tosses.tosses.iter().zip(launches) {
@@ -126,99 +147,122 @@ impl<'a> Work<'a> {
         }
         let (found, needed) = (kept.len(), 2 * options.folds);
         if found < needed {
-            return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
+            return Err(CompareError::TooFew { set: set.to_owned(), found, needed, folds: options.folds });
         }
         let fold_of = folds(found, options.folds, options.seed);
         // at least two of each fold, so that every fold leaves some to fit
         let fitted: Vec<usize> = shuffled(found, options.seed).into_iter().take(options.tosses.max(needed)).collect();
-        Ok(Self { tosses, options, kept, fold_of, fitted })
+        Ok(Self { tosses, robot, options, kept, fold_of, fitted })
     }
-}
 
-impl Work<'_> {
     fn roll(&self, candidate: &Candidate) -> RollOutOptions {
         let CompareOptions { tolerance, contact_step, length, horizon, .. } = *self.options;
         let (start, several) = (Start::Fitted, candidate.several);
         RollOutOptions { tolerance, contact_step, length, start, horizon, several }
     }
 
-    fn rule(candidate: &Candidate, x: &[f64]) -> ContactRule {
-        let law = ContactLaw::named(candidate.law, candidate.coefficients(x));
-        ContactRule::new(law.unwrap_or_else(|| unreachable!("the candidates have the names of laws")))
+    fn scene(&self, candidate: &Candidate, x: &[f64]) -> Scene {
+        scene(self.robot, &self.tosses.chain, candidate, x)
     }
 
-    /// The errors of the tosses that are fitted, at the coefficients `x`; infinite where a roll-out is refused.
-    fn tried(&self, candidate: &Candidate, x: &[f64]) -> Vec<f64> {
-        let (rule, roll) = (Self::rule(candidate, x), self.roll(candidate));
+    /// The fitted starts of tosses for the parameters `x`: fitted again if the flight depends on them.
+    fn launches(&self, candidate: &Candidate, x: &[f64], scene: &Scene, of: &[usize]) -> Vec<Launch> {
+        let moves = flight(candidate, x).iter().any(|(parameter, x)| *x != parameter.nominal());
         let one = |&k: &usize| {
             let Kept { toss, launch, .. } = &self.kept[k];
-            let rolled = launch.roll_out(&self.tosses.chain, toss, &rule, &roll, roll.horizon);
-            rolled.ok().and_then(|rolled| rolled.error(roll.horizon, roll.length)).unwrap_or(f64::INFINITY)
+            if moves { launch.refitted(&scene.chain, toss) } else { launch.clone() }
         };
-        self.fitted.par_iter().map(one).collect()
+        of.par_iter().map(one).collect()
     }
 
-    /// Coefficients for each fold, fitted without it: a grid, then steps along each coefficient from the best point, halved
-    /// where none is better. The folds share their trials.
-    fn fit(&self, candidate: &Candidate) -> Vec<Vec<f64>> {
+    /// Parameters for each fold, fitted without it, and the errors to which they were fitted. A model with effects starts from
+    /// the model without the last one.
+    fn fit(&self, candidate: &Candidate, simpler: Option<&Judged>) -> Vec<Trial> {
         let region = candidate.region(self.options.max_friction);
-        let budget = self.options.trials;
-        let mut trials: Vec<Trial> = Vec::new();
-        let add = |trials: &mut Vec<Trial>, x: Vec<f64>| {
-            if trials.len() < budget && trials.iter().all(|trial| trial.x != x) {
-                trials.push(Trial { errors: self.tried(candidate, &x), x });
+        let roll = self.roll(candidate);
+        let seen: RefCell<Vec<Trial>> = RefCell::default();
+        let starts: RefCell<Vec<Starts>> = RefCell::default();
+        // The errors of all tosses that are fitted; a fold reads those outside it. Folds share the trials at the same point.
+        let errors = |x: &[f64]| -> Vec<f64> {
+            if let Some(trial) = seen.borrow().iter().find(|trial| trial.x == x) {
+                return trial.errors.clone();
             }
-        };
-        for x in region.points() {
-            add(&mut trials, x);
-        }
-        let best = |trials: &[Trial], fold: usize| {
-            let cost = |trial: &Trial| {
-                let outside = self.fitted.iter().zip(&trial.errors).filter(|(k, _)| self.fold_of[**k] != fold);
-                outside.map(|(_, error)| error).sum::<f64>()
+            let (rule, scene, key) = (rule(candidate, x), self.scene(candidate, x), flight(candidate, x));
+            let known = starts.borrow().iter().position(|(other, _)| *other == key);
+            let known = known.unwrap_or_else(|| {
+                let launches = self.launches(candidate, x, &scene, &self.fitted);
+                starts.borrow_mut().push((key, launches));
+                starts.borrow().len() - 1
+            });
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let rolled = launch.roll_out(&scene, self.kept[k].toss, &rule, &roll, roll.horizon);
+                rolled.ok().and_then(|rolled| rolled.error(roll.horizon, roll.length)).unwrap_or(f64::INFINITY)
             };
-            let costs = trials.iter().map(|trial| (cost(trial), &trial.x));
-            costs.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |(_, x)| x.clone())
+            let errors: Vec<f64> = self.fitted.par_iter().zip(&starts.borrow()[known].1).map(one).collect();
+            seen.borrow_mut().push(Trial { x: x.to_vec(), errors: errors.clone() });
+            errors
         };
-        let mut at: Vec<(Vec<f64>, f64)> =
-            (0..self.options.folds).map(|fold| (best(&trials, fold), FIRST_STEP)).collect();
-        while trials.len() < budget && at.iter().any(|(_, step)| *step >= FINEST) {
-            for (fold, (x, step)) in at.iter_mut().enumerate().filter(|(_, (_, step))| *step >= FINEST) {
-                for around in around(&region, x, *step) {
-                    add(&mut trials, around);
-                }
-                let next = best(&trials, fold);
-                if next == *x {
-                    *step *= 0.5;
-                }
-                *x = next;
-            }
-        }
-        (0..self.options.folds).map(|fold| best(&trials, fold)).collect()
+        let in_fold = |fold: usize| {
+            let outside = |x: &[f64]| -> Vec<f64> {
+                let all = errors(x);
+                self.fitted.iter().zip(all).filter(|(k, _)| self.fold_of[**k] != fold).map(|(_, error)| error).collect()
+            };
+            let begin = match simpler {
+                Some(simpler) => vec![candidate.nominal(&simpler.candidate, &simpler.coefficients[fold])],
+                None => region.points(),
+            };
+            let budget = (self.options.trials + 1).saturating_sub(begin.len());
+            descend(&region, begin, budget, &outside)
+        };
+        (0..self.options.folds).filter_map(in_fold).collect()
     }
 
-    /// The errors of all tosses by the coefficients that were fitted without their fold: early and whole from the fitted start,
+    /// The errors of all tosses by the parameters that were fitted without their fold: early and whole from the fitted start,
     /// early and whole from the given one.
-    fn judge(&self, candidate: Candidate) -> [Judged; 4] {
-        let coefficients = self.fit(&candidate);
-        let rules: Vec<ContactRule> = coefficients.iter().map(|x| Self::rule(&candidate, x)).collect();
+    fn judge(&self, candidate: Candidate, simpler: Option<&Judged>) -> [Judged; 4] {
+        let (coefficients, training): (Vec<Vec<f64>>, Vec<Vec<f64>>) =
+            self.fit(&candidate, simpler).into_iter().map(|trial| (trial.x, trial.errors)).unzip();
         let roll = self.roll(&candidate);
-        let one = |k: usize| {
-            let Kept { toss, given, launch } = &self.kept[k];
-            let rule = &rules[self.fold_of[k]];
-            let errors = |launch: &Launch| {
-                let rolled = launch.roll_out(&self.tosses.chain, toss, rule, &roll, Horizon::Whole);
-                let of = |rolled: &RollOut, horizon| rolled.error(horizon, roll.length).unwrap_or(f64::INFINITY);
-                rolled.map_or([f64::INFINITY; 2], |one| [of(&one, Horizon::Early), of(&one, Horizon::Whole)])
+        let mut all: Vec<Vec<f64>> = vec![Vec::new(); self.kept.len()];
+        for (fold, x) in coefficients.iter().enumerate() {
+            let (rule, scene) = (rule(&candidate, x), self.scene(&candidate, x));
+            let held: Vec<usize> = (0..self.kept.len()).filter(|k| self.fold_of[*k] == fold).collect();
+            let launches = self.launches(&candidate, x, &scene, &held);
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let Kept { toss, given, .. } = &self.kept[k];
+                let errors = |launch: &Launch| {
+                    let rolled = launch.roll_out(&scene, toss, &rule, &roll, Horizon::Whole);
+                    let of = |rolled: &RollOut, horizon| rolled.error(horizon, roll.length).unwrap_or(f64::INFINITY);
+                    rolled.map_or([f64::INFINITY; 2], |one| [of(&one, Horizon::Early), of(&one, Horizon::Whole)])
+                };
+                (k, [errors(launch), errors(given)].concat())
             };
-            [errors(launch), errors(given)].concat()
-        };
-        let all: Vec<Vec<f64>> = (0..self.kept.len()).into_par_iter().map(one).collect();
+            let judged: Vec<(usize, Vec<f64>)> = held.par_iter().zip(&launches).map(one).collect();
+            for (k, errors) in judged {
+                all[k] = errors;
+            }
+        }
         [0, 1, 2, 3].map(|part| Judged {
             candidate: candidate.clone(),
             coefficients: coefficients.clone(),
+            training: training.clone(),
             errors: all.iter().map(|errors| errors[part]).collect(),
         })
+    }
+
+    /// The combination of a model's parameters that the fitted tosses determine least.
+    fn weakest(&self, best: &Judged) -> Option<Weakest> {
+        let (model, roll) = (&best.candidate, self.roll(&best.candidate));
+        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+            let (rule, scene) = (rule(model, x), self.scene(model, x));
+            let launches = self.launches(model, x, &scene, &self.fitted);
+            let one = |(&k, launch): (&usize, &Launch)| {
+                let residual = launch.residual(&scene, self.kept[k].toss, &rule, &roll);
+                residual.ok().map(DVector::from_vec)
+            };
+            self.fitted.par_iter().zip(&launches).map(one).collect()
+        };
+        weakest(model, &model.region(self.options.max_friction), &centre(&best.coefficients), &residuals)
     }
 
     /// The error of a law against itself: from a start drawn from the estimate instead of the estimate, and from the given
@@ -226,17 +270,19 @@ impl Work<'_> {
     fn floors(&self, best: &Judged) -> [Vec<f64>; 4] {
         let roll = self.roll(&best.candidate);
         let one = |k: usize| -> Option<Vec<f64>> {
-            let Kept { toss, given, launch } = &self.kept[k];
-            let rule = Self::rule(&best.candidate, &best.coefficients[self.fold_of[k]]);
+            let Kept { toss, given, .. } = &self.kept[k];
+            let x = &best.coefficients[self.fold_of[k]];
+            let (rule, scene) = (rule(&best.candidate, x), self.scene(&best.candidate, x));
+            let launch = self.launches(&best.candidate, x, &scene, &[k]).pop()?;
             let state = &launch.fitted.as_ref()?.state;
             let mut rng = fastrand::Rng::with_seed(self.options.seed.wrapping_add(k as u64));
-            let (q, qd) = state.drawn(&self.tosses.chain, &mut || normal(&mut rng)).ok()?;
+            let (q, qd) = state.drawn(&scene.chain, &mut || normal(&mut rng)).ok()?;
             let drawn = Launch { q, qd, ..launch.clone() };
             let last = toss.samples.len() - 1;
             let simulated = |launch: &Launch| -> Result<Vec<Moment>, SimError> {
-                Ok(launch.simulate(&self.tosses.chain, toss, last, &rule, &roll)?.0)
+                Ok(launch.simulate(&scene, toss, last, &rule, &roll)?.0)
             };
-            let truth = simulated(launch).ok()?;
+            let truth = simulated(&launch).ok()?;
             let early = launch.end(toss, Horizon::Early)? - launch.sample;
             let mut errors = Vec::new();
             for other in [&drawn, given] {
@@ -253,24 +299,108 @@ impl Work<'_> {
     }
 }
 
-/// The first step of the search, as a share of the range.
-const FIRST_STEP: f64 = 0.08;
+/// The starts of the tosses that are fitted, for parameters of [`flight`].
+type Starts = (Vec<(Parameter, f64)>, Vec<Launch>);
 
-/// The points one step along each coefficient from `x`, within the box.
-fn around(region: &Region, x: &[f64], step: f64) -> Vec<Vec<f64>> {
-    let mut points = Vec::new();
-    for (k, &(low, high)) in region.bounds.iter().enumerate() {
-        for sign in [1.0, -1.0] {
-            let mut point = x.to_vec();
-            point[k] += sign * step * (high - low);
-            points.push(region.clamp(&point));
-        }
-    }
-    points
+/// The parameters on which the flight before the first impact depends, with their values.
+fn flight(candidate: &Candidate, x: &[f64]) -> Vec<(Parameter, f64)> {
+    let all = candidate.parameters.iter().copied().zip(x.iter().copied());
+    all.filter(|(parameter, _)| parameter.moves_flight()).collect()
 }
 
 /// A standard normal number (G. E. P. Box, M. E. Muller 1958).
 fn normal(rng: &mut fastrand::Rng) -> f64 {
     let (a, b) = (1.0 - rng.f64(), rng.f64());
     (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::candidates::Effect;
+    use super::*;
+    use carom_chain::Chain;
+    use carom_chain::urdf::{LoadOptions, read_str};
+    use carom_sim::{ContactRule, Sampling, Seen, Simulation, Surface, Touch};
+    use nalgebra::{UnitQuaternion, Vector3};
+
+    fn urdf(shapes: &str) -> String {
+        format!(
+            "<robot name='b'><link name='b'><inertial><mass value='0.4'/><inertia ixx='7e-4' iyy='7e-4' izz='7e-4' ixy='0' \
+             ixz='0' iyz='0'/></inertial>{shapes}</link></robot>"
+        )
+    }
+
+    /// A cube of 0.1 m with corners of a radius, from spheres.
+    fn round(radius: f64) -> String {
+        let inset = 0.05 - radius;
+        let sphere = |k: usize| {
+            let [x, y, z] = [0, 1, 2].map(|bit| if k >> bit & 1 == 1 { inset } else { -inset });
+            format!(
+                "<collision><origin xyz='{x} {y} {z}'/><geometry><sphere radius='{radius}'/></geometry></collision>"
+            )
+        };
+        urdf(&(0..8).map(sphere).collect::<String>())
+    }
+
+    fn floating() -> LoadOptions {
+        LoadOptions { floating_base: true, ..LoadOptions::default() }
+    }
+
+    /// Tosses computed without the code of the comparison.
+    fn thrown(chain: &Chain, count: i64) -> Vec<Toss> {
+        let mut rng = fastrand::Rng::with_seed(3);
+        let floor = carom_contact::Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        let contact = ContactRule::new(carom_impact::Energetic { restitution: 0.4, friction: 0.2 });
+        let surface = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+        let touches = Touch::all(chain, &[surface], 0.0).unwrap().touches;
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        let simulation = Simulation { gravity, ..Simulation::new(chain.clone(), touches) };
+        let mut one = |number| {
+            let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
+            let turn = UnitQuaternion::from_euler_angles(wide(3.0), wide(1.5), wide(3.0));
+            let q = [0.0, 0.0, 0.15, turn.i, turn.j, turn.k, turn.w];
+            let qd = [wide(0.5), wide(0.5), wide(0.3), wide(5.0), wide(5.0), wide(5.0)];
+            let mut samples = Vec::new();
+            let sampling = Sampling { every: Some(0.01), dense: false };
+            let mut keep = |seen: Seen<'_>| {
+                if let Seen::Moment(moment) = seen {
+                    samples.push(moment.clone());
+                }
+            };
+            simulation.stream(&q, &qd, 0.28, sampling, &mut keep).unwrap();
+            Toss { number, samples }
+        };
+        (0..count).map(&mut one).collect()
+    }
+
+    /// Tosses of a cube with rounded corners, judged with the sharp cube of the URDF: the effect lowers the held-out error by more
+    /// than two standard errors, and its true parameters describe the tosses.
+    #[test]
+    fn rounded_corners_predict_tosses_that_sharp_ones_do_not() {
+        let tosses = thrown(&Chain::from_urdf_str(&round(0.008), &floating()).unwrap(), 16);
+        let cube = urdf("<collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision>");
+        let (chain, robot) =
+            (Chain::from_urdf_str(&cube, &floating()).unwrap(), read_str(&cube, None, &floating()).unwrap());
+        let tosses = Tosses { chain, urdf: Default::default(), tosses };
+        let options = CompareOptions { folds: 2, trials: 45, tosses: 16, max_friction: 0.5, ..Default::default() };
+        let work = Work::new("cube", &tosses, &robot, &options).unwrap();
+        let stronge = Candidate::all().into_iter().find(|one| one.law == "energetic").unwrap();
+        let [sharp, ..] = work.judge(stronge.clone(), None);
+        let [rounded, ..] = work.judge(stronge.with(Effect::Corners), Some(&sharp));
+        let by = super::super::Estimate::of_pairs(&rounded.errors, &sharp.errors);
+        assert!(by.mean < -2.0 * by.standard_error, "{by:?}");
+        // with the true parameters, whose law made the tosses, nothing but the tolerance of the simulation remains
+        let truth = [0.4, 0.2, 0.008, 0.0];
+        let (rule, scene) = (rule(&rounded.candidate, &truth), work.scene(&rounded.candidate, &truth));
+        let roll = work.roll(&rounded.candidate);
+        let of = |Kept { toss, launch, .. }: &Kept<'_>| {
+            launch.roll_out(&scene, toss, &rule, &roll, Horizon::Early).unwrap().error(Horizon::Early, roll.length)
+        };
+        let errors: Vec<f64> = work.kept.iter().map(|kept| of(kept).unwrap()).collect();
+        assert!(mean(&errors) < 1e-2 * mean(&rounded.errors), "{} {}", mean(&errors), mean(&rounded.errors));
+        // an effect at its nominal values is absent
+        let none = rounded.candidate.nominal(&stronge, &sharp.coefficients[0]);
+        let gap = work.scene(&rounded.candidate, &none).chain;
+        assert_eq!(gap.links()[0].collisions, tosses.chain.links()[0].collisions);
+    }
 }

@@ -10,7 +10,7 @@ use super::error::FitError;
 use super::loss::{Cost, Loss, median};
 use super::search::Region;
 use super::{Coefficient, Fit, FitOptions, FittedTo, Interval, Misfit, NAMES, Score};
-use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Start, TossError, Tosses};
+use crate::tosses::{Horizon, Launch, RollOut, RollOutOptions, Scene, Start, TossError, Tosses};
 use carom_impact::Coefficients;
 use carom_sim::{ContactLaw, ContactRule};
 use rayon::prelude::*;
@@ -80,13 +80,13 @@ impl Work<'_> {
     /// Roll-outs of the tosses `which` at the coefficients `x`.
     fn roll_out(&self, x: &[f64], which: &[usize], horizon: Horizon) -> Result<Vec<RollOut>, FitError> {
         let scale = if self.inertia { x[2] } else { 1.0 };
-        let chain = self.tosses.chain.with_inertia_scaled(scale)?;
+        let scene = Scene { chain: self.tosses.chain.with_inertia_scaled(scale)?, floor: 0.0 };
         let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
         let law = ContactLaw::named(self.law, coefficients);
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the name was checked before the search")));
         let (tosses, launches, roll) = (&self.tosses.tosses, &self.launches, self.roll);
         let one = |&k: &usize| {
-            let rolled = launches[k].roll_out(&chain, &tosses[k], &rule, roll, horizon);
+            let rolled = launches[k].roll_out(&scene, &tosses[k], &rule, roll, horizon);
             rolled.map_err(|e| FitError::Refused(e.to_string()))
         };
         which.par_iter().map(one).collect()

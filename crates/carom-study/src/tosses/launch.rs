@@ -1,7 +1,8 @@
 //! The start of a roll-out: the state at the first free sample, and the sample of the first impact.
 
 use super::{GRAVITY, Toss, TossError, Tosses, on_floor};
-use crate::fit::{Flight, Launched, launch};
+use crate::fit::{Flight, Launched, launch, relaunch};
+use carom_chain::Chain;
 use carom_sim::{ContactRule, SimError};
 use rayon::prelude::*;
 
@@ -74,20 +75,37 @@ impl Tosses {
         let impact = (sample + 1..gaps.len().saturating_sub(1)).find(low);
         let given = &toss.samples[sample];
         let table = Launch { sample, q: given.q.clone(), qd: given.qd.clone(), impact, fitted: None };
-        let flight = &toss.samples[sample..impact.unwrap_or(sample)];
-        if start == Start::Given || flight.len() < FEWEST {
+        let flight = table.flight(toss);
+        if start == Start::Given || flight.times.len() < FEWEST {
             return Ok(table);
         }
-        let flight = Flight {
-            times: flight.iter().map(|sample| sample.time).collect(),
-            poses: flight.iter().map(|sample| sample.q.clone()).collect(),
-        };
         let Ok(state) = launch(&self.chain, GRAVITY, &flight) else { return Ok(table) };
-        let simulation = on_floor(&self.chain, &ContactRule::default()).map_err(refuse)?;
+        let simulation = on_floor(&self.scene(), &ContactRule::default()).map_err(refuse)?;
         if simulation.smallest_gap(&state.q).map_err(refuse)? <= 0.0 {
             return Ok(table);
         }
         let (q, qd) = (state.q.clone(), state.qd.clone());
         Ok(Launch { q, qd, fitted: Some(Fitted { state, samples: flight.times.len() }), ..table })
+    }
+}
+
+impl Launch {
+    /// The samples of the flight before the first impact; empty without one.
+    fn flight(&self, toss: &Toss) -> Flight {
+        let flight = &toss.samples[self.sample..self.impact.unwrap_or(self.sample)];
+        Flight {
+            times: flight.iter().map(|sample| sample.time).collect(),
+            poses: flight.iter().map(|sample| sample.q.clone()).collect(),
+        }
+    }
+
+    /// The start for another inertia of the robot: a fitted state is fitted again, to the same samples. A state of the table,
+    /// and one whose fit does not converge, is kept.
+    pub(crate) fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
+        let again = |fitted: &Fitted| relaunch(chain, GRAVITY, &self.flight(toss), &fitted.state).ok();
+        let Some((samples, state)) = self.fitted.as_ref().and_then(|old| Some((old.samples, again(old)?))) else {
+            return self.clone();
+        };
+        Self { q: state.q.clone(), qd: state.qd.clone(), fitted: Some(Fitted { state, samples }), ..self.clone() }
     }
 }

@@ -75,10 +75,7 @@ impl Tosses {
     /// [`TossError::File`] with file, line and column; [`TossError::Chain`] for an invalid URDF.
     pub fn read(folder: &Path, robot: Option<&str>, options: &LoadOptions) -> Result<Self, TossError> {
         let refuse = |file: &Path, reason: String| TossError::File { file: file.to_owned(), reason };
-        let urdf = match robot {
-            Some(name) => folder.join(name),
-            None => only_urdf(folder).map_err(|reason| refuse(folder, reason))?,
-        };
+        let urdf = urdf_of(folder, robot)?;
         let options = LoadOptions { floating_base: true, ..options.clone() };
         let chain = Chain::from_urdf_file_with(&urdf, &options)?;
         chain.check_dynamics().map_err(|e| refuse(&urdf, e.to_string()))?;
@@ -87,10 +84,15 @@ impl Tosses {
         Ok(Self { chain, urdf, tosses })
     }
 
+    /// The robot above the floor z = 0.
+    pub(crate) fn scene(&self) -> Scene {
+        Scene { chain: self.chain.clone(), floor: 0.0 }
+    }
+
     /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
     pub(crate) fn gaps(&self, toss: &Toss) -> Result<Vec<f64>, TossError> {
         let refuse = |reason| TossError::Simulation { number: toss.number, reason };
-        let simulation = on_floor(&self.chain, &ContactRule::default()).map_err(refuse)?;
+        let simulation = on_floor(&self.scene(), &ContactRule::default()).map_err(refuse)?;
         toss.samples.iter().map(|sample| simulation.smallest_gap(&sample.q).map_err(refuse)).collect()
     }
 }
@@ -98,12 +100,26 @@ impl Tosses {
 /// Gravity of all tosses, m/s².
 pub(crate) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// Simulation of a chain above the floor z = 0.
-fn on_floor(chain: &Chain, contact: &ContactRule) -> Result<Simulation, SimError> {
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z())?;
+/// A robot above a horizontal floor.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub chain: Chain,
+    /// Height of the floor, m.
+    pub floor: f64,
+}
+
+/// Simulation of a robot above the floor.
+fn on_floor(Scene { chain, floor }: &Scene, contact: &ContactRule) -> Result<Simulation, SimError> {
+    let floor = Obstacle::half_space(Vector3::new(0.0, 0.0, *floor), Vector3::z())?;
     let surface = Surface { name: "floor".into(), obstacle: floor, contact: contact.clone(), motion: None };
     let touches = Touch::all(chain, &[surface], 0.0)?.touches;
     Ok(Simulation { gravity: GRAVITY, ..Simulation::new(chain.clone(), touches) })
+}
+
+/// The file of the robot in a folder of tosses: `robot`, or the only URDF.
+pub(crate) fn urdf_of(folder: &Path, robot: Option<&str>) -> Result<PathBuf, TossError> {
+    let refuse = |reason: String| TossError::File { file: folder.to_owned(), reason };
+    robot.map_or_else(|| only_urdf(folder).map_err(refuse), |name| Ok(folder.join(name)))
 }
 
 fn only_urdf(folder: &Path) -> Result<PathBuf, String> {

@@ -1,7 +1,6 @@
 //! Simulation of a toss, and its error against the measured poses.
 
-use super::{Launch, Start, Toss, TossError, Tosses, on_floor};
-use carom_chain::Chain;
+use super::{Launch, Scene, Start, Toss, TossError, Tosses, on_floor};
 use carom_sim::{ContactRule, Moment, Sampling, Seen, SeveralLaw, SimError, Simulation};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -101,9 +100,9 @@ impl Tosses {
     /// Simulates all tosses in parallel with contact rule `contact`, each to its last sample. Results are in the order of the
     /// tosses.
     pub fn roll_out(&self, contact: &ContactRule, options: &RollOutOptions) -> Vec<Result<RollOut, TossError>> {
-        let launches = self.launches(options.start);
+        let (launches, scene) = (self.launches(options.start), self.scene());
         let one = |(toss, launch): (&Toss, Result<Launch, TossError>)| {
-            launch?.roll_out(&self.chain, toss, contact, options, Horizon::Whole)
+            launch?.roll_out(&scene, toss, contact, options, Horizon::Whole)
         };
         self.tosses.par_iter().zip(launches).map(one).collect()
     }
@@ -126,7 +125,7 @@ impl Launch {
     /// errors are those up to there.
     pub(crate) fn roll_out(
         &self,
-        chain: &Chain,
+        scene: &Scene,
         toss: &Toss,
         contact: &ContactRule,
         options: &RollOutOptions,
@@ -134,8 +133,8 @@ impl Launch {
     ) -> Result<RollOut, TossError> {
         let refuse = |reason: SimError| TossError::Simulation { number: toss.number, reason };
         let last = self.end(toss, horizon).unwrap_or(toss.samples.len() - 1);
-        let (rolled, events) = self.simulate(chain, toss, last, contact, options).map_err(refuse)?;
-        let simulation = on_floor(chain, contact).map_err(refuse)?;
+        let (rolled, events) = self.simulate(scene, toss, last, contact, options).map_err(refuse)?;
+        let simulation = on_floor(scene, contact).map_err(refuse)?;
         let mut deepest = 0.0_f64;
         for moment in &rolled {
             deepest = deepest.max(-simulation.smallest_gap(&moment.q).map_err(refuse)?);
@@ -159,10 +158,26 @@ impl Launch {
         })
     }
 
+    /// The residuals of a roll-out, whose squares sum up to [`RollOut::error`] of the part: for each sample |Δp|/√`length` in
+    /// world axes, the rotation vector, and the joint, over the square root of the number of samples.
+    pub(crate) fn residual(
+        &self,
+        scene: &Scene,
+        toss: &Toss,
+        contact: &ContactRule,
+        options: &RollOutOptions,
+    ) -> Result<Vec<f64>, SimError> {
+        let last = self.end(toss, options.horizon).unwrap_or(toss.samples.len() - 1);
+        let (rolled, _) = self.simulate(scene, toss, last, contact, options)?;
+        let share = (rolled.len() as f64).sqrt().recip();
+        let both = rolled.iter().zip(&toss.samples[self.sample..=last]);
+        Ok(both.flat_map(|(a, b)| apart(a, b, options.length)).map(|x| x * share).collect())
+    }
+
     /// The simulated states at the samples from the start to the sample `last`, and the number of events.
     pub(crate) fn simulate(
         &self,
-        chain: &Chain,
+        scene: &Scene,
         toss: &Toss,
         last: usize,
         contact: &ContactRule,
@@ -172,7 +187,7 @@ impl Launch {
             tolerance: options.tolerance,
             contact_step: options.contact_step,
             several: options.several,
-            ..on_floor(chain, contact)?
+            ..on_floor(scene, contact)?
         };
         // sampled at the spacing of the measured samples
         let measured = &toss.samples[self.sample..=last];
@@ -216,11 +231,29 @@ impl RollOut {
     }
 }
 
+fn place(moment: &Moment) -> Vector3<f64> {
+    Vector3::from_column_slice(&moment.q[..3])
+}
+
+fn turn(moment: &Moment) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(moment.q[6], moment.q[3], moment.q[4], moment.q[5]))
+}
+
+/// An angle between −π and π.
+fn wrapped(x: f64) -> f64 {
+    (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+}
+
+/// The components of the difference between two poses, in the units of the measure.
+fn apart(a: &Moment, b: &Moment, length: f64) -> Vec<f64> {
+    let away = (place(a) - place(b)) / length.sqrt();
+    let turned = turn(b).rotation_to(&turn(a)).scaled_axis();
+    let joints = a.q[7..].iter().zip(&b.q[7..]).map(|(a, b)| wrapped(a - b));
+    away.iter().chain(turned.iter()).copied().chain(joints).collect()
+}
+
 impl PoseError {
     pub(crate) fn between(a: &Moment, b: &Moment) -> Self {
-        let place = |m: &Moment| Vector3::from_column_slice(&m.q[..3]);
-        let turn = |m: &Moment| UnitQuaternion::from_quaternion(Quaternion::new(m.q[6], m.q[3], m.q[4], m.q[5]));
-        let wrapped = |x: f64| (x + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI;
         let joints = a.q[7..].iter().zip(&b.q[7..]);
         Self {
             position: (place(a) - place(b)).norm(),

@@ -1,7 +1,7 @@
 //! Comparisons of all laws on synthetic data: the law that made the data wins, and a fold's coefficients do not know the fold.
 
 use super::*;
-use carom_study::compare::{CompareOptions, Comparison, DataSet, compare, data_sets, toss_cases};
+use carom_study::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -33,7 +33,11 @@ const QUIETLY: &(dyn Fn(usize, usize, &str) + Sync) = &|_, _, _| {};
 
 /// Rows of a table of planar impacts of the ellipse, computed with a law, with noise of 1 %.
 fn ellipse(law: &str, coefficients: Coefficients, count: usize) -> Vec<[f64; 13]> {
-    let law = law_by_name::<2>(law, coefficients).unwrap();
+    ellipse_at(&|_| law_by_name::<2>(law, coefficients).unwrap(), count)
+}
+
+/// The same with a law that depends on the approach speed.
+fn ellipse_at(law: &dyn Fn(f64) -> Box<dyn Law<f64, 2> + Send + Sync>, count: usize) -> Vec<[f64; 13]> {
     let (mass, inertia) = (0.0364_f64, 1.3468e-5_f64);
     let mut rng = Rng::with_seed(21);
     let mut rows = Vec::new();
@@ -47,7 +51,7 @@ fn ellipse(law: &str, coefficients: Coefficients, count: usize) -> Vec<[f64; 13]
         if problem.approach_speed() < 0.2 {
             continue;
         }
-        let p = law.resolve(&problem).unwrap().impulse;
+        let p = law(problem.approach_speed()).resolve(&problem).unwrap().impulse;
         let jump = inverse * jacobian.transpose() * p;
         let after = before + jump.map(|x| x * (1.0 + 0.01 * normal(&mut rng)));
         let [a, b] = [before, after].map(|v| [v.x, v.y, v.z]);
@@ -64,6 +68,11 @@ fn table(rows: &[[f64; 13]]) -> String {
     text
 }
 
+/// The row of a law with these effects.
+fn row<'a>(all: &'a Comparison, law: &str, effects: &[&str]) -> &'a Row {
+    all.rows.iter().find(|row| row.law == law && row.effects == effects).unwrap()
+}
+
 fn compared(name: &str, rows: &[[f64; 13]], options: &CompareOptions) -> Comparison {
     let folder = Folder::new(name, "impacts_odd.csv", &table(rows));
     compare(&folder.set(), options, QUIETLY).unwrap().remove(0)
@@ -75,7 +84,10 @@ fn the_law_that_made_the_impacts_predicts_them_best() {
     let tangential = Coefficients { tangential_restitution: 0.4, ..rough(0.5, 0.3) };
     for (law, truth) in [("smith", rough(0.5, 0.3)), ("chatterjee-ruina", tangential)] {
         let rows = ellipse(law, truth, 60);
-        let found = compared(law, &rows, &options);
+        let mut found = compared(law, &rows, &options);
+        // no effect is selected, because none made the impacts
+        assert_eq!(found.selected.unwrap().models, [law; 3]);
+        found.rows.retain(|row| row.effects.is_empty());
         let [best, next] = [&found.rows[0], &found.rows[1]];
         assert_eq!((best.law.as_str(), found.rows.len()), (law, LAW_NAMES.len()));
         assert!(next.to_best.mean > 2.0 * next.to_best.standard_error, "{law}: {} {:?}", next.law, next.to_best);
@@ -106,12 +118,29 @@ fn coefficients_for_a_fold_are_fitted_without_it() {
     }
     let after = compared("replaced", &rows, &options);
     assert_eq!(before.folds, after.folds);
-    for row in &before.rows {
-        let other = after.rows.iter().find(|other| other.law == row.law).unwrap();
+    for row in before.rows.iter().filter(|row| row.effects.is_empty()) {
+        let other = self::row(&after, &row.law, &[]);
         let (a, b) = (&row.coefficients[0].values, &other.coefficients[0].values);
         assert_eq!(a[1], b[1], "{}: the fold decides on its own coefficients", row.law);
         assert!((a[0] - b[0]).abs() > 1e-3 && (a[2] - b[2]).abs() > 1e-3, "{}: {a:?} {b:?}", row.law);
     }
+}
+
+/// The table of tosses, with velocities along x that are wrong by `off`, m/s.
+fn toss_table(tosses: &[Toss], off: f64) -> String {
+    let mut text = "toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
+    for toss in tosses {
+        for Moment { time, q, qd } in &toss.samples {
+            let turn = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
+            let v = turn * Vector3::new(qd[0] + off, qd[1], qd[2]);
+            let _ = writeln!(
+                text,
+                "{},{time},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+                toss.number, q[0], q[1], q[2], q[6], q[3], q[4], q[5], v.x, v.y, v.z, qd[3], qd[4], qd[5]
+            );
+        }
+    }
+    text
 }
 
 /// Tosses of a ball with an error of the velocities of the table. Without friction the spin never changes, so that law loses;
@@ -121,19 +150,7 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
     let ball = trajectories::load("ball");
     let law = carom_impact::Energetic { restitution: 0.6, friction: 0.15 };
     let tosses = trajectories::thrown(&ball, law, &mut Rng::with_seed(16), 8);
-    let mut text = "toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n".to_owned();
-    for toss in &tosses {
-        for Moment { time, q, qd } in &toss.samples {
-            let turn = nalgebra::UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
-            let v = turn * Vector3::new(qd[0] + 0.1, qd[1], qd[2]);
-            let _ = writeln!(
-                text,
-                "{},{time},{},{},{},{},{},{},{},{},{},{},{},{},{}",
-                toss.number, q[0], q[1], q[2], q[6], q[3], q[4], q[5], v.x, v.y, v.z, qd[3], qd[4], qd[5]
-            );
-        }
-    }
-    let folder = Folder::new("tosses", "tosses.csv", &text);
+    let folder = Folder::new("tosses", "tosses.csv", &toss_table(&tosses, 0.1));
     let urdf = format!("{}/../../robots/ball.urdf", env!("CARGO_MANIFEST_DIR"));
     std::fs::copy(urdf, folder.0.join("ball.urdf")).unwrap();
     let options = CompareOptions { folds: 2, trials: 36, tosses: 4, ..CompareOptions::default() };
@@ -142,8 +159,8 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
     assert_eq!(all.len(), 4);
     assert_eq!(all[0].numbers.len(), 8);
     let of = |part: usize, law: &str| {
-        let found = all[part].rows.iter().find(|row| row.law == law && row.several == Some("moreau"));
-        found.unwrap().error.estimate.mean
+        let of_law = |row: &&Row| row.law == law && row.effects.is_empty() && row.several == Some("moreau");
+        all[part].rows.iter().find(of_law).unwrap().error.estimate.mean
     };
     for part in [0, 1] {
         // the search ends at 1 % of the range, and an error of 0.01 in e moves a bounce of 1 m/s by 1 mm in 0.1 s
@@ -206,4 +223,44 @@ fn data_that_cannot_be_compared_are_refused() {
     std::fs::write(folder.0.join("impacts.csv"), table(&rows).replacen("\n0,", "\nx,", 1)).unwrap();
     let line = data_sets(&folder.0, &LoadOptions::default()).unwrap_err().to_string();
     assert!(line.ends_with("impacts.csv: line 2, column i: 'x' is not a finite number"), "{line}");
+}
+
+/// A table whose tangent has the opposite sense of the rotation: the effect finds it, the error falls to the noise, and only
+/// this effect is selected. Every fold determines the sense.
+#[test]
+fn the_sense_of_the_tangential_arm_is_found() {
+    let mut rows = ellipse("energetic", rough(0.5, 0.15), 60);
+    rows.iter_mut().for_each(|row| row[9] = -row[9]);
+    let found = compared("arm", &rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
+    let arm = row(&found, "energetic", &["arm"]);
+    let fitted = arm.coefficients.iter().find(|one| one.name == "arm").unwrap();
+    // noise of 1 % in 40 impacts
+    fitted.values.iter().for_each(|value| close("arm", *value, -1.0, 0.03));
+    let by = arm.to_simpler.unwrap();
+    assert!(by.mean < -2.0 * by.standard_error, "{by:?}");
+    assert!(arm.error.estimate.mean < 0.1 * row(&found, "energetic", &[]).error.estimate.mean);
+    // the bound is that of the geometry of the best model
+    assert!(found.bound.unwrap().estimate.mean <= arm.error.estimate.mean + 1e-12);
+    let selected = found.selected.unwrap();
+    assert!(selected.models.iter().all(|model| model.ends_with(" + arm")), "{:?}", selected.models);
+    assert!(selected.to_constant.mean < -2.0 * selected.to_constant.standard_error);
+}
+
+/// Impacts whose restitution falls with the power 1/4 of the approach speed: exponent and coefficient at 1 m/s are recovered,
+/// and the constant law is worse by more than two standard errors.
+#[test]
+fn the_exponent_of_the_approach_speed_is_recovered() {
+    let at = |speed: f64| law_by_name::<2>("poisson", rough(0.6 * speed.powf(-0.25), 0.2)).unwrap();
+    let rows = ellipse_at(&at, 60);
+    let found = compared("speed", &rows, &CompareOptions { folds: 3, ..CompareOptions::default() });
+    let own = row(&found, "poisson", &["arm", "speed"]);
+    for (name, truth) in [("restitution", 0.6), ("friction", 0.2), ("arm", 1.0), ("speed_exponent", 0.25)] {
+        let fitted = own.coefficients.iter().find(|one| one.name == name).unwrap();
+        // noise of 1 % in 40 impacts at 0.2 to 3 m/s
+        fitted.values.iter().for_each(|value| close(name, *value, truth, 0.04));
+    }
+    let by = own.to_simpler.unwrap();
+    assert!(by.mean < -2.0 * by.standard_error, "{by:?}");
+    let models = found.selected.unwrap().models;
+    assert!(models.iter().all(|model| model.ends_with(" + arm + speed")), "{models:?}");
 }

@@ -5,7 +5,7 @@ mod trajectories;
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, uniform_chain};
-use carom_impact::{Coefficients, ImpactProblem, LAW_NAMES, law_by_name};
+use carom_impact::{Coefficients, ImpactProblem, LAW_NAMES, Law, law_by_name};
 use carom_sim::{Impacts, Moment, free_motion_at};
 use carom_study::fit::{
     ChainJump, Fit, FitError, FitOptions, Flight, Interval, LawPair, Loss, MeasuredImpact, fit_trajectories,

@@ -1,0 +1,133 @@
+//! The scene of a model on tosses: the robot with the changed parameters above the floor, and the contact rule.
+
+use super::candidates::{Candidate, Effect, Parameter};
+use crate::tosses::Scene;
+use carom_chain::Chain;
+use carom_chain::urdf::{Collision, LoadOptions, Robot, Shape};
+use carom_impact::{AnyLaw, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law};
+use carom_sim::{ContactLaw, ContactRule};
+use nalgebra::{Translation3, Vector3};
+
+/// The effects that are tried on tosses of a robot, each in addition to those before it.
+pub(super) fn effects(robot: &Robot) -> Vec<Effect> {
+    let boxes = robot.links.iter().flat_map(|link| &link.collisions).any(|it| matches!(it.shape, Shape::Box { .. }));
+    let several = robot.links.iter().filter(|link| link.inertial.is_some()).count() > 1;
+    let mut effects = Vec::new();
+    effects.extend(boxes.then_some(Effect::Corners));
+    effects.extend((!robot.joints.is_empty()).then_some(Effect::Hinge));
+    effects.push(if several { Effect::Masses } else { Effect::Inertia });
+    effects.extend((!robot.joints.is_empty()).then_some(Effect::Placement));
+    effects.extend([Effect::Floor, Effect::Speed]);
+    effects
+}
+
+/// The scene of a model with the parameters `x`. `nominal` is the chain of `robot`, which a model without effects keeps.
+pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]) -> Scene {
+    let of = |parameter: Parameter| model.value(parameter, x).unwrap_or(parameter.nominal());
+    let floor = of(Parameter::Height);
+    if model.effects.is_empty() {
+        return Scene { chain: nominal.clone(), floor };
+    }
+    let mut robot = robot.clone();
+    let root = robot.root;
+    for (k, link) in robot.links.iter_mut().enumerate() {
+        if let Some(inertial) = &mut link.inertial {
+            for axis in 0..3 {
+                inertial.inertia_at_com[(axis, axis)] *= of(Parameter::Inertia(axis));
+            }
+            if k != root {
+                inertial.mass *= of(Parameter::Mass);
+                inertial.inertia_at_com *= of(Parameter::Mass);
+            }
+        }
+        let (radius, growth) = (of(Parameter::Radius), of(Parameter::Growth));
+        link.collisions = link.collisions.iter().flat_map(|it| rounded(it, radius, growth)).collect();
+    }
+    for joint in &mut robot.joints {
+        for axis in 0..3 {
+            joint.origin.translation.vector[axis] += of(Parameter::Offset(axis));
+        }
+        joint.damping += of(Parameter::Damping);
+        joint.friction += of(Parameter::DryFriction);
+    }
+    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
+    Scene { chain: Chain::from_robot(robot, &options), floor }
+}
+
+/// A box with edges longer by `growth` and corners of this radius; other shapes unchanged. The spheres at the corners touch a
+/// plane where the rounded box does.
+fn rounded(collision: &Collision, radius: f64, growth: f64) -> Vec<Collision> {
+    let Shape::Box { size } = &collision.shape else { return vec![collision.clone()] };
+    let size = size.add_scalar(growth).map(|edge| edge.max(LEAST_EDGE));
+    let radius = radius.min(0.49 * size.min());
+    if radius < LEAST_RADIUS {
+        return vec![Collision { shape: Shape::Box { size }, ..collision.clone() }];
+    }
+    let sphere = |k: usize| {
+        let sign = |bit: usize| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let reach = size * 0.5 - Vector3::repeat(radius);
+        let corner = Vector3::new(sign(0) * reach.x, sign(1) * reach.y, sign(2) * reach.z);
+        let origin = collision.origin * Translation3::from(corner);
+        Collision { name: collision.name.clone(), origin, shape: Shape::Sphere { radius } }
+    };
+    (0..8).map(sphere).collect()
+}
+
+/// Shortest edge of a box, and the radius below which a corner is sharp, m.
+const LEAST_EDGE: f64 = 1e-3;
+const LEAST_RADIUS: f64 = 1e-5;
+
+/// The contact rule of a model with the parameters `x`.
+pub(super) fn rule(model: &Candidate, x: &[f64]) -> ContactRule {
+    let slow = model.coefficients(x, 0.0);
+    let law = if model.effects.contains(&Effect::Speed) {
+        let own = AtSpeed { model: model.clone(), x: x.to_vec() };
+        ContactLaw::new(own, slow.restitution, slow.friction)
+    } else {
+        let law = ContactLaw::named(model.law, slow);
+        law.unwrap_or_else(|| unreachable!("the candidates have the names of laws: {LAW_NAMES:?}"))
+    };
+    ContactRule::new(law)
+}
+
+/// A law whose restitution depends on the approach speed.
+struct AtSpeed {
+    model: Candidate,
+    x: Vec<f64>,
+}
+
+impl Law<f64, 3> for AtSpeed {
+    fn name(&self) -> &'static str {
+        self.model.law
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        let coefficients = self.model.coefficients(&self.x, problem.approach_speed());
+        let law = AnyLaw::<f64>::named(self.model.law, coefficients);
+        law.unwrap_or_else(|| unreachable!("the candidates have the names of laws")).resolve(problem)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Isometry3;
+
+    /// The support function of a box with edges a, rounded by r, is Σ |dᵢ| (aᵢ/2 − r) + r.
+    #[test]
+    fn rounded_corners_are_inside_the_box_that_they_belong_to() {
+        let size = Vector3::new(0.1, 0.06, 0.04);
+        let origin = Isometry3::translation(0.01, 0.0, -0.02);
+        let sharp = Collision { name: None, origin, shape: Shape::Box { size } };
+        let round = rounded(&sharp, 0.005, 0.002);
+        for d in [Vector3::x(), -Vector3::z(), Vector3::new(1.0, -2.0, 0.5).normalize()] {
+            let support = round.iter().map(|it| {
+                let Shape::Sphere { radius } = it.shape else { panic!("{it:?}") };
+                (it.origin.translation.vector - origin.translation.vector).dot(&d) + radius
+            });
+            let expected = d.abs().dot(&((size.add_scalar(0.002)) * 0.5).add_scalar(-0.005)) + 0.005;
+            assert!((support.fold(f64::MIN, f64::max) - expected).abs() < 1e-15, "{d}");
+        }
+        assert_eq!(rounded(&sharp, 0.0, 0.0), [sharp]);
+    }
+}
