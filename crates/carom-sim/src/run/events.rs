@@ -457,9 +457,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let rest = self.motion.rest();
         let gaps = self.gaps()?;
         if gaps[touch].1 >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
-            // A crossing of edges that begins as a corner leaves its face: no impact.
+            // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
             let before = self.y.clone();
-            return self.resettle(&[touch], &before);
+            let more = [touch];
+            return self.resettle(if gaps[touch].1 <= rest { &more } else { &[] }, &before);
         }
         for (other, (gap, rate)) in gaps.into_iter().enumerate() {
             if other == touch || self.motion.lasts(other) || gap > TOUCHING {
