@@ -424,14 +424,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.stay()
     }
 
-    /// Stays at rest to the end.
-    pub fn stay(&mut self) -> Result<(), SimError> {
-        let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
-        let told = self.motion.told(start, &y)?;
-        self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
-        Ok(())
-    }
-
     /// Outputs an event that led from `before` to the present state.
     pub fn note(&mut self, kind: EventKind, before: &[f64], blows: Vec<Blow>) {
         let (q, qd_plus) = self.q_qd();

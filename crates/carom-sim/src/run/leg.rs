@@ -17,6 +17,7 @@ use super::differences::differences;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::{Segment, Statistics};
+use super::witness::{HYSTERESIS, Witness};
 use crate::contact::APART;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
@@ -28,8 +29,6 @@ use ivp::methods::{DOP853, RADAU};
 use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
 
-/// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
-const HYSTERESIS: f64 = 1e-14;
 /// Times within a step at which a gap is examined whose parts have passed each other at its end.
 const PROBES: usize = 16;
 /// Legs that need more steps than this fail.
@@ -53,37 +52,6 @@ pub(crate) trait Flow {
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
     /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
     fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
-}
-
-/// The value of a witness function.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(crate) struct Witness {
-    pub value: f64,
-    pub rate: Option<f64>,
-    /// Hysteresis: values up to this count as zero. `None`: a witness that is never armed before it is positive, such as a force.
-    pub band: Option<f64>,
-}
-
-impl Witness {
-    /// A gap and its rate.
-    pub fn gap(value: f64, rate: f64) -> Self {
-        Self { value, rate: Some(rate), band: Some(HYSTERESIS) }
-    }
-
-    /// A velocity with this resolution.
-    pub fn velocity(value: f64, band: f64) -> Self {
-        Self { value, rate: None, band: Some(band) }
-    }
-
-    /// The margin of a force.
-    pub fn margin(value: f64) -> Self {
-        Self { value, rate: None, band: None }
-    }
-
-    /// The value above which it is armed.
-    fn least(&self) -> f64 {
-        self.band.unwrap_or(0.0)
-    }
 }
 
 /// The end of a leg.

@@ -19,6 +19,7 @@ mod stream;
 mod trajectory;
 mod variation;
 mod watch;
+mod witness;
 
 pub use sensitivity::{Broken, EventTime, Sensitivity};
 pub use session::{Advance, Session, SessionState};

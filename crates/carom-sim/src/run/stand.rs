@@ -85,6 +85,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         Ok(StopReason::Duration)
     }
 
+    /// Stays at rest to the end.
+    pub fn stay(&mut self) -> Result<(), SimError> {
+        let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
+        let told = self.motion.told(start, &y)?;
+        self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
+        Ok(())
+    }
+
     /// The modes after a pause, in which the drive may have `changed`.
     pub fn wake(&mut self, changed: bool) -> Result<(), SimError> {
         if self.leap.is_some() {

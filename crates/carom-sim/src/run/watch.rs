@@ -1,7 +1,8 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
 use super::leap::LEAST;
-use super::leg::{Flow, Witness};
+use super::leg::Flow;
+use super::witness::Witness;
 use crate::contact::{APART, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;

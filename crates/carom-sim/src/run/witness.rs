@@ -1,0 +1,35 @@
+//! The values of witness functions, whose zeros end a leg: see `leg.rs`.
+
+/// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
+pub(crate) const HYSTERESIS: f64 = 1e-14;
+
+/// The value of a witness function.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Witness {
+    pub value: f64,
+    pub rate: Option<f64>,
+    /// Hysteresis: values up to this count as zero. `None`: a witness that is never armed before it is positive, such as a force.
+    pub band: Option<f64>,
+}
+
+impl Witness {
+    /// A gap and its rate.
+    pub fn gap(value: f64, rate: f64) -> Self {
+        Self { value, rate: Some(rate), band: Some(HYSTERESIS) }
+    }
+
+    /// A velocity with this resolution.
+    pub fn velocity(value: f64, band: f64) -> Self {
+        Self { value, rate: None, band: Some(band) }
+    }
+
+    /// The margin of a force.
+    pub fn margin(value: f64) -> Self {
+        Self { value, rate: None, band: None }
+    }
+
+    /// The value above which it is armed.
+    pub fn least(&self) -> f64 {
+        self.band.unwrap_or(0.0)
+    }
+}
