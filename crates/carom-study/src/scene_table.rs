@@ -49,8 +49,8 @@ pub fn state_columns(chain: &Chain) -> Vec<Column> {
 /// Modes of the rows of a table of contacts.
 const MODES: [&str; 5] = ["sliding", "sticking", "latched", "pressing", "stepping"];
 
-/// Flags of the rows of a table of contacts; the first: none.
-const FLAGS: [&str; 2] = ["", "non-unique"];
+/// Flags of the rows of a table of contacts.
+const FLAGS: [&str; 1] = ["non-unique"];
 
 /// The columns of a table of lasting contacts: time, contact, mode, point, normal, gap, force on the robot, normal force, flags.
 pub fn contact_columns(sim: &Simulation) -> Vec<Column> {
@@ -76,6 +76,7 @@ pub fn contact_row(time: f64, state: &ContactState) -> Vec<f64> {
     let mut row = vec![time, state.touch as f64, mode as f64];
     row.extend(state.point.iter().chain(state.normal.iter()).chain([&state.gap]));
     row.extend(state.force.iter().chain([&state.normal_force]));
-    row.push(if state.flags.contains(Flags::NON_UNIQUE) { 1.0 } else { 0.0 });
+    // NaN is the empty word.
+    row.push(if state.flags.contains(Flags::NON_UNIQUE) { 0.0 } else { f64::NAN });
     row
 }
