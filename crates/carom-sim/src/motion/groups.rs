@@ -5,6 +5,7 @@ use crate::contact::{APART, BallOnPlane, Pair, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::{Space, View};
+use std::cell::Cell;
 use std::sync::Arc;
 
 /// The touches of a pair that is divided into contacts of parts.
@@ -77,6 +78,8 @@ pub(crate) struct Gaps<'a, A: Space> {
     groups: Vec<Group>,
     /// The group of each touch.
     group_of: Vec<Option<usize>>,
+    /// The contact of parts of each group that was nearest when last examined.
+    nearest: Vec<Cell<Option<usize>>>,
 }
 
 /// A gap and its rate.
@@ -90,7 +93,8 @@ impl<'a, A: Space> Gaps<'a, A> {
             group.touches().for_each(|k| group_of[k] = Some(g));
         }
         let balls = sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect();
-        Self { sim, balls, groups, group_of }
+        let nearest = vec![Cell::new(None); groups.len()];
+        Self { sim, balls, groups, group_of, nearest }
     }
 
     /// Whether a touch of the group lasts.
@@ -226,11 +230,17 @@ impl<'a, A: Space> Gaps<'a, A> {
         if pair.is_complete() && pair.is_on_plane() {
             return Ok(pair.separation(&placed).unwrap_or((APART, 0.0)));
         }
-        let (least, part) = self.least(group, &placed, |_| true);
-        // Parts that overlap deeply do not count: another one may be apart.
-        let Some(whole) = whole.filter(|_| !part.is_some_and(|part| self.is_nearest(part, &placed))) else {
-            return Ok(least);
-        };
+        // A contact whose gap is the separation of the bodies along its normal has the least gap: no other one is examined.
+        let mut nearest = self.nearest[group].take().filter(|&part| self.is_nearest(part, &placed));
+        let mut least = nearest.and_then(|part| self.of_part(part, &placed));
+        if least.is_none() {
+            let (found, part) = self.least(group, &placed, |_| true);
+            nearest = part.filter(|&part| self.is_nearest(part, &placed));
+            // Parts that overlap deeply do not count: another one may be apart.
+            least = Some(found).filter(|_| whole.is_none() || nearest.is_some());
+        }
+        self.nearest[group].set(nearest);
+        let (Some(whole), None) = (*whole, least) else { return Ok(least.unwrap_or((APART, 0.0))) };
         match pair.separation(&placed) {
             Some(bound) if bound.0 > FAR * pair.size() => Ok(bound),
             _ => self.look(whole, view, (q, qd), time),
