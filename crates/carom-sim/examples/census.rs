@@ -142,6 +142,8 @@ struct Count {
     time: f64,
     evaluations: usize,
     residual: f64,
+    /// The residual of the balance of energy, J.
+    energy: f64,
     /// Impacts of several contacts that their law does not solve.
     unsolved: usize,
 }
@@ -175,6 +177,7 @@ fn count(study: &Study, number: u64) -> Count {
         Ok(summary) => {
             found.evaluations = summary.statistics.evaluations;
             found.residual = summary.statistics.worst_residual;
+            found.energy = summary.energy.error().abs();
         }
         Err(error) => found.failed = Some(error.to_string()),
     }
@@ -229,6 +232,14 @@ fn census(starts: u64, only: Option<&str>) -> Answer<()> {
         for (error, starts) in failures {
             more += &format!("  {} failures: {error}; starts {:?}\n", starts.len(), &starts[..starts.len().min(8)]);
         }
+        let energies: Vec<f64> = counts.iter().map(|one| one.energy).collect();
+        let [_, middle, upper] = quartiles(&energies);
+        let mut worst: Vec<usize> = (0..counts.len()).collect();
+        worst.sort_by(|a, b| energies[*b].total_cmp(&energies[*a]));
+        let worst = worst.iter().take(8).map(|&k| format!("{k}: {:.1e}", energies[k])).collect::<Vec<_>>();
+        more += &format!(
+            "  residual of the balance of energy, J: median {middle:.1e}, upper quartile {upper:.1e}; starts {worst:?}\n"
+        );
         let slowest = (0..counts.len()).max_by(|a, b| times[*a].total_cmp(&times[*b])).unwrap_or_default();
         more += &format!("  slowest: start {slowest}\n");
     }

@@ -232,7 +232,7 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
         // A contact whose gap is the separation of the bodies along its normal has the least gap: no other one is examined.
         let mut nearest = self.nearest[group].take().filter(|&part| self.is_nearest(part, &placed));
-        let mut least = nearest.and_then(|part| self.of_part(part, &placed));
+        let mut least = nearest.and_then(|part| self.of_part(part, &placed)).filter(|(gap, _)| *gap < APART);
         if least.is_none() {
             let (found, part) = self.least(group, &placed, |_| true);
             nearest = part.filter(|&part| self.is_nearest(part, &placed));
