@@ -1,36 +1,24 @@
 //! One smooth leg of motion: integrated until its end or until a witness function reaches zero.
 //!
-//! **Trigger rule.** A witness function w depends on the state. It is *armed* once it has been positive at the start of the
-//! leg or at the end of a step, above its hysteresis. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
-//! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
-//! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
-//! is detected. Of a gap that closes at its rate within a step, and whose parts do not face each other at its end, some times within
-//! the step are examined. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
-//! velocity is the error of its integration. A gap or a velocity that is not armed and falls by more than its hysteresis fires
-//! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
+//! When a witness fires: `observer.rs`.
 //!
 //! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 
 use super::differences::differences;
-use super::root::descent;
-use super::sampler::{Sampler, Step};
-use super::trajectory::{Segment, Statistics};
-use super::witness::{HYSTERESIS, Witness};
-use crate::contact::APART;
+use super::observer::{Found, Observer};
+use super::sampler::Sampler;
+use super::trajectory::Statistics;
+use super::witness::Witness;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
 use crate::motion::ContactState;
-use ivp::dense::StepInterpolant;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::{Matrix, MatrixStorage};
 use ivp::methods::{DOP853, RADAU};
-use ivp::solout::{ControlFlag, SolOut};
 use std::cell::RefCell;
 
-/// Times within a step at which a gap is examined whose parts have passed each other at its end.
-const PROBES: usize = 16;
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
 /// [`Accuracy::patience`] of the first attempt.
@@ -88,22 +76,8 @@ pub(crate) fn leg(
 ) -> Result<LegEnd, SimError> {
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
-    let level = |w: &Witness| {
-        if w.value > w.least() { Some(0.0) } else { w.band.map(|band| w.value.min(0.0) - band) }
-    };
-    let levels = now.iter().map(level).collect();
     let system = System(RefCell::new(Inner { flow, error: None }));
-    let mut observer = Observer {
-        system: &system,
-        before: now,
-        levels,
-        y_before: y.to_vec(),
-        reached: start,
-        after: Vec::new(),
-        buffer: vec![0.0; y.len()],
-        found: None,
-        sampler: Some(sampler),
-    };
+    let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
     let stalled = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
         Err(SimError::Integration { reason, .. }) => Some(reason),
         done => done.map(|()| None)?,
@@ -160,17 +134,7 @@ fn last(
     accuracy: Accuracy,
     statistics: &mut Statistics,
 ) -> Result<Vec<f64>, SimError> {
-    let mut observer = Observer {
-        system,
-        before: Vec::new(),
-        levels: Vec::new(),
-        y_before: y.to_vec(),
-        reached: start,
-        after: Vec::new(),
-        buffer: Vec::new(),
-        found: None,
-        sampler: None,
-    };
+    let mut observer = Observer::new(system, (start, y), Vec::new(), None);
     integrate(system, start, y, end, accuracy, statistics, &mut observer)?;
     Ok(observer.y_before)
 }
@@ -228,15 +192,15 @@ fn integrate(
 }
 
 /// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
-struct System<'a>(RefCell<Inner<'a>>);
+pub(crate) struct System<'a>(pub RefCell<Inner<'a>>);
 
-struct Inner<'a> {
-    flow: &'a mut dyn Flow,
-    error: Option<SimError>,
+pub(crate) struct Inner<'a> {
+    pub flow: &'a mut dyn Flow,
+    pub error: Option<SimError>,
 }
 
 impl System<'_> {
-    fn ask<T: Default>(&self, question: impl FnOnce(&mut dyn Flow) -> Result<T, SimError>) -> T {
+    pub fn ask<T: Default>(&self, question: impl FnOnce(&mut dyn Flow) -> Result<T, SimError>) -> T {
         let inner = &mut *self.0.borrow_mut();
         question(inner.flow).unwrap_or_else(|error| {
             inner.error.get_or_insert(error);
@@ -260,153 +224,11 @@ impl FirstOrderSystem for System<'_> {
     }
 }
 
-/// A witness that fired within a step.
-struct Found {
-    witness: usize,
-    /// The level at which it fires.
-    level: f64,
-    /// Start and end of the step, and the state at the start.
-    start: f64,
-    end: f64,
-    y: Vec<f64>,
-    /// The root on the dense output.
-    time: f64,
-}
-
-/// Called after every accepted step: evaluates witnesses and sampler.
-struct Observer<'a, 'b, 'c> {
-    system: &'a System<'b>,
-    before: Vec<Witness>,
-    /// The level at which each witness fires; `None` while it is not armed.
-    levels: Vec<Option<f64>>,
-    y_before: Vec<f64>,
-    /// The time of `y_before`.
-    reached: f64,
-    /// Scratch memory.
-    after: Vec<Witness>,
-    buffer: Vec<f64>,
-    found: Option<Found>,
-    /// `None`: only the last state is needed.
-    sampler: Option<&'a mut Sampler<'c>>,
-}
-
-impl SolOut for Observer<'_, '_, '_> {
-    fn solout(&mut self, start: f64, end: &mut f64, y: &mut [f64], dense: Option<&StepInterpolant<'_>>) -> ControlFlag {
-        let end = *end;
-        if self.system.0.borrow().error.is_some() {
-            return ControlFlag::Interrupt;
-        }
-        let (Some(dense), true) = (dense, self.sampler.is_some()) else {
-            self.y_before.copy_from_slice(y);
-            return ControlFlag::Continue;
-        };
-        let mut after = std::mem::take(&mut self.after);
-        self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        // The number of witnesses is constant within a leg. If their evaluation fails, the list is empty and the error is
-        // stored.
-        let first = (after.iter().enumerate())
-            .filter_map(|(k, after)| Some((self.root(k, start, end, *after, dense)?, k)))
-            .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
-        let until = first.map_or(end, |((time, _), _)| time);
-        if let Some(sampler) = &mut self.sampler {
-            let (buffer, system) = (&mut self.buffer, self.system);
-            let mut at = |time| {
-                dense.interpolate(time, buffer);
-                system.ask(|flow| flow.close(buffer));
-                buffer.clone()
-            };
-            if let Some(path) = &mut sampler.path {
-                path.retain(|step| step.start < start); // a leg that failed is repeated
-                let states = Step::POINTS.map(|point| at(start + (until - start) * point)).to_vec();
-                path.push(Step { start, end: until, states });
-            }
-            sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
-        }
-        if let Some(((time, level), witness)) = first {
-            self.found = Some(Found { witness, level, start, end, y: self.y_before.clone(), time });
-            return ControlFlag::Interrupt;
-        }
-        let settled = self.system.ask(|flow| flow.settle(end, y));
-        if settled {
-            self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        }
-        for (level, witness) in self.levels.iter_mut().zip(&after) {
-            if witness.value > witness.least() {
-                *level = Some(0.0);
-            }
-        }
-        self.after = std::mem::replace(&mut self.before, after);
-        self.y_before.copy_from_slice(y);
-        self.reached = end;
-        if settled { ControlFlag::ModifiedSolution } else { ControlFlag::Continue }
-    }
-}
-
-impl Observer<'_, '_, '_> {
-    /// The first time in the step at which a witness fires, and the level at which it does.
-    fn root(&mut self, k: usize, start: f64, end: f64, after: Witness, dense: &StepInterpolant) -> Option<(f64, f64)> {
-        let level = self.levels[k]?;
-        let before = self.before[k];
-        let rates = before.rate.zip(after.rate);
-        if let Some((a, b)) = rates.filter(|(a, b)| level < 0.0 && after.value <= 0.0 && *a > 0.0 && *b < 0.0) {
-            // The gap opened and closed again within this step.
-            let highest = descent((start, a), (end, b), |time| self.at(k, time, dense).rate.unwrap_or(0.0));
-            let value = self.at(k, highest, dense).value;
-            if value > HYSTERESIS {
-                let value_at = |time: f64| self.at(k, time, dense).value;
-                let closed = descent((highest, value), (end, after.value), value_at);
-                return Some((closed, 0.0));
-            }
-        }
-        let (reached, value) = if after.value <= level {
-            (end, after.value)
-        } else if let Some(within) = self.passed(k, (start, end), after, dense) {
-            within
-        } else {
-            let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
-            let lowest = descent((start, -a), (end, -b), |time| -self.at(k, time, dense).rate.unwrap_or(0.0));
-            let value = self.at(k, lowest, dense).value;
-            if value > level {
-                return None;
-            }
-            (lowest, value)
-        };
-        if before.value <= level {
-            return Some((start, level)); // already at the level at the start
-        }
-        let above = |time: f64| self.at(k, time, dense).value - level;
-        Some((descent((start, before.value - level), (reached, value - level), above), level))
-    }
-
-    /// The first time in the step, of some, at which a gap is closed whose parts do not face each other at the end, because they
-    /// have passed each other.
-    fn passed(
-        &mut self,
-        k: usize,
-        (start, end): (f64, f64),
-        after: Witness,
-        dense: &StepInterpolant,
-    ) -> Option<(f64, f64)> {
-        let level = self.levels[k]?;
-        let closing = self.before[k].rate.is_some_and(|rate| self.before[k].value + rate * (end - start) < level);
-        if after.value < APART || !closing {
-            return None;
-        }
-        let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);
-        times.map(|time| (time, self.at(k, time, dense).value)).find(|(_, value)| *value <= level)
-    }
-
-    /// One witness on the dense output.
-    fn at(&mut self, k: usize, time: f64, dense: &StepInterpolant) -> Witness {
-        dense.interpolate(time, &mut self.buffer);
-        self.system.ask(|flow| flow.witness(k, time, &self.buffer))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::trajectory::Sampling;
     use super::*;
+    use crate::contact::APART;
 
     /// A flow with the rate 1, whose only witness is a gap that depends on time alone.
     struct Clock<F> {

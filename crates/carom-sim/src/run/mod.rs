@@ -8,6 +8,7 @@ mod impacts;
 mod leap;
 mod leg;
 mod memory;
+mod observer;
 mod open;
 mod root;
 mod sampler;
