@@ -230,14 +230,14 @@ mod tests {
     use super::*;
     use crate::contact::APART;
 
-    /// A flow with the rate 1, whose only witness is a gap that depends on time alone.
+    /// A flow with the rate 1, whose witnesses are gaps that depend on time alone.
     struct Clock<F> {
-        gap: F,
+        gaps: F,
         /// The latest time at which the rate was evaluated.
         latest: f64,
     }
 
-    impl<F: Fn(f64) -> Witness> Flow for Clock<F> {
+    impl<F: Fn(f64) -> Vec<Witness>> Flow for Clock<F> {
         fn rate(&mut self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
             self.latest = self.latest.max(t);
             out.fill(1.0);
@@ -247,12 +247,12 @@ mod tests {
             out.fill(1e-8);
             Ok(())
         }
-        fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
-            *out = vec![self.witness(0, t, y)?];
+        fn witnesses(&mut self, t: f64, _: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
+            *out = (self.gaps)(t);
             Ok(())
         }
-        fn witness(&mut self, _: usize, t: f64, _: &[f64]) -> Result<Witness, SimError> {
-            Ok((self.gap)(t))
+        fn witness(&mut self, k: usize, t: f64, _: &[f64]) -> Result<Witness, SimError> {
+            Ok((self.gaps)(t)[k])
         }
         fn contacts(&mut self, _: f64, _: &[f64]) -> Result<Vec<ContactState>, SimError> {
             Ok(Vec::new())
@@ -267,7 +267,11 @@ mod tests {
 
     /// One leg of a [`Clock`] from time 0 with y = 1, and its latest evaluation.
     fn run(gap: impl Fn(f64) -> Witness, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
-        let mut flow = Clock { gap, latest: 0.0 };
+        run_all(|t| vec![gap(t)], end, integrator)
+    }
+
+    fn run_all(gaps: impl Fn(f64) -> Vec<Witness>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
+        let mut flow = Clock { gaps, latest: 0.0 };
         let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
@@ -303,6 +307,22 @@ mod tests {
         let (found, _, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!(found.fired, Some(0));
         assert!((found.time / (0.3 * end) - 1.0).abs() < 1e-14, "{}", found.time / end);
+    }
+
+    /// A line of the first body strikes and leaves its face, too shortly for the times that are examined; the point that follows it is
+    /// below zero as soon as it faces the other body.
+    #[test]
+    fn the_part_that_struck_first_is_found_by_the_part_whose_gap_jumps() {
+        let end = 2.0_f64.powi(-10);
+        let gaps = |t: f64| {
+            let (gap, faces) = (0.301 * end - t, t < 0.302 * end);
+            let apart = Witness::gap(APART, 0.0);
+            let there = Witness::gap(gap, -1.0);
+            vec![if faces { apart } else { there }, if faces { there } else { apart }]
+        };
+        let (found, _, _) = run_all(gaps, end, Integrator::DormandPrince);
+        assert_eq!(found.fired, Some(1));
+        assert!((found.time / (0.301 * end) - 1.0).abs() < 1e-14, "{}", found.time / end);
     }
 
     /// Beyond its end the forces may be others, for instance those of the next row of a table.
