@@ -34,8 +34,8 @@ const SAMPLE: f64 = 0.004;
 ///   final {time, q, qd, contacts [{contact, mode, point, normal, gap, force, normal_force, flags}]};
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
-///   statistics {steps, rejections, evaluations, refinements, contact_steps, worst_residual,
-///     non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
+///   statistics {steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
+///     worst_residual, non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
@@ -195,6 +195,7 @@ struct Cost {
     evaluations: usize,
     refinements: usize,
     contact_steps: usize,
+    step_error: f64,
     worst_residual: f64,
     non_unique_time: f64,
     neglected_frictions: usize,
@@ -350,6 +351,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             evaluations: s.evaluations,
             refinements: s.refinements,
             contact_steps: s.contact_steps,
+            step_error: s.step_error,
             worst_residual: s.worst_residual,
             non_unique_time: s.non_unique_time,
             neglected_frictions: s.neglected,
@@ -445,6 +447,13 @@ fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out:
         "{} events, {} steps, {} rejected, {} evaluations, {} steps with several contacts",
         run.events, s.steps, s.rejections, s.evaluations, s.contact_steps
     )?;
+    if s.step_error > 0.0 {
+        writeln!(
+            out,
+            "estimated error of the positions in the steps with several contacts: {} rad or m",
+            short(s.step_error)
+        )?;
+    }
     if s.non_unique_time > 0.0 {
         writeln!(out, "the motion is not unique for {} s: see the events", short(s.non_unique_time))?;
     }

@@ -161,6 +161,9 @@ fn in_axes_of(b: &Placed, work: impl FnOnce(&dyn Fn(Vector3<f64>) -> Vector3<f64
     }
 }
 
+/// Error of a nearest point, relative to the coordinates.
+const ROUNDING: f64 = 1e-14;
+
 /// The smallest gap to the triangles of a mesh.
 fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, place: &Pose<Spatial<f64>>) -> Gap {
     let (core, skin) = solid.core();
@@ -182,20 +185,22 @@ fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, p
     };
     let least = surface.triangles().least(bound, |corners| {
         let nearest = above_triangle(&body, &corners);
-        (nearest.distance - skin, nearest)
+        (nearest.distance - skin, (nearest, corners))
     });
-    let mut nearest = match least {
-        Some((_, nearest)) => nearest,
+    let (mut nearest, corners) = match least {
+        Some((_, found)) => found,
         None => unreachable!("a mesh has a triangle, and coordinates are finite"),
     };
-    if nearest.distance > 0.0 {
-        let (centre, _) = solid.bounding_sphere();
-        let centre = body.pose.point(centre);
-        if let Some(out) = surface.triangles().way_out(centre) {
-            let depth = (out - centre).norm();
-            let normal = (out - centre).try_normalize(0.0).unwrap_or(nearest.normal);
-            nearest = Nearest { distance: -depth, normal, a: centre, b: out };
-        }
+    let (centre, _) = solid.bounding_sphere();
+    let centre = body.pose.point(centre);
+    if nearest.distance > 0.0
+        && let Some((out, corners)) = surface.triangles().way_out(centre)
+    {
+        let normal = (out - centre).try_normalize(0.0).unwrap_or(nearest.normal);
+        let inside = Nearest { distance: -(out - centre).norm(), normal, a: centre, b: out };
+        nearest = at_face(inside, &corners);
+    } else if matches!(core, Core::Point) {
+        nearest = at_face(nearest, &corners);
     }
     let local = with_skins(nearest, skin, 0.0);
     Gap {
@@ -204,6 +209,23 @@ fn above_mesh(solid: &Solid, pose: &Pose<Spatial<f64>>, surface: &MeshSurface, p
         on_robot: place.point(local.on_robot),
         on_environment: place.point(local.on_environment),
     }
+}
+
+/// The nearest points with the normal of this triangle, if that is their direction up to rounding: near the surface the difference
+/// of the points has no digits.
+fn at_face(nearest: Nearest, corners: &[Vector3<f64>; 3]) -> Nearest {
+    let Nearest { distance, a, b, .. } = nearest;
+    let [p, q, r] = corners;
+    let Some(face) = (q - p).cross(&(r - p)).try_normalize(0.0) else { return nearest };
+    let size = a.amax().max(p.amax()).max(q.amax()).max(r.amax());
+    let way = a - b;
+    if (way - face * face.dot(&way)).norm() > ROUNDING * size {
+        return nearest;
+    }
+    // Inside a closed mesh n is that of its triangles, which point outwards; outside of any it points to the body.
+    let height = face.dot(&(a - p));
+    let (distance, normal) = if distance > 0.0 && height < 0.0 { (-height, -face) } else { (height, face) };
+    Nearest { distance, normal, a, b: a - normal * distance }
 }
 
 /// The distance to one triangle, computed relative to its centroid.

@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 use parry3d_f64::math::{Pose, Vector};
-use parry3d_f64::query::PointQuery;
+use parry3d_f64::query::PointQueryWithLocation;
 use parry3d_f64::query::details::contact_support_map_support_map;
 use parry3d_f64::query::gjk::ConstantOrigin;
 use parry3d_f64::shape::{SupportMap, TriMesh, TriMeshFlags};
@@ -95,12 +95,13 @@ impl Triangles {
         found.map(|(_, least)| least)
     }
 
-    /// The nearest point of a closed mesh's surface, if `point` is inside.
-    pub fn way_out(&self, point: Vector3<f64>) -> Option<Vector3<f64>> {
+    /// The nearest point of a closed mesh's surface, and the corners of its triangle, if `point` is inside.
+    pub fn way_out(&self, point: Vector3<f64>) -> Option<(Vector3<f64>, [Vector3<f64>; 3])> {
         if !self.closed {
             return None;
         }
-        let nearest = self.mesh.project_local_point(out(point), false);
-        nearest.is_inside.then(|| back(nearest.point))
+        let (nearest, (triangle, _)) = self.mesh.project_local_point_and_get_location(out(point), false);
+        let t = self.mesh.triangle(triangle);
+        nearest.is_inside.then(|| (back(nearest.point), [t.a, t.b, t.c].map(back)))
     }
 }

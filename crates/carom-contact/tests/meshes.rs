@@ -3,7 +3,7 @@
 mod common;
 
 use carom_chain::urdf::Shape;
-use carom_contact::{Mesh, Obstacle, gap};
+use carom_contact::{Mesh, Obstacle, gap, gap_points};
 use common::*;
 use nalgebra::{Isometry3, Vector3};
 
@@ -93,4 +93,37 @@ fn concave_faces_are_split_inside_their_outline() {
         }
     }
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// The lowest corner of a box at a closed mesh: its normal is that of the face at any height above and depth below it, down to the rounding of the
+/// positions, and so is the sign of its gap above that rounding.
+#[test]
+fn the_normal_at_a_face_of_a_mesh_has_all_its_digits_at_any_depth() {
+    let mut rng = fastrand::Rng::with_seed(11);
+    let size = Vector3::new(1.0, 0.7, 0.4);
+    let edge = 0.1;
+    let body = link_shape(Shape::Box { size: Vector3::repeat(edge) });
+    for _ in 0..200 {
+        let at = isometry(&mut rng, 1.0);
+        let mesh = Obstacle::mesh(box_mesh(size), at).unwrap();
+        // The diagonal of the face, an edge between two triangles in one plane, is included.
+        let (x, y) = (0.8 * (rng.f64() - 0.5), 0.8 * (rng.f64() - 0.5));
+        let y = if rng.bool() { y } else { x };
+        let turned = isometry(&mut rng, 0.0).rotation;
+        let corners = (0..8).map(|k| {
+            turned * Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64).add_scalar(-0.5) * edge
+        });
+        let lowest = corners.min_by(|a, b| a.z.total_cmp(&b.z)).unwrap();
+        for height in [1e-2, 1e-6, 1e-9, 1e-12, 1e-14, 1e-15, 1e-16, 1e-17, 0.0] {
+            for height in [height, -height] {
+                let place = Vector3::new(x * size.x, y * size.y, size.z / 2.0 + height) - lowest;
+                let place = at * Isometry3::from_parts(place.into(), turned);
+                let found = gap_points(&body, &pose(&place), &mesh, 0.0)[0];
+                let normal = at * Vector3::z();
+                // The place is rounded to some units in the last place of a number of size 2.
+                assert!((found.distance - height).abs() < 5e-15, "{found:?} at {height:e}");
+                assert!((found.normal - normal).norm() < 1e-13, "{found:?} instead of {normal:?} at {height:e}");
+            }
+        }
+    }
 }

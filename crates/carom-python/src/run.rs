@@ -212,8 +212,8 @@ impl Run {
         energy_dict(py, &self.summary.energy)
     }
 
-    /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, worst_residual,
-    /// non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
+    /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
+    /// worst_residual, non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = &self.summary.statistics;
@@ -223,6 +223,7 @@ impl Run {
         dict.set_item("evaluations", s.evaluations)?;
         dict.set_item("refinements", s.refinements)?;
         dict.set_item("contact_steps", s.contact_steps)?;
+        dict.set_item("step_error", s.step_error)?;
         dict.set_item("worst_residual", s.worst_residual)?;
         dict.set_item("non_unique_time", s.non_unique_time)?;
         dict.set_item("neglected_frictions", s.neglected)?;

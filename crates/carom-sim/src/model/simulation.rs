@@ -40,7 +40,7 @@ pub struct Simulation {
     pub max_step: f64,
     /// If all remaining impacts of an accumulation (Zeno) end within this time, s, they are replaced by their limit.
     pub zeno_time: f64,
-    /// Length of a time step, where time steps are computed, s.
+    /// Longest time step where time steps are computed, s; with `stepping` the length of all.
     pub contact_step: f64,
     /// The law of several contacts at the same time.
     pub several: SeveralLaw,

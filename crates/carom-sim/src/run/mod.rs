@@ -16,6 +16,7 @@ mod sensitivity;
 mod session;
 mod several;
 mod stand;
+mod steps;
 mod stream;
 mod trajectory;
 mod variation;

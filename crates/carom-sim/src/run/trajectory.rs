@@ -258,8 +258,11 @@ pub struct Statistics {
     pub evaluations: usize,
     /// Steps repeated to reach the exact time of an event.
     pub refinements: usize,
-    /// Time steps of fixed length with several contacts.
+    /// Time steps with several contacts.
     pub contact_steps: usize,
+    /// Sum of the estimated errors of the positions in time steps with step control, rad or m: each is the largest difference
+    /// between one step and two of half its length.
+    pub step_error: f64,
     /// Largest residual of the problems with several contacts, relative to their velocities.
     pub worst_residual: f64,
     /// Time in contact modes, and in time steps, whose motion depends on how forces are distributed over redundant contacts, s.

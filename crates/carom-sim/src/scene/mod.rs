@@ -225,7 +225,7 @@ use surface::{Places, surface};
 /// | `max_step` | > 0, s | `0.1` | longest integration step |
 /// | `sample` | > 0, s | – | time between the samples of tables and recordings; `carom simulate` takes 0.004 s without it |
 /// | `zeno_time` | > 0, s | √(0.1 · `tolerance`) | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
-/// | `contact_step` | > 0, s | `1e-3` | length of a time step, where time steps are computed |
+/// | `contact_step` | > 0, s | `1e-3` | longest time step, where time steps are computed; with `method = "steps"` the length of all |
 /// | `max_events` | integer | `100000` | the run stops after this number of events |
 /// | `method` | string | `"events"` | `"events"`: event-driven, with time steps only where no mode is consistent; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
 /// | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |

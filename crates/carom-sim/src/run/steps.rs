@@ -1,0 +1,334 @@
+//! Moreau–Jean time steps, where no mode of several contacts is consistent or the integrators fail.
+//!
+//! | symbol | size | meaning | our name |
+//! | --- | --- | --- | --- |
+//! | h | 1 | step | `step` |
+//! | R | m×nv | rows of all constraints in contact axes, tangents first, normal last | `rows` |
+//! | p | m | impulses | `impulse` |
+//!
+//! One time step (J. J. Moreau 1988, M. Jean 1999, θ = ½): half a step of positions, qₘ = q + ½ h q̇; the contacts that are
+//! closed at qₘ; q̇⁺ = q̇ + h M⁻¹f + M⁻¹Rᵀp, with p by the law of several contacts ([`SeveralLaw`]); the second half step with
+//! q̇⁺. The contact law is imposed on velocities, so a step may contain any number of impacts, and positions overlap by
+//! O(h v). Overlaps are corrected along M⁻¹Rᵀ down to the overlap of one step of free fall: after a correction to a gap of
+//! zero the contact would open and close in alternate steps and never come to rest.
+//!
+//! **Error and step.** The difference of the positions after one step and after two of half its length estimates the error of the
+//! step; the motion goes on from the two. The step is accepted where the estimate is at most 0.01 √(tolerance) (rad, m), and the next
+//! one follows from it, because the error of a step is of second order in its length. An impact within a step has an error of first
+//! order: the shortest step is 1/256 of `contact_step`, the longest is `contact_step`. Where time steps are asked for, all have the
+//! length `contact_step`.
+
+use super::events::{Run, TOUCHING};
+use super::several::{Closures, push, solved};
+use super::trajectory::EventKind;
+use crate::contact::{ContactMode, SeveralLaw};
+use crate::error::SimError;
+use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
+use crate::state::{Loops, Space, View};
+use carom_chain::{ChainError, Rows};
+use carom_impact::{Constraint, Flags};
+use nalgebra::{DVector, Vector3};
+
+/// After this number of steps of full length without contact the motion continues event-driven.
+const OPEN_STEPS: f64 = 10.0;
+/// After this number of steps of full length a consistent mode is looked for.
+const RESUME: f64 = 20.0;
+/// After this number of steps of full length without motion the chain is at rest.
+const STILL_STEPS: f64 = 20.0;
+/// Joint velocities below this count as zero, rad/s or m/s.
+const STILL: f64 = 1e-10;
+/// Overlaps up to this are not corrected, m.
+const OVERLAP: f64 = 1e-12;
+/// The error of a step that is accepted, as a multiple of the square root of the tolerance.
+const SHARE: f64 = 0.01;
+/// The full length over the shortest.
+const SHORTEST: f64 = 256.0;
+/// The share of the length that the estimated error allows.
+const SAFE: f64 = 0.9;
+/// The length of a step changes at most by this factor.
+const CHANGE: f64 = 4.0;
+
+/// A time step that was made.
+struct TimeStep {
+    start: f64,
+    end: f64,
+    /// q and qd at its start.
+    before: (Vec<f64>, Vec<f64>),
+    /// q at its middle.
+    middle: Vec<f64>,
+    /// The state at its end.
+    after: Vec<f64>,
+    told: Vec<ContactState>,
+    /// Whether all contacts were open.
+    open: bool,
+    /// Whether all velocities are zero.
+    still: bool,
+}
+
+impl<A: Space> Run<'_, '_, A> {
+    /// Time steps until all contacts are open, the chain is at rest, or the run ends.
+    pub fn several_contacts(&mut self) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        // Half a step less, because times are rounded.
+        let lasts = |steps: f64| (steps - 0.5) * sim.contact_step;
+        let (mut open, mut still, mut since) = (0.0, 0.0, 0.0);
+        let mut length = sim.contact_step;
+        while self.time < self.end {
+            let start = self.time;
+            let longest = (self.end - start).min(sim.next_kink(start) - start);
+            let done = if sim.stepping {
+                self.time_step(sim.contact_step.min(longest))?
+            } else {
+                self.controlled_step(&mut length, longest)?
+            };
+            let (is_open, is_still) = (done.open, done.still);
+            self.tell(done);
+            let step = self.time - start;
+            open = if is_open { open + step } else { 0.0 };
+            let flies = open >= lasts(OPEN_STEPS) && !sim.stepping;
+            if flies && self.gaps()?.into_iter().all(|(gap, _)| gap > 0.0) {
+                return self.fly();
+            }
+            since += step;
+            if since >= lasts(RESUME) && !sim.stepping {
+                since = 0.0;
+                if self.resumes()? {
+                    return Ok(());
+                }
+            }
+            still = if is_still { still + step } else { 0.0 };
+            if still >= lasts(STILL_STEPS) && self.is_steady() {
+                let energy = self.motion.energy(&self.y)?;
+                self.put_back(0.0)?;
+                self.lost += energy - self.motion.energy(&self.y)?;
+                let y = self.y.clone();
+                if !std::mem::replace(&mut self.memory.resting, true) {
+                    self.note(EventKind::Rest, &y, Vec::new());
+                }
+                let start = std::mem::replace(&mut self.time, self.end);
+                let told = self.stepped.clone();
+                self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
+            }
+        }
+        Ok(())
+    }
+
+    /// Two time steps of half a length, which is shortened until the error is accepted or the step is the shortest. `length`: that
+    /// of this and of the next step, s; `longest`: its limit now.
+    fn controlled_step(&mut self, length: &mut f64, longest: f64) -> Result<TimeStep, SimError> {
+        let sim = self.motion.sim;
+        let nq = sim.chain.nq();
+        let accepted = SHARE * sim.tolerance.sqrt();
+        let shortest = sim.contact_step / SHORTEST;
+        let (time, y, lost, statistics) = (self.time, self.y.clone(), self.lost, self.statistics);
+        loop {
+            let step = length.min(longest);
+            self.time_step(step)?;
+            let whole = std::mem::replace(&mut self.y, y.clone());
+            (self.time, self.lost, self.statistics) = (time, lost, statistics);
+            let first = self.time_step(step / 2.0)?;
+            let second = self.time_step(step / 2.0)?;
+            let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
+            let ends = error <= accepted || step <= shortest;
+            // A step that the end or a kink of the forces shortens says nothing about longer ones.
+            if !(ends && step < *length) {
+                let factor = (SAFE * (accepted / error).sqrt()).clamp(1.0 / CHANGE, CHANGE);
+                *length = (step * factor).clamp(shortest, sim.contact_step);
+            }
+            if ends {
+                self.statistics.step_error += error;
+                let (open, still) = (first.open && second.open, first.still && second.still);
+                self.tell(first);
+                return Ok(TimeStep { open, still, ..second });
+            }
+            self.y.copy_from_slice(&y);
+            (self.time, self.lost, self.statistics) = (time, lost, statistics);
+        }
+    }
+
+    /// Continues event-driven without contacts.
+    fn fly(&mut self) -> Result<(), SimError> {
+        self.motion.stepping = false;
+        let before = self.y.clone();
+        self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
+        self.measure();
+        self.resettle(&[], &before)
+    }
+
+    /// Continues event-driven if the closed contacts have a consistent mode; `false` leaves the state as it was.
+    fn resumes(&mut self) -> Result<bool, SimError> {
+        let sim = self.motion.sim;
+        let gravity = sim.gravity.norm().max(1.0);
+        // Within one step of fall, in position and velocity.
+        let (depth, speed) = (4.0 * gravity * sim.contact_step.powi(2), 4.0 * gravity * sim.contact_step);
+        let mut closed = Vec::new();
+        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+            if gap <= depth && rate.abs() <= speed {
+                closed.push(touch);
+            } else if gap <= depth && rate < 0.0 {
+                return Ok(false);
+            }
+        }
+        if closed.is_empty() || closed.iter().any(|&touch| !sim.touches[touch].is_point()) {
+            return Ok(false);
+        }
+        let before = self.y.clone();
+        self.measure();
+        let energy = self.motion.energy(&before)?;
+        let hold = Hold::Slides { toward: Vector3::zeros() };
+        let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
+        self.motion.project(&normals, self.time, &mut self.y)?;
+        let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+        if !clear || self.choose(&closed)?.is_some() || self.motion.in_mode(self.time, &self.y).is_err() {
+            self.y = before;
+            self.motion.lasting.retain(|own| !own.is_rigid());
+            return Ok(false);
+        }
+        self.motion.stepping = false;
+        self.lost += energy - self.motion.energy(&self.y)?;
+        self.note_changes(&[], &before);
+        self.rest()?;
+        Ok(true)
+    }
+
+    /// Whether a chain at rest stays at rest: no drive or surface depends on time.
+    pub fn is_steady(&self) -> bool {
+        self.motion.sim.is_steady(self.time)
+    }
+
+    /// One time step of this length, s.
+    fn time_step(&mut self, step: f64) -> Result<TimeStep, SimError> {
+        let sim = self.motion.sim;
+        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let (q, qd) = self.q_qd();
+        let (start, middle_time) = (self.time, self.time + step / 2.0);
+        let energy = self.motion.energy(&self.y)?;
+
+        let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
+        // All dry friction is part of the contact problem, so none of it is applied as a force.
+        self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
+        let (tau, power) = self.motion.applied(middle_time, &middle, &qd)?;
+        let dry = self.motion.dry.clone();
+        let (stiffness, damping) = self.motion.regulation();
+        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let mut view = View::closed_by(*model, workspace, &middle, couplings)?;
+        let v = DVector::from_column_slice(&qd);
+        // Damping and controllers are implicit (velocity at the end of the step), so that stiff ones stay stable:
+        // (M + h D + ½h² K)(q̇⁺ − q̇) = h f − ½h² K q̇ + Rᵀp.
+        let mut inertia = view.kin.mass_matrix();
+        for i in 0..nv {
+            inertia[(i, i)] += step * damping[i] + step * step / 2.0 * stiffness[i];
+        }
+        let inertia = inertia.cholesky().ok_or(ChainError::NoInertia { joint: sim.chain.name().to_owned() });
+        let inertia = inertia.map_err(SimError::from)?;
+        let force = DVector::from_vec(tau) - view.bias(&qd, sim.gravity)?;
+        let carried = DVector::from_fn(nv, |i, _| v[i] * (step * step / 2.0 * stiffness[i]));
+        let mut free = &v + inertia.solve(&(force * step - carried));
+        let loops = view.loop_rows()?;
+        let closed = Loops::new(loops.clone(), solved(&inertia, &loops), A::LINEAR);
+        if let Some(closed) = &closed {
+            closed.bind(free.as_mut_slice(), None);
+        }
+
+        let mut rows = Closures::new(sim.chain.nv());
+        for k in near.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
+            let touch = &sim.touches[k];
+            for at in touch.points(&view, &middle, middle_time, TOUCHING) {
+                rows.add(k, touch, &at, &view, middle_time)?;
+            }
+        }
+        let open = rows.rows.is_empty();
+        for joint in &dry {
+            rows.rows.add()[joint.v] = 1.0;
+            rows.surface.push(0.0);
+            rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
+            rows.stiffnesses.push(1.0);
+        }
+        let mut told = Vec::new();
+        let mut next = free.clone();
+        let mut fall = 0.0_f64;
+        if !rows.rows.is_empty() {
+            let mut responses = solved(&inertia, &rows.rows);
+            if let Some(closed) = &closed {
+                responses.iter_mut().for_each(|response| closed.bind(response, None));
+            }
+            let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
+            fall = (&u_minus - &u_free).amax() * step;
+            let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
+            self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
+            push(next.as_mut_slice(), &responses, &outcome.impulse);
+            let open = outcome.flags.contains(Flags::NON_UNIQUE);
+            self.statistics.non_unique_time += if open { step } else { 0.0 };
+            told = rows.told(&outcome.impulse, step, if open { Flags::NON_UNIQUE } else { Flags::NONE });
+        }
+        let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
+        self.y[..nq].copy_from_slice(&moved);
+        self.y[nq..nq + nv].copy_from_slice(next.as_slice());
+        sim.normalise(&mut self.y);
+        self.time = start + step;
+        if !open {
+            self.put_back(2.0 * fall)?;
+        }
+        self.motion.close_loops(&mut self.y)?;
+
+        self.statistics.contact_steps += 1;
+        self.y[nq + nv] += power[0] * step;
+        self.y[nq + nv + 1] += power[1] * step;
+        self.lost += energy - self.motion.energy(&self.y)? + (power[0] + power[1]) * step;
+        let still = next.amax() < STILL;
+        Ok(TimeStep { start, end: self.time, before: (q, qd), middle, after: self.y.clone(), told, open, still })
+    }
+
+    /// The samples of a step: positions are linear in time in each half of it, with the velocity before and after it.
+    fn tell(&mut self, done: TimeStep) {
+        let TimeStep { start, end, before: (q, qd), middle, after, told, .. } = done;
+        let chain = &self.motion.sim.chain;
+        let (nq, nv, half) = (chain.nq(), chain.nv(), (end - start) / 2.0);
+        let at = |time: f64| {
+            let (from, rate, span) = if time <= start + half {
+                (&q, qd.as_slice(), time - start)
+            } else {
+                (&middle, &after[nq..nq + nv], time - start - half)
+            };
+            let mut state = after.clone();
+            if let Ok(there) = chain.integrate(from, rate, span) {
+                state[..nq].copy_from_slice(&there);
+            }
+            state[nq..nq + nv].copy_from_slice(rate);
+            state
+        };
+        self.sampler.stretch((start, end, 2), at, |_, _| told.clone());
+        self.stepped = told;
+    }
+
+    /// Corrects overlaps above `allowed` (m) by the smallest displacement in the kinetic metric: with the gaps g + allowed,
+    /// 0 ≤ g + R δ ⟂ π ≥ 0, δ = M⁻¹Rᵀπ.
+    fn put_back(&mut self, allowed: f64) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        let (q, qd) = self.q_qd();
+        let time = self.time;
+        let mut rows = Closures::new(sim.chain.nv());
+        let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
+        let mut view = View::closed_by(*model, workspace, &q, couplings)?;
+        let mut gaps = Vec::new();
+        for touch in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]) {
+            for at in touch.points(&view, &q, time, 0.0) {
+                touch.row_into(&at, &view, rows.rows.add())?;
+                rows.constraints.push(Constraint::Stop { restitution: 0.0 });
+                gaps.push(at.gap + allowed);
+            }
+        }
+        if gaps.iter().all(|gap| *gap > -OVERLAP) {
+            return Ok(());
+        }
+        let mut responses = Rows::default();
+        view.respond(&rows.rows, &mut responses)?;
+        let gaps = DVector::from_vec(gaps);
+        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
+        let mut back = vec![0.0; sim.chain.nv()];
+        push(&mut back, &responses, &outcome.impulse);
+        let moved = sim.chain.integrate(&q, &back, 1.0)?;
+        self.y[..q.len()].copy_from_slice(&moved);
+        Ok(())
+    }
+}
