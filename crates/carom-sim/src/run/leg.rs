@@ -6,41 +6,20 @@
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 
-use super::differences::differences;
+use super::flow::{Flow, System};
 use super::observer::{Found, Observer};
 use super::sampler::Sampler;
 use super::trajectory::Statistics;
 use super::witness::Witness;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
-use crate::motion::ContactState;
-use ivp::ivp::FirstOrderSystem;
-use ivp::matrix::{Matrix, MatrixStorage};
+use ivp::matrix::MatrixStorage;
 use ivp::methods::{DOP853, RADAU};
-use std::cell::RefCell;
 
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
 /// [`Accuracy::patience`] of the first attempt.
 pub(crate) const PATIENCE: usize = 60;
-
-/// A smooth vector field with witness functions: one contact mode of one chain.
-pub(crate) trait Flow {
-    /// ẏ at (t, y).
-    fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
-    /// The step of each component of y for difference quotients of the rate.
-    fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
-    /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
-    fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
-    /// Witness `k` at (t, y).
-    fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
-    /// The lasting contacts at (t, y).
-    fn contacts(&mut self, t: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError>;
-    /// Closes the loops at a state between two steps.
-    fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
-    /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
-    fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
-}
 
 /// The end of a leg.
 #[derive(Debug, Clone)]
@@ -76,7 +55,7 @@ pub(crate) fn leg(
 ) -> Result<LegEnd, SimError> {
     let mut now = Vec::new();
     flow.witnesses(start, y, &mut now)?;
-    let system = System(RefCell::new(Inner { flow, error: None }));
+    let system = System::new(flow);
     let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
     let stalled = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
         Err(SimError::Integration { reason, .. }) => Some(reason),
@@ -124,7 +103,7 @@ pub(crate) fn pass(
     accuracy: Accuracy,
     statistics: &mut Statistics,
 ) -> Result<Vec<f64>, SimError> {
-    last(&System(RefCell::new(Inner { flow, error: None })), from, end, accuracy, statistics)
+    last(&System::new(flow), from, end, accuracy, statistics)
 }
 
 fn last(
@@ -191,44 +170,12 @@ fn integrate(
     if solved.status.is_success() { Ok(()) } else { Err(failed(ended(solved.status).into())) }
 }
 
-/// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
-pub(crate) struct System<'a>(pub RefCell<Inner<'a>>);
-
-pub(crate) struct Inner<'a> {
-    pub flow: &'a mut dyn Flow,
-    pub error: Option<SimError>,
-}
-
-impl System<'_> {
-    pub fn ask<T: Default>(&self, question: impl FnOnce(&mut dyn Flow) -> Result<T, SimError>) -> T {
-        let inner = &mut *self.0.borrow_mut();
-        question(inner.flow).unwrap_or_else(|error| {
-            inner.error.get_or_insert(error);
-            T::default()
-        })
-    }
-}
-
-impl FirstOrderSystem for System<'_> {
-    fn derivative(&self, t: f64, y: &[f64], rate: &mut [f64]) {
-        rate.fill(0.0);
-        self.ask(|flow| flow.rate(t, y, rate));
-    }
-
-    /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity
-    /// far below that for which ivp's own differences are made.
-    fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
-        let mut steps = vec![0.0; y.len()];
-        self.ask(|flow| flow.steps(t, y, &mut steps));
-        differences(|y, rate| self.derivative(t, y, rate), y, &steps, |at, slope| jacobian[at] = slope);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::trajectory::Sampling;
     use super::*;
     use crate::contact::APART;
+    use crate::motion::ContactState;
 
     /// A flow with the rate 1, whose witnesses are gaps that depend on time alone.
     struct Clock<F> {

@@ -4,6 +4,7 @@ mod branch;
 mod crossing;
 mod differences;
 mod events;
+mod flow;
 mod impacts;
 mod leap;
 mod leg;

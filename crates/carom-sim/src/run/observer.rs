@@ -13,7 +13,7 @@
 //! below zero: other parts of these bodies touched before, and passed each other within the step. The least of all gaps goes through
 //! zero where they did.
 
-use super::leg::System;
+use super::flow::System;
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;

@@ -1,7 +1,7 @@
 //! The rate of the state of a motion, and the witness functions whose zeros end its contact mode.
 
+use super::flow::Flow;
 use super::leap::LEAST;
-use super::leg::Flow;
 use super::witness::Witness;
 use crate::contact::{APART, Placed};
 use crate::error::SimError;

@@ -1,0 +1,64 @@
+//! The vector field of one contact mode with its witness functions, and its form for the integrator.
+
+use super::differences::differences;
+use super::witness::Witness;
+use crate::error::SimError;
+use crate::motion::ContactState;
+use ivp::ivp::FirstOrderSystem;
+use ivp::matrix::Matrix;
+use std::cell::RefCell;
+
+/// A smooth vector field with witness functions: one contact mode of one chain.
+pub(crate) trait Flow {
+    /// ẏ at (t, y).
+    fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The step of each component of y for difference quotients of the rate.
+    fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
+    /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
+    fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
+    /// Witness `k` at (t, y).
+    fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
+    /// The lasting contacts at (t, y).
+    fn contacts(&mut self, t: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError>;
+    /// Closes the loops at a state between two steps.
+    fn close(&mut self, y: &mut [f64]) -> Result<(), SimError>;
+    /// Projects a state that drifted off its constraint back onto it; returns whether it changed the state.
+    fn settle(&mut self, t: f64, y: &mut [f64]) -> Result<bool, SimError>;
+}
+
+/// The flow for the integrator. Errors are stored here, as the integrator cannot return them.
+pub(crate) struct System<'a>(pub RefCell<Inner<'a>>);
+
+pub(crate) struct Inner<'a> {
+    pub flow: &'a mut dyn Flow,
+    pub error: Option<SimError>,
+}
+
+impl<'a> System<'a> {
+    pub fn new(flow: &'a mut dyn Flow) -> Self {
+        Self(RefCell::new(Inner { flow, error: None }))
+    }
+
+    pub fn ask<T: Default>(&self, question: impl FnOnce(&mut dyn Flow) -> Result<T, SimError>) -> T {
+        let inner = &mut *self.0.borrow_mut();
+        question(inner.flow).unwrap_or_else(|error| {
+            inner.error.get_or_insert(error);
+            T::default()
+        })
+    }
+}
+
+impl FirstOrderSystem for System<'_> {
+    fn derivative(&self, t: f64, y: &[f64], rate: &mut [f64]) {
+        rate.fill(0.0);
+        self.ask(|flow| flow.rate(t, y, rate));
+    }
+
+    /// By forward differences with the steps of the flow: where slip begins, the rate changes by its own size with a velocity
+    /// far below that for which ivp's own differences are made.
+    fn jac(&self, t: f64, y: &[f64], jacobian: &mut Matrix) {
+        let mut steps = vec![0.0; y.len()];
+        self.ask(|flow| flow.steps(t, y, &mut steps));
+        differences(|y, rate| self.derivative(t, y, rate), y, &steps, |at, slope| jacobian[at] = slope);
+    }
+}
