@@ -71,9 +71,18 @@ pub fn gap_points(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obsta
     if matches!((shape.solid(), obstacle.surface()), (Solid::Cylinder { .. }, Surface::HalfSpace { .. })) {
         gaps.push(gap(shape, pose, obstacle));
     }
+    let (centre, _) = shape.solid().bounding_sphere();
+    let centre = pose.then(shape.origin()).point(centre);
+    let open = obstacle.triangles().is_some_and(|surface| !surface.triangles().is_closed());
     for corner in shape.corners() {
         let place = Pose { rotation: pose.rotation, translation: pose.point(corner.position) };
-        gaps.push(solid_gap(&Solid::Sphere { radius: corner.radius }, &place, obstacle));
+        let mut found = solid_gap(&Solid::Sphere { radius: corner.radius }, &place, obstacle);
+        // A point on an open mesh is on the side of its body.
+        let on_mesh = open && found.distance.abs() <= ROUNDING * place.translation.amax().max(1.0);
+        if on_mesh && found.normal.dot(&(centre - place.translation)) < 0.0 {
+            found = Gap { distance: -found.distance, normal: -found.normal, ..found };
+        }
+        gaps.push(found);
     }
     let least = gaps.iter().map(|gap| gap.distance).fold(f64::INFINITY, f64::min);
     gaps.retain(|gap| gap.distance <= least + tolerance);

@@ -95,6 +95,11 @@ impl Triangles {
         found.map(|(_, least)| least)
     }
 
+    /// Whether the triangles bound a volume.
+    pub fn is_closed(&self) -> bool {
+        self.closed
+    }
+
     /// The nearest point of a closed mesh's surface, and the corners of its triangle, if `point` is inside.
     pub fn way_out(&self, point: Vector3<f64>) -> Option<(Vector3<f64>, [Vector3<f64>; 3])> {
         if !self.closed {

@@ -71,6 +71,22 @@ fn plateau() -> Obstacle {
     Obstacle::mesh(solid, Isometry3::identity()).unwrap()
 }
 
+/// A square of two triangles without a volume has no inside: a box rests on it however the triangles are oriented.
+#[test]
+fn a_box_rests_on_an_open_mesh_of_either_orientation() {
+    let corners = [[-3.0, -3.0, 0.0], [3.0, -3.0, 0.0], [3.0, 4.0, 0.0], [-3.0, 4.0, 0.0]].map(Vector3::from);
+    for triangles in [[[0, 1, 2], [0, 2, 3]], [[0, 2, 1], [0, 3, 2]]] {
+        let square = Mesh::from_triangles(corners.to_vec(), triangles.to_vec()).unwrap();
+        let ground = Obstacle::mesh(square, Isometry3::identity()).unwrap();
+        let mut sim = over(body(r#"<box size="0.2 0.2 0.1"/>"#), ground, 0.3);
+        sim.gravity = Vector3::new(0.0, 0.0, -G);
+        let run = sim.run(&[0.3, 0.1, 0.05, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.3).unwrap();
+        let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
+        assert_eq!(kinds, ["stepping", "rest"]);
+        assert!((run.summary.last.q[2] - 0.05).abs() < 1e-12, "{:?}", run.summary.last);
+    }
+}
+
 /// After the last closed contact the time of ten steps of full length passes before the motion is event-driven again. The impact is
 /// in the first step, which is the shortest: an impact within a step has an error in proportion to the step.
 #[test]
