@@ -103,7 +103,7 @@ proptest! {
         let (q, nv) = (s.q(), s.chain.nv());
         // Every second row acts on one joint only, as that of a joint limit.
         let one = |k: usize| (0..nv).map(|v| if v == k % nv { 1.0 } else { 0.0 }).collect();
-        let rows: Vec<Vec<f64>> = (0..count).map(|k| if k % 2 == 0 { s.v() } else { one(k) }).collect();
+        let rows: Vec<Vec<f64>> = (0..count).map(|k| if k % 2 == 1 { s.v() } else { one(k) }).collect();
         let mut ws = s.chain.workspace();
         let mut kin = ws.update(&s.chain, &q).unwrap();
         let m = kin.mass_matrix();

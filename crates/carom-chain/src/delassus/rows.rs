@@ -92,7 +92,17 @@ impl Rows {
 
     /// The products of all rows (first index) with all rows of `others`: for the responses of rows F, R M⁻¹Fᵀ.
     pub fn times(&self, others: &Rows) -> DMatrix<f64> {
-        DMatrix::from_fn(self.len(), others.len(), |i, j| self.dot(i, others.row(j)))
+        let mut product = DMatrix::zeros(self.len(), others.len());
+        // A row of a contact has entries for the joints between the contact and the world only.
+        let mut own = Vec::with_capacity(self.nv);
+        for (i, row) in self.iter().enumerate() {
+            own.clear();
+            own.extend(row.iter().copied().enumerate().filter(|(_, r)| *r != 0.0));
+            for (j, other) in others.iter().enumerate() {
+                product[(i, j)] = own.iter().map(|(v, r)| r * other[*v]).sum();
+            }
+        }
+        product
     }
 }
 
