@@ -223,7 +223,7 @@ impl<A: Space> Run<'_, '_, A> {
             let (open, still) = self.contact_step()?;
             open_steps = if open { open_steps + 1 } else { 0 };
             let flies = open_steps >= OPEN_STEPS && !self.motion.sim.stepping;
-            if flies && self.gaps()?.into_iter().all(|(gap, _)| gap > 0.0) {
+            if flies && self.gaps()?.into_iter().all(|(_, (gap, _))| gap > 0.0) {
                 return self.fly();
             }
             steps += 1;
@@ -263,7 +263,7 @@ impl<A: Space> Run<'_, '_, A> {
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * sim.contact_step.powi(2), 4.0 * gravity * sim.contact_step);
         let mut closed = Vec::new();
-        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (touch, (gap, rate)) in self.gaps()? {
             if gap <= depth && rate.abs() <= speed {
                 closed.push(touch);
             } else if gap <= depth && rate < 0.0 {
@@ -279,7 +279,7 @@ impl<A: Space> Run<'_, '_, A> {
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
-        let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+        let clear = self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
         if !clear || self.choose(&closed)?.is_some() || self.motion.in_mode(self.time, &self.y).is_err() {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
@@ -294,14 +294,14 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Whether a chain at rest stays at rest: no drive or surface depends on time.
     pub fn is_steady(&self) -> bool {
-        self.motion.sim.is_steady(self.time)
+        self.motion.moving.is_empty() && self.motion.sim.is_steady(self.time)
     }
 
     /// One time step; returns whether all contacts were open, and whether all velocities are zero.
     fn contact_step(&mut self) -> Result<(bool, bool), SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
-        let step = sim.contact_step.min(self.end - self.time).min(sim.next_kink(self.time) - self.time);
+        let step = sim.contact_step.min(self.end - self.time).min(sim.next_kink(&self.motion.moving, self.time) - self.time);
         let (q, qd) = self.q_qd();
         let (start, middle_time) = (self.time, self.time + step / 2.0);
         let energy = self.motion.energy(&self.y)?;
