@@ -27,8 +27,10 @@ use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
-/// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
+/// Accuracy of the impulses of an impact.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
+/// Accuracy of the impulses of a time step: far below the error of time stepping.
+const STEP_ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, ..ACCURACY };
 /// An impact with a larger residual has no solution by its law.
 const UNSOLVED: f64 = 1e-9;
 /// After this number of steps without contact the motion continues event-driven.
@@ -144,6 +146,19 @@ impl Closures {
         self.contacts.iter().map(state).collect()
     }
 
+    /// Impulses of a time step of this length by the forces of the step before, where a contact had one.
+    fn guess(&self, before: &[ContactState], step: f64) -> DVector<f64> {
+        let mut guess = DVector::zeros(self.rows.len());
+        for closed in &self.contacts {
+            let Some(state) = before.iter().find(|state| state.touch == closed.touch) else { continue };
+            guess[closed.rows.end - 1] = state.normal_force * step;
+            if let (Some((axes, _)), 3) = (&closed.place, closed.rows.len()) {
+                guess.rows_mut(closed.rows.start, 3).copy_from(&(axes.tr_mul(&state.force) * step));
+            }
+        }
+        guess
+    }
+
     /// The contact impulses in world axes.
     fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
         let blow = |closed: &Closed| {
@@ -162,7 +177,8 @@ impl<A: Space> Run<'_, '_, A> {
         responses: &Rows,
         u_minus: DVector<f64>,
         u_free: DVector<f64>,
-        law: SeveralLaw,
+        (law, accuracy): (SeveralLaw, &Accuracy),
+        start: Option<&DVector<f64>>,
     ) -> Result<Solved, SimError> {
         let m = rows.rows.len();
         let delassus = DMatrix::from_fn(m, m, |i, j| {
@@ -171,7 +187,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows.dot(i, responses.row(j))
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        Ok(law.solve(&problem, &rows.stiffnesses, &ACCURACY)?)
+        Ok(law.solve(&problem, &rows.stiffnesses, accuracy, start)?)
     }
 
     /// The impact of touches that close at the same time, together with a contact that lasts. `ends`: without restitution, as
@@ -196,13 +212,14 @@ impl<A: Space> Run<'_, '_, A> {
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
         let u_minus = rows.velocities(&qd);
-        let mut outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), sim.several)?;
+        let mut outcome =
+            self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), (sim.several, &ACCURACY), None)?;
         let residual = outcome.residual;
         self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
         if residual > UNSOLVED && !ends {
             // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
             rows.without_restitution();
-            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (sim.several, &ACCURACY), None)?;
         }
         push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
@@ -301,9 +318,10 @@ impl<A: Space> Run<'_, '_, A> {
     fn contact_step(&mut self) -> Result<(bool, bool), SimError> {
         let sim = self.motion.sim;
         let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
-        let step = sim.contact_step.min(self.end - self.time).min(sim.next_kink(&self.motion.moving, self.time) - self.time);
+        let step =
+            sim.contact_step.min(self.end - self.time).min(sim.next_kink(&self.motion.moving, self.time) - self.time);
         let (q, qd) = self.q_qd();
-        let (start, middle_time) = (self.time, self.time + step / 2.0);
+        let (start_time, middle_time) = (self.time, self.time + step / 2.0);
         let energy = self.motion.energy(&self.y)?;
 
         let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
@@ -356,7 +374,9 @@ impl<A: Space> Run<'_, '_, A> {
             }
             let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
             fall = (&u_minus - &u_free).amax() * step;
-            let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
+            let start = rows.guess(&self.stepped, step);
+            let outcome =
+                self.solve(&rows, &responses, u_minus, u_free, (sim.several, &STEP_ACCURACY), Some(&start))?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, &outcome.impulse);
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
@@ -367,7 +387,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.y[..nq].copy_from_slice(&moved);
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
         sim.normalise(&mut self.y);
-        self.time = start + step;
+        self.time = start_time + step;
         if !open {
             self.put_back(2.0 * fall)?;
         }
@@ -382,10 +402,10 @@ impl<A: Space> Run<'_, '_, A> {
         let at = |time: f64| {
             // Positions are linear in time in each half of the step, with the velocity before and after it.
             let half = step / 2.0;
-            let (from, rate, span) = if time <= start + half {
-                (&q, qd.as_slice(), time - start)
+            let (from, rate, span) = if time <= start_time + half {
+                (&q, qd.as_slice(), time - start_time)
             } else {
-                (&middle, next.as_slice(), time - start - half)
+                (&middle, next.as_slice(), time - start_time - half)
             };
             let mut state = y.clone();
             if let Ok(there) = chain.integrate(from, rate, span) {
@@ -394,7 +414,7 @@ impl<A: Space> Run<'_, '_, A> {
             state[nq..nq + nv].copy_from_slice(rate);
             state
         };
-        self.sampler.stretch((start, self.time, 2), at, |_, _| told.clone());
+        self.sampler.stretch((start_time, self.time, 2), at, |_, _| told.clone());
         self.stepped = told;
         Ok((open, still))
     }
@@ -422,7 +442,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
         let gaps = DVector::from_vec(gaps);
-        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
+        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, (SeveralLaw::Moreau, &STEP_ACCURACY), None)?;
         let mut back = vec![0.0; sim.chain.nv()];
         push(&mut back, &responses, &outcome.impulse);
         let moved = sim.chain.integrate(&q, &back, 1.0)?;
