@@ -268,7 +268,8 @@ impl<'a, A: Space> Gaps<'a, A> {
             let parts = group.parts.iter().zip(&group.meetings);
             let near = parts.filter(|(_, meeting)| !is_above(&group.pair, **meeting, &placed, NEAR));
             gaps.extend(near.map(|(&k, meeting)| (k, group.pair.look(*meeting, &placed))));
-            if let Some(k) = group.whole {
+            // Bodies on a half-space touch it with their corners and rims only.
+            if let Some(k) = group.whole.filter(|_| !(group.pair.is_complete() && group.pair.is_on_plane())) {
                 gaps.push((k, self.own(k, view, state, time, &mut Some((g, placed)))?));
             }
         }
