@@ -89,6 +89,9 @@ pub(crate) struct Gaps<'a, A: Space> {
     nearest: Vec<Cell<Option<usize>>>,
 }
 
+/// A touch with its gap and gap rate.
+pub(crate) type Near = (usize, (f64, f64));
+
 /// A gap and its rate.
 type Look = Result<(f64, f64), SimError>;
 
@@ -255,7 +258,7 @@ impl<'a, A: Space> Gaps<'a, A> {
         view: &View<A>,
         state: (&[f64], &[f64]),
         time: f64,
-    ) -> Result<Vec<(usize, (f64, f64))>, SimError> {
+    ) -> Result<Vec<Near>, SimError> {
         let mut gaps = Vec::new();
         for &k in &self.alone {
             gaps.push((k, self.look(k, view, state, time)?));

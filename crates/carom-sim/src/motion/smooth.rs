@@ -5,7 +5,7 @@
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
 use super::assembled::Assembled;
-use super::groups::Gaps;
+use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
@@ -373,7 +373,7 @@ impl<'a, A: Space> Motion<'a, A> {
     }
 
     /// Gaps and gap rates of all touches that are near at one state: see [`Gaps::all`].
-    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<(usize, (f64, f64))>, SimError> {
+    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<Near>, SimError> {
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         self.gaps.all(&self.lasting, &view, (q, qd), time)
     }

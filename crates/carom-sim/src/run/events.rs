@@ -22,7 +22,7 @@ use super::watch::{Watch, Watched};
 use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, NonUnique};
+use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
 use crate::state::{Blow, Space};
 use carom_chain::urdf::JointType;
 
@@ -191,7 +191,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     /// Gaps and gap rates of all touches now that are near: see [`Gaps::all`](crate::motion::Gaps::all).
-    pub fn gaps(&mut self) -> Result<Vec<(usize, (f64, f64))>, SimError> {
+    pub fn gaps(&mut self) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.q_qd();
         self.motion.all_gaps(&q, &qd, self.time)
     }
