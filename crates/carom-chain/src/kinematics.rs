@@ -57,6 +57,9 @@ pub struct Workspace<A: Algebra> {
     cosines: Vec<A::Scalar>,
     /// Of [`Kinematics::contact`].
     pub(crate) response: ResponseMemory<A>,
+    /// Of [`Kinematics::respond`]: the factor of M, and rows that are solved together.
+    pub(crate) factor: Vec<A::Scalar>,
+    pub(crate) solved: Vec<[A::Scalar; 4]>,
 }
 
 /// Position and orientation of a body and its joint axis, in world axes.
@@ -114,6 +117,8 @@ impl<A: Algebra> Chain<A> {
             sines: vec![zero; n],
             cosines: vec![zero; n],
             response: ResponseMemory::default(),
+            factor: Vec::new(),
+            solved: Vec::new(),
         }
     }
 }

@@ -99,6 +99,27 @@ proptest! {
     }
 
     #[test]
+    fn rows_solved_together_equal_each_one_alone(mut s in zoo(), count in 1..=9_usize) {
+        let (q, nv) = (s.q(), s.chain.nv());
+        // Every second row acts on one joint only, as that of a joint limit.
+        let one = |k: usize| (0..nv).map(|v| if v == k % nv { 1.0 } else { 0.0 }).collect();
+        let rows: Vec<Vec<f64>> = (0..count).map(|k| if k % 2 == 1 { s.v() } else { one(k) }).collect();
+        let mut ws = s.chain.workspace();
+        let mut kin = ws.update(&s.chain, &q).unwrap();
+        let m = kin.mass_matrix();
+        let (mut all, mut responses) = (carom_chain::Rows::new(nv), carom_chain::Rows::default());
+        rows.iter().for_each(|row| all.add().copy_from_slice(row));
+        kin.respond(&all, &mut responses).unwrap();
+        prop_assert_eq!(responses.len(), count);
+        for (k, row) in rows.iter().enumerate() {
+            let alone = solve(&mut kin, row).unwrap();
+            let (response, size) = (DVector::from_column_slice(responses.row(k)), alone.amax());
+            close("alone", response.iter(), alone.iter(), solved(&m), size);
+            close("M x", (&m * &response).iter(), row.iter(), 1e-11, m.amax() * size);
+        }
+    }
+
+    #[test]
     fn recursive_delassus_equals_dense((n, seed) in (1..=12_usize, any::<u64>())) {
         let mut s = sample(n, Zoo::Uncoupled, seed);
         let (q, tip) = (s.q(), tip(&mut s));

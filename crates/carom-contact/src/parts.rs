@@ -25,6 +25,8 @@ pub struct Parts {
     pub(crate) edges: Vec<EdgePart>,
     pub(crate) faces: Vec<FacePart>,
     pub(crate) rims: Vec<RimPart>,
+    /// Position and radius of every corner that is not of a rim, together in memory for the search of the lowest one.
+    pub(crate) outline: Vec<(Vector3<f64>, f64)>,
 }
 
 /// A corner, or the ball at the end of a capsule.
@@ -119,7 +121,7 @@ impl Parts {
     /// The parts of a link's shape, in the axes of the link's frame; `None` for a sphere, which touches at one point, and for
     /// hulls with more than 64 edges.
     pub fn of_shape(shape: &LinkShape) -> Option<Self> {
-        Some(Self::of_solid(shape.solid())?.moved(shape.origin()))
+        Some(Self::of_solid(shape.solid())?.moved(shape.origin()).outlined())
     }
 
     /// The corners of a link's shape without its edges and faces, in the axes of the link's frame: enough for half-spaces.
@@ -132,7 +134,7 @@ impl Parts {
             radius: corner.radius,
             kind: CornerKind::Ball,
         };
-        Self { corners: shape.corners().into_iter().map(corner).collect(), ..Self::default() }
+        Self { corners: shape.corners().into_iter().map(corner).collect(), ..Self::default() }.outlined()
     }
 
     /// The parts of an obstacle, world axes; `None` for spheres, meshes and hulls with more than 64 edges.
@@ -142,9 +144,15 @@ impl Parts {
                 let face = FacePart { normal: *normal, point: *point, bounds: Bounds::None };
                 Some(Self { faces: vec![face], ..Self::default() })
             }
-            Surface::Solid { solid, .. } => Some(Self::of_solid(solid)?.moved(obstacle.pose())),
+            Surface::Solid { solid, .. } => Some(Self::of_solid(solid)?.moved(obstacle.pose()).outlined()),
             Surface::Mesh { .. } => None,
         }
+    }
+
+    fn outlined(mut self) -> Self {
+        let corners = self.corners.iter().filter(|corner| !matches!(corner.kind, CornerKind::OfRim(_)));
+        self.outline = corners.map(|corner| (corner.position, corner.radius)).collect();
+        self
     }
 
     /// Whether there are rims among them.

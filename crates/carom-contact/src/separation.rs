@@ -6,7 +6,7 @@
 
 use crate::gap::Gap;
 use crate::meeting::Placed;
-use crate::parts::{CornerKind, Parts};
+use crate::parts::Parts;
 use nalgebra::Vector3;
 
 /// The greatest separation of two bodies along the normals of their faces.
@@ -53,10 +53,10 @@ impl Parts {
     /// Height and position of the lowest point along a unit vector. Of a half-space, which has none, −∞.
     fn lowest(&self, n: Vector3<f64>) -> (f64, Vector3<f64>) {
         let mut least = (f64::INFINITY, Vector3::zeros());
-        for corner in self.corners.iter().filter(|corner| !matches!(corner.kind, CornerKind::OfRim(_))) {
-            let height = n.dot(&corner.position) - corner.radius;
+        for (position, radius) in &self.outline {
+            let height = n.dot(position) - radius;
             if height < least.0 {
-                least = (height, corner.position - n * corner.radius);
+                least = (height, position - n * *radius);
             }
         }
         for rim in &self.rims {

@@ -206,3 +206,40 @@ fn an_arm_that_presses_on_a_table_comes_to_rest_in_few_evaluations() {
     let cost = &ends[0].statistics;
     assert!(cost.evaluations < 60_000 && cost.contact_steps == 0, "{cost:?}");
 }
+
+/// A prism over a regular polygon of 20 corners, of height 0.25 m: a hull of 40 corners, whose contacts with a plane are watched together.
+/// Its base falls flat on the floor: at t = √(2h/g), on all 20 corners at once, and it stays.
+#[test]
+fn a_hull_of_many_corners_lands_flat_and_rests() {
+    let corner = |k: usize, z: f64| {
+        let angle = std::f64::consts::TAU * (k % 20) as f64 / 20.0;
+        [0.1 * angle.cos(), 0.1 * angle.sin(), z]
+    };
+    let mut text = String::from("solid s\n");
+    let mut face = |corners: [[f64; 3]; 3]| {
+        text += "facet normal 0 0 0\nouter loop\n";
+        corners.iter().for_each(|[x, y, z]| text += &format!("vertex {x} {y} {z}\n"));
+        text += "endloop\nendfacet\n";
+    };
+    for k in 0..20 {
+        face([[0.0, 0.0, 0.125], corner(k, 0.125), corner(k + 1, 0.125)]);
+        face([[0.0, 0.0, -0.125], corner(k + 1, -0.125), corner(k, -0.125)]);
+        face([corner(k, -0.125), corner(k + 1, -0.125), corner(k, 0.125)]);
+        face([corner(k + 1, -0.125), corner(k + 1, 0.125), corner(k, 0.125)]);
+    }
+    let file = std::env::temp_dir().join(format!("prism-{}.stl", std::process::id()));
+    std::fs::write(&file, text + "endsolid s\n").unwrap();
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let mut sim = over(body(&format!(r#"<mesh filename="{}"/>"#, file.display())), floor, 0.0);
+    std::fs::remove_file(&file).unwrap();
+    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    let height = 0.05;
+    let run = sim.run(&[0.0, 0.0, 0.125 + height, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.5).unwrap();
+    let hit = run.events.first().unwrap();
+    let exact = f64::sqrt(2.0 * height / G);
+    assert!((hit.time - exact).abs() < 1e-9, "{} for {exact}", hit.time);
+    assert!(matches!(&hit.kind, EventKind::Several { touches, .. } if touches.len() == 20), "{:?}", hit.kind);
+    assert!(!run.events.iter().any(|event| matches!(event.kind, EventKind::Steps { .. })));
+    // Gaps are closed to 1e-9, and single precision has the height of the corners exactly.
+    assert!((run.summary.last.q[2] - 0.125).abs() < 1e-8, "{:?}", run.summary.last.q);
+}

@@ -6,13 +6,23 @@
 //! of the constraints and the rows F of their forces (equal unless a contact slides), R M⁻¹Fᵀ is the Delassus matrix of all
 //! of them.
 //!
-//! M is factored by the articulated-body recursion, and every row costs one sweep in time O(nv); for chains with mimic joints
-//! by Cholesky's method.
+//! M is factored by the articulated-body recursion, and a row costs one sweep in time O(nv). For many rows on chains of some
+//! dozens of bodies the entries of L in M = Lᵀ D L are written out first: ℓₖₐ = sₐ·Uₖ/Dₖ for every ancestor a of body k. A row
+//! then costs two products for each of them, and its inward half only those on the way from its contact to the world. For
+//! chains with mimic joints M is factored by Cholesky's method.
 
+use super::LONG;
+use super::topology::{Topology, Tree};
 use crate::algebra::Algebra;
+use crate::chain::Chain;
 use crate::error::ChainError;
-use crate::kinematics::Kinematics;
+use crate::kinematics::{Kinematics, Workspace};
 use nalgebra::{DMatrix, DVector};
+
+/// From this number of rows on the factor is written out: it costs as much as some three sweeps.
+const MANY: usize = 4;
+/// Number of rows that are solved together.
+const TOGETHER: usize = 4;
 
 /// Rows of length nv in memory that is allocated once and reused.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -82,7 +92,17 @@ impl Rows {
 
     /// The products of all rows (first index) with all rows of `others`: for the responses of rows F, R M⁻¹Fᵀ.
     pub fn times(&self, others: &Rows) -> DMatrix<f64> {
-        DMatrix::from_fn(self.len(), others.len(), |i, j| self.dot(i, others.row(j)))
+        let mut product = DMatrix::zeros(self.len(), others.len());
+        // A row of a contact has entries for the joints between the contact and the world only.
+        let mut own = Vec::with_capacity(self.nv);
+        for (i, row) in self.iter().enumerate() {
+            own.clear();
+            own.extend(row.iter().copied().enumerate().filter(|(_, r)| *r != 0.0));
+            for (j, other) in others.iter().enumerate() {
+                product[(i, j)] = own.iter().map(|(v, r)| r * other[*v]).sum();
+            }
+        }
+        product
     }
 }
 
@@ -131,13 +151,86 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
             }
             return Ok(());
         }
+        let n = self.chain().bodies.len();
         let mut articulation = self.articulate_checked(&[])?;
         if let Some((qd, tau, gravity, qdd)) = dynamics {
             articulation.forward_dynamics_into(qd, tau, gravity, qdd)?;
         }
-        for row in rows.iter() {
-            articulation.solve_into(row, responses.add())?;
+        if rows.len() < MANY || n > LONG {
+            return rows.iter().try_for_each(|row| articulation.solve_into(row, responses.add()));
         }
+        responses.numbers.resize(rows.numbers.len(), 0.0);
+        let Self { chain, ws } = self;
+        ws.write_factor(chain);
+        ws.solve_rows(chain, rows, responses);
         Ok(())
+    }
+}
+
+impl<A: Algebra<Scalar = f64>> Workspace<A> {
+    /// Writes L from the articulated inertias: row k has the entries of the ancestors of body k by their depth.
+    fn write_factor(&mut self, chain: &Chain<A>) {
+        let n = chain.bodies.len();
+        let tree = Tree::new(&chain.structure.ways, 0);
+        self.factor.resize(n * n, 0.0);
+        for k in 0..n {
+            let mut force = self.free[k].transmitted * self.free[k].inverse_d;
+            let mut shift = self.links[k].offset;
+            let mut entries = self.factor[k * n..][..tree.depth(k)].iter_mut().rev();
+            for run in tree.runs(k) {
+                for (link, entry) in self.links[run].iter().rev().zip(&mut entries) {
+                    force = force.shifted(shift);
+                    *entry = link.axis.dot(force);
+                    shift = link.offset;
+                }
+            }
+        }
+    }
+
+    /// x = L⁻¹ D⁻¹ L⁻ᵀ r for all rows r, with the factor in place.
+    fn solve_rows(&mut self, chain: &Chain<A>, rows: &Rows, responses: &mut Rows) {
+        let (n, nv) = (chain.bodies.len(), chain.nv());
+        let tree = Tree::new(&chain.structure.ways, 0);
+        let Self { factor, free, solved, .. } = self;
+        solved.resize(n, [0.0; TOGETHER]);
+        let blocks = rows.numbers.chunks(TOGETHER * nv).zip(responses.numbers.chunks_mut(TOGETHER * nv));
+        for (rows, responses) in blocks {
+            solved.fill([0.0; TOGETHER]);
+            for (l, row) in rows.chunks_exact(nv).enumerate() {
+                (0..n).for_each(|k| solved[k][l] = row[tree.coordinate(k)]);
+            }
+            // Inward: off the way from the contact to the world all entries are zero.
+            for k in (0..n).rev() {
+                let (before, rest) = solved.split_at_mut(k);
+                let own = &mut rest[0];
+                if *own == [0.0; TOGETHER] {
+                    continue;
+                }
+                let mut depth = tree.depth(k);
+                for run in tree.runs(k) {
+                    let entries = &factor[k * n + depth - run.len()..k * n + depth];
+                    depth -= run.len();
+                    for (there, entry) in before[run].iter_mut().zip(entries) {
+                        (0..TOGETHER).for_each(|l| there[l] -= entry * own[l]);
+                    }
+                }
+                own.iter_mut().for_each(|u| *u *= free[k].inverse_d);
+            }
+            for k in 0..n {
+                let (before, rest) = solved.split_at_mut(k);
+                let own = &mut rest[0];
+                let mut depth = tree.depth(k);
+                for run in tree.runs(k) {
+                    let entries = &factor[k * n + depth - run.len()..k * n + depth];
+                    depth -= run.len();
+                    for (there, entry) in before[run].iter().zip(entries) {
+                        (0..TOGETHER).for_each(|l| own[l] -= entry * there[l]);
+                    }
+                }
+            }
+            for (l, response) in responses.chunks_exact_mut(nv).enumerate() {
+                (0..n).for_each(|k| response[tree.coordinate(k)] = solved[k][l]);
+            }
+        }
     }
 }

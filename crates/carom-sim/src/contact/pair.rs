@@ -183,8 +183,9 @@ impl Pair {
     pub fn is_nearest(&self, meeting: Meeting, placed: &Placed) -> bool {
         let Some((one, two)) = &self.parts else { return false };
         let [own, other] = &placed.poses;
-        let Gap { distance, normal, .. } = meeting.at((one, own), (two, other)).gap;
-        distance - Separation::along(normal, (one, own), (two, other)) <= EQUAL
+        let met = meeting.at((one, own), (two, other));
+        // A contact beyond the ends of its faces and edges is none, whatever its gap.
+        met.counts() && met.gap.distance - Separation::along(met.gap.normal, (one, own), (two, other)) <= EQUAL
     }
 
     /// Radius of a sphere about the first body, m.

@@ -44,7 +44,8 @@ impl SeveralLaw {
         }
     }
 
-    /// Solves a problem by this law; `stiffnesses` are those of the constraints, relative to one another.
+    /// Solves a problem by this law; `stiffnesses` are those of the constraints, relative to one another. `start`: a guess of the
+    /// impulses, which Moreau's law uses.
     ///
     /// # Errors
     /// [`ImpactError`] of the energetic law; the others have none for a problem that could be made, the types of the laws
@@ -54,10 +55,11 @@ impl SeveralLaw {
         problem: &SeveralProblem,
         stiffnesses: &[f64],
         accuracy: &Accuracy,
+        start: Option<&DVector<f64>>,
     ) -> Result<Solved, ImpactError> {
         let (impulse, residual, flags) = match self {
             Self::Moreau => {
-                let found = problem.simultaneous(accuracy, None)?;
+                let found = problem.simultaneous(accuracy, start)?;
                 (found.impulse, found.residual, found.flags)
             }
             Self::Poisson => {

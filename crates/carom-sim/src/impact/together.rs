@@ -119,7 +119,7 @@ pub(super) fn resolve(
         Grip::Contact { .. } => vec![struck.relative_stiffness],
         Grip::Sticks => vec![1.0; 3],
     });
-    let outcome = law.solve(&problem, &stiffnesses.collect::<Vec<_>>(), &Accuracy::default())?;
+    let outcome = law.solve(&problem, &stiffnesses.collect::<Vec<_>>(), &Accuracy::default(), None)?;
 
     let mut qd_plus = qd.to_vec();
     let mut impulses = Vec::new();

@@ -309,23 +309,21 @@ impl Simulation {
     }
 
     /// The first time after `time` at which drives, outer forces or surfaces jump or have a kink; infinite without one.
-    pub(crate) fn next_kink(&self, time: f64) -> f64 {
+    pub(crate) fn next_kink(&self, moving: &[&Moving], time: f64) -> f64 {
         let drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
         let kinks = drives.filter_map(|drive| drive.next_kink(time));
         let kinks = kinks.chain(self.wrenches.iter().filter_map(|wrench| wrench.next_kink(time)));
-        let surfaces = self.touches.iter().filter_map(|touch| match &touch.motion {
-            Some(Moving::Given(motion)) => motion.next_kink(time),
+        let surfaces = moving.iter().filter_map(|moving| match moving {
+            Moving::Given(motion) => motion.next_kink(time),
             _ => None,
         });
         kinks.chain(surfaces).fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether a chain at rest at `time` stays at rest: no drive, outer force or surface depends on time.
+    /// Whether a chain at rest at `time` stays at rest beside surfaces at rest: no drive and no outer force depends on time.
     pub(crate) fn is_steady(&self, time: f64) -> bool {
         let mut drives = [Some(&self.drive), self.after_impact.as_ref()].into_iter().flatten();
-        drives.all(Drive::is_steady)
-            && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
-            && self.touches.iter().all(|touch| touch.motion.is_none())
+        drives.all(Drive::is_steady) && self.wrenches.iter().all(|wrench| wrench.is_steady(time))
     }
 
     /// Normalises the quaternions in q, which the integration changes in length by its error. Returns whether any changed.

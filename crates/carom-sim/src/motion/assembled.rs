@@ -1,6 +1,8 @@
 //! The constraints of one state with what they feel of the chain and the forces that follow.
 
 use super::rows::Constraints;
+use crate::error::SimError;
+use crate::state::{Space, View};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector, Vector3};
 
@@ -53,6 +55,9 @@ pub(crate) struct Assembled {
     /// Joint forces.
     pub tau: Vec<f64>,
     pub scratch: Vec<f64>,
+    /// All rows one after another, and their responses.
+    stacked: Rows,
+    answers: Rows,
 }
 
 impl Assembled {
@@ -65,8 +70,39 @@ impl Assembled {
             free: DVector::zeros(nv),
             tau: vec![0.0; nv],
             scratch: vec![0.0; nv],
+            stacked: Rows::new(nv),
+            answers: Rows::new(nv),
             ..Self::default()
         }
+    }
+
+    /// The acceleration without constraint forces, and the responses of all rows, by one factorisation of M.
+    pub fn respond<A: Space>(
+        &mut self,
+        view: &mut View<A>,
+        (qd, gravity): (&[f64], Vector3<f64>),
+    ) -> Result<(), SimError> {
+        let Self { constraints, free, tau, stacked, answers, .. } = self;
+        let Constraints { rows, forces, tangents, skew, starts, .. } = constraints;
+        let dynamics = (qd, tau.as_slice(), gravity);
+        if !*skew || (rows.len() == 1 && starts.is_empty()) {
+            return view.accelerate_and_respond(dynamics, free.as_mut_slice(), forces, &mut self.responses);
+        }
+        stacked.clear();
+        for row in forces.iter().chain(rows.iter()).chain(tangents.iter()) {
+            stacked.add().copy_from_slice(row);
+        }
+        view.accelerate_and_respond(dynamics, free.as_mut_slice(), stacked, answers)?;
+        let mut answers = answers.iter();
+        let counted =
+            [(&mut self.responses, forces), (&mut self.own_responses, rows), (&mut self.tangent_responses, tangents)];
+        for (responses, rows) in counted {
+            responses.clear();
+            for answer in answers.by_ref().take(rows.len()) {
+                responses.add().copy_from_slice(answer);
+            }
+        }
+        Ok(())
     }
 
     /// K.

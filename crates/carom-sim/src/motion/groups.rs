@@ -5,6 +5,7 @@ use crate::contact::{APART, BallOnPlane, Pair, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::{Space, View};
+use carom_contact::Meeting;
 use std::cell::Cell;
 use std::sync::Arc;
 
@@ -14,6 +15,7 @@ pub(crate) struct Group {
     pub pair: Arc<Pair>,
     /// Contacts of parts.
     pub parts: Vec<usize>,
+    meetings: Vec<Meeting>,
     /// The nearest points of the bodies.
     pub whole: Option<usize>,
 }
@@ -35,11 +37,15 @@ impl Group {
             let TouchKind::Pair { pair, part } = &touch.kind else { continue };
             let known = groups.iter().rposition(|group| Arc::ptr_eq(&group.pair, pair));
             let known = known.unwrap_or_else(|| {
-                groups.push(Self { pair: pair.clone(), parts: Vec::new(), whole: None });
+                let (parts, meetings) = (Vec::new(), Vec::new());
+                groups.push(Self { pair: pair.clone(), parts, meetings, whole: None });
                 groups.len() - 1
             });
             match part {
-                Some(_) => groups[known].parts.push(k),
+                Some(meeting) => {
+                    groups[known].parts.push(k);
+                    groups[known].meetings.push(*meeting);
+                }
                 None => groups[known].whole = Some(k),
             }
         }
@@ -76,11 +82,15 @@ pub(crate) struct Gaps<'a, A: Space> {
     /// Precomputed constants of each touch.
     balls: Vec<Option<BallOnPlane<A>>>,
     groups: Vec<Group>,
-    /// The group of each touch.
+    /// The group of each touch, and the touches without one.
     group_of: Vec<Option<usize>>,
+    alone: Vec<usize>,
     /// The contact of parts of each group that was nearest when last examined.
     nearest: Vec<Cell<Option<usize>>>,
 }
+
+/// A touch with its gap and gap rate.
+pub(crate) type Near = (usize, (f64, f64));
 
 /// A gap and its rate.
 type Look = Result<(f64, f64), SimError>;
@@ -94,7 +104,8 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
         let balls = sim.touches.iter().map(|touch| touch.ball_on_plane(model)).collect();
         let nearest = vec![Cell::new(None); groups.len()];
-        Self { sim, balls, groups, group_of, nearest }
+        let alone = (0..group_of.len()).filter(|&k| group_of[k].is_none()).collect();
+        Self { sim, balls, groups, group_of, alone, nearest }
     }
 
     /// Whether a touch of the group lasts.
@@ -112,7 +123,7 @@ impl<'a, A: Space> Gaps<'a, A> {
     pub fn to_watch(&self, lasting: &[Lasting]) -> ToWatch {
         let mut watched = ToWatch::default();
         let open = |k: &usize| !lasting.iter().any(|own| own.touch == *k);
-        watched.single = (0..self.sim.touches.len()).filter(|k| self.group_of[*k].is_none()).filter(open).collect();
+        watched.single = self.alone.iter().copied().filter(open).collect();
         for (g, group) in self.groups.iter().enumerate() {
             if !self.lasts(g, lasting) {
                 watched.groups.push(g);
@@ -126,9 +137,9 @@ impl<'a, A: Space> Gaps<'a, A> {
         watched
     }
 
-    /// All touches of a group.
-    pub fn touches_of(&self, group: usize) -> impl Iterator<Item = usize> {
-        self.groups[group].touches()
+    /// Whether a touch belongs to a group.
+    pub fn is_of(&self, group: usize, touch: usize) -> bool {
+        self.group_of[touch] == Some(group)
     }
 
     /// Gap and gap rate of a touch.
@@ -183,13 +194,13 @@ impl<'a, A: Space> Gaps<'a, A> {
     /// The least gap of some contacts of parts of a group, with its rate, and the contact.
     fn least(&self, group: usize, placed: &Placed, wanted: impl Fn(usize) -> bool) -> ((f64, f64), Option<usize>) {
         let (mut least, mut nearest) = ((APART, 0.0), None);
-        for &part in self.groups[group].parts.iter() {
-            if self.is_above(part, placed, least.0) || !wanted(part) {
+        let Group { pair, parts, meetings, .. } = &self.groups[group];
+        for (&part, meeting) in parts.iter().zip(meetings) {
+            if is_above(pair, *meeting, placed, least.0) || !wanted(part) {
                 continue;
             }
-            if let Some(found) = self.of_part(part, placed)
-                && found.0 < least.0
-            {
+            let found = pair.look(*meeting, placed);
+            if found.0 < least.0 {
                 (least, nearest) = (found, Some(part));
             }
         }
@@ -204,14 +215,6 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
     }
 
-    /// Whether a touch is a corner over a half-space with a larger gap than this.
-    fn is_above(&self, touch: usize, placed: &Placed, gap: f64) -> bool {
-        match &self.sim.touches[touch].kind {
-            TouchKind::Pair { pair, part: Some(part) } => pair.height(*part, placed).is_some_and(|height| height > gap),
-            _ => false,
-        }
-    }
-
     /// The least gap, with its rate, of the contacts of a group that do not last.
     pub fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
         let placed = self.placed(group, view, qd, time)?;
@@ -220,7 +223,7 @@ impl<'a, A: Space> Gaps<'a, A> {
 
     /// Gap and gap rate of a group; lower bounds where the bodies are far apart.
     pub fn of_group(&self, group: usize, view: &View<A>, (q, qd): (&[f64], &[f64]), time: f64) -> Look {
-        let Group { pair, parts, whole } = &self.groups[group];
+        let Group { pair, parts, whole, .. } = &self.groups[group];
         let touch = &self.sim.touches[whole.unwrap_or(parts[0])];
         if let Some(far) = pair.clearance(view, touch.shift(time), qd)? {
             return Ok(far);
@@ -247,31 +250,33 @@ impl<'a, A: Space> Gaps<'a, A> {
         }
     }
 
-    /// Gaps and gap rates of all touches. Those of bodies that are apart by more than [`NEAR`], and of parts that do not face
-    /// each other, are [`APART`].
+    /// Gaps and gap rates of all touches, in their order, without those of bodies and corners that are apart by more than
+    /// [`NEAR`]. Of parts that do not face each other they are [`APART`].
     pub fn all(
         &self,
         lasting: &[Lasting],
         view: &View<A>,
         state: (&[f64], &[f64]),
         time: f64,
-    ) -> Result<Vec<(f64, f64)>, SimError> {
-        let mut gaps = vec![(APART, 0.0); self.sim.touches.len()];
-        for (k, gap) in gaps.iter_mut().enumerate().filter(|(k, _)| self.group_of[*k].is_none()) {
-            *gap = self.look(k, view, state, time)?;
+    ) -> Result<Vec<Near>, SimError> {
+        let mut gaps = Vec::new();
+        for &k in &self.alone {
+            gaps.push((k, self.look(k, view, state, time)?));
         }
         for (g, group) in self.groups.iter().enumerate() {
             if !self.lasts(g, lasting) && self.of_group(g, view, state, time)?.0 > NEAR {
                 continue;
             }
-            let mut last = Some((g, self.placed(g, view, state.1, time)?));
-            for k in group.touches() {
-                if last.as_ref().is_some_and(|(_, placed)| self.is_above(k, placed, NEAR)) {
-                    continue;
-                }
-                gaps[k] = self.own(k, view, state, time, &mut last)?;
+            let placed = self.placed(g, view, state.1, time)?;
+            let parts = group.parts.iter().zip(&group.meetings);
+            let near = parts.filter(|(_, meeting)| !is_above(&group.pair, **meeting, &placed, NEAR));
+            gaps.extend(near.map(|(&k, meeting)| (k, group.pair.look(*meeting, &placed))));
+            // Bodies on a half-space touch it with their corners and rims only.
+            if let Some(k) = group.whole.filter(|_| !(group.pair.is_complete() && group.pair.is_on_plane())) {
+                gaps.push((k, self.own(k, view, state, time, &mut Some((g, placed)))?));
             }
         }
+        gaps.sort_unstable_by_key(|(k, _)| *k);
         Ok(gaps)
     }
 
@@ -285,6 +290,11 @@ impl<'a, A: Space> Gaps<'a, A> {
         within: f64,
     ) -> Result<Vec<usize>, SimError> {
         let gaps = self.all(&[], view, state, time)?;
-        Ok((0..gaps.len()).filter(|&k| gaps[k].0 <= within).collect())
+        Ok(gaps.into_iter().filter(|(_, (gap, _))| *gap <= within).map(|(k, _)| k).collect())
     }
+}
+
+/// Whether these parts are a corner over a half-space with a larger gap than this.
+fn is_above(pair: &Pair, meeting: Meeting, placed: &Placed, gap: f64) -> bool {
+    pair.height(meeting, placed).is_some_and(|height| height > gap)
 }

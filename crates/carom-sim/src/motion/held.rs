@@ -119,21 +119,7 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         found.constraints.hold(&dry);
-        let (constraints, free) = (&found.constraints, found.free.as_mut_slice());
-        let done =
-            view.accelerate_and_respond((qd, &found.tau, sim.gravity), free, &constraints.forces, &mut found.responses);
-        let done = match done {
-            Ok(()) if constraints.skew && (constraints.rows.len() > 1 || !constraints.starts.is_empty()) => {
-                view.respond(&constraints.rows, &mut found.own_responses)
-            }
-            done => done,
-        };
-        let done = match done {
-            Ok(()) if !constraints.starts.is_empty() => {
-                view.respond(&constraints.tangents, &mut found.tangent_responses)
-            }
-            done => done,
-        };
+        let done = found.respond(&mut view, (qd, sim.gravity));
         (self.dry, self.bristles) = (dry, bristles);
         done
     }
@@ -205,7 +191,7 @@ impl<A: Space> Motion<'_, A> {
         k: &DMatrix<f64>,
         wanted: &DVector<f64>,
     ) -> Result<DVector<f64>, SimError> {
-        let Assembled { constraints, responses, own_responses, .. } = found;
+        let Assembled { constraints, own_responses, .. } = found;
         let m = wanted.len();
         let jam = |contact: usize| {
             let touch = &self.sim.touches[constraints.contacts[contact].touch];
@@ -225,9 +211,9 @@ impl<A: Space> Motion<'_, A> {
                 return Ok(factor.solve(wanted));
             }
         }
-        let gram =
-            if constraints.skew { constraints.rows.times(own_responses) } else { constraints.rows.times(responses) };
-        let basis = Basis::of(&gram);
+        let own = constraints.skew.then(|| constraints.rows.times(own_responses));
+        let gram = own.as_ref().unwrap_or(k);
+        let basis = Basis::of(gram);
         let rank = basis.rows.len();
         if rank == m {
             let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
@@ -244,7 +230,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(inverse * wanted);
         }
         // λ = X η; the rows B of K X η = wanted.
-        let spread = basis.spread(&gram);
+        let spread = basis.spread(gram);
         let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
         let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
         let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };

@@ -16,7 +16,7 @@ mod unique;
 
 pub(crate) use assembled::Held;
 pub use free_motion::{free_motion, free_motion_at};
-pub(crate) use groups::Gaps;
+pub(crate) use groups::{Gaps, Near};
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;

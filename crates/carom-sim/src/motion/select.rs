@@ -241,12 +241,7 @@ impl<A: Space> Motion<'_, A> {
         let nv = qd.len();
         let rate = qd.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let turn = now.qdd.amax().sqrt();
-        let shake = self
-            .sim
-            .touches
-            .iter()
-            .filter_map(|touch| touch.motion.as_ref())
-            .fold(0.0, |m: f64, it| m.max(it.frequency()));
+        let shake = self.moving.iter().fold(0.0, |m: f64, it| m.max(it.frequency()));
         let step = AHEAD / rate.max(turn).max(shake).max(1e-3);
         let next = self.sim.chain.integrate(q, qd, step)?;
         let mut there = y.to_vec();

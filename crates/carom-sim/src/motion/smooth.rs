@@ -5,9 +5,9 @@
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
 use super::assembled::Assembled;
-use super::groups::Gaps;
+use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use crate::contact::{ContactMode, Touch};
+use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
 use crate::state::{Coupling, Loops, Space, View, close_loops, reach};
@@ -34,6 +34,8 @@ pub(crate) struct Motion<'a, A: Space> {
     /// For each number of qd whether an impact has hit its robot.
     was_hit: Vec<bool>,
     pub gaps: Gaps<'a, A>,
+    /// The motions of the surfaces that move, one for each of their touches.
+    pub moving: Vec<&'a Moving>,
     /// The contacts at the last choice of the mode, if another mode was consistent, too: see `unique.rs`.
     pub other_mode: Option<Vec<usize>>,
     /// The loops of the mechanism.
@@ -130,6 +132,7 @@ impl<'a, A: Space> Motion<'a, A> {
             impacts: vec![0; sim.touches.len()],
             was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),
+            moving: sim.touches.iter().filter_map(|touch| touch.motion.as_ref()).collect(),
             other_mode: None,
             row: if sim.loops.is_empty() { A::row(model) } else { None },
             couplings: sim.couplings(model),
@@ -369,8 +372,8 @@ impl<'a, A: Space> Motion<'a, A> {
         self.gaps.look(touch, &view, (q, qd), time)
     }
 
-    /// Gaps and gap rates of all touches at one state: see [`Gaps::all`].
-    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<(f64, f64)>, SimError> {
+    /// Gaps and gap rates of all touches that are near at one state: see [`Gaps::all`].
+    pub fn all_gaps(&mut self, q: &[f64], qd: &[f64], time: f64) -> Result<Vec<Near>, SimError> {
         let view = View::<A>::new(self.model, &mut self.workspace, q)?;
         self.gaps.all(&self.lasting, &view, (q, qd), time)
     }

@@ -94,7 +94,7 @@ impl<A: Space> Run<'_, '_, A> {
         if ends {
             self.motion.close_loops(&mut self.y)?;
             let change = leap.energy - self.motion.energy(&self.y)? + self.work() - leap.work;
-            let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+            let clear = self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
             if !clear || change.abs() > TRUST * leap.energy.abs().max(leap.kinetic) {
                 return Err(SimError::Branch { time: leap.from });
             }

@@ -22,7 +22,7 @@ use super::watch::{Watch, Watched};
 use crate::contact::{Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, NonUnique};
+use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
 use crate::state::{Blow, Space};
 use carom_chain::urdf::JointType;
 
@@ -88,7 +88,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
         let accuracy = Accuracy { tolerance, max_step, integrator, patience };
-        let kink = sim.next_kink(self.time);
+        let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if until - self.time <= 1e-13 * (1.0 + until) {
             self.time = until; // shorter than any integration step
@@ -175,8 +175,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The velocity scale of the next decisions.
     pub fn measure(&mut self) {
-        let moving = self.motion.sim.touches.iter().filter_map(|touch| touch.motion.as_ref());
-        let surfaces = moving.map(|motion| motion.speed(self.time)).fold(0.0, f64::max);
+        let surfaces = self.motion.moving.iter().map(|motion| motion.speed(self.time)).fold(0.0, f64::max);
         self.motion.speed = self.motion.split(&self.y).1.iter().fold(surfaces, |m: f64, v| m.max(v.abs()));
     }
 
@@ -191,8 +190,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.motion.gap(touch, &q, &qd, self.time)
     }
 
-    /// Gaps and gap rates of all touches now.
-    pub fn gaps(&mut self) -> Result<Vec<(f64, f64)>, SimError> {
+    /// Gaps and gap rates of all touches now that are near: see [`Gaps::all`](crate::motion::Gaps::all).
+    pub fn gaps(&mut self) -> Result<Vec<Near>, SimError> {
         let (q, qd) = self.q_qd();
         self.motion.all_gaps(&q, &qd, self.time)
     }
@@ -202,7 +201,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let sim = self.motion.sim;
         self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
-        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (touch, (gap, rate)) in self.gaps()? {
             let gives_way = sim.touches[touch].contact.compliance.is_some() && sim.touches[touch].link().is_some();
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
                 sunk.push((touch, -rate));
@@ -245,9 +244,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Watch::Branches => return self.pass_branch(),
             Watch::Pair(group) | Watch::Rest(group) => {
                 let gaps = self.gaps()?;
-                let touches = self.motion.gaps.touches_of(group).filter(|&k| !self.motion.lasts(k));
-                let least = touches.min_by(|a, b| gaps[*a].0.total_cmp(&gaps[*b].0));
-                return least.map_or(Ok(()), |touch| self.touch(touch));
+                let own = |k: usize| self.motion.gaps.is_of(group, k) && !self.motion.lasts(k);
+                let least = gaps.iter().filter(|(k, _)| own(*k)).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+                return least.map_or(Ok(()), |&(touch, _)| self.touch(touch));
             }
             Watch::Leaves(i) => {
                 let touch = self.motion.lasting.remove(i).touch;
@@ -310,7 +309,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.measure();
         let (mut hits, mut beside) = (Vec::new(), Vec::new());
         let rest = self.motion.rest();
-        for (other, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (other, (gap, rate)) in self.gaps()? {
             if other == touch || self.motion.lasts(other) || gap > TOUCHING {
                 continue;
             }
@@ -343,7 +342,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let rest = self.motion.rest();
         let closed = self.motion.closed();
         touches.retain(|touch| Some(*touch) != gone);
-        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (touch, (gap, rate)) in self.gaps()? {
             let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
             let open = compliant || Some(touch) == gone || touches.contains(&touch);
             if !open && gap.abs() <= closed && rate.abs() <= rest {
@@ -448,13 +447,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (mut together, mut beside) = (vec![touch], Vec::new());
         let rest = self.motion.rest();
         let gaps = self.gaps()?;
-        if gaps[touch].1 >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
+        let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
+        if approach >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
             // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
             let before = self.y.clone();
             let more = [touch];
-            return self.resettle(if gaps[touch].1 <= rest { &more } else { &[] }, &before);
+            return self.resettle(if approach <= rest { &more } else { &[] }, &before);
         }
-        for (other, (gap, rate)) in gaps.into_iter().enumerate() {
+        for (other, (gap, rate)) in gaps {
             if other == touch || self.motion.lasts(other) || gap > TOUCHING {
                 continue;
             }

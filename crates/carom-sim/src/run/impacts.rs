@@ -80,7 +80,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let slow = SLOW * sim.gravity.norm().max(1.0) * sim.zeno_time;
         let mut swarm = Vec::new();
-        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (touch, (gap, rate)) in self.gaps()? {
             let rigid = sim.touches[touch].contact.compliance.is_none();
             if rigid && gap <= TOUCHING && rate.abs() <= slow {
                 swarm.push(touch);
@@ -316,7 +316,7 @@ impl<A: Space> Run<'_, '_, A> {
     /// closed contact that slides and jams. `false` if there is none.
     fn without_collision(&mut self) -> Result<bool, SimError> {
         let rest = self.motion.rest();
-        let closed: Vec<usize> = (self.gaps()?.into_iter().enumerate())
+        let closed: Vec<usize> = (self.gaps()?.into_iter())
             .filter(|(_, (gap, rate))| *gap <= TOUCHING && rate.abs() <= rest)
             .map(|(k, _)| k)
             .collect();

@@ -20,7 +20,7 @@ use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
-/// Accuracy of the solution of problems with several contacts: far below the error of time stepping.
+/// Accuracy of the impulses of an impact.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// An impact with a larger residual has no solution by its law.
 const UNSOLVED: f64 = 1e-9;
@@ -128,6 +128,19 @@ impl Closures {
         self.contacts.iter().map(state).collect()
     }
 
+    /// Impulses of a time step of this length by the forces of the step before, where a contact had one.
+    pub fn guess(&self, before: &[ContactState], step: f64) -> DVector<f64> {
+        let mut guess = DVector::zeros(self.rows.len());
+        for closed in &self.contacts {
+            let Some(state) = before.iter().find(|state| state.touch == closed.touch) else { continue };
+            guess[closed.rows.end - 1] = state.normal_force * step;
+            if let (Some((axes, _)), 3) = (&closed.place, closed.rows.len()) {
+                guess.rows_mut(closed.rows.start, 3).copy_from(&(axes.tr_mul(&state.force) * step));
+            }
+        }
+        guess
+    }
+
     /// The contact impulses in world axes.
     fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
         let blow = |closed: &Closed| {
@@ -146,7 +159,8 @@ impl<A: Space> Run<'_, '_, A> {
         responses: &Rows,
         u_minus: DVector<f64>,
         u_free: DVector<f64>,
-        law: SeveralLaw,
+        (law, accuracy): (SeveralLaw, &Accuracy),
+        start: Option<&DVector<f64>>,
     ) -> Result<Solved, SimError> {
         let m = rows.rows.len();
         let delassus = DMatrix::from_fn(m, m, |i, j| {
@@ -155,7 +169,7 @@ impl<A: Space> Run<'_, '_, A> {
             rows.rows.dot(i, responses.row(j))
         });
         let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
-        Ok(law.solve(&problem, &rows.stiffnesses, &ACCURACY)?)
+        Ok(law.solve(&problem, &rows.stiffnesses, accuracy, start)?)
     }
 
     /// The impact of touches that close at the same time, together with a contact that lasts. `ends`: without restitution, as
@@ -180,13 +194,14 @@ impl<A: Space> Run<'_, '_, A> {
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
         let u_minus = rows.velocities(&qd);
-        let mut outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), sim.several)?;
+        let mut outcome =
+            self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), (sim.several, &ACCURACY), None)?;
         let residual = outcome.residual;
         self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
         if residual > UNSOLVED && !ends {
             // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
             rows.without_restitution();
-            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, sim.several)?;
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (sim.several, &ACCURACY), None)?;
         }
         push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));

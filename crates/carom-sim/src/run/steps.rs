@@ -26,9 +26,11 @@ use crate::error::SimError;
 use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
 use crate::state::{Loops, Space, View};
 use carom_chain::{ChainError, Rows};
-use carom_impact::{Constraint, Flags};
+use carom_impact::{Accuracy, Constraint, Flags};
 use nalgebra::{DVector, Vector3};
 
+/// Accuracy of the impulses of a time step: far below the error of time stepping.
+const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, max_iterations: 5000 };
 /// After this number of steps of full length without contact the motion continues event-driven.
 const OPEN_STEPS: f64 = 10.0;
 /// After this number of steps of full length a consistent mode is looked for.
@@ -75,7 +77,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut length = sim.contact_step;
         while self.time < self.end {
             let start = self.time;
-            let longest = (self.end - start).min(sim.next_kink(start) - start);
+            let longest = (self.end - start).min(sim.next_kink(&self.motion.moving, start) - start);
             let done = if sim.stepping {
                 self.time_step(sim.contact_step.min(longest))?
             } else {
@@ -86,7 +88,7 @@ impl<A: Space> Run<'_, '_, A> {
             let step = self.time - start;
             open = if is_open { open + step } else { 0.0 };
             let flies = open >= lasts(OPEN_STEPS) && !sim.stepping;
-            if flies && self.gaps()?.into_iter().all(|(gap, _)| gap > 0.0) {
+            if flies && self.gaps()?.into_iter().all(|(_, (gap, _))| gap > 0.0) {
                 return self.fly();
             }
             since += step;
@@ -162,7 +164,7 @@ impl<A: Space> Run<'_, '_, A> {
         // Within one step of fall, in position and velocity.
         let (depth, speed) = (4.0 * gravity * sim.contact_step.powi(2), 4.0 * gravity * sim.contact_step);
         let mut closed = Vec::new();
-        for (touch, (gap, rate)) in self.gaps()?.into_iter().enumerate() {
+        for (touch, (gap, rate)) in self.gaps()? {
             if gap <= depth && rate.abs() <= speed {
                 closed.push(touch);
             } else if gap <= depth && rate < 0.0 {
@@ -178,7 +180,7 @@ impl<A: Space> Run<'_, '_, A> {
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
-        let clear = self.gaps()?.into_iter().all(|(gap, _)| gap >= -TOUCHING);
+        let clear = self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
         if !clear || self.choose(&closed)?.is_some() || self.motion.in_mode(self.time, &self.y).is_err() {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
@@ -193,7 +195,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// Whether a chain at rest stays at rest: no drive or surface depends on time.
     pub fn is_steady(&self) -> bool {
-        self.motion.sim.is_steady(self.time)
+        self.motion.moving.is_empty() && self.motion.sim.is_steady(self.time)
     }
 
     /// One time step of this length, s.
@@ -254,7 +256,8 @@ impl<A: Space> Run<'_, '_, A> {
             }
             let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
             fall = (&u_minus - &u_free).amax() * step;
-            let outcome = self.solve(&rows, &responses, u_minus, u_free, sim.several)?;
+            let guess = rows.guess(&self.stepped, step);
+            let outcome = self.solve(&rows, &responses, u_minus, u_free, (sim.several, &ACCURACY), Some(&guess))?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, &outcome.impulse);
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
@@ -324,7 +327,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
         let gaps = DVector::from_vec(gaps);
-        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, SeveralLaw::Moreau)?;
+        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, (SeveralLaw::Moreau, &ACCURACY), None)?;
         let mut back = vec![0.0; sim.chain.nv()];
         push(&mut back, &responses, &outcome.impulse);
         let moved = sim.chain.integrate(&q, &back, 1.0)?;

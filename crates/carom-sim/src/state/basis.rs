@@ -25,29 +25,34 @@ impl Basis {
     /// The rows whose pivots are not small compared with these sizes.
     pub fn among(gram: &DMatrix<f64>, sizes: &DVector<f64>) -> Self {
         let m = gram.nrows();
-        let mut left: Vec<f64> = gram.diagonal().iter().copied().collect();
-        let mut factor: Vec<DVector<f64>> = Vec::new();
-        let (mut rows, mut least, mut rest) = (Vec::new(), 1.0_f64, 0.0);
+        let mut left = gram.diagonal();
+        // What is left of each row as a share of its size; −∞ for those that are taken.
+        let mut shares = left.component_div(sizes);
+        let mut factor = DMatrix::zeros(m, m);
+        let (mut rows, mut least, mut rest) = (Vec::with_capacity(m), 1.0_f64, 0.0);
         while rows.len() < m {
-            let share = |i: &usize| left[*i] / sizes[*i];
-            let Some(next) = (0..m).filter(|i| !rows.contains(i)).max_by(|a, b| share(a).total_cmp(&share(b))) else {
-                break;
-            };
-            let dependent = share(&next).is_nan() || share(&next) <= DEPENDENT;
+            let Some((next, &share)) = shares.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+            let dependent = share.is_nan() || share <= DEPENDENT;
             if dependent {
-                rest = share(&next).max(0.0);
+                rest = share.max(0.0);
                 break;
             }
-            least = least.min(share(&next));
-            let pivot = left[next].sqrt();
-            let mut column = gram.column(next).into_owned();
-            for before in &factor {
-                column.axpy(-before[next], before, 1.0);
+            least = least.min(share);
+            let (before, mut others) = factor.columns_range_pair_mut(..rows.len(), rows.len()..);
+            let mut column = others.column_mut(0);
+            column.copy_from(&gram.column(next));
+            for before in before.column_iter() {
+                column.axpy(-before[next], &before, 1.0);
             }
-            column /= pivot;
-            left.iter_mut().zip(column.iter()).for_each(|(left, x)| *left -= x * x);
-            factor.push(column);
+            column /= left[next].sqrt();
             rows.push(next);
+            shares[next] = f64::NEG_INFINITY;
+            for (i, x) in column.iter().enumerate() {
+                if shares[i] != f64::NEG_INFINITY {
+                    left[i] -= x * x;
+                    shares[i] = left[i] / sizes[i];
+                }
+            }
         }
         Self { rows, least, left: rest }
     }
