@@ -89,7 +89,15 @@ pub(super) fn compare(
     };
     for (k, candidate) in candidates.into_iter().enumerate() {
         tell(k, &candidate);
-        judged.push(work.judge(candidate, None));
+        let four = work.judge(candidate, None);
+        // a law that the simulation refuses for every toss has no error and no rank
+        if predicts(&four) {
+            judged.push(four);
+        }
+    }
+    if judged.is_empty() {
+        let (found, needed) = (0, 2 * options.folds);
+        return Err(CompareError::TooFew { set: set.name.clone(), found, needed, folds: options.folds });
     }
     // the effects are added to the law with the least training error
     let training = |one: &[Judged; 4]| one[0].training.iter().flatten().sum::<f64>();
@@ -99,8 +107,10 @@ pub(super) fn compare(
         let candidate = judged[last][0].candidate.with(effect);
         tell(judged.len(), &candidate);
         let next = work.judge(candidate, Some(&judged[last][0]));
-        last = judged.len();
-        judged.push(next);
+        if predicts(&next) {
+            last = judged.len();
+            judged.push(next);
+        }
     }
     progress(all - 1, all, &format!("{}: floor", set.name));
     let best = judged.iter().min_by(|a, b| mean(&a[0].errors).total_cmp(&mean(&b[0].errors)));
@@ -132,6 +142,11 @@ pub(super) fn compare(
     };
     let parts = parts.into_iter().enumerate().filter(|(_, judged)| !judged.is_empty());
     Ok(parts.map(comparison).collect())
+}
+
+/// Whether the model predicts any toss.
+fn predicts(four: &[Judged; 4]) -> bool {
+    four[0].errors.iter().any(|error| error.is_finite())
 }
 
 fn mean(values: &[f64]) -> f64 {
