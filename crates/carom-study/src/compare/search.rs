@@ -114,7 +114,8 @@ impl Search<'_> {
                     self.best = next;
                 }
             }
-            if !(self.best.cost < before * (1.0 - SETTLED)) {
+            let settled = before.is_infinite() || self.best.cost >= before * (1.0 - SETTLED);
+            if settled {
                 return Some(());
             }
         }

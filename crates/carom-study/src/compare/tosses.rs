@@ -437,6 +437,9 @@ mod tests {
             let near = x.iter().zip(truth).zip(tolerance).all(|((x, truth), tolerance)| (x - truth).abs() < tolerance);
             assert!(near, "{:?}", full.coefficients);
         }
+        // the energetic law of several contacts refuses friction, and with it every toss of a body of several corners
+        let energetic = Candidate::all_for_tosses().into_iter().find(|one| one.several.name() == "energetic").unwrap();
+        assert!(!predicts(&work.judge(energetic, None)) && predicts(&work.judge(stronge.clone(), None)));
         // an effect at its nominal values is absent
         let none = rounded.candidate.nominal(&stronge, &sharp.coefficients[0]);
         let gap = work.scene(&rounded.candidate, &none).chain;

@@ -36,6 +36,9 @@ pub struct Launched {
     metric: DMatrix<f64>,
 }
 
+/// The poses of a flight at its samples from a start (q, qd); `None` if it cannot be computed.
+pub(crate) type Flies<'a> = &'a dyn Fn(&[f64], &[f64]) -> Option<Vec<Vec<f64>>>;
+
 /// Greatest number of steps of [`Launched::refined`], and the length of z at which it ends.
 const RESTEPS: usize = 12;
 const RESETTLED: f64 = 1e-5;
@@ -54,12 +57,7 @@ impl Launched {
 
     /// The state for other equations of the flight, `flown`: poses at the samples from a start. It solves (SᵀS)⁻¹Sᵀ r = 0 with
     /// the S of this estimate, by steps with this S. `None` if they do not converge or the flight cannot be computed.
-    pub(crate) fn refined(
-        &self,
-        chain: &Chain,
-        flight: &Flight,
-        flown: &dyn Fn(&[f64], &[f64]) -> Option<Vec<Vec<f64>>>,
-    ) -> Option<Self> {
+    pub(crate) fn refined(&self, chain: &Chain, flight: &Flight, flown: Flies<'_>) -> Option<Self> {
         let (mut q, mut qd, mut poses) = (self.q.clone(), self.qd.clone(), flight.poses.clone());
         unwrap(chain, &mut poses);
         for _ in 0..RESTEPS {

@@ -175,8 +175,6 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
         assert!(fitted.estimate.mean < 1e-6 && given.estimate.mean > 1e-4, "{fitted:?} {given:?}");
     }
     assert!(all[1].rows.iter().all(|row| row.below_threshold.is_some()));
-    // the energetic law of several contacts refuses friction, and with it every toss: it has no row
-    assert!(all.iter().flat_map(|one| &one.rows).all(|row| row.refused < 8 && row.several != Some("energetic")));
     // effects are judged from the fitted start alone
     let effects = |part: usize| all[part].rows.iter().any(|row| !row.effects.is_empty());
     assert_eq!([0, 1, 2, 3].map(effects), [true, true, false, false]);
