@@ -36,8 +36,9 @@ use std::path::PathBuf;
 ///   floor      height of the floor (tosses)
 ///   speed      restitution e (v/v1)^-nu for the approach speed v, with v1 = 1 m/s
 /// Effects are added to every law for single impacts, and for tosses to the law with the least error
-/// of the measurements that it is fitted to. For each fold a model is selected by the measurements
-/// outside it: an effect is accepted if it lowers their error by more than two standard errors.
+/// of the measurements that it is fitted to; they are judged from the fitted start alone. For each
+/// fold a model is selected by the measurements outside it: an effect is accepted if it lowers their
+/// error by more than two standard errors.
 /// Output: for each set the best law, its mean error on held-out measurements with its standard
 /// error, the next law with the paired difference, and the bound of any impulse at the point or the
 /// floor from the noise of the start. Tosses are judged to 0.1 s after the first impact and as a
@@ -77,6 +78,9 @@ pub struct CompareCommand {
     /// Part of the tosses whose error is fitted: whole, or early, to 0.1 s after the first impact
     #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "early")]
     horizon: String,
+    /// Part of the tosses that is judged: whole, with the early part, or early alone, which is many times faster
+    #[arg(long, value_parser = PossibleValuesParser::new(["whole", "early"]), default_value = "whole")]
+    judge: String,
     /// Length L of the pose error of tosses, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
@@ -112,13 +116,15 @@ impl CompareCommand {
             files::check_folder("--out", folder)?;
         }
         files::check(&[], &[("--export", self.export.as_deref())])?;
+        let part = |name: &str| if name == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole };
         let options = CompareOptions {
             folds: self.folds,
             seed: self.seed,
             max_friction: self.max_friction,
             trials: self.trials,
             tosses: self.tosses,
-            horizon: if self.horizon == Horizon::Early.name() { Horizon::Early } else { Horizon::Whole },
+            horizon: part(&self.horizon),
+            judged: part(&self.judge),
             tolerance: self.tolerance,
             contact_step: self.contact_step,
             length: self.length,

@@ -186,7 +186,8 @@ impl Parameter {
 
     /// Whether the start of a roll-out, which is fitted to the free flight, depends on the parameter.
     pub fn moves_flight(self) -> bool {
-        matches!(self, Self::Inertia(_) | Self::Mass | Self::Offset(_))
+        use Parameter::{Damping, DryFriction, Inertia, Mass, Offset};
+        matches!(self, Inertia(_) | Mass | Offset(_) | Damping | DryFriction)
     }
 }
 

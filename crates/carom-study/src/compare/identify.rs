@@ -11,6 +11,7 @@
 
 use super::candidates::Candidate;
 use super::page::title;
+use super::search::Residuals;
 use crate::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -28,17 +29,19 @@ pub struct Weakest {
     pub least_deviation: f64,
 }
 
-/// The residual of each measurement at parameters.
-pub(super) type Residuals<'a> = &'a dyn Fn(&[f64]) -> Vec<Option<DVector<f64>>>;
-
 /// Half of the step of the differences, as a share of the range.
 const STEP: f64 = 0.01;
 /// Derivatives beyond this number of medians are those of jumps.
-const JUMP: f64 = 10.0;
+pub(super) const JUMP: f64 = 10.0;
 
 /// The weakest combination at the parameters `x`; `residuals` gives the residual of each measurement, of a fixed length, or
 /// `None` where the model refuses it. `None` with fewer than two parameters.
-pub(super) fn weakest(model: &Candidate, region: &Region, x: &[f64], residuals: Residuals<'_>) -> Option<Weakest> {
+pub(super) fn weakest(
+    model: &Candidate,
+    region: &Region,
+    x: &[f64],
+    residuals: &dyn Fn(&[f64]) -> Residuals,
+) -> Option<Weakest> {
     let p = x.len();
     if p < 2 {
         return None;
@@ -100,7 +103,7 @@ mod tests {
     fn the_weakest_direction_is_that_which_no_residual_sees() {
         let model = &Candidate::all()[1];
         let region = Region { bounds: vec![(0.0, 1.0), (0.0, 1.0)], grid: vec![vec![0.5]; 2] };
-        let residuals = |x: &[f64]| -> Vec<Option<DVector<f64>>> {
+        let residuals = |x: &[f64]| -> Residuals {
             let one = |k: usize| {
                 let noise = 0.01 * (k as f64 * 1.7).sin();
                 let jump = if k == 3 && x[0] > 0.5 { 100.0 } else { 0.0 };

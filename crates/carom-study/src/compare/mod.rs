@@ -19,7 +19,7 @@
 //! | `page.rs`, `picture.rs` | a table in Markdown and a picture of each set |
 //!
 //! A minimum of a law's mean error over its coefficients is sought by a grid and by the Nelder–Mead method for single
-//! impacts, and by a grid that is refined around its best point for tosses.
+//! impacts, and by a grid and the Levenberg–Marquardt method for tosses.
 
 mod candidates;
 mod cases;
@@ -61,8 +61,10 @@ pub struct CompareOptions {
     pub trials: usize,
     /// Greatest number of tosses to which coefficients are fitted; all tosses are judged.
     pub tosses: usize,
-    /// The part of the tosses whose error is fitted; both parts are judged.
+    /// The part of the tosses whose error is fitted.
     pub horizon: Horizon,
+    /// The part of the tosses that is judged; the whole contains the early part, which is judged too.
+    pub judged: Horizon,
     /// Relative tolerance of the simulation of tosses.
     pub tolerance: f64,
     /// Time step of the simulation of tosses, s.
@@ -82,6 +84,7 @@ impl Default for CompareOptions {
             trials: 40,
             tosses: 60,
             horizon: Horizon::Early,
+            judged: Horizon::Whole,
             tolerance: 1e-5,
             contact_step: 1e-3,
             length: 0.0524,
@@ -165,8 +168,8 @@ pub struct FittedCoefficient {
 /// The number of the comparison's steps that are done, the number of all, and what is being done.
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
 
-/// Compares all laws on a data set: one comparison for single impacts, four for tosses (both parts of the tosses from both
-/// starts).
+/// Compares all laws on a data set: one comparison for single impacts, up to four for tosses (the parts of the tosses that are
+/// judged, from both starts).
 ///
 /// # Errors
 /// [`CompareError`]: options out of their range, fewer measurements than folds, a toss that cannot be simulated at all.

@@ -39,7 +39,7 @@ pub use trajectories::fit_trajectories;
 pub use velocities::fit_velocities;
 
 use carom_impact::LAW_NAMES;
-pub(crate) use launch::relaunch;
+
 pub(crate) use loss::median;
 pub(crate) use search::Region;
 

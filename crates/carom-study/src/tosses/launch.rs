@@ -1,9 +1,9 @@
 //! The start of a roll-out: the state at the first free sample, and the sample of the first impact.
 
 use super::{GRAVITY, Toss, TossError, Tosses, on_floor};
-use crate::fit::{Flight, Launched, launch, relaunch};
+use crate::fit::{Flight, Launched, launch};
 use carom_chain::Chain;
-use carom_sim::{ContactRule, SimError};
+use carom_sim::{ContactRule, Sampling, Seen, SimError, Simulation};
 use rayon::prelude::*;
 
 /// How the state at the start of a roll-out is determined.
@@ -99,13 +99,33 @@ impl Launch {
         }
     }
 
-    /// The start for another inertia of the robot: a fitted state is fitted again, to the same samples. A state of the table,
-    /// and one whose fit does not converge, is kept.
+    /// The start for other inertias, places and friction of the joints: a fitted state is fitted again, to the same samples. A
+    /// state of the table, and one whose fit does not converge, is kept.
     pub(crate) fn refitted(&self, chain: &Chain, toss: &Toss) -> Self {
-        let again = |fitted: &Fitted| relaunch(chain, GRAVITY, &self.flight(toss), &fitted.state).ok();
-        let Some((samples, state)) = self.fitted.as_ref().and_then(|old| Some((old.samples, again(old)?))) else {
-            return self.clone();
+        let Some(old) = &self.fitted else { return self.clone() };
+        let flight = self.flight(toss);
+        let count = flight.times.len();
+        let end = flight.times[count - 1] - flight.times[0];
+        let simulation =
+            Simulation { gravity: GRAVITY, tolerance: REFIT, ..Simulation::new(chain.clone(), Vec::new()) };
+        let sampling = Sampling { every: Some(end / (count - 1) as f64), dense: false };
+        let flown = |q: &[f64], qd: &[f64]| {
+            let mut poses = Vec::new();
+            let mut keep = |seen: Seen<'_>| {
+                if let Seen::Moment(moment) = seen {
+                    poses.push(moment.q.clone());
+                }
+            };
+            let summary = simulation.stream(q, qd, end, sampling, &mut keep).ok()?;
+            // by rounding, the last sample may lie beyond the end
+            poses.truncate(count - 1);
+            poses.push(summary.last.q);
+            Some(poses)
         };
-        Self { q: state.q.clone(), qd: state.qd.clone(), fitted: Some(Fitted { state, samples }), ..self.clone() }
+        let Some(state) = old.state.refined(chain, &flight, &flown) else { return self.clone() };
+        Self { q: state.q.clone(), qd: state.qd.clone(), fitted: Some(Fitted { state, ..old.clone() }), ..self.clone() }
     }
 }
+
+/// Relative tolerance of the flights to which a start is fitted again.
+const REFIT: f64 = 1e-7;

@@ -1,6 +1,7 @@
 //! Comparisons of all laws on synthetic data: the law that made the data wins, and a fold's coefficients do not know the fold.
 
 use super::*;
+use carom_study::Horizon;
 use carom_study::compare::{CompareOptions, Comparison, DataSet, Row, compare, data_sets, toss_cases};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -174,6 +175,23 @@ fn tosses_are_judged_from_both_starts_and_to_both_ends() {
         assert!(fitted.estimate.mean < 1e-6 && given.estimate.mean > 1e-4, "{fitted:?} {given:?}");
     }
     assert!(all[1].rows.iter().all(|row| row.below_threshold.is_some()));
+    // effects are judged from the fitted start alone
+    let effects = |part: usize| all[part].rows.iter().any(|row| !row.effects.is_empty());
+    assert_eq!([0, 1, 2, 3].map(effects), [true, true, false, false]);
+
+    // roll-outs to the end of the early part give the errors of this part
+    let early = compare(&set, &CompareOptions { judged: Horizon::Early, ..options }, QUIETLY).unwrap();
+    assert_eq!(early.len(), 2);
+    for (one, part) in early.iter().zip([0, 2]) {
+        for row in &one.rows {
+            let same =
+                |other: &&Row| (&other.law, other.several, &other.effects) == (&row.law, row.several, &row.effects);
+            let whole = all[part].rows.iter().find(same).unwrap();
+            // the tolerance of the simulation is 1e-5
+            let near = row.errors.iter().zip(&whole.errors).all(|(a, b)| (a - b).abs() < 1e-4 * b + 1e-7);
+            assert!(near, "{row:?} {whole:?}");
+        }
+    }
 
     // what is exported is enough to compute the errors of the table again: start, fold, poses, end of the early part
     let cases = toss_cases(&set, &options).unwrap().unwrap();
