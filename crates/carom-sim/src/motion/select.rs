@@ -22,6 +22,8 @@ use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
+use std::cell::OnceCell;
+use std::ops::Range;
 
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces.
 pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
@@ -257,12 +259,18 @@ impl<A: Space> Motion<'_, A> {
     fn take(&mut self, entries: &[Lasting], found: &Assembled, solution: &Solution) {
         let [accelerations, forces] = solution.scale.map(|scale| TIE * scale);
         let mut contacts = found.constraints.contacts.iter();
-        // The friction of redundant contacts is a convention, from which no directions follow; in the plane the direction is given.
-        let begins = entries.iter().any(|own| matches!(own.hold, Hold::Sticks | Hold::Starts { .. }));
-        let determined = begins && A::LINEAR == 3 && {
-            let constraints = &found.constraints;
-            let gram = constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
-            Basis::of(&gram).rows.len() == constraints.rows.len()
+        // The forces of redundant contacts are a convention, from which no directions follow; in the plane the direction is given.
+        let constraints = &found.constraints;
+        let redundant = OnceCell::new();
+        let is_redundant = || {
+            *redundant.get_or_init(|| {
+                let gram = constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
+                Basis::of(&gram).rows.len() < constraints.rows.len()
+            })
+        };
+        // A contact that the others support could carry load as well.
+        let is_supported = |contact: &Range<usize>| {
+            solution.acceleration.rows_range(contact.clone()).amax() <= accelerations && is_redundant()
         };
         self.lasting.clear();
         for own in entries {
@@ -275,7 +283,7 @@ impl<A: Space> Motion<'_, A> {
             let loaded = solution.force[last] > forces;
             let hold = match own.hold {
                 Hold::Latched => Hold::Latched,
-                _ if !loaded => continue,
+                _ if !loaded && !is_supported(&contact.rows) => continue,
                 Hold::Sticks | Hold::Starts { .. } => {
                     let force = contact.force(solution.force.as_slice());
                     let normal = contact.normal;
@@ -284,7 +292,7 @@ impl<A: Space> Motion<'_, A> {
                     if own.hold != Hold::Sticks || a.norm() > accelerations {
                         // Slip begins against the friction force.
                         match (-tangential).try_normalize(0.0) {
-                            Some(toward) if determined => Hold::Starts { toward },
+                            Some(toward) if A::LINEAR == 3 && !is_redundant() => Hold::Starts { toward },
                             toward => Hold::Slides { toward: toward.unwrap_or_else(Vector3::zeros) },
                         }
                     } else {
