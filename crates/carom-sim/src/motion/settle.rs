@@ -142,6 +142,26 @@ impl<A: Space> Motion<'_, A> {
         Ok(())
     }
 
+    /// Ends the start of slips that have jumped between these states: their direction is that of the slip which an impact gave them.
+    pub fn end_starts(&mut self, time: f64, (before, now): (&[f64], &[f64])) -> Result<(), SimError> {
+        let mut lasting = std::mem::take(&mut self.lasting);
+        let (sim, rest) = (self.sim, self.rest());
+        let ((q, qd), (_, old)) = (self.split(now), self.split(before));
+        let view = self.view(q)?;
+        for own in lasting.iter_mut().filter(|own| matches!(own.hold, Hold::Starts { .. })) {
+            let touch = &sim.touches[own.touch];
+            let Some(place) = touch.at(&view, q, time).surface else { continue };
+            let (u, old) = (touch.u(&place, &view, qd, time)?, touch.u(&place, &view, old, time)?);
+            if (u - old).norm() > rest
+                && let Some(toward) = direction_of_slip(u, place.normal, rest)
+            {
+                own.hold = Hold::Slides { toward };
+            }
+        }
+        self.lasting = lasting;
+        Ok(())
+    }
+
     /// The slowest slip of the contacts that slide with friction and whose direction follows from it, m/s; infinite if there are
     /// none.
     pub fn slowest_slip(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {

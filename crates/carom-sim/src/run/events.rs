@@ -235,6 +235,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
+        self.memory.add(self.time);
         if self.memory.is_crowded(self.time, self.motion.sim.contact_step) {
             return self.step_on(StepReason::Crowd);
         }
@@ -268,8 +269,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Watch::SlipStops(i) => {
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.lasting[i].touch;
-                if self.motion.candidate(touch, self.time, &before)?.slip.is_some() {
-                    return Ok(()); // the direction of slip has turned by 90°
+                if let Some(toward) = self.motion.candidate(touch, self.time, &before)?.slip {
+                    self.motion.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
+                    return Ok(());
                 }
             }
             Watch::JointStops(k) => {
@@ -283,7 +285,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.resettle(&[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
         if self.memory.events == events {
-            self.memory.add(self.time);
             match watch {
                 Watch::NormalForce(i) => {
                     let last = self.memory.kept.replace(self.time);
@@ -335,6 +336,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The same without a touch whose contact point has left its faces and edges.
     fn resettle_without(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
+        self.motion.end_starts(self.time, (before, &self.y))?;
         let old = self.motion.lasting.clone();
         let dry = self.motion.dry.clone();
         let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
@@ -429,7 +431,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.memory.events += 1;
-        self.memory.add(self.time);
     }
 
     /// Continues by time steps.

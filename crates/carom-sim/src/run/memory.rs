@@ -26,7 +26,7 @@ pub(crate) struct Memory {
 const CROWD: usize = 300;
 
 impl Memory {
-    /// A leg has ended at a zero of a witness function, or an event has followed.
+    /// A leg has ended at a zero of a witness function.
     pub fn add(&mut self, time: f64) {
         self.recent.push_back(time);
         if self.recent.len() > CROWD {
