@@ -3,7 +3,7 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
-use carom_impact::{Brach, Newton};
+use carom_impact::Newton;
 use carom_sim::{
     ContactRule, Controller, Drive, Observed, Sampling, Scene, SimError, Simulation, Statistics, Surface, Touch,
 };
@@ -133,39 +133,51 @@ fn error_of_a_quadruped_whose_feet_begin_to_slip_falls_with_the_tolerance() {
     }
 }
 
-/// A cube lands on an edge while the slip of one of its corners begins: the impact gives this slip another direction. The run kept the
-/// direction in which it began, and ended without end.
+/// A cube lands on an edge while the slip of one of its corners begins: the impact gives this slip another direction, and the motion
+/// goes on with the accuracy of the tolerance. With the direction in which it began friction is wrong, and the run takes 1755 steps, or
+/// does not end.
 #[test]
 fn slip_that_an_impact_turns_while_it_begins_goes_on_in_its_new_direction() {
+    let folder = std::env::temp_dir().join(format!("carom-slip-begins-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
     let urdf = r#"<robot name="cube"><link name="body"><inertial><mass value="0.37"/>
         <inertia ixx="0.00081" iyy="0.00081" izz="0.00081" ixy="0" ixz="0" iyz="0"/></inertial>
         <collision><geometry><box size="0.1048 0.1048 0.1048"/></geometry></collision></link></robot>"#;
-    let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    let chain = Chain::from_urdf_str(urdf, &options).unwrap();
-    let floor = Surface {
-        name: "floor".into(),
-        obstacle: Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(),
-        contact: ContactRule::new(Brach { restitution: 0.0, impulse_ratio: 0.6 }),
-        motion: None,
-    };
-    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
-    let gravity = Vector3::new(0.0, 0.0, -G);
-    let simulation = Simulation { gravity, tolerance: 1e-5, contact_step: 1e-3, ..Simulation::new(chain, touches) };
-    let place = [0.26974609395925064, -0.2913571288509303, 0.16612875799877605];
-    let turn = [0.5970831037972113, 0.35215007936455317, -0.5062239985718047, -0.5130490737087448];
-    let q = [place.as_slice(), &turn].concat();
-    let qd = [
-        0.3547410220986946,
-        -0.35922024902156724,
-        0.8271561742131073,
-        -1.0201883457406091,
-        -0.12724253347735856,
-        0.8891032216432876,
-    ];
+    std::fs::write(folder.join("cube.urdf"), urdf).unwrap();
+    let text = r#"
+        [robot]
+        urdf = "cube.urdf"
+        floating = true
+        q = [0.26974609395925064, -0.2913571288509303, 0.16612875799877605,
+            0.5970831037972113, 0.35215007936455317, -0.5062239985718047, -0.5130490737087448]
+        qd = [0.3547410220986946, -0.35922024902156724, 0.8271561742131073,
+            -1.0201883457406091, -0.12724253347735856, 0.8891032216432876]
+        [[surface]]
+        name = "floor"
+        shape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }
+        [contact]
+        law = "brach"
+        restitution = 0.0
+        friction = 0.6
+        [run]
+        duration = 0.58108
+        gravity = [0, 0, -9.81]
+        tolerance = 1e-5
+        zeno_time = 1e-5
+    "#;
+    let plan = Scene::from_toml(text, &folder).unwrap().plan().unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
     let sampling = Sampling { every: Some(0.58108 / 86.0), dense: false };
-    let summary = simulation.stream(&q, &qd, 0.58108, sampling, &mut |_| {}).unwrap();
+    let run = |tolerance, duration| {
+        let simulation = Simulation { tolerance, ..plan.simulation.clone() };
+        simulation.stream(&plan.q, &plan.qd, duration, sampling, &mut |_| {}).unwrap()
+    };
+    let summary = run(1e-5, 0.58108);
     assert!(summary.last.qd.iter().all(|v| *v == 0.0), "{summary:?}");
-    // 69 steps; with the old direction 1755, or no end.
     let Statistics { steps, contact_steps, .. } = summary.statistics;
     assert!(steps < 200 && contact_steps == 0, "{summary:?}");
+    // 5e-8; with the old direction 2e-6.
+    let [coarse, fine] = [1e-5, 1e-10].map(|tolerance| run(tolerance, 0.22).last.q);
+    let error = coarse.iter().zip(&fine).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(error < 3e-7, "{error}");
 }

@@ -336,7 +336,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The same without a touch whose contact point has left its faces and edges.
     fn resettle_without(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
-        self.motion.end_starts(self.time, (before, &self.y))?;
         let old = self.motion.lasting.clone();
         let dry = self.motion.dry.clone();
         let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();

@@ -247,6 +247,7 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// What opens, lasts or accumulates after an impact. Separation velocities up to `slack` (m/s) count as zero.
     pub fn after(&mut self, struck: &[Struck], slack: f64, before: &[f64]) -> Result<(), SimError> {
+        self.motion.end_starts(self.time, (before, &self.y))?;
         let old = self.motion.lasting.clone();
         let (mut still, mut leaving) = (Vec::new(), Vec::new());
         for one in struck {
