@@ -74,14 +74,14 @@ pub struct CompareOptions {
 }
 
 impl Default for CompareOptions {
-    /// Five folds, seed 0, friction up to 1, 40 trials on 60 tosses, the part to 0.1 s after the first impact, tolerance 1e-5,
+    /// Five folds, seed 0, friction up to 1, 60 trials on 60 tosses, the part to 0.1 s after the first impact, tolerance 1e-5,
     /// time step 1 ms, length 0.0524 m.
     fn default() -> Self {
         Self {
             folds: 5,
             seed: 0,
             max_friction: 1.0,
-            trials: 40,
+            trials: 60,
             tosses: 60,
             horizon: Horizon::Early,
             judged: Horizon::Whole,
