@@ -8,7 +8,7 @@ use carom_impact::{Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactPr
 use carom_sim::{
     ChainImpact, FrictionlessJump, Impacts, JointModel, Outcomes, SimError, States, Strike, frictionless_jump_into,
 };
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{DMatrix, Vector2, Vector3};
 
 fn robot(name: &str, floating_base: bool) -> Chain {
     let file = format!("{}/../../robots/{name}.urdf", env!("CARGO_MANIFEST_DIR"));
@@ -65,6 +65,14 @@ fn check_batch<A: Algebra<Scalar = f64>>(chain: &Chain<A>, point: Point<A>, norm
         assert_eq!(at(&jacobian), found.jacobian.iter().flat_map(parts).collect::<Vec<_>>());
         assert_eq!(at(&mass_matrix), found.mass_matrix);
 
+        // H = J M⁻¹ Jᵀ by the definition. Rounding is multiplied by the condition number of M, up to 1e6 for 60 links.
+        let m = DMatrix::from_column_slice(nv, nv, found.mass_matrix);
+        let j = DMatrix::from_fn(linear, nv, |i, v| A::linear_part(found.jacobian[v], i));
+        let h = &j * m.cholesky().unwrap().solve(&j.transpose());
+        let largest = h.amax();
+        let off = |c: usize, r: usize| (A::linear_part(found.delassus[c], r) - h[(r, c)]).abs();
+        assert!((0..linear).all(|c| (0..linear).all(|r| off(c, r) <= 1e-9 * largest)), "{h}");
+
         let mut kin = workspace.update(chain, &q).unwrap();
         let p = frictionless_jump_into(&mut kin, point, normal, 0.35, &qd, &mut scratch, &mut recursive).unwrap();
         // Both have rounding errors of 1e-16 times the condition number of M, some 1e4 for these robots.
@@ -103,10 +111,15 @@ fn batched_impacts_equal_single_impacts_bit_by_bit() {
         }
     }
     assert_eq!(planar, ["planar2", "planar3"]);
-    let long = uniform_chain(12, 3.0, 2.0).unwrap();
-    let flat = long.to_planar().unwrap();
-    let tip = long.frame("tip").unwrap();
-    check_batch(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9);
+    // With 60 links by recursions.
+    for links in [12, 60] {
+        let long = uniform_chain(links, 3.0, 2.0).unwrap();
+        let flat = long.to_planar().unwrap();
+        let tip = long.frame("tip").unwrap();
+        assert_eq!(flat.chain.has_fused_pass(), links == 12);
+        check_batch(&flat.chain, flat.point(tip, Vector3::zeros()), -Vector2::y(), 9);
+        check_batch(&long, long.point(tip, Vector3::zeros()), -Vector3::y(), 5);
+    }
 }
 
 #[test]

@@ -106,6 +106,7 @@ where
                 Ok(())
             }
             Some(body) if chain.bodies.len() > LONG && !chain.is_coupled() => {
+                memory.clear(nv, 0);
                 self.recursive((body, point), normal, added, &mut memory)
             }
             Some(body) => {
@@ -124,6 +125,26 @@ where
             self.check_inertia(added)?;
         }
         Ok(self.ws.contact())
+    }
+
+    /// [`Self::contact`] and M in `memory`, by recursions: faster than [`ContactPoint::visit`] for long chains.
+    ///
+    /// # Errors
+    /// As [`Self::contact`]; [`ChainError::Coupled`] for a chain with mimic joints; [`ChainError::FixedPoint`] for a point of the
+    /// world.
+    pub fn contact_and_mass_matrix_into(
+        &mut self,
+        point: Point<A>,
+        normal: A::Vector,
+        memory: &mut ResponseMemory<A>,
+    ) -> Result<(), ChainError> {
+        let body = self.chain.contact_point(point)?.body;
+        let n = self.chain.nv;
+        memory.grow(n, row_length::<A::Scalar>(n));
+        memory.zeros_of = None;
+        memory.vectors.fill(A::zero());
+        self.mass_matrix_into(&mut DMatrixViewMut::from_slice(memory.parts(n).2.mass_matrix, n, n));
+        self.recursive((body, point), normal, &[], memory)
     }
 
     /// Checks that every joint moves inertia: that its D exceeds the rounding of the composite inertia of its subtree, or of its
@@ -180,7 +201,6 @@ where
         added: &[A::Scalar],
         memory: &mut ResponseMemory<A>,
     ) -> Result<(), ChainError> {
-        memory.clear(self.chain.nv, 0);
         self.articulate_checked(added)?;
         let position = self.position(point);
         let bodies = &self.chain.bodies;

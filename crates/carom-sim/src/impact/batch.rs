@@ -8,6 +8,9 @@
 //! configurations at once (SIMD); the instruction set is detected at run time. The operations on each configuration are
 //! those of [`FrictionlessJump::jump_into`] in the same order, so the results are bitwise equal (`tests/batch.rs`).
 //!
+//! **Long chains**, of more than some 48 bodies, are computed by recursions in time proportional to their number, one configuration
+//! after another.
+//!
 //! | symbol | meaning | our name |
 //! | --- | --- | --- |
 //! | n | unit normal, world axes, from the environment to the robot | `normal` |
@@ -16,7 +19,7 @@
 
 use super::lanes::{Lanes, Receive, States, Sweep, check_lengths, check_number, load, store};
 use carom_chain::algebra::Algebra;
-use carom_chain::{Chain, ChainError, ContactPoint, Kept, Point, PointResponse, ResponseMemory, Visit};
+use carom_chain::{Chain, ChainError, Kept, Point, PointResponse, ResponseMemory, Visit, Workspace};
 use nalgebra::SimdRealField;
 use simba::simd::AutoSimd;
 
@@ -36,6 +39,8 @@ pub struct Jumped<A: Algebra> {
     pub impulse: A::Scalar,
     /// Position, J, M and H at the contact point.
     pub memory: ResponseMemory<A>,
+    /// For long chains.
+    workspace: Option<Box<Workspace<A>>>,
 }
 
 /// Results of the impacts, as columns of the length of those of the states. An empty slice leaves a result out.
@@ -63,13 +68,10 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         Ok(Self { chain: chain.clone(), point })
     }
 
-    fn contact_point(&self) -> Result<ContactPoint<'_, A>, ChainError> {
-        self.chain.contact_point(self.point)
-    }
-
     /// Allocates the memory for one impact, for [`FrictionlessJump::jump_into`].
     pub fn jump(&self) -> Jumped<A> {
-        Jumped { qd_plus: vec![0.0; self.chain.nv()], impulse: 0.0, memory: ResponseMemory::default() }
+        let workspace = (!self.chain.has_fused_pass()).then(|| Box::new(self.chain.workspace()));
+        Jumped { qd_plus: vec![0.0; self.chain.nv()], impulse: 0.0, memory: ResponseMemory::default(), workspace }
     }
 
     /// Computes the impact at `q` (length nq), `qd` (length nv), with the unit `normal` in world axes, from the environment
@@ -80,7 +82,7 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
     /// [`crate::Strike`] for these checks.
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`] for `q` or `qd`.
+    /// [`ChainError::WrongLength`] for `q` or `qd`; [`ChainError::NoInertia`] for a long chain with a singular M.
     ///
     /// # Panics
     /// If `jump` was made for another chain.
@@ -96,8 +98,14 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
             self.chain.check_v("qd", qd)?;
         }
         assert_eq!(jump.qd_plus.len(), qd.len(), "this jump belongs to another chain");
-        let Jumped { qd_plus, impulse, memory } = jump;
-        self.contact_point()?.visit(q, normal, &[], memory, Single { normal, qd, restitution, qd_plus, impulse })
+        let Jumped { qd_plus, impulse, memory, workspace } = jump;
+        let mut single = Single { normal, qd, restitution, qd_plus, impulse };
+        let Some(workspace) = workspace else {
+            return self.chain.contact_point(self.point)?.visit(q, normal, &[], memory, single);
+        };
+        workspace.update(&self.chain, q)?.contact_and_mass_matrix_into(self.point, normal, memory)?;
+        single.visit(memory.response());
+        Ok(())
     }
 
     /// Computes the impacts at many states with the same unit `normal` (world axes, from the environment to the robot) and
@@ -105,7 +113,8 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
     /// normal are not checked.
     ///
     /// # Errors
-    /// [`ChainError::WrongLength`]: a wrong number of columns, or columns of different lengths.
+    /// [`ChainError::WrongLength`]: a wrong number of columns, or columns of different lengths; [`ChainError::NoInertia`] for a
+    /// long chain with a singular M.
     pub fn many(
         &self,
         states: States,
@@ -116,8 +125,48 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         let (chain, point) = (&self.chain, self.point);
         let count = states.count(chain)?;
         outcomes.check::<A>(chain.nv(), count)?;
+        if !chain.has_fused_pass() {
+            return self.one_after_another(states, count, normal, restitution, outcomes);
+        }
         let receive = InLanes { qd: states.qd, restitution, outcomes };
         Sweep { chain, point, normal, added: &[], q: states.q, count, receive }.run()
+    }
+
+    fn one_after_another(
+        &self,
+        states: States,
+        count: usize,
+        normal: A::Vector,
+        restitution: f64,
+        outcomes: &mut Outcomes,
+    ) -> Result<(), ChainError> {
+        let linear = A::LINEAR;
+        let mut jump = self.jump();
+        let (mut q, mut qd) = (vec![0.0; states.q.len()], vec![0.0; states.qd.len()]);
+        for k in 0..count {
+            for (numbers, columns) in [(&mut q, states.q), (&mut qd, states.qd)] {
+                numbers.iter_mut().zip(columns).for_each(|(x, column)| *x = column[k]);
+            }
+            self.jump_into(&q, &qd, normal, restitution, &mut jump)?;
+            let PointResponse { delassus, jacobian, mass_matrix, .. } = jump.memory.response();
+            let part = |vectors: &[A::Vector], i: usize| A::linear_part(vectors[i / linear], i % linear);
+            for (i, column) in outcomes.qd_plus.iter_mut().enumerate() {
+                column[k] = jump.qd_plus[i];
+            }
+            for column in outcomes.impulse.iter_mut() {
+                column[k] = jump.impulse;
+            }
+            for (i, column) in outcomes.delassus.iter_mut().enumerate() {
+                column[k] = part(&delassus, i);
+            }
+            for (i, column) in outcomes.jacobian.iter_mut().enumerate() {
+                column[k] = part(jacobian, i);
+            }
+            for (i, column) in outcomes.mass_matrix.iter_mut().enumerate() {
+                column[k] = mass_matrix[i];
+            }
+        }
+        Ok(())
     }
 }
 
