@@ -23,6 +23,9 @@ use carom_chain::{Chain, ChainError, Kept, Point, PointResponse, ResponseMemory,
 use nalgebra::SimdRealField;
 use simba::simd::AutoSimd;
 
+/// Number of configurations of a long chain that are read and written together.
+const BLOCK: usize = 8;
+
 /// The frictionless impact of one point of a chain, prepared for many configurations. Immutable; share it by reference.
 #[derive(Debug, Clone)]
 pub struct FrictionlessJump<A: Algebra<Scalar = f64>> {
@@ -132,6 +135,7 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         Sweep { chain, point, normal, added: &[], q: states.q, count, receive }.run()
     }
 
+    /// By recursions. Columns are read and written in blocks, because a number of each of n² columns is in a memory page of its own.
     fn one_after_another(
         &self,
         states: States,
@@ -140,30 +144,36 @@ impl<A: Algebra<Scalar = f64>> FrictionlessJump<A> {
         restitution: f64,
         outcomes: &mut Outcomes,
     ) -> Result<(), ChainError> {
-        let linear = A::LINEAR;
-        let mut jump = self.jump();
-        let (mut q, mut qd) = (vec![0.0; states.q.len()], vec![0.0; states.qd.len()]);
-        for k in 0..count {
-            for (numbers, columns) in [(&mut q, states.q), (&mut qd, states.qd)] {
-                numbers.iter_mut().zip(columns).for_each(|(x, column)| *x = column[k]);
+        let (linear, blank) = (A::LINEAR, (vec![0.0; states.q.len()], vec![0.0; states.qd.len()], self.jump()));
+        let mut block = vec![blank; BLOCK];
+        for at in (0..count).step_by(BLOCK) {
+            let block = &mut block[..BLOCK.min(count - at)];
+            for (i, column) in states.q.iter().enumerate() {
+                block.iter_mut().zip(&column[at..]).for_each(|((q, ..), x)| q[i] = *x);
             }
-            self.jump_into(&q, &qd, normal, restitution, &mut jump)?;
-            let PointResponse { delassus, jacobian, mass_matrix, .. } = jump.memory.response();
+            for (i, column) in states.qd.iter().enumerate() {
+                block.iter_mut().zip(&column[at..]).for_each(|((_, qd, _), x)| qd[i] = *x);
+            }
+            for (q, qd, jump) in block.iter_mut() {
+                self.jump_into(q, qd, normal, restitution, jump)?;
+            }
+            let jumps = || block.iter().map(|(.., jump)| jump);
+            let found: Vec<_> = jumps().map(|jump| jump.memory.response()).collect();
             let part = |vectors: &[A::Vector], i: usize| A::linear_part(vectors[i / linear], i % linear);
             for (i, column) in outcomes.qd_plus.iter_mut().enumerate() {
-                column[k] = jump.qd_plus[i];
+                column[at..].iter_mut().zip(jumps()).for_each(|(x, jump)| *x = jump.qd_plus[i]);
             }
             for column in outcomes.impulse.iter_mut() {
-                column[k] = jump.impulse;
+                column[at..].iter_mut().zip(jumps()).for_each(|(x, jump)| *x = jump.impulse);
             }
             for (i, column) in outcomes.delassus.iter_mut().enumerate() {
-                column[k] = part(&delassus, i);
+                column[at..].iter_mut().zip(&found).for_each(|(x, found)| *x = part(&found.delassus, i));
             }
             for (i, column) in outcomes.jacobian.iter_mut().enumerate() {
-                column[k] = part(jacobian, i);
+                column[at..].iter_mut().zip(&found).for_each(|(x, found)| *x = part(found.jacobian, i));
             }
             for (i, column) in outcomes.mass_matrix.iter_mut().enumerate() {
-                column[k] = mass_matrix[i];
+                column[at..].iter_mut().zip(&found).for_each(|(x, found)| *x = found.mass_matrix[i]);
             }
         }
         Ok(())
