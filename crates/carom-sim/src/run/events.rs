@@ -77,6 +77,15 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.act(ending)
     }
 
+    /// What follows the end of a leg.
+    pub fn act(&mut self, ending: Ending) -> Result<(), SimError> {
+        match self.follow_on(ending) {
+            // A mode that is consistent, but whose forces are without bound.
+            Err(SimError::Jam { .. }) => self.step_on(StepReason::NoMode),
+            done => done,
+        }
+    }
+
     /// Integrates the present mode to its end.
     pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
@@ -152,8 +161,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// What follows the end of a leg.
-    pub fn act(&mut self, ending: Ending) -> Result<(), SimError> {
+    fn follow_on(&mut self, ending: Ending) -> Result<(), SimError> {
         match ending {
             Ending::Passed => Ok(()),
             Ending::Fired(watch) => self.event(watch),
@@ -430,15 +438,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.memory.events += 1;
         self.memory.add(self.time);
-    }
-
-    /// Continues by time steps.
-    pub fn step_on(&mut self, reason: StepReason) -> Result<(), SimError> {
-        self.motion.stepping = true;
-        self.motion.lasting.retain(|own| !own.is_rigid());
-        let before = self.y.clone();
-        self.note(EventKind::Steps { reason }, &before, Vec::new());
-        Ok(())
     }
 
     /// A touch has closed, alone or together with others.

@@ -65,7 +65,16 @@ pub(crate) fn leg(
     let time = if stalled.is_some() { reached } else { end };
     match found {
         None => Ok(LegEnd { time, y: y_before, fired: None, stalled }),
-        Some(found) => refine(&system, found, accuracy, statistics),
+        Some(found) => {
+            let (start, y) = (found.start, found.y.clone());
+            match refine(&system, found, accuracy, statistics) {
+                // Forces that grow without bound towards the event.
+                Err(SimError::Integration { reason, .. }) => {
+                    Ok(LegEnd { time: start, y, fired: None, stalled: Some(reason) })
+                }
+                done => done,
+            }
+        }
     }
 }
 
