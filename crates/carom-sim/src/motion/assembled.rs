@@ -47,6 +47,10 @@ pub(crate) struct Assembled {
     pub own_responses: Rows,
     /// M⁻¹Tᵀ.
     pub tangent_responses: Rows,
+    /// Whether `own_responses` are left out: where K, which differs from R M⁻¹Rᵀ, shows that all rows are independent.
+    pub lean: bool,
+    /// K⁻¹, with `lean`.
+    pub inverse: Option<DMatrix<f64>>,
     pub free: DVector<f64>,
     /// Powers of the drive, and of damping, slipping dry friction and compliant contacts.
     pub power: [f64; 2],
@@ -59,6 +63,9 @@ pub(crate) struct Assembled {
     stacked: Rows,
     answers: Rows,
 }
+
+/// Rows are independent where the largest entries of K and K⁻¹ have a product below this.
+const CLEAR: f64 = 1e4;
 
 impl Assembled {
     pub fn new(nv: usize) -> Self {
@@ -82,10 +89,10 @@ impl Assembled {
         view: &mut View<A>,
         (qd, gravity): (&[f64], Vector3<f64>),
     ) -> Result<(), SimError> {
-        let Self { constraints, free, tau, stacked, answers, .. } = self;
+        let Self { constraints, free, tau, stacked, answers, lean, .. } = self;
         let Constraints { rows, forces, tangents, skew, starts, .. } = constraints;
         let dynamics = (qd, tau.as_slice(), gravity);
-        if !*skew || (rows.len() == 1 && starts.is_empty()) {
+        if !*skew || ((*lean || rows.len() == 1) && starts.is_empty()) {
             return view.accelerate_and_respond(dynamics, free.as_mut_slice(), forces, &mut self.responses);
         }
         stacked.clear();
@@ -108,6 +115,15 @@ impl Assembled {
     /// K.
     pub fn delassus(&self) -> DMatrix<f64> {
         self.constraints.rows.times(&self.responses)
+    }
+
+    /// Whether K shows that all rows are independent; stores its inverse. Rows that depend on others up to a share s make K
+    /// singular up to s, and [`Basis`](crate::state::Basis) decides at s² = 1e-10.
+    pub fn is_clear(&mut self) -> bool {
+        let k = self.delassus();
+        let size = k.amax();
+        self.inverse = k.try_inverse().filter(|inverse| size * inverse.amax() < CLEAR);
+        self.inverse.is_some()
     }
 
     /// R q̈₀ + drift.

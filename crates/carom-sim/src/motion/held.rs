@@ -23,6 +23,7 @@
 
 use super::assembled::{Assembled, Force, Held};
 use super::lasting::{Hold, Lasting};
+use super::rows::Constraints;
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
@@ -128,7 +129,17 @@ impl<A: Space> Motion<'_, A> {
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &mut found));
+        let starts = lasting.iter().any(|own| matches!(own.hold, Hold::Starts { .. }));
+        found.lean = !self.dependent && !starts;
+        found.inverse = None;
+        let mut assembled = self.assemble((time, y), &lasting, &mut found);
+        found.lean &= found.constraints.skew && found.constraints.rows.len() > 1;
+        if assembled.is_ok() && found.lean && !found.is_clear() {
+            self.dependent = true;
+            found.lean = false;
+            assembled = self.assemble((time, y), &lasting, &mut found);
+        }
+        let held = assembled.and_then(|()| self.solve(time, &lasting, &mut found));
         Self::keep_directions(&mut lasting, &found);
         (self.lasting, self.assembled) = (lasting, found);
         held
@@ -202,6 +213,13 @@ impl<A: Space> Motion<'_, A> {
             let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
             return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
         }
+        if let Some(inverse) = &found.inverse {
+            let size = k.amax();
+            return match jammed(lasting, constraints, inverse, |_| size) {
+                Some(contact) => Err(jam(contact)),
+                None => Ok(inverse * wanted),
+            };
+        }
         // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
         if !constraints.skew
             && let Some(factor) = k.clone().cholesky()
@@ -217,17 +235,10 @@ impl<A: Space> Motion<'_, A> {
         let rank = basis.rows.len();
         if rank == m {
             let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
-            let rigid = lasting.iter().filter(|own| own.is_rigid());
-            for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
-                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
-                // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
-                let row = contact.rows.start;
-                let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN
-                if slides && !yields {
-                    return Err(jam(c));
-                }
-            }
-            return Ok(inverse * wanted);
+            return match jammed(lasting, constraints, &inverse, |row| gram[(row, row)]) {
+                Some(contact) => Err(jam(contact)),
+                None => Ok(inverse * wanted),
+            };
         }
         // λ = X η; the rows B of K X η = wanted.
         let spread = basis.spread(gram);
@@ -243,4 +254,21 @@ impl<A: Space> Motion<'_, A> {
         let terms: f64 = along.map(|(r, x)| (r * x).abs()).sum();
         Ok(k > 1e-12 * terms)
     }
+}
+
+/// The first contact that slides although that is not consistent. It is if a unit force, with the other constraints held, opens the gap:
+/// by more than the rounding of terms of this `size`.
+fn jammed(
+    lasting: &[Lasting],
+    constraints: &Constraints,
+    inverse: &DMatrix<f64>,
+    size: impl Fn(usize) -> f64,
+) -> Option<usize> {
+    let rigid = lasting.iter().filter(|own| own.is_rigid());
+    constraints.contacts.iter().zip(rigid).position(|(contact, own)| {
+        let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
+        let row = contact.rows.start;
+        let yields = 1.0 / inverse[(row, row)] > 1e-12 * size(row); // false for NaN
+        slides && !yields
+    })
 }

@@ -264,7 +264,8 @@ impl<A: Space> Motion<'_, A> {
         let redundant = OnceCell::new();
         let is_redundant = || {
             *redundant.get_or_init(|| {
-                let gram = constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
+                let gram =
+                    constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
                 Basis::of(&gram).rows.len() < constraints.rows.len()
             })
         };

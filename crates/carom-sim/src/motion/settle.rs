@@ -106,6 +106,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn shut(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
         let mut found = std::mem::take(&mut self.assembled);
+        (found.lean, found.inverse) = (false, None);
         let done = self.assemble((time, y), &entries, &mut found).and_then(|()| {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];

@@ -29,6 +29,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub bristles: Vec<usize>,
     /// Largest joint velocity at the start of the leg, rad/s or m/s.
     pub speed: f64,
+    /// Whether rows of the constraints may depend on others in the present leg.
+    pub dependent: bool,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
     /// For each number of qd whether an impact has hit its robot.
@@ -129,6 +131,7 @@ impl<'a, A: Space> Motion<'a, A> {
             dry,
             bristles: bristles(sim),
             speed: 0.0,
+            dependent: false,
             impacts: vec![0; sim.touches.len()],
             was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),

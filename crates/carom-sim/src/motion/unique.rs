@@ -59,7 +59,7 @@ impl Assembled {
         let constraints = &self.constraints;
         let none = vec![false; constraints.contacts.len()];
         // Contacts whose slip begins are independent.
-        if !constraints.skew || constraints.rows.len() < 2 || !constraints.starts.is_empty() {
+        if self.lean || !constraints.skew || constraints.rows.len() < 2 || !constraints.starts.is_empty() {
             return none;
         }
         let own = constraints.rows.times(&self.own_responses);
@@ -92,6 +92,7 @@ impl<A: Space> Motion<'_, A> {
         }
         let lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
+        found.lean = false;
         let assembled = self.assemble((time, y), &lasting, &mut found);
         (self.lasting, self.assembled) = (lasting, found);
         assembled?;

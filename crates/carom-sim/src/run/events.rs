@@ -96,7 +96,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // A mode that has turned out to be stiff goes on implicitly, each time for longer.
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let accuracy = Accuracy { tolerance, max_step, integrator, patience };
+        let first_step = self.memory.step;
+        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if until - self.time <= 1e-13 * (1.0 + until) {
@@ -142,7 +143,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         let watches = flow.watches;
         match ended {
-            Ok(LegEnd { time, y, fired, stalled }) => {
+            Ok(LegEnd { time, y, fired, stalled, step }) => {
+                self.memory.step = step.filter(|_| integrator == Integrator::DormandPrince);
                 if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
                     self.statistics.non_unique_time += time - start;
                 }
@@ -184,6 +186,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// The velocity scale of the next decisions.
     pub fn measure(&mut self) {
         let surfaces = self.motion.moving.iter().map(|motion| motion.speed(self.time)).fold(0.0, f64::max);
+        self.motion.dependent = false;
         self.motion.speed = self.motion.split(&self.y).1.iter().fold(surfaces, |m: f64, v| m.max(v.abs()));
     }
 
@@ -246,6 +249,16 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if self.memory.is_crowded(self.time, self.motion.sim.contact_step) {
             return self.step_on(StepReason::Crowd);
         }
+        let events = self.memory.events;
+        self.change(watch)?;
+        if self.memory.events == events {
+            self.memory.add(self.time);
+        }
+        Ok(())
+    }
+
+    /// What follows a zero of a witness function.
+    fn change(&mut self, watch: Watch) -> Result<(), SimError> {
         let before = self.y.clone();
         match watch {
             Watch::Gap(touch) => return self.touch(touch),
@@ -274,6 +287,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             }
             Watch::SlipGrows(_) => return self.motion.started(self.time, &before),
             Watch::SlipStops(i) => {
+                // Slip that begins and has turned away from its acceleration has a direction of its own.
+                if let Hold::Starts { toward } = self.motion.lasting[i].hold {
+                    self.motion.lasting[i].hold = Hold::Slides { toward };
+                }
                 self.motion.follow_slip(self.time, &before)?;
                 let touch = self.motion.lasting[i].touch;
                 if self.motion.candidate(touch, self.time, &before)?.slip.is_some() {
@@ -291,7 +308,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.resettle(&[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
         if self.memory.events == events {
-            self.memory.add(self.time);
             match watch {
                 Watch::NormalForce(i) => {
                     let last = self.memory.kept.replace(self.time);
