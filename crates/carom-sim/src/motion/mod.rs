@@ -6,6 +6,7 @@ mod free_motion;
 mod groups;
 mod held;
 mod lasting;
+mod loads;
 mod rows;
 mod select;
 mod settle;

@@ -182,11 +182,13 @@ impl<A: Space> Motion<'_, A> {
             constraints.push(Constraint::Dry { bound: self.dry[k].friction });
         }
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
-        let outcome = problem.simultaneous(&ACCURACY, None)?;
+        let start = self.loads.start(&found.constraints);
+        let outcome = problem.simultaneous(&ACCURACY, Some(&start))?;
         let solved = outcome.residual <= UNSOLVED;
         if !solved {
             return Ok(None);
         }
+        self.loads.keep(&found.constraints, &outcome.impulse);
         let mut qdd = found.free.clone();
         for (response, force) in found.responses.iter().zip(outcome.impulse.iter()) {
             qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);

@@ -7,6 +7,7 @@
 use super::assembled::Assembled;
 use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::loads::Loads;
 use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
@@ -31,6 +32,8 @@ pub(crate) struct Motion<'a, A: Space> {
     pub speed: f64,
     /// Whether rows of the constraints may depend on others in the present leg.
     pub dependent: bool,
+    /// The forces at the last choice of the mode.
+    pub(super) loads: Loads,
     /// Impacts so far, by touch.
     impacts: Vec<usize>,
     /// For each number of qd whether an impact has hit its robot.
@@ -72,6 +75,7 @@ pub(crate) struct Kept {
     impacts: Vec<usize>,
     was_hit: Vec<bool>,
     speed: f64,
+    loads: Loads,
 }
 
 impl Kept {
@@ -132,6 +136,7 @@ impl<'a, A: Space> Motion<'a, A> {
             bristles: bristles(sim),
             speed: 0.0,
             dependent: false,
+            loads: Loads::default(),
             impacts: vec![0; sim.touches.len()],
             was_hit: vec![false; sim.chain.nv()],
             gaps: Gaps::new(sim, model),
@@ -256,7 +261,7 @@ impl<'a, A: Space> Motion<'a, A> {
 
     /// What the motion remembers.
     pub fn kept(&self) -> Kept {
-        let Self { lasting, stepping, dry, impacts, was_hit, speed, .. } = self;
+        let Self { lasting, stepping, dry, impacts, was_hit, speed, loads, .. } = self;
         Kept {
             lasting: lasting.clone(),
             stepping: *stepping,
@@ -264,12 +269,14 @@ impl<'a, A: Space> Motion<'a, A> {
             impacts: impacts.clone(),
             was_hit: was_hit.clone(),
             speed: *speed,
+            loads: loads.clone(),
         }
     }
 
     /// Remembers what another motion of the same simulation did.
     pub fn keep(&mut self, kept: Kept) {
-        let Kept { lasting, stepping, dry, impacts, was_hit, speed } = kept;
+        let Kept { lasting, stepping, dry, impacts, was_hit, speed, loads } = kept;
+        self.loads = loads;
         (self.lasting, self.stepping, self.dry) = (lasting, stepping, dry);
         (self.impacts, self.was_hit, self.speed) = (impacts, was_hit, speed);
     }

@@ -113,8 +113,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         // A step that is tried may reach beyond a jam that the motion only approaches.
-        while matches!(ended, Err(SimError::Jam { .. })) && until - self.time > NEAREST {
-            until = self.time + 0.125 * (until - self.time);
+        while let Err(SimError::Jam { time: jam, .. }) = &ended
+            && until - self.time > NEAREST
+        {
+            until = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
+            if until - self.time <= 1e-13 * (1.0 + until) {
+                break;
+            }
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
