@@ -460,32 +460,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.memory.events += 1;
         self.memory.add(self.time);
     }
-
-    /// A touch has closed, alone or together with others.
-    fn touch(&mut self, touch: usize) -> Result<(), SimError> {
-        self.measure();
-        let (mut together, mut beside) = (vec![touch], Vec::new());
-        let rest = self.motion.rest();
-        let gaps = self.gaps()?;
-        let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
-        if approach >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
-            // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
-            let before = self.y.clone();
-            let more = [touch];
-            return self.resettle(if approach <= rest { &more } else { &[] }, &before);
-        }
-        for (other, (gap, rate)) in gaps {
-            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
-                continue;
-            }
-            if rate < -rest {
-                together.push(other);
-            } else if rate <= rest {
-                beside.push(other);
-            }
-        }
-        self.collide(&together, &beside)
-    }
 }
 
 /// At the start approach velocities up to this share of the joint velocities are rounding.

@@ -155,7 +155,11 @@ fn integrate(
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
             // Integration to a known time within an accepted step: a single step, without dense output.
-            let first = if observer.sampler.is_none() { Some(end - start) } else { accuracy.first_step };
+            let first = if observer.sampler.is_none() {
+                Some(end - start)
+            } else {
+                accuracy.first_step.map(|h| h.min(longest))
+            };
             let method = DOP853::builder()
                 .max_step(longest)
                 .maybe_first_step(first)
