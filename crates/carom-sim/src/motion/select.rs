@@ -114,7 +114,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(true);
         }
         let mut found = Assembled::new(self.sim.chain.nv());
-        let Some(now) = self.complementarity((time, y), &entries, &mut found)? else { return Ok(false) };
+        let Some(now) = self.complementarity((time, y), &entries, &mut found, false)? else { return Ok(false) };
         let others = self.has_other_mode(&now.problem, &entries, &found, &now)?;
         let rigid = || entries.iter().filter(|own| own.is_rigid());
         self.other_mode = others.then(|| rigid().map(|own| own.touch).collect());
@@ -129,7 +129,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn margin(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let lasting = self.lasting.clone();
         let mut found = Assembled::new(self.sim.chain.nv());
-        let solved = self.complementarity((time, y), &lasting, &mut found)?;
+        let solved = self.complementarity((time, y), &lasting, &mut found, true)?;
         // The rows of contacts at rest and the normal rows of the others.
         Ok(solved.map_or(-1.0, |solution| 10.0 * TIE - solution.acceleration.amax() / solution.scale[0]))
     }
@@ -151,12 +151,15 @@ impl<A: Space> Motion<'_, A> {
         Lasting { touch, hold }
     }
 
-    /// The solution of the complementarity problem; `None` if none was found.
+    /// The solution of the complementarity problem; `None` if none was found. `again`: it starts from the forces of the last one. The
+    /// choice of a mode does not: of redundant contacts the directions in which slip begins follow from the forces, and those next
+    /// to the last ones may turn back at once.
     fn complementarity(
         &mut self,
         (time, y): (f64, &[f64]),
         entries: &[Lasting],
         found: &mut Assembled,
+        again: bool,
     ) -> Result<Option<Solution>, SimError> {
         // Where slip begins friction is that of a contact at rest.
         let at_rest = |own: &Lasting| match own.hold {
@@ -182,8 +185,8 @@ impl<A: Space> Motion<'_, A> {
             constraints.push(Constraint::Dry { bound: self.dry[k].friction });
         }
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
-        let start = self.loads.start(&found.constraints);
-        let outcome = problem.simultaneous(&ACCURACY, Some(&start))?;
+        let start = again.then(|| self.loads.start(&found.constraints));
+        let outcome = problem.simultaneous(&ACCURACY, start.as_ref())?;
         let solved = outcome.residual <= UNSOLVED;
         if !solved {
             return Ok(None);
@@ -254,7 +257,7 @@ impl<A: Space> Motion<'_, A> {
             *v += a * step;
         }
         let mut found = Assembled::new(nv);
-        Ok(self.complementarity((time + step, &there), entries, &mut found)?.map(|solution| (found, solution)))
+        Ok(self.complementarity((time + step, &there), entries, &mut found, false)?.map(|solution| (found, solution)))
     }
 
     /// Stores the modes of a solution.

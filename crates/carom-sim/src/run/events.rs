@@ -112,6 +112,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        // Far too long a step may reach states that are none.
+        if matches!(ended, Err(SimError::Chain(_))) && first_step.is_some() {
+            let accuracy = Accuracy { first_step: None, ..accuracy };
+            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        }
         // A step that is tried may reach beyond a jam that the motion only approaches.
         while let Err(SimError::Jam { time: jam, .. }) = &ended
             && until - self.time > NEAREST
@@ -149,7 +154,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let watches = flow.watches;
         match ended {
             Ok(LegEnd { time, y, fired, stalled, step }) => {
-                self.memory.step = step.filter(|_| integrator == Integrator::DormandPrince);
+                self.memory.step = step.filter(|_| gives_up && integrator == Integrator::DormandPrince);
                 if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
                     self.statistics.non_unique_time += time - start;
                 }

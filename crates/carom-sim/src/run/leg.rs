@@ -18,8 +18,6 @@ use ivp::methods::{DOP853, RADAU};
 
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
-/// The first step is longer by this factor than that of a leg before which ended within it.
-const GROWTH: f64 = 6.0;
 /// [`Accuracy::patience`] of the first attempt.
 pub(crate) const PATIENCE: usize = 60;
 
@@ -32,7 +30,7 @@ pub(crate) struct LegEnd {
     pub fired: Option<usize>,
     /// Why the integrator could not go on, if it could not: the state is that of its last step.
     pub stalled: Option<String>,
-    /// The length of the first step of the next leg, s, if this one succeeded: that of its last step.
+    /// The length of the last step, s, if it succeeded.
     pub step: Option<f64>,
 }
 
@@ -187,9 +185,7 @@ fn integrate(
     if let Some(error) = system.0.borrow_mut().error.take() {
         return Err(error);
     }
-    // Of a leg that ends within its first step nothing shows that a longer one would fail.
-    let step = solved.h.abs() * if solved.steps.accepted > 1 { 1.0 } else { GROWTH };
-    if solved.status.is_success() { Ok(step) } else { Err(failed(ended(solved.status).into())) }
+    if solved.status.is_success() { Ok(solved.h.abs()) } else { Err(failed(ended(solved.status).into())) }
 }
 
 #[cfg(test)]
