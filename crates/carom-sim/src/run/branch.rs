@@ -60,6 +60,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let sim = self.motion.sim;
         let accuracy = Accuracy {
+            first_step: None,
             tolerance: sim.tolerance.min(1e-12),
             max_step: sim.max_step,
             integrator: sim.integrator,

@@ -77,6 +77,15 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.act(ending)
     }
 
+    /// What follows the end of a leg.
+    pub fn act(&mut self, ending: Ending) -> Result<(), SimError> {
+        match self.follow_on(ending) {
+            // A mode that is consistent, but whose forces are without bound.
+            Err(SimError::Jam { .. }) => self.step_on(StepReason::NoMode),
+            done => done,
+        }
+    }
+
     /// Integrates the present mode to its end.
     pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
@@ -87,7 +96,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // A mode that has turned out to be stiff goes on implicitly, each time for longer.
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let accuracy = Accuracy { tolerance, max_step, integrator, patience };
+        let first_step = self.memory.step;
+        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if until - self.time <= 1e-13 * (1.0 + until) {
@@ -102,9 +112,19 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         };
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        // Far too long a step may reach states that are none.
+        if matches!(ended, Err(SimError::Chain(_))) && first_step.is_some() {
+            let accuracy = Accuracy { first_step: None, ..accuracy };
+            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
+        }
         // A step that is tried may reach beyond a jam that the motion only approaches.
-        while matches!(ended, Err(SimError::Jam { .. })) && until - self.time > NEAREST {
-            until = self.time + 0.125 * (until - self.time);
+        while let Err(SimError::Jam { time: jam, .. }) = &ended
+            && until - self.time > NEAREST
+        {
+            until = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
+            if until - self.time <= 1e-13 * (1.0 + until) {
+                break;
+            }
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
@@ -133,7 +153,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         let watches = flow.watches;
         match ended {
-            Ok(LegEnd { time, y, fired, stalled }) => {
+            Ok(LegEnd { time, y, fired, stalled, step }) => {
+                self.memory.step = step.filter(|_| gives_up && integrator == Integrator::DormandPrince);
                 if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
                     self.statistics.non_unique_time += time - start;
                 }
@@ -152,8 +173,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// What follows the end of a leg.
-    pub fn act(&mut self, ending: Ending) -> Result<(), SimError> {
+    fn follow_on(&mut self, ending: Ending) -> Result<(), SimError> {
         match ending {
             Ending::Passed => Ok(()),
             Ending::Fired(watch) => self.event(watch),
@@ -430,41 +450,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let qd_minus = self.motion.split(before).1.to_vec();
         (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
         self.memory.events += 1;
-    }
-
-    /// Continues by time steps.
-    pub fn step_on(&mut self, reason: StepReason) -> Result<(), SimError> {
-        self.motion.stepping = true;
-        self.motion.lasting.retain(|own| !own.is_rigid());
-        let before = self.y.clone();
-        self.note(EventKind::Steps { reason }, &before, Vec::new());
-        Ok(())
-    }
-
-    /// A touch has closed, alone or together with others.
-    fn touch(&mut self, touch: usize) -> Result<(), SimError> {
-        self.measure();
-        let (mut together, mut beside) = (vec![touch], Vec::new());
-        let rest = self.motion.rest();
-        let gaps = self.gaps()?;
-        let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
-        if approach >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
-            // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
-            let before = self.y.clone();
-            let more = [touch];
-            return self.resettle(if approach <= rest { &more } else { &[] }, &before);
-        }
-        for (other, (gap, rate)) in gaps {
-            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
-                continue;
-            }
-            if rate < -rest {
-                together.push(other);
-            } else if rate <= rest {
-                beside.push(other);
-            }
-        }
-        self.collide(&together, &beside)
     }
 }
 

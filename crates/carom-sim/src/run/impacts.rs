@@ -37,6 +37,32 @@ pub(crate) struct Struck {
 }
 
 impl<A: Space> Run<'_, '_, A> {
+    /// A touch has closed, alone or together with others.
+    pub fn touch(&mut self, touch: usize) -> Result<(), SimError> {
+        self.measure();
+        let (mut together, mut beside) = (vec![touch], Vec::new());
+        let rest = self.motion.rest();
+        let gaps = self.gaps()?;
+        let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
+        if approach >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
+            // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
+            let before = self.y.clone();
+            let more = [touch];
+            return self.resettle(if approach <= rest { &more } else { &[] }, &before);
+        }
+        for (other, (gap, rate)) in gaps {
+            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
+                continue;
+            }
+            if rate < -rest {
+                together.push(other);
+            } else if rate <= rest {
+                beside.push(other);
+            }
+        }
+        self.collide(&together, &beside)
+    }
+
     /// The impact of the touches `hits`, which approach, while those in `beside` are closed.
     pub fn collide(&mut self, hits: &[usize], beside: &[usize]) -> Result<(), SimError> {
         let mut rigid = Vec::new();

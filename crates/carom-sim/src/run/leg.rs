@@ -30,6 +30,8 @@ pub(crate) struct LegEnd {
     pub fired: Option<usize>,
     /// Why the integrator could not go on, if it could not: the state is that of its last step.
     pub stalled: Option<String>,
+    /// The length of the last step, s, if it succeeded.
+    pub step: Option<f64>,
 }
 
 /// Settings of the integration.
@@ -41,6 +43,9 @@ pub(crate) struct Accuracy {
     /// Maximal ratio of the number of steps to the number of steps of maximal length, for a leg that may end early, where it is
     /// stiff: the caller then has a fallback.
     pub patience: Option<usize>,
+    /// Length of the first step, s. Without it the integrator guesses it from the rate of the state at two places, which is too long
+    /// by orders of magnitude where slip is slow.
+    pub first_step: Option<f64>,
 }
 
 /// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires, and calls the sampler.
@@ -57,15 +62,24 @@ pub(crate) fn leg(
     flow.witnesses(start, y, &mut now)?;
     let system = System::new(flow);
     let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
-    let stalled = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
-        Err(SimError::Integration { reason, .. }) => Some(reason),
-        done => done.map(|()| None)?,
+    let (stalled, step) = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
+        Err(SimError::Integration { reason, .. }) => (Some(reason), None),
+        done => (None, Some(done?)),
     };
     let Observer { found, y_before, reached, .. } = observer;
     let time = if stalled.is_some() { reached } else { end };
     match found {
-        None => Ok(LegEnd { time, y: y_before, fired: None, stalled }),
-        Some(found) => refine(&system, found, accuracy, statistics),
+        None => Ok(LegEnd { time, y: y_before, fired: None, stalled, step }),
+        Some(found) => {
+            let (start, y) = (found.start, found.y.clone());
+            match refine(&system, found, accuracy, statistics) {
+                // Forces that grow without bound towards the event.
+                Err(SimError::Integration { reason, .. }) => {
+                    Ok(LegEnd { time: start, y, fired: None, stalled: Some(reason), step: None })
+                }
+                done => done.map(|end| LegEnd { step, ..end }),
+            }
+        }
     }
 }
 
@@ -92,7 +106,7 @@ fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut St
         }
         time += correction;
     }
-    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None })
+    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None, step: None })
 }
 
 /// The state at `end`, before or after `start`, by a smooth motion without events.
@@ -126,7 +140,7 @@ fn integrate(
     accuracy: Accuracy,
     statistics: &mut Statistics,
     observer: &mut Observer,
-) -> Result<(), SimError> {
+) -> Result<f64, SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
     // Legs with a fallback end after few steps: a smooth leg needs some hundreds.
@@ -139,10 +153,14 @@ fn integrate(
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
             // Integration to a known time within an accepted step: a single step, without dense output.
-            let whole = observer.sampler.is_none().then_some(end - start);
+            let first = if observer.sampler.is_none() {
+                Some(end - start)
+            } else {
+                accuracy.first_step.map(|h| h.min(longest))
+            };
             let method = DOP853::builder()
                 .max_step(longest)
-                .maybe_first_step(whole)
+                .maybe_first_step(first)
                 .dense_output(observer.sampler.is_some())
                 .stiff_test(if accuracy.patience.is_some() { 1000 } else { usize::MAX })
                 .max_steps(max_steps)
@@ -167,7 +185,7 @@ fn integrate(
     if let Some(error) = system.0.borrow_mut().error.take() {
         return Err(error);
     }
-    if solved.status.is_success() { Ok(()) } else { Err(failed(ended(solved.status).into())) }
+    if solved.status.is_success() { Ok(solved.h.abs()) } else { Err(failed(ended(solved.status).into())) }
 }
 
 #[cfg(test)]
@@ -219,7 +237,7 @@ mod tests {
 
     fn run_all(gaps: impl Fn(f64) -> Vec<Witness>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gaps, latest: 0.0 };
-        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None };
+        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };

@@ -20,6 +20,12 @@ pub(crate) struct Memory {
     pub resting: bool,
     /// The time for which the present mode, which is stiff, is next integrated implicitly, s.
     pub implicit: Option<f64>,
+    /// The length of the last step of the integration, s.
+    pub step: Option<f64>,
+    /// The time after which time steps next look for a consistent mode, s.
+    pub wait: f64,
+    /// The time at which time steps last ended, s.
+    pub resumed: Option<f64>,
 }
 
 /// So many ends of legs within one time step are too many.

@@ -17,10 +17,16 @@
 //! one follows from it, because the error of a step is of second order in its length. An impact within a step has an error of first
 //! order: the shortest step is 1/256 of `contact_step`, the longest is `contact_step`. Where time steps are asked for, all have the
 //! length `contact_step`.
+//!
+//! **Their end.** Where no mode is consistent (Painlevé) there is an impact without collision, and a mode after it: the first step is the
+//! shortest, and a mode is looked for after it, of the contacts that carried load in the step and of those that are closed. If there is
+//! none, or if the events that follow end soon at the next inconsistency, the next stretch of steps is twice as long. So the number of
+//! stretches in a time is bounded, and most of it is covered by events where that is possible.
 
 use super::events::{Run, TOUCHING};
+use super::memory::Memory;
 use super::several::{Closures, push, solved};
-use super::trajectory::EventKind;
+use super::trajectory::{EventKind, StepReason};
 use crate::contact::{ContactMode, SeveralLaw};
 use crate::error::SimError;
 use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
@@ -31,10 +37,12 @@ use nalgebra::{DVector, Vector3};
 
 /// Accuracy of the impulses of a time step: far below the error of time stepping.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, max_iterations: 5000 };
-/// After this number of steps of full length without contact the motion continues event-driven.
+/// Contacts that are not divided into points are computed by at least this number of steps of full length.
 const OPEN_STEPS: f64 = 10.0;
-/// After this number of steps of full length a consistent mode is looked for.
-const RESUME: f64 = 20.0;
+/// After at most this number of steps of full length a consistent mode is looked for.
+const WAIT: f64 = 20.0;
+/// Stretches of time steps become longer where the events between them last less than this number of stretches.
+const BETWEEN: f64 = 256.0;
 /// After this number of steps of full length without motion the chain is at rest.
 const STILL_STEPS: f64 = 20.0;
 /// Joint velocities below this count as zero, rad/s or m/s.
@@ -68,35 +76,33 @@ struct TimeStep {
 }
 
 impl<A: Space> Run<'_, '_, A> {
-    /// Time steps until all contacts are open, the chain is at rest, or the run ends.
+    /// Time steps until the motion with the contacts that are closed then has a consistent mode, the chain is at rest, or the run
+    /// ends.
     pub fn several_contacts(&mut self) -> Result<(), SimError> {
         let sim = self.motion.sim;
         // Half a step less, because times are rounded.
         let lasts = |steps: f64| (steps - 0.5) * sim.contact_step;
-        let (mut open, mut still, mut since) = (0.0, 0.0, 0.0);
-        let mut length = sim.contact_step;
+        let (mut still, mut since) = (0.0, 0.0);
+        let mut length = sim.contact_step.min(self.memory.wait);
         while self.time < self.end {
             let start = self.time;
             let longest = (self.end - start).min(sim.next_kink(&self.motion.moving, start) - start);
             let done = if sim.stepping {
                 self.time_step(sim.contact_step.min(longest))?
             } else {
-                self.controlled_step(&mut length, longest)?
+                self.controlled_step(&mut length, longest.min((self.memory.wait - since).max(self.shortest())))?
             };
-            let (is_open, is_still) = (done.open, done.still);
+            let is_still = done.still;
             self.tell(done);
             let step = self.time - start;
-            open = if is_open { open + step } else { 0.0 };
-            let flies = open >= lasts(OPEN_STEPS) && !sim.stepping;
-            if flies && self.gaps()?.into_iter().all(|(_, (gap, _))| gap > 0.0) {
-                return self.fly();
-            }
             since += step;
-            if since >= lasts(RESUME) && !sim.stepping {
-                since = 0.0;
-                if self.resumes()? {
+            if since > self.memory.wait - 0.5 * self.shortest() && !sim.stepping {
+                if self.resumes(step)? {
+                    self.memory.resumed = Some(self.time);
                     return Ok(());
                 }
+                since = 0.0;
+                self.memory.wait = (2.0 * self.memory.wait).min(WAIT * sim.contact_step);
             }
             still = if is_still { still + step } else { 0.0 };
             if still >= lasts(STILL_STEPS) && self.is_steady() {
@@ -115,13 +121,39 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(())
     }
 
+    fn shortest(&self) -> f64 {
+        self.motion.sim.contact_step / SHORTEST
+    }
+
+    /// Continues by time steps.
+    pub fn step_on(&mut self, reason: StepReason) -> Result<(), SimError> {
+        let sim = self.motion.sim;
+        let first = match reason {
+            // After an impact without collision there is a mode.
+            StepReason::NoMode => self.shortest(),
+            StepReason::Crowd | StepReason::Stiff | StepReason::Asked => sim.contact_step,
+            StepReason::Face => OPEN_STEPS * sim.contact_step,
+        };
+        let Memory { wait, resumed, .. } = &mut self.memory;
+        *wait = match resumed {
+            Some(resumed) if self.time - *resumed < BETWEEN * *wait => first.max(2.0 * *wait),
+            _ => first.max(0.5 * *wait),
+        };
+        *wait = wait.min(WAIT * sim.contact_step);
+        self.motion.stepping = true;
+        self.motion.lasting.retain(|own| !own.is_rigid());
+        let before = self.y.clone();
+        self.note(EventKind::Steps { reason }, &before, Vec::new());
+        Ok(())
+    }
+
     /// Two time steps of half a length, which is shortened until the error is accepted or the step is the shortest. `length`: that
     /// of this and of the next step, s; `longest`: its limit now.
     fn controlled_step(&mut self, length: &mut f64, longest: f64) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
         let nq = sim.chain.nq();
         let accepted = SHARE * sim.tolerance.sqrt();
-        let shortest = sim.contact_step / SHORTEST;
+        let shortest = self.shortest();
         let (time, y, lost, statistics) = (self.time, self.y.clone(), self.lost, self.statistics);
         loop {
             let step = length.min(longest);
@@ -148,49 +180,60 @@ impl<A: Space> Run<'_, '_, A> {
         }
     }
 
-    /// Continues event-driven without contacts.
-    fn fly(&mut self) -> Result<(), SimError> {
-        self.motion.stepping = false;
-        let before = self.y.clone();
-        self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
-        self.measure();
-        self.resettle(&[], &before)
-    }
-
-    /// Continues event-driven if the closed contacts have a consistent mode; `false` leaves the state as it was.
-    fn resumes(&mut self) -> Result<bool, SimError> {
+    /// Continues event-driven after a time step of this length, s, if the contacts that carried load in it and those that are
+    /// closed have a consistent mode; `false` leaves the state as it was.
+    fn resumes(&mut self, step: f64) -> Result<bool, SimError> {
         let sim = self.motion.sim;
+        let before = self.y.clone();
+        let energy = self.motion.energy(&before)?;
+        self.put_back(0.0)?;
+        self.measure();
         let gravity = sim.gravity.norm().max(1.0);
         // Within one step of fall, in position and velocity.
-        let (depth, speed) = (4.0 * gravity * sim.contact_step.powi(2), 4.0 * gravity * sim.contact_step);
-        let mut closed = Vec::new();
+        let (depth, speed) = (4.0 * gravity * step.powi(2), 4.0 * gravity * step);
+        let rest = self.motion.rest();
+        let loaded = |touch| self.stepped.iter().any(|own| own.touch == touch && own.normal_force > 0.0);
+        let loaded: Vec<bool> = (0..sim.touches.len()).map(loaded).collect();
+        let (mut hits, mut closed) = (Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
-            if gap <= depth && rate.abs() <= speed {
-                closed.push(touch);
-            } else if gap <= depth && rate < 0.0 {
-                return Ok(false);
+            let lasts = loaded[touch] && gap <= depth && rate.abs() <= speed;
+            if self.motion.lasts(touch) || !lasts && (gap > TOUCHING || rate > rest) {
+                continue;
             }
+            if lasts || rate >= -rest { closed.push(touch) } else { hits.push(touch) }
         }
-        if closed.is_empty() || closed.iter().any(|&touch| !sim.touches[touch].is_point()) {
-            return Ok(false);
-        }
-        let before = self.y.clone();
-        self.measure();
-        let energy = self.motion.energy(&before)?;
+        let points = hits.iter().chain(&closed).all(|&touch| sim.touches[touch].is_point());
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
-        let clear = self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
-        if !clear || self.choose(&closed)?.is_some() || self.motion.in_mode(self.time, &self.y).is_err() {
+        let clear = points && self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
+        if !clear || hits.is_empty() && !self.has_mode(&closed)? {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
             return Ok(false);
         }
         self.motion.stepping = false;
         self.lost += energy - self.motion.energy(&self.y)?;
-        self.note_changes(&[], &before);
-        self.rest()?;
+        if !hits.is_empty() {
+            self.collide(&hits, &closed)?;
+        } else if closed.is_empty() {
+            self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
+        } else {
+            self.note_changes(&[], &before);
+            self.rest()?;
+        }
         Ok(true)
+    }
+
+    /// Chooses the modes of these contacts; whether they are consistent.
+    fn has_mode(&mut self, closed: &[usize]) -> Result<bool, SimError> {
+        if self.choose(closed)?.is_some() {
+            return Ok(false);
+        }
+        match self.motion.in_mode(self.time, &self.y) {
+            Err(SimError::Jam { .. }) => Ok(false),
+            held => held.map(|_| true),
+        }
     }
 
     /// Whether a chain at rest stays at rest: no drive or surface depends on time.
