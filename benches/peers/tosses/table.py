@@ -39,7 +39,8 @@ def fitted(parameters):
 
 def carom_name(row):
     several = row.get("several")
-    return f"carom: {row['law']}" + (f", {several}" if several and several != "moreau" else "")
+    effects = "".join(f" + {effect}" for effect in row.get("effects", []))
+    return f"carom: {row['law']}" + (f", {several}" if several and several != "moreau" else "") + effects
 
 
 def rows_of(comparison, lines):

@@ -2,7 +2,7 @@
 
     tune.py MODULE CASES.json OUT.jsonl [--only SET...] [--trials N] [--given-too] [--steps FACTOR]
 
-The search is that of `carom compare`: a grid, then steps along each parameter from the best point of each fold, halved where none
+The search is a grid, then steps along each parameter from the best point of each fold, halved where none
 is better; the folds share their trials. Parameters are fitted to the tosses that carom's are fitted to, from the fitted starts.
 An engine module has `METHODS`, a list of classes with
 
