@@ -70,7 +70,7 @@ pub struct CompareCommand {
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
     /// Sets of parameters that each model may try on tosses for each fold
-    #[arg(long, value_name = "N", default_value_t = 40)]
+    #[arg(long, value_name = "N", default_value_t = 60)]
     trials: usize,
     /// Tosses to which parameters are fitted; all tosses are judged
     #[arg(long, value_name = "N", default_value_t = 60)]
