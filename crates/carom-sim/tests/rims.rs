@@ -98,3 +98,29 @@ fn a_stop_whose_force_is_zero_again_at_once_opens() {
         ],
     );
 }
+
+/// An accumulation of impacts of a rim on an edge that ends as the rim leaves the edge: parts that no longer face each other have no
+/// gap to be closed. The wrist was turned by three radians to close one, past its limit.
+#[test]
+fn a_rim_that_leaves_an_edge_while_its_impacts_accumulate_opens() {
+    assert!(falls(
+        [
+            0.13670036571390315,
+            0.6609897489771839,
+            0.23071520500016424,
+            0.7563384351660294,
+            0.0036681123054894235,
+            0.8931514614441006,
+            0.23297786910613855,
+        ],
+        [
+            0.21376717644485455,
+            -0.3510770808765742,
+            -0.28617460950675677,
+            -0.08956534803562705,
+            -0.05161138623378875,
+            0.42292206722814885,
+            -0.39712317533056596,
+        ],
+    ));
+}

@@ -6,7 +6,7 @@ use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
-use crate::contact::Touch;
+use crate::contact::{APART, Touch};
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_chain::Rows;
@@ -42,6 +42,9 @@ impl<A: Space> Motion<'_, A> {
         for own in rigid() {
             let touch = &sim.touches[own.touch];
             let at = touch.at(&view, &q, time);
+            if at.gap >= APART {
+                continue; // parts that no longer face each other
+            }
             touch.row_into(&at, &view, rows.add())?;
             errors.push(at.gap);
         }
@@ -62,6 +65,9 @@ impl<A: Space> Motion<'_, A> {
         for own in rigid() {
             let touch = &sim.touches[own.touch];
             let at = touch.at(&view, &q, time);
+            if at.gap >= APART {
+                continue;
+            }
             match (at.surface, own.hold) {
                 (Some(place), Hold::Sticks | Hold::Latched) => {
                     let u = touch.u(&place, &view, &qd, time)?;

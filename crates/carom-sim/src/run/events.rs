@@ -19,7 +19,7 @@ use super::memory::Memory;
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::{Compliance, Touch};
+use crate::contact::{APART, Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
@@ -392,7 +392,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let mut candidates: Vec<Candidate> =
             kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
         for &touch in touches {
-            candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
+            // Parts that no longer face each other have opened.
+            if self.gap(touch)?.0 < APART {
+                candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
+            }
         }
         if !self.motion.select(&candidates, self.time, &mut self.y)? {
             return Ok(Some(StepReason::NoMode));
