@@ -9,6 +9,13 @@
 //! ∂(Mx)ⱼ/∂q_k = sⱼ · (s_k ×* F_k − Iᶜ_k (s_k × a_λ))     j between k and the world
 //! ```
 //!
+//! The subtree's own part of F is F_k − Iᶜ_k a_λ, and x · (s ×* F) = −F · (s × x): summed over the joints with a second vector y of
+//! joint accelerations,
+//!
+//! ```text
+//! ∂(yᵀ M x)/∂q_k = −F_k(y) · (s_k × a_λ(x)) − F_k(x) · (s_k × a_λ(y))
+//! ```
+//!
 //! A Jacobian column Jᵢ turns with joint k if it lies on the outer side of k, otherwise only the point moves:
 //!
 //! ```text
@@ -23,16 +30,16 @@
 //! | s, z | axis of a joint; its direction if it turns, else zero | `axis`, `turning` |
 //! | Iᶜ | composite inertia | `composite` |
 //! | Iᶜ s | momentum of the subtree at unit joint rate | `momentum` |
-//! | a, F | accelerations at joint accelerations x; force of the subtree | `velocity`, `force` |
+//! | a, F | accelerations at joint accelerations x, a_λ that of the parent body; force of the subtree | `velocity`, `force` |
 //! | d | from the material point, which moves with its body, to the contact point: a vector that is constant in the world | `lever` |
 //!
 //! Source: Carpentier & Mansard, *Analytical derivatives of rigid body dynamics algorithms* (2018), for zero velocity.
 
-use crate::algebra::{Algebra, Axis, Force, Motion};
+use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
 use crate::chain::Point;
 use crate::kinematics::Kinematics;
 use crate::prepare::Step;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 /// The first axis of the joint that body k belongs to: its own, or the first of a floating joint.
 fn first_axis<A: Algebra>(steps: &[Step<A>], k: usize) -> usize {
@@ -54,21 +61,11 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.composites();
         let links = &self.ws.links;
         let momentum: Vec<Force<A>> = (0..n).map(|j| self.ws.inertia[j].along(links[j].axis)).collect();
-        let own: Vec<_> = (0..n).map(|j| chain.bodies[j].inertia.rotated(links[j].rotation)).collect();
-        let composite = self.ws.inertia.clone();
+        let (own, composite) = (self.own_inertia(), self.ws.inertia.clone());
         x.map(|x| {
             let mut out = DMatrix::zeros(chain.nv, chain.nv);
-            self.spread_velocity(x);
-            let ws = &mut *self.ws;
-            for ((force, own), velocity) in ws.force.iter_mut().zip(&own).zip(&ws.velocity) {
-                *force = own.apply(*velocity);
-            }
-            for (j, step) in steps.iter().enumerate().rev() {
-                if let Some(p) = step.parent {
-                    let carried = ws.force[j].shifted(ws.links[j].offset);
-                    ws.force[p] += carried;
-                }
-            }
+            self.spread(x, &own);
+            let ws = &*self.ws;
             for k in 0..n {
                 let (first, v, link) = (first_axis(steps, k), steps[k].v_index, &ws.links[k]);
                 let unit = link.axis.at_rate(nalgebra::convert(1.0));
@@ -91,6 +88,56 @@ impl<A: Algebra> Kinematics<'_, A> {
             }
             out
         })
+    }
+
+    /// ∂(xₐᵀ M x_b)/∂q_k for each pair of the vectors x (length nv each): a K×K matrix for each k, in the tangent space of q.
+    ///
+    /// # Panics
+    /// If an x is shorter than nv.
+    pub fn quadratic_derivatives<const K: usize>(&mut self, x: [&[A::Scalar]; K]) -> Vec<SMatrix<A::Scalar, K, K>> {
+        let own = self.own_inertia();
+        let spread = x.map(|x| {
+            self.spread(x, &own);
+            (self.ws.velocity.clone(), self.ws.force.clone())
+        });
+        let (steps, links) = (&self.chain.steps, &self.ws.links);
+        let mut out = vec![SMatrix::zeros(); self.chain.nv];
+        for (k, link) in links.iter().enumerate() {
+            // A body of the world does not accelerate.
+            let Some(p) = steps[first_axis(steps, k)].parent else { continue };
+            let (unit, lever) = (link.axis.at_rate(nalgebra::convert(1.0)), link.position - links[p].position);
+            let turned = spread.each_ref().map(|(velocity, _)| unit.carry(velocity[p].shifted(lever)));
+            let of = &mut out[steps[k].v_index];
+            for (a, (_, force)) in spread.iter().enumerate() {
+                for (b, turned) in turned.iter().enumerate() {
+                    let power = force[k].power(*turned);
+                    of[(a, b)] -= power;
+                    of[(b, a)] -= power;
+                }
+            }
+        }
+        out
+    }
+
+    /// Inertias of the bodies, in world axes.
+    fn own_inertia(&self) -> Vec<Inertia<A>> {
+        let bodies = self.chain.bodies.iter().zip(&self.ws.links);
+        bodies.map(|(body, link)| body.inertia.rotated(link.rotation)).collect()
+    }
+
+    /// Accelerations of the bodies at joint accelerations x, into `velocity`, and forces of the subtrees.
+    fn spread(&mut self, x: &[A::Scalar], own: &[Inertia<A>]) {
+        self.spread_velocity(x);
+        let ws = &mut *self.ws;
+        for ((force, own), velocity) in ws.force.iter_mut().zip(own).zip(&ws.velocity) {
+            *force = own.apply(*velocity);
+        }
+        for (j, step) in self.chain.steps.iter().enumerate().rev() {
+            if let Some(p) = step.parent {
+                let carried = ws.force[j].shifted(ws.links[j].offset);
+                ws.force[p] += carried;
+            }
+        }
     }
 
     /// Visits the derivatives ∂Jᵢ/∂q_k that are not zero: i, k, and the derivative of column i of the Jacobian of a point at

@@ -25,6 +25,7 @@ fn agrees(s: &mut Sample) {
     let mut kin = ws.update(&s.chain, &q).unwrap();
     let scale = kin.mass_matrix().amax() * x.iter().flatten().fold(0.0_f64, |m, x| m.max(x.abs())) + 1e-300;
     let found = kin.mass_matrix_derivatives([&x[0], &x[1]]);
+    let forms = kin.quadratic_derivatives([&x[0], &x[1]]);
     let mut rates = vec![DMatrix::<f64>::zeros(3, nv); nv];
     let point = s.chain.point(frame, offset);
     kin.for_each_jacobian_derivative(point, lever, |i, k, rate| {
@@ -39,6 +40,11 @@ fn agrees(s: &mut Sample) {
         for (x, found) in x.iter().zip(&found) {
             let wanted = m.clone() * nalgebra::DVector::from_column_slice(x);
             close("∂(Mx)", found.column(k).iter(), wanted.iter(), 1e-13, scale);
+        }
+        for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let [one, other] = [&x[a], &x[b]].map(|x| nalgebra::DVector::from_column_slice(x));
+            let size = scale * one.lp_norm(1).max(1.0);
+            close("∂(xᵀMx)", &[forms[k][(a, b)]], &[one.dot(&(&m * other))], 1e-13, size);
         }
         // The material point of the link that is at the constant lever from the point.
         let pose = kin.pose(frame);

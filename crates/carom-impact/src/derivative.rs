@@ -16,6 +16,7 @@
 use nalgebra::{Const, SMatrix, SVector, U1};
 use num_dual::DualSVec64;
 
+use crate::flow::Found;
 use crate::laws::AnyLaw;
 use crate::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, Mode, Phase};
 
@@ -130,22 +131,17 @@ impl<const D: usize> ImpactProblem<f64, D> {
     /// # Errors
     /// The errors of [`Law::resolve`]; [`ImpactError::NotDifferentiable`] for a user-defined law.
     pub fn differentiate(&self, law: &dyn Law<f64, D>) -> Result<LawDerivative<D>, ImpactError> {
-        let outcome = law.resolve(self)?;
         let law = known(law)?;
         // Entries of H and u, e and μ: one lane each.
         match D {
-            1 => self.derive::<4>(outcome, &law),
-            2 => self.derive::<7>(outcome, &law),
-            _ => self.derive::<11>(outcome, &law),
+            1 => self.derive::<4>(&law),
+            2 => self.derive::<7>(&law),
+            _ => self.derive::<11>(&law),
         }
     }
 
     /// [`Self::differentiate`] with the number of inputs.
-    fn derive<const LANES: usize>(
-        &self,
-        outcome: ImpactOutcome<f64, D>,
-        law: &AnyLaw,
-    ) -> Result<LawDerivative<D>, ImpactError> {
+    fn derive<const LANES: usize>(&self, law: &AnyLaw) -> Result<LawDerivative<D>, ImpactError> {
         let Coefficients { restitution, friction, tangential_restitution } = law.coefficients();
         let plain = |x: f64| DualSVec64::<LANES>::from_re(x);
         let mut lane = 0;
@@ -170,25 +166,32 @@ impl<const D: usize> ImpactProblem<f64, D> {
             friction: seeded(friction),
         };
         let problem = ImpactProblem::trusted(delassus, u);
-        let lanes = |law: &AnyLaw<DualSVec64<LANES>>| -> Result<SMatrix<f64, D, LANES>, ImpactError> {
-            let impulse = law.impulse(&problem)?;
+        let lanes = |impulse: SVector<DualSVec64<LANES>, D>| {
             let mut rows = SMatrix::<f64, D, LANES>::zeros();
             for i in 0..D {
                 rows.set_row(i, &impulse[i].eps.unwrap_generic(Const::<LANES>, U1).transpose());
             }
-            Ok(rows)
-        };
-        let mut by = if friction == 0.0 {
-            // Without friction all laws are this one, but not their derivative with respect to μ.
-            lanes(&AnyLaw::frictionless(coefficients.restitution))?
-        } else {
-            lanes(&law.with(coefficients))?
+            rows
         };
         let last = lane - 1;
-        if friction == 0.0 {
+        let (outcome, by) = if friction == 0.0 {
+            // Without friction all laws are the frictionless one, but not their derivative with respect to μ.
+            let mut by = lanes(AnyLaw::frictionless(coefficients.restitution).impulse(&problem)?);
             let friction = plain(HARDLY_ANY).derivative(last);
-            by.set_column(last, &lanes(&law.with(Coefficients { friction, ..coefficients }))?.column(last));
-        }
+            let rougher = law.with(Coefficients { friction, ..coefficients });
+            by.set_column(last, &lanes(rougher.impulse(&problem)?).column(last));
+            (law.resolve(self)?, by)
+        } else if let Some(found) = law.with(coefficients).turning(&problem)? {
+            // The outcome is that of the path along which the derivatives are integrated.
+            let Found { impulse, u_plus, account } = found.plain();
+            (
+                ImpactOutcome::of(Law::<f64, D>::name(law), self, impulse, u_plus, &account).if_finite()?,
+                lanes(found.impulse),
+            )
+        } else {
+            // Coefficients out of their ranges are errors of `resolve`.
+            (law.resolve(self)?, lanes(law.with(coefficients).impulse(&problem)?))
+        };
         let (mut entries, mut k) = ([[SVector::zeros(); D]; D], 0);
         for (i, row) in entries.iter_mut().enumerate() {
             for entry in &mut row[i..] {

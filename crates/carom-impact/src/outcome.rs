@@ -54,12 +54,11 @@ pub struct ImpactOutcome<T, const D: usize> {
 }
 
 impl<T: RealField + Copy> ImpactOutcome<T, 2> {
-    /// Writes the same outcome in contact axes of space, in which `tangent` has the components of the tangent of the plane
-    /// (unit).
+    /// The same outcome in contact axes of space, in which `tangent` has the components of the tangent of the plane (unit).
     #[inline(always)]
-    pub fn in_space_into(&self, tangent: Vector2<T>, space: &mut ImpactOutcome<T, 3>) {
+    pub fn in_space(&self, tangent: Vector2<T>) -> ImpactOutcome<T, 3> {
         let lift = |x: &Vector2<T>| Vector3::new(tangent.x * x.x, tangent.y * x.x, x.y);
-        *space = ImpactOutcome {
+        ImpactOutcome {
             law: self.law,
             impulse: lift(&self.impulse),
             u_minus: lift(&self.u_minus),
@@ -76,7 +75,7 @@ impl<T: RealField + Copy> ImpactOutcome<T, 2> {
             slip_end: self.slip_end,
             slip_stop: self.slip_stop,
             flags: self.flags,
-        };
+        }
     }
 }
 
@@ -132,7 +131,15 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
 
     /// Fails if the impulse, the velocity after or an energy is not finite: where energies overflow, so do the works by which a
     /// law decides.
+    #[inline(always)]
     pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
+        // A sum is finite if no term is NaN or infinite.
+        let sum = self.impulse.sum() + self.u_plus.sum() + (self.energy_before + self.energy_after);
+        if sum.is_finite() { Ok(self) } else { self.not_finite() }
+    }
+
+    #[cold]
+    fn not_finite(self) -> Result<Self, ImpactError> {
         finite("the impulse", &self.impulse)?;
         finite("the velocity after the impact", &self.u_plus)?;
         finite("the kinetic energy", &SVector::<T, 2>::new(self.energy_before, self.energy_after))?;
@@ -244,6 +251,21 @@ pub(crate) struct Account<T> {
 }
 
 impl<T: RealField + Copy> Account<T> {
+    /// Without derivatives.
+    pub fn plain(&self) -> Account<f64> {
+        Account {
+            normal_work: plain(self.normal_work),
+            friction_work: plain(self.friction_work),
+            newton: self.newton.map(plain),
+            poisson: self.poisson.map(plain),
+            energetic: self.energetic.map(plain),
+            mode: self.mode,
+            slip_end: self.slip_end,
+            slip_stop: self.slip_stop.map(plain),
+            flags: self.flags,
+        }
+    }
+
     /// For a law without a path in time: works and coefficients of the straight path from u⁻ to u⁺, on which all three
     /// realised coefficients are `e = -u_n⁺/u_n⁻`; without approach they are `None`.
     pub fn straight<const D: usize>(

@@ -80,6 +80,18 @@ impl<T: RealField + Copy> Routh<T> {
 }
 
 impl<T: RealField + Copy> Routh<T> {
+    /// The path of an impact whose slip turns in space; `None` for others.
+    pub fn turning<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<Option<Found<T, D>>, ImpactError> {
+        let Self { restitution: e, friction: mu, ending, .. } = *self;
+        if problem.approach_speed() <= T::zero() || mu == T::zero() || SlipPlane::of(problem).is_some() {
+            return Ok(None);
+        }
+        check_restitution(e)?;
+        check_friction(mu)?;
+        problem.check_normal()?;
+        follow(problem, e, mu, ending).map(Some)
+    }
+
     /// The impulse alone. The coefficients are in their ranges.
     pub fn impulse<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<SVector<T, D>, ImpactError> {
         let Self { restitution: e, friction: mu, ending, .. } = *self;

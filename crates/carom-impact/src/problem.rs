@@ -131,7 +131,7 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
                     w[i] -= h[(i, k)] * share;
                 }
             }
-            eliminate(&mut h, k);
+            eliminate(&mut h, k, inverse);
         }
         twice.map(|twice| twice * convert(0.5))
     }
@@ -323,21 +323,22 @@ where
         if pivot == T::zero() {
             continue; // H = 0 has nothing to eliminate; any other H has a positive shift
         }
-        eliminate(&mut h, k);
+        let inverse = T::one() / pivot;
+        eliminate(&mut h, k, inverse);
     }
     None
 }
 
-/// Schur complement of pivot k in the rows above it; column k keeps its entries.
+/// Schur complement of pivot k, whose inverse is given, in the rows above it; column k keeps its entries.
 #[inline(always)]
-fn eliminate<T, D, S>(h: &mut Matrix<T, D, D, S>, k: usize)
+fn eliminate<T, D, S>(h: &mut Matrix<T, D, D, S>, k: usize, inverse: T)
 where
     T: RealField + Copy,
     D: Dim,
     S: StorageMut<T, D, D>,
 {
     for i in 0..k {
-        let l = h[(i, k)] / h[(k, k)];
+        let l = h[(i, k)] * inverse;
         for j in 0..=i {
             let fill = l * h[(j, k)];
             h[(i, j)] -= fill;

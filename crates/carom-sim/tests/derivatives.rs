@@ -153,7 +153,7 @@ fn frictionless_derivatives_equal_their_closed_form() {
     let n = Vector3::from(normal);
     let row = chain.impact(&q, &[0.0; 7]).at(tip).normal(normal).contact().unwrap().jacobian().transpose() * n;
     let qd: Vec<f64> = row.iter().enumerate().map(|(k, j)| -j + 0.05 * k as f64).collect();
-    let mut contact = chain.impact(&q, &qd).at(tip).normal(normal).contact().unwrap();
+    let contact = chain.impact(&q, &qd).at(tip).normal(normal).contact().unwrap();
     let found = contact.derivative(&Frictionless { restitution: e }).unwrap();
     let x = &contact.inertia().response * n;
     let (c, approach) = (row.dot(&x), row.dot(&DVector::from_column_slice(&qd)));

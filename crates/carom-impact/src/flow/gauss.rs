@@ -74,6 +74,7 @@ const RUNNING: [[f64; COUNT]; COUNT] = {
 };
 
 /// The integrals up to each node.
+#[inline(always)]
 pub(super) fn running(values: &[f64; COUNT]) -> [f64; COUNT] {
     let mut sums = [0.0; COUNT];
     for (row, value) in RUNNING.iter().zip(values) {
@@ -85,6 +86,7 @@ pub(super) fn running(values: &[f64; COUNT]) -> [f64; COUNT] {
 }
 
 /// The integral.
+#[inline(always)]
 pub(super) fn whole(values: &[f64; COUNT]) -> f64 {
     values.iter().zip(&WEIGHTS).map(|(value, weight)| value * weight).sum()
 }

@@ -158,6 +158,14 @@ pub(crate) struct Found<T, const D: usize> {
     pub account: Account<T>,
 }
 
+impl<T: RealField + Copy, const D: usize> Found<T, D> {
+    /// Without derivatives.
+    pub fn plain(&self) -> Found<f64, D> {
+        let Self { impulse, u_plus, account } = self;
+        Found { impulse: impulse.map(plain), u_plus: u_plus.map(plain), account: account.plain() }
+    }
+}
+
 /// Integrates a contact that approaches, or jams at `v_n = 0`, with friction `μ > 0`, to the end of restitution.
 ///
 /// A sticking contact without inverse mass along its normal is treated as in the plane: see `routh.rs`.

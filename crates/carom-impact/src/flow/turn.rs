@@ -97,6 +97,7 @@ pub(super) struct Response {
     pub lever_t: Vector2<f64>,
 }
 
+#[inline(always)]
 fn across(u: Vector2<f64>) -> Vector2<f64> {
     Vector2::new(-u.y, u.x)
 }
@@ -347,28 +348,22 @@ impl Turn {
     }
 
     /// `δf` and `δg` for each parameter.
+    #[inline(always)]
     fn forcing(u: Vector2<f64>) -> [(f64, f64); PARAMETERS] {
         let (c, s) = (u.x, u.y);
         [(-s, c), (c, s), (s * c, -c * c), (s * s - c * c, -2.0 * s * c), (-s * c, -s * s)]
     }
 
     /// v_t and v_n at the nodes of Gauss's rule on [0, t].
+    #[inline(always)]
     fn at_nodes(&self, t: f64) -> ([[f64; COUNT]; 2], [f64; COUNT]) {
-        // As many at a time as the registers hold.
-        const PART: usize = 4;
+        let x = NODES.map(|node| t * node);
         let mut all = [[0.0; COUNT]; 3];
-        for from in (0..COUNT).step_by(PART) {
-            let x: [f64; PART] = std::array::from_fn(|i| t * NODES[from + i]);
-            let mut sums = [[0.0; PART]; 3];
-            for k in (0..TERMS).rev() {
-                for (sum, c) in sums.iter_mut().zip([self.slip[0][k], self.slip[1][k], self.v_n[k]]) {
-                    for i in 0..PART {
-                        sum[i] = sum[i] * x[i] + c;
-                    }
+        for k in (0..TERMS).rev() {
+            for (sum, c) in all.iter_mut().zip([self.slip[0][k], self.slip[1][k], self.v_n[k]]) {
+                for i in 0..COUNT {
+                    sum[i] = sum[i] * x[i] + c;
                 }
-            }
-            for (all, sum) in all.iter_mut().zip(sums) {
-                all[from..from + PART].copy_from_slice(&sum);
             }
         }
         let [x, y, v_n] = all;
@@ -376,6 +371,11 @@ impl Turn {
     }
 
     pub fn response(&self, t: f64) -> Response {
+        Arch::new().dispatch(Respond(self, t))
+    }
+
+    #[inline(always)]
+    fn respond(&self, t: f64) -> Response {
         let Start { tangents, coupling, normal, mu, .. } = self.start;
         let span = t * self.by_scale;
         let (slip, speed) = self.at_nodes(t);
@@ -447,6 +447,18 @@ impl WithSimd for Expand<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         self.0.expand();
+    }
+}
+
+/// The derivatives of a step, computed with the vector instructions of the processor.
+struct Respond<'a>(&'a Turn, f64);
+
+impl WithSimd for Respond<'_> {
+    type Output = Response;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Response {
+        self.0.respond(self.1)
     }
 }
 

@@ -22,6 +22,7 @@ pub use poisson::Poisson;
 pub use smith::Smith;
 pub use whittaker::Whittaker;
 
+use crate::flow::Found;
 use crate::problem::plain;
 use crate::{ImpactError, ImpactOutcome, ImpactProblem};
 
@@ -237,6 +238,19 @@ impl<T: RealField + Copy> AnyLaw<T> {
             Kind::Whittaker(_) => Some(None),
             Kind::ChatterjeeRuina(law) => Some(Some(law.tangential_restitution)),
             _ => None,
+        }
+    }
+
+    /// The path of an impact whose slip turns in space, for a law that follows it in time; `None` for others.
+    pub(crate) fn turning<const D: usize>(
+        &self,
+        problem: &ImpactProblem<T, D>,
+    ) -> Result<Option<Found<T, D>>, ImpactError> {
+        match &self.0 {
+            Kind::Newton(law) => law.path().turning(problem),
+            Kind::Poisson(law) => law.path().turning(problem),
+            Kind::Energetic(law) => law.path().turning(problem),
+            _ => Ok(None),
         }
     }
 

@@ -1,12 +1,12 @@
 //! A contact at one state of a chain: the quantities that are the same for all laws.
 
-use super::derivative::{At, ImpactDerivative, differentiate};
+use super::derivative::ImpactDerivative;
 use super::hit::ChainImpact;
-use super::prepared::{Aim, InSpace, Pass};
+use super::prepared::{Aim, InSpace, Pass, PreparedStrike};
 use crate::error::SimError;
 use carom_chain::{ContactInertia, Spatial};
 use carom_impact::{ImpactOutcome, ImpactProblem, Law};
-use nalgebra::{DMatrix, Matrix3xX, MatrixXx3};
+use nalgebra::DMatrix;
 use std::cell::OnceCell;
 
 /// A contact at one state of a chain, to which laws are applied.
@@ -83,17 +83,7 @@ impl<'a> Contact<'a> {
     /// # Errors
     /// [`SimError::Impact`] for errors of the law and for a user-defined law, which has no derivative;
     /// [`SimError::DerivativeOfHeldJoints`].
-    pub fn derivative(&mut self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
-        if !self.aim.added.is_empty() {
-            return Err(SimError::DerivativeOfHeldJoints);
-        }
-        let law = self.problem.differentiate(law)?;
-        let response = self.pass.response();
-        let rows = self.aim.axes.transpose() * Matrix3xX::from_columns(response.jacobian);
-        let columns = (self.aim.axes.transpose() * Matrix3xX::from_columns(response.response)).transpose();
-        let state = At { chain: self.aim.chain, q: self.q, qd: self.qd, time: 0.0 };
-        let by = differentiate(state, &self.aim.plane(), &rows, &MatrixXx3::from(columns), &law)?;
-        let hit = self.carry(law.outcome)?;
-        Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })
+    pub fn derivative(&self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        PreparedStrike::new(self.aim.clone()).derivative(self.q, self.qd, law)
     }
 }

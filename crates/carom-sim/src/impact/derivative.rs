@@ -3,13 +3,15 @@
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
-//! | J | 3×nv | contact velocity for unit joint rates, contact axes (tangents first, normal last) | `rows` |
-//! | X | nv×3 | M⁻¹Jᵀ | `response` |
-//! | s | 3 | velocity of the surface, contact axes | `surface` |
-//! | H, u | 3×3, 3 | J X, J qd − s | – |
-//! | P | 3 | impulse, contact axes: a function of H, u, e and μ by the law | – |
+//! | D | 1 | 2 for a chain and a normal in one plane, else 3 | – |
+//! | J | D×nv | contact velocity for unit joint rates, contact axes (tangents first, normal last) | `rows` |
+//! | X | nv×D | M⁻¹Jᵀ | `response` |
+//! | s | D | velocity of the surface, contact axes | `surface` |
+//! | H, u | D×D, D | J X, J qd − s | – |
+//! | P | D | impulse, contact axes: a function of H, u, e and μ by the law | – |
 //!
-//! With δ the change along a direction of q or of time, and ∂(Mx) from [`Kinematics::mass_matrix_derivatives`]:
+//! With δ the change along a direction of q or of time, ∂(M XP) from [`Kinematics::mass_matrix_derivatives`] and ∂(XᵀMX) at constant X
+//! from [`Kinematics::quadratic_derivatives`]:
 //!
 //! ```text
 //! qd⁺ = qd⁻ + X P(H, u, e, μ)
@@ -24,10 +26,10 @@
 use super::hit::ChainImpact;
 use crate::contact::Oscillation;
 use crate::error::SimError;
-use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, ChainError, FramePoint, Kinematics, Rows, Spatial};
+use carom_chain::algebra::{Algebra, z_onto};
+use carom_chain::{Chain, ChainError, FramePoint, Kinematics, Point, Rows, Spatial};
 use carom_impact::{Direction, LawDerivative};
-use nalgebra::{Const, DMatrix, DVector, Dyn, Matrix3, Matrix3xX, MatrixXx3, RealField, U1, Vector3};
+use nalgebra::{Const, DMatrix, DVector, Matrix3, Matrix3xX, RealField, SMatrix, SVector, U1, Vector3};
 use num_dual::DualSVec64;
 
 /// An impact of a chain with the derivatives of its joint velocities `hit.qd_plus`.
@@ -75,7 +77,7 @@ pub trait ContactRows {
     #[doc(hidden)]
     fn rates(&self, kin: &Kinematics<Spatial<f64>>, q: &[f64], time: f64) -> Result<RowRates, ChainError> {
         let nv = kin.chain().nv();
-        let mut rates = RowRates::zeros(nv);
+        let mut rates = RowRates::zeros(nv, nv + 1);
         if nv < 4 {
             by_duals::<4, Self>(self, kin.chain(), q, time, &mut rates)
         } else {
@@ -85,18 +87,38 @@ pub trait ContactRows {
     }
 }
 
-/// Derivatives of the rows of a contact along the nv tangent directions of q and, last, with respect to time.
+/// Derivatives of the rows of a contact along the nv tangent directions of q and, for a surface that may move, last with
+/// respect to time. Contact axes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RowRates {
-    /// 3×nv(nv+1): the derivatives of J side by side.
-    rows: Matrix3xX<f64>,
-    /// 3×(nv+1): the derivatives of the surface's velocity.
-    surface: Matrix3xX<f64>,
+pub struct RowRates<const D: usize = 3> {
+    /// The derivative of column i of J in direction k, at k nv + i.
+    rows: Vec<SVector<f64, D>>,
+    /// The derivatives of the surface's velocity.
+    surface: Vec<SVector<f64, D>>,
 }
 
-impl RowRates {
-    fn zeros(nv: usize) -> Self {
-        Self { rows: Matrix3xX::zeros(nv * (nv + 1)), surface: Matrix3xX::zeros(nv + 1) }
+impl<const D: usize> RowRates<D> {
+    fn zeros(nv: usize, directions: usize) -> Self {
+        Self { rows: vec![SVector::zeros(); nv * directions], surface: vec![SVector::zeros(); directions] }
+    }
+
+    /// The rates of a contact at the constant `lever` from the material `point`, in axes of the chain.
+    pub(super) fn of_point<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>>(
+        kin: &Kinematics<A>,
+        (point, lever): (Point<A>, SVector<f64, D>),
+        axes: &SMatrix<f64, D, D>,
+        directions: usize,
+    ) -> Self {
+        let nv = kin.chain().nv();
+        let mut rates = Self::zeros(nv, directions);
+        kin.for_each_jacobian_derivative(point, lever, |i, k, rate| rates.rows[k * nv + i] += axes.tr_mul(&rate));
+        rates
+    }
+
+    /// The derivatives of the columns of J in direction k.
+    fn columns(&self, k: usize) -> &[SVector<f64, D>] {
+        let nv = self.rows.len() / self.surface.len();
+        &self.rows[k * nv..][..nv]
     }
 }
 
@@ -171,15 +193,11 @@ impl ContactRows for PlaneContact {
 
     fn rates(&self, kin: &Kinematics<Spatial<f64>>, _q: &[f64], time: f64) -> Result<RowRates, ChainError> {
         let (chain, nv) = (kin.chain(), kin.chain().nv());
-        let mut rates = RowRates::zeros(nv);
-        let lever = self.axes.column(2) * -self.radius;
-        kin.for_each_jacobian_derivative(chain.point(self.point.frame, self.point.offset), lever, |i, k, rate| {
-            let mut column = rates.rows.column_mut(k * nv + i);
-            column += self.axes.tr_mul(&rate);
-        });
+        let at = (chain.point(self.point.frame, self.point.offset), self.axes.column(2) * -self.radius);
+        let mut rates = RowRates::of_point(kin, at, &self.axes, nv + 1);
         if let Some(motion) = self.motion {
             let [_, _, acceleration] = motion.at(time);
-            rates.surface.set_column(nv, &self.axes.tr_mul(&acceleration));
+            rates.surface[nv] = self.axes.tr_mul(&acceleration);
         }
         Ok(rates)
     }
@@ -200,78 +218,75 @@ impl ContactRows for RowContact {
     }
 
     fn rates(&self, kin: &Kinematics<Spatial<f64>>, _q: &[f64], _time: f64) -> Result<RowRates, ChainError> {
-        Ok(RowRates::zeros(kin.chain().nv()))
+        let nv = kin.chain().nv();
+        Ok(RowRates::zeros(nv, nv + 1))
     }
-}
-
-/// A state of a chain at a time.
-#[derive(Clone, Copy)]
-pub(crate) struct At<'a> {
-    pub chain: &'a Chain,
-    pub q: &'a [f64],
-    pub qd: &'a [f64],
-    pub time: f64,
 }
 
 /// Derivatives of qd⁺.
 pub(crate) struct Derivatives {
     pub q: DMatrix<f64>,
     pub qd: DMatrix<f64>,
-    pub time: DVector<f64>,
+    /// With respect to time, if the rates of the rows are.
+    pub time: Option<DVector<f64>>,
     pub restitution: DVector<f64>,
     pub friction: DVector<f64>,
 }
 
-/// The derivatives of qd⁺ from rows and response of the contact, and the derivative of the law.
-pub(crate) fn differentiate<C: ContactRows>(
-    at: At,
-    contact: &C,
-    rows: &Matrix3xX<f64>,
-    response: &MatrixXx3<f64>,
-    law: &LawDerivative<3>,
+/// The derivatives of qd⁺ from the columns of J and their rates, the rows of X, and the derivative of the law.
+pub(crate) fn differentiate<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    kin: &mut Kinematics<A>,
+    qd: &[f64],
+    (rows, rates): (&[SVector<f64, D>], &RowRates<D>),
+    response: &[SVector<f64, D>],
+    law: &LawDerivative<D>,
 ) -> Result<Derivatives, SimError> {
-    let nv = at.chain.nv();
-    let mut workspace = at.chain.workspace();
-    let mut kin = workspace.update(at.chain, at.q)?;
-    let rates = contact.rates(&kin, at.q, at.time)?;
-    let [x0, x1, x2] = [0, 1, 2].map(|b| &response.as_slice()[b * nv..][..nv]);
-    let turned = kin.mass_matrix_derivatives([x0, x1, x2]);
-    let velocity = DVector::from_column_slice(at.qd);
+    let nv = qd.len();
+    let columns: [Vec<f64>; D] = std::array::from_fn(|b| response.iter().map(|x| x[b]).collect());
+    let bent = kin.quadratic_derivatives(columns.each_ref().map(Vec::as_slice));
     let impulse = law.outcome.impulse;
-    // The last column is that of time, on which M does not depend.
-    let mut moved = DMatrix::zeros(nv, nv + 1);
-    for (k, mut column) in moved.column_iter_mut().enumerate() {
-        let rate = rates.rows.columns(k * nv, nv);
-        column.gemv_tr(1.0, &rate, &impulse, 0.0);
+    let jump: Vec<f64> = response.iter().map(|x| x.dot(&impulse)).collect();
+    let [turned] = kin.mass_matrix_derivatives([&jump]);
+    // δJᵀP − δM X P for each direction; M does not depend on time, which is the direction after those of q.
+    let (mut forces, mut moved) = (Rows::new(nv), Rows::new(nv));
+    for k in 0..rates.surface.len() {
+        let force = forces.add();
+        for (force, rate) in force.iter_mut().zip(rates.columns(k)) {
+            *force = rate.dot(&impulse);
+        }
         if k < nv {
-            turned.iter().zip(&impulse).for_each(|(by, p)| column.axpy(-p, &by.column(k), 1.0));
+            force.iter_mut().zip(turned.column(k).iter()).for_each(|(force, by)| *force -= by);
         }
     }
-    solve_columns(&mut kin, &mut moved)?;
-    for (k, mut column) in moved.column_iter_mut().enumerate() {
-        let rate = rates.rows.columns(k * nv, nv);
-        let one = rate * response;
-        let mut delassus = one + one.transpose();
-        if k < nv {
-            turned.iter().enumerate().for_each(|(b, by)| {
-                let mut entry = delassus.column_mut(b);
-                entry.gemv_tr(-1.0, response, &by.column(k), 1.0);
-            });
+    kin.respond(&forces, &mut moved)?;
+    for (k, moved) in moved.iter_mut().enumerate() {
+        let mut delassus = SMatrix::<f64, D, D>::zeros();
+        let mut u_minus = -rates.surface[k];
+        for ((rate, x), qd) in rates.columns(k).iter().zip(response).zip(qd) {
+            delassus += rate * x.transpose();
+            u_minus += rate * *qd;
         }
-        let u_minus = rate * &velocity - rates.surface.column(k);
-        let along = Direction { delassus: (delassus + delassus.transpose()) * 0.5, u_minus, ..Direction::default() };
-        column.gemv(1.0, response, &law.impulse(&along), 1.0);
+        delassus += delassus.transpose();
+        if let Some(bent) = bent.get(k) {
+            delassus -= bent;
+        }
+        let along = Direction { delassus, u_minus, ..Direction::default() };
+        let change = law.impulse(&along);
+        moved.iter_mut().zip(response).for_each(|(moved, x)| *moved += x.dot(&change));
     }
-    let mut qd = response * (law.velocity * rows);
-    for k in 0..nv {
-        qd[(k, k)] += 1.0;
+    let mut moved = moved.iter();
+    let mut q = DMatrix::zeros(nv, nv);
+    for (mut column, moved) in q.column_iter_mut().zip(&mut moved) {
+        column.copy_from_slice(moved);
     }
+    let kept = |i: usize, k: usize| if i == k { 1.0 } else { 0.0 };
+    let along = |change: &SVector<f64, D>| DVector::from_fn(nv, |i, _| response[i].dot(change));
     Ok(Derivatives {
-        time: moved.column(nv).into_owned(),
-        q: moved.remove_column(nv),
-        qd,
-        restitution: response * law.restitution,
-        friction: response * law.friction,
+        q,
+        qd: DMatrix::from_fn(nv, nv, |i, k| kept(i, k) + response[i].dot(&(law.velocity * rows[k]))),
+        time: moved.next().map(DVector::from_column_slice),
+        restitution: along(&law.restitution),
+        friction: along(&law.friction),
     })
 }
 
@@ -312,35 +327,11 @@ fn by_duals<const N: usize, C: ContactRows + ?Sized>(
         let surface = contact.surface_velocity(&kin, time).map(eps);
         for lane in 0..lanes {
             let k = first + lane;
-            rates.rows.columns_mut(k * nv, nv).copy_from(&rows.map(|x| x[lane]));
-            rates.surface.set_column(k, &surface.map(|x| x[lane]));
+            for (rate, column) in rates.rows[k * nv..][..nv].iter_mut().zip(rows.column_iter()) {
+                *rate = column.map(|x| x[lane]);
+            }
+            rates.surface[k] = surface.map(|x| x[lane]);
         }
-    }
-    Ok(())
-}
-
-/// M⁻¹Jᵀ, nv×3.
-pub(crate) fn responses(
-    kin: &mut Kinematics<Spatial<f64>>,
-    rows: &Matrix3xX<f64>,
-) -> Result<MatrixXx3<f64>, ChainError> {
-    let mut columns = rows.transpose();
-    solve_columns(kin, &mut columns)?;
-    Ok(columns)
-}
-
-/// Replaces each column by M⁻¹ times it.
-fn solve_columns<C: nalgebra::Dim, S: nalgebra::RawStorageMut<f64, Dyn, C, RStride = U1>>(
-    kin: &mut Kinematics<Spatial<f64>>,
-    columns: &mut nalgebra::Matrix<f64, Dyn, C, S>,
-) -> Result<(), ChainError> {
-    let (mut rows, mut responses) = (Rows::new(columns.nrows()), Rows::default());
-    for column in columns.column_iter() {
-        rows.add().iter_mut().zip(column.iter()).for_each(|(row, x)| *row = *x);
-    }
-    kin.respond(&rows, &mut responses)?;
-    for (mut column, response) in columns.column_iter_mut().zip(responses.iter()) {
-        column.iter_mut().zip(response).for_each(|(x, response)| *x = *response);
     }
     Ok(())
 }

@@ -7,14 +7,14 @@
 //!
 //! Symbols as in `strike.rs`.
 
-use super::derivative::PlaneContact;
+use super::derivative::{ImpactDerivative, PlaneContact, RowRates, differentiate};
 use super::hit::ChainImpact;
 use crate::error::SimError;
 use carom_chain::algebra::Algebra;
 use carom_chain::{
     Chain, FramePoint, Keep, Kept, Planar, Point, PointResponse, ResponseMemory, Spatial, Visit, Workspace,
 };
-use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law};
+use carom_impact::{AnyLaw, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, LawDerivative};
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, SMatrix, SVector, Vector2, Vector3};
 
 /// A contact point of a chain with its normal and joint model, checked once: see [`Strike::prepare`](crate::Strike::prepare).
@@ -51,6 +51,22 @@ impl<'a> PreparedStrike<'a> {
     pub(super) fn new(aim: Aim<'a>) -> Self {
         let pass = Pass::in_plane(&aim).map_or_else(|| Route::Space(Pass::in_space(&aim)), Route::Plane);
         Self { aim, pass }
+    }
+
+    /// The impact with its derivatives, see [`Strike::derivative`](crate::Strike::derivative).
+    ///
+    /// # Errors
+    /// As [`PreparedStrike::resolve_into`]; [`SimError::Impact`] for a user-defined law, which has no derivative;
+    /// [`SimError::DerivativeOfHeldJoints`].
+    pub fn derivative(&mut self, q: &[f64], qd: &[f64], law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
+        if !self.aim.added.is_empty() {
+            return Err(SimError::DerivativeOfHeldJoints);
+        }
+        self.aim.chain.check_v("qd", qd)?;
+        match &mut self.pass {
+            Route::Plane(pass) => pass.derivative(&self.aim, (q, qd), law),
+            Route::Space(pass) => pass.derivative(&self.aim, (q, qd), law),
+        }
     }
 
     /// Memory for one result.
@@ -110,7 +126,7 @@ pub(super) struct Aim<'a> {
 }
 
 impl Aim<'_> {
-    /// The contact as a plane, for derivatives.
+    /// The contact as a plane, for saltation.
     pub fn plane(&self) -> PlaneContact {
         PlaneContact { point: self.point, radius: 0.0, axes: self.axes, motion: None }
     }
@@ -127,6 +143,12 @@ pub(super) trait Place<const D: usize> {
         problem: &ImpactProblem<f64, D>,
         hit: &mut ChainImpact,
     ) -> Result<SVector<f64, D>, ImpactError>;
+    /// The derivative of a law, and its outcome in the contact axes in space.
+    fn differentiate(
+        &self,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, D>,
+    ) -> Result<(LawDerivative<D>, ImpactOutcome<f64, 3>), ImpactError>;
     /// The components in the contact axes of the pass of a vector in those in space.
     fn project(&self, x: &Vector3<f64>) -> SVector<f64, D>;
 }
@@ -148,10 +170,23 @@ impl Place<3> for InSpace {
         Ok(hit.contact.impulse)
     }
 
+    fn differentiate(
+        &self,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, 3>,
+    ) -> Result<(LawDerivative<3>, ImpactOutcome<f64, 3>), ImpactError> {
+        let by = problem.differentiate(law)?;
+        Ok((by, by.outcome))
+    }
+
     #[inline(always)]
     fn project(&self, x: &Vector3<f64>) -> Vector3<f64> {
         *x
     }
+}
+
+fn known(law: &dyn Law<f64, 3>) -> Result<AnyLaw, ImpactError> {
+    law.known().ok_or_else(|| ImpactError::NotDifferentiable { law: law.name(), known: LAW_NAMES.join(", ") })
 }
 
 /// A plane through the normal.
@@ -187,8 +222,17 @@ impl Place<2> for OfPlane {
             }
         }
         (hit.mode, hit.flags) = (outcome.mode, outcome.flags);
-        outcome.in_space_into(self.tangent, &mut hit.contact);
+        hit.contact = outcome.in_space(self.tangent);
         Ok(outcome.impulse)
+    }
+
+    fn differentiate(
+        &self,
+        law: &dyn Law<f64, 3>,
+        problem: &ImpactProblem<f64, 2>,
+    ) -> Result<(LawDerivative<2>, ImpactOutcome<f64, 3>), ImpactError> {
+        let by = problem.differentiate(&known(law)?)?;
+        Ok((by, by.outcome.in_space(self.tangent)))
     }
 
     #[inline(always)]
@@ -282,6 +326,26 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     /// The response of the last evaluation into the memory.
     pub fn response(&self) -> PointResponse<'_, A> {
         self.workspace.as_ref().map_or_else(|| self.memory.response(), |workspace| workspace.contact())
+    }
+
+    /// The impact with its derivatives. No drives act.
+    pub fn derivative(
+        &mut self,
+        aim: &Aim,
+        (q, qd): (&[f64], &[f64]),
+        law: &dyn Law<f64, 3>,
+    ) -> Result<ImpactDerivative, SimError> {
+        let problem = self.problem(aim, (q, qd))?;
+        let (law, outcome) = self.place.differentiate(law, &problem)?;
+        let in_axes = |of: &[SVector<f64, D>]| of.iter().map(|x| self.axes.tr_mul(x)).collect::<Vec<_>>();
+        let (rows, response) = (in_axes(self.response().jacobian), in_axes(self.response().response));
+        let mut workspace = self.chain.workspace();
+        let mut kin = workspace.update(self.chain, q)?;
+        let rates = RowRates::of_point(&kin, (self.point, SVector::zeros()), &self.axes, qd.len());
+        let by = differentiate(&mut kin, qd, (&rows, &rates), &response, &law)?;
+        let mut hit = ChainImpact::empty(qd.len());
+        self.carry(aim, (q, qd), outcome, &mut hit)?;
+        Ok(ImpactDerivative { hit, q: by.q, qd: by.qd, restitution: by.restitution, friction: by.friction })
     }
 
     /// Writes the result of an outcome at the state of the response.

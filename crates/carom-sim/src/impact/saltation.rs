@@ -20,12 +20,12 @@
 //! Source: Kong, Payne, Zhu & Johnson, *Saltation matrices: the essential tool for linearizing hybrid dynamical systems*,
 //! Proc. IEEE 112 (2024) 585.
 
-use super::derivative::{At, ContactRows, differentiate, responses};
+use super::derivative::{ContactRows, differentiate};
 use crate::error::SimError;
 use crate::state::Moment;
-use carom_chain::Chain;
+use carom_chain::{Chain, Rows};
 use carom_impact::{ImpactProblem, Law};
-use nalgebra::{DMatrix, DVector, Matrix3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 /// The data of a jump of a general state at the closing of a gap, to first order.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,12 +98,20 @@ pub fn saltation<C: ContactRows>(
     let mut kin = workspace.update(chain, q)?;
     let (rows, surface) = (contact.rows(&kin, *time)?, contact.surface_velocity(&kin, *time));
     let velocities = DVector::from_column_slice(qd);
-    let response = responses(&mut kin, &rows)?;
-    let delassus: Matrix3<f64> = (&rows * &response).fixed_view::<3, 3>(0, 0).into_owned();
+    let (mut forces, mut answers) = (Rows::new(nv), Rows::new(nv));
+    for row in rows.row_iter() {
+        forces.add().iter_mut().zip(row.iter()).for_each(|(entry, x)| *entry = *x);
+    }
+    kin.respond(&forces, &mut answers)?;
+    let columns: Vec<Vector3<f64>> = rows.column_iter().map(Into::into).collect();
+    let response: Vec<Vector3<f64>> = (0..nv).map(|i| Vector3::from_fn(|b, _| answers.row(b)[i])).collect();
+    let delassus: Matrix3<f64> = columns.iter().zip(&response).map(|(j, x)| j * x.transpose()).sum();
     let law = ImpactProblem::new(delassus, &rows * &velocities - surface)?.differentiate(law)?;
-    let by = differentiate(At { chain, q, qd, time: *time }, contact, &rows, &response, &law)?;
+    let rates = contact.rates(&kin, q, *time)?;
+    let by = differentiate(&mut kin, qd, (&columns, &rates), &response, &law)?;
 
-    let after = &velocities + &response * law.outcome.impulse;
+    let impulse = law.outcome.impulse;
+    let after = DVector::from_fn(nv, |i, _| qd[i] + response[i].dot(&impulse));
     let rate = |qd: &DVector<f64>| -> Result<DVector<f64>, SimError> {
         let qdd = acceleration(&Moment { time: *time, q: q.clone(), qd: qd.as_slice().to_vec() })?;
         chain.check_v("acceleration", qdd.as_slice())?;
@@ -113,7 +121,9 @@ pub fn saltation<C: ContactRows>(
     reset.view_mut((nv, 0), (nv, nv)).copy_from(&by.q);
     reset.view_mut((nv, nv), (nv, nv)).copy_from(&by.qd);
     let mut reset_rate = DVector::zeros(2 * nv);
-    reset_rate.rows_mut(nv, nv).copy_from(&by.time);
+    if let Some(time) = by.time {
+        reset_rate.rows_mut(nv, nv).copy_from(&time);
+    }
     let mut gap = DVector::zeros(2 * nv);
     gap.rows_mut(0, nv).copy_from(&rows.row(2).transpose());
     Jump { reset, reset_rate, before: rate(&velocities)?, after: rate(&after)?, gap, gap_rate: -surface.z }.saltation()

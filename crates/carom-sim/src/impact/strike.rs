@@ -221,7 +221,9 @@ impl<'a> Strike<'a> {
     /// As [`Strike::resolve`]; [`SimError::Impact`] for a user-defined law, which has no derivative;
     /// [`SimError::DerivativeOfHeldJoints`].
     pub fn derivative(self, law: &dyn Law<f64, 3>) -> Result<ImpactDerivative, SimError> {
-        self.contact()?.derivative(law)
+        let mut prepared = self.prepare()?;
+        self.chain.check_state(self.q, self.qd)?;
+        prepared.derivative(self.q, self.qd, law)
     }
 
     /// Bounds of the outcome while e and μ vary in ranges: see [`Contact::band`].
