@@ -35,6 +35,7 @@ use std::path::PathBuf;
 ///   placement  offsets of the origins of the joints (tosses)
 ///   floor      height of the floor (tosses)
 ///   speed      restitution e (v/v1)^-nu for the approach speed v, with v1 = 1 m/s
+///   errors     errors of the measured angles of the start: their mean is predicted (tosses)
 /// Effects are added to every law for single impacts, and for tosses to the law with the least error
 /// of the measurements that it is fitted to; they are judged from the fitted start alone. For each
 /// fold a model is selected by the measurements outside it: an effect is accepted if it lowers their

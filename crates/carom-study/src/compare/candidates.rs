@@ -39,6 +39,8 @@ pub(super) enum Effect {
     Placement,
     /// Another height of the floor than z = 0.
     Floor,
+    /// Errors of the measured angles: the mean over them is predicted. A model of the measurement.
+    Errors,
 }
 
 /// A quantity that is fitted.
@@ -70,6 +72,8 @@ pub(super) enum Parameter {
     Offset(usize),
     /// Height of the floor, m.
     Height,
+    /// Standard deviation of [`Effect::Errors`], rad.
+    AngleError,
 }
 
 impl Effect {
@@ -85,6 +89,7 @@ impl Effect {
             Self::Masses => "masses",
             Self::Placement => "placement",
             Self::Floor => "floor",
+            Self::Errors => "errors",
         }
     }
 
@@ -99,6 +104,7 @@ impl Effect {
             Self::Masses => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2), Parameter::Mass],
             Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
             Self::Floor => &[Parameter::Height],
+            Self::Errors => &[Parameter::AngleError],
         }
     }
 }
@@ -123,6 +129,7 @@ impl Parameter {
             Self::Offset(1) => "offset_y",
             Self::Offset(_) => "offset_z",
             Self::Height => "floor_height",
+            Self::AngleError => "angle_error",
         }
     }
 
@@ -146,6 +153,7 @@ impl Parameter {
             Self::Offset(1) => "y",
             Self::Offset(_) => "z",
             Self::Height => "floor",
+            Self::AngleError => "angle error",
         }
     }
 
@@ -163,6 +171,7 @@ impl Parameter {
             Self::Inertia(_) | Self::Mass => (0.2, 2.0),
             Self::Offset(_) => (-0.015, 0.015),
             Self::Height => (-0.01, 0.01),
+            Self::AngleError => (0.0, 0.12),
         }
     }
 
@@ -193,6 +202,9 @@ impl Parameter {
 
 /// Approach speed at which [`Effect::Speed`] has the restitution that is fitted, and the speed below which e is constant, m/s.
 const SPEEDS: (f64, f64) = (1.0, 0.1);
+
+/// The standard deviations of [`Effect::Errors`] that are tried, rad.
+const ANGLE_ERRORS: [f64; 9] = [0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.1];
 
 impl Candidate {
     /// Every law of [`LAW_NAMES`] with the coefficients that it has, and no effect.
@@ -229,6 +241,15 @@ impl Candidate {
     pub fn nominal(&self, simpler: &Self, x: &[f64]) -> Vec<f64> {
         let value = |own: &Parameter| simpler.value(*own, x).unwrap_or(own.nominal());
         self.parameters.iter().map(value).collect()
+    }
+
+    /// The points from which the search of a model with effects starts, for the values `x` of the model without its last one.
+    pub fn starts(&self, x: Vec<f64>) -> Vec<Vec<f64>> {
+        if self.effects.last() != Some(&Effect::Errors) {
+            return vec![x];
+        }
+        let with = |sigma: f64| [&x[..x.len() - 1], &[sigma]].concat();
+        ANGLE_ERRORS.map(with).to_vec()
     }
 
     /// Whether the model is another one with further effects.

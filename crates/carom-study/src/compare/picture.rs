@@ -6,7 +6,7 @@ use crate::line_chart::{COLOURS, GREY};
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
-const WIDTH: u32 = 820;
+const WIDTH: u32 = 920;
 /// Least left end of the scale, width of a letter, and right end of the scale from the right edge, pixels.
 const MARGIN: (i32, i32, i32) = (200, 7, 40);
 const ROW: i32 = 22;

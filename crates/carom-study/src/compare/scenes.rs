@@ -17,16 +17,16 @@ pub(super) fn effects(robot: &Robot) -> Vec<Effect> {
     effects.extend((!robot.joints.is_empty()).then_some(Effect::Hinge));
     effects.push(if several { Effect::Masses } else { Effect::Inertia });
     effects.extend((!robot.joints.is_empty()).then_some(Effect::Placement));
-    effects.extend([Effect::Floor, Effect::Speed]);
+    effects.extend([Effect::Floor, Effect::Speed, Effect::Errors]);
     effects
 }
 
 /// The scene of a model with the parameters `x`. `nominal` is the chain of `robot`, which a model without effects keeps.
 pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]) -> Scene {
     let of = |parameter: Parameter| model.value(parameter, x).unwrap_or(parameter.nominal());
-    let floor = of(Parameter::Height);
+    let (floor, errors) = (of(Parameter::Height), of(Parameter::AngleError));
     if model.effects.is_empty() {
-        return Scene { chain: nominal.clone(), floor };
+        return Scene { chain: nominal.clone(), floor, errors };
     }
     let mut robot = robot.clone();
     let root = robot.root;
@@ -51,7 +51,7 @@ pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]
         joint.friction += of(Parameter::DryFriction);
     }
     let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
-    Scene { chain: Chain::from_robot(robot, &options), floor }
+    Scene { chain: Chain::from_robot(robot, &options), floor, errors }
 }
 
 /// A box with edges longer by `growth` and corners of this radius; other shapes unchanged. The spheres at the corners touch a

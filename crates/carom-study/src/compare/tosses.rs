@@ -1,7 +1,7 @@
 //! The protocol for tosses: coefficients are fitted to roll-outs from fitted starts, and judged on both parts of the tosses
 //! from both starts.
 
-use super::candidates::{Candidate, Parameter};
+use super::candidates::{Candidate, Effect, Parameter};
 use super::cases::{TossCase, TossCases, TossStart};
 use super::data::{CompareError, DataSet};
 use super::identify::weakest;
@@ -224,10 +224,15 @@ impl<'a> Work<'a> {
         let in_fold = |fold: usize| {
             let outside: Vec<usize> = self.fitted.iter().copied().filter(|k| self.fold_of[*k] != fold).collect();
             let begin = match simpler {
-                Some(simpler) => vec![candidate.nominal(&simpler.candidate, &simpler.coefficients[fold])],
+                Some(simpler) => {
+                    let x = candidate.nominal(&simpler.candidate, &simpler.coefficients[fold]);
+                    candidate.starts(x)
+                }
                 None => region.points(),
             };
-            let budget = (self.options.trials + 1).saturating_sub(begin.len());
+            // the standard deviation of errors is one of a grid; the other parameters keep their optimum
+            let sought = candidate.effects.last() != Some(&Effect::Errors);
+            let budget = if sought { (self.options.trials + 1).saturating_sub(begin.len()) } else { 0 };
             descend(&region, begin, budget, &|x| residuals(x, &outside))
         };
         (0..self.options.folds).filter_map(in_fold).collect()

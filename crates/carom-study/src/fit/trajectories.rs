@@ -80,7 +80,7 @@ impl Work<'_> {
     /// Roll-outs of the tosses `which` at the coefficients `x`.
     fn roll_out(&self, x: &[f64], which: &[usize], horizon: Horizon) -> Result<Vec<RollOut>, FitError> {
         let scale = if self.inertia { x[2] } else { 1.0 };
-        let scene = Scene { chain: self.tosses.chain.with_inertia_scaled(scale)?, floor: 0.0 };
+        let scene = Scene { chain: self.tosses.chain.with_inertia_scaled(scale)?, ..self.tosses.scene() };
         let coefficients = Coefficients { restitution: x[0], friction: x[1], ..Coefficients::default() };
         let law = ContactLaw::named(self.law, coefficients);
         let rule = ContactRule::new(law.unwrap_or_else(|| unreachable!("the name was checked before the search")));

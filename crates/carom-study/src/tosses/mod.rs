@@ -1,6 +1,7 @@
 //! Roll-outs of measured tosses: each toss is simulated from its first free sample and compared with the measured poses.
 //!
-//! `launch.rs` determines the state at the start and the time of the first impact, `roll_out.rs` simulates and compares.
+//! `launch.rs` determines the state at the start and the time of the first impact, `roll_out.rs` simulates and compares,
+//! `errors.rs` predicts the mean over the errors of the start.
 //!
 //! A folder of tosses contains a URDF and a table `tosses.csv` with these columns: `toss`; `t`, s; position `px, py, pz` (m) and
 //! rotation `qw, qx, qy, qz` of the root link in the world frame; its linear velocity `vx, vy, vz` (m/s, world frame) and
@@ -16,6 +17,7 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+mod errors;
 mod launch;
 mod roll_out;
 
@@ -86,7 +88,7 @@ impl Tosses {
 
     /// The robot above the floor z = 0.
     pub(crate) fn scene(&self) -> Scene {
-        Scene { chain: self.chain.clone(), floor: 0.0 }
+        Scene { chain: self.chain.clone(), floor: 0.0, errors: 0.0 }
     }
 
     /// Gap between the lowest point of the robot and the floor at each sample of a toss, m.
@@ -100,16 +102,18 @@ impl Tosses {
 /// Gravity of all tosses, m/s².
 pub(crate) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
-/// A robot above a horizontal floor.
+/// A robot above a horizontal floor, and how it is measured.
 #[derive(Debug, Clone)]
 pub(crate) struct Scene {
     pub chain: Chain,
     /// Height of the floor, m.
     pub floor: f64,
+    /// Standard deviation of the errors of the measured angles, rad.
+    pub errors: f64,
 }
 
 /// Simulation of a robot above the floor.
-fn on_floor(Scene { chain, floor }: &Scene, contact: &ContactRule) -> Result<Simulation, SimError> {
+fn on_floor(Scene { chain, floor, .. }: &Scene, contact: &ContactRule) -> Result<Simulation, SimError> {
     let floor = Obstacle::half_space(Vector3::new(0.0, 0.0, *floor), Vector3::z())?;
     let surface = Surface { name: "floor".into(), obstacle: floor, contact: contact.clone(), motion: None };
     let touches = Touch::all(chain, &[surface], 0.0)?.touches;

@@ -133,7 +133,7 @@ impl Launch {
     ) -> Result<RollOut, TossError> {
         let refuse = |reason: SimError| TossError::Simulation { number: toss.number, reason };
         let last = self.end(toss, horizon).unwrap_or(toss.samples.len() - 1);
-        let (rolled, events) = self.simulate(scene, toss, last, contact, options).map_err(refuse)?;
+        let (rolled, events) = self.predict(scene, toss, last, contact, options).map_err(refuse)?;
         let simulation = on_floor(scene, contact).map_err(refuse)?;
         let mut deepest = 0.0_f64;
         for moment in &rolled {
@@ -168,7 +168,7 @@ impl Launch {
         options: &RollOutOptions,
     ) -> Result<Vec<f64>, SimError> {
         let last = self.end(toss, options.horizon).unwrap_or(toss.samples.len() - 1);
-        let (rolled, _) = self.simulate(scene, toss, last, contact, options)?;
+        let (rolled, _) = self.predict(scene, toss, last, contact, options)?;
         let share = (rolled.len() as f64).sqrt().recip();
         let both = rolled.iter().zip(&toss.samples[self.sample..=last]);
         Ok(both.flat_map(|(a, b)| apart(a, b, options.length)).map(|x| x * share).collect())
@@ -235,8 +235,9 @@ fn place(moment: &Moment) -> Vector3<f64> {
     Vector3::from_column_slice(&moment.q[..3])
 }
 
-fn turn(moment: &Moment) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_quaternion(Quaternion::new(moment.q[6], moment.q[3], moment.q[4], moment.q[5]))
+/// The rotation of the root link at a configuration.
+pub(super) fn turn(q: &[f64]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(q[6], q[3], q[4], q[5]))
 }
 
 /// An angle between −π and π.
@@ -247,7 +248,7 @@ fn wrapped(x: f64) -> f64 {
 /// The components of the difference between two poses, in the units of the measure.
 fn apart(a: &Moment, b: &Moment, length: f64) -> Vec<f64> {
     let away = (place(a) - place(b)) / length.sqrt();
-    let turned = turn(b).rotation_to(&turn(a)).scaled_axis();
+    let turned = turn(&b.q).rotation_to(&turn(&a.q)).scaled_axis();
     let joints = a.q[7..].iter().zip(&b.q[7..]).map(|(a, b)| wrapped(a - b));
     away.iter().chain(turned.iter()).copied().chain(joints).collect()
 }
@@ -257,7 +258,7 @@ impl PoseError {
         let joints = a.q[7..].iter().zip(&b.q[7..]);
         Self {
             position: (place(a) - place(b)).norm(),
-            rotation: turn(a).angle_to(&turn(b)),
+            rotation: turn(&a.q).angle_to(&turn(&b.q)),
             joint: joints.map(|(a, b)| wrapped(a - b).abs()).fold(0.0, f64::max),
         }
     }
