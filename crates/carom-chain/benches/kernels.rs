@@ -94,8 +94,11 @@ macro_rules! kernels {
                 });
             }
             #[divan::bench(args = SIZES)]
-            fn solve_articulated(bencher: Bencher, n: usize) {
-                at_pose(bencher, $case(n), |kin, _, qd, out| kin.articulate().unwrap().solve_into(qd, out).unwrap());
+            fn response_articulated(bencher: Bencher, n: usize) {
+                let mut row = vec![0.0; n];
+                at_pose(bencher, $case(n), |kin, case, _, out| {
+                    kin.articulate().unwrap().respond_along(case.tip, case.gravity, &mut row, out).unwrap();
+                });
             }
             #[divan::bench(args = SIZES)]
             fn delassus_recursive(bencher: Bencher, n: usize) {

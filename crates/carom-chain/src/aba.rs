@@ -22,7 +22,7 @@ use crate::chain::Point;
 use crate::delassus::singular;
 use crate::error::ChainError;
 use crate::kinematics::{Kinematics, Link};
-use crate::prepare::Held;
+use crate::prepare::ParentSlot;
 use crate::rnea::Flow;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, RealField};
 use num_traits::{One, Zero};
@@ -49,7 +49,7 @@ impl<A: Algebra> Free<A> {
 /// The chain at one configuration with its articulated inertias.
 #[derive(Debug)]
 pub struct Articulation<'a, 'b, A: Algebra> {
-    kin: &'a mut Kinematics<'b, A>,
+    pub(crate) kin: &'a mut Kinematics<'b, A>,
 }
 
 impl<'b, A: Algebra> Kinematics<'b, A> {
@@ -70,33 +70,33 @@ impl<'b, A: Algebra> Kinematics<'b, A> {
         }
         let (chain, ws) = (self.chain, &mut *self.ws);
         // Contribution of the first child of body i, which is the next body: kept in registers.
-        let mut felt = A::Articulated::from_rigid(&Inertia::zero());
-        for (i, (step, body)) in chain.steps.iter().zip(&chain.bodies).enumerate().rev() {
+        let mut to_parent = A::Articulated::from_rigid(&Inertia::zero());
+        for (i, (prepared, body)) in chain.prepared.iter().zip(&chain.bodies).enumerate().rev() {
             let Link { rotation, offset, ref axis, .. } = ws.links[i];
             let rigid = body.inertia.rotated(rotation);
             ws.inertia[i] = rigid;
             let (below, own) = ws.free.split_at_mut(i);
             let own = &mut own[0];
             let mut articulated = A::Articulated::from_rigid(&rigid);
-            if step.end > i + 1 {
-                articulated += felt;
+            if prepared.end > i + 1 {
+                articulated += to_parent;
             }
-            if step.branches {
+            if prepared.branches {
                 articulated += own.articulated;
             }
             let u = articulated.along(*axis);
-            let mut d = axis.dot(u) + step.rotor;
-            if let Some(more) = added.get(step.v_index) {
+            let mut d = axis.dot(u) + prepared.rotor;
+            if let Some(more) = added.get(prepared.v_index) {
                 d += *more;
             }
             let inverse_d = A::Scalar::one() / d;
             (own.articulated, own.transmitted, own.inverse_d) = (articulated, u, inverse_d);
-            if step.held_by != Held::World {
-                felt = articulated.without(u, inverse_d).shifted(offset);
-                match step.held_by {
-                    Held::World | Held::InHand => {}
-                    Held::Last(p) => below[p].articulated = felt,
-                    Held::Between(p) => below[p].articulated += felt,
+            if prepared.parent_slot != ParentSlot::World {
+                to_parent = articulated.without(u, inverse_d).shifted(offset);
+                match prepared.parent_slot {
+                    ParentSlot::World | ParentSlot::Previous => {}
+                    ParentSlot::Last(p) => below[p].articulated = to_parent,
+                    ParentSlot::Between(p) => below[p].articulated += to_parent,
                 }
             }
         }
@@ -154,10 +154,10 @@ impl<A: Algebra> Articulation<'_, '_, A> {
         let (chain, ws) = (self.kin.chain, &mut *self.kin.ws);
         let base = Flow::base(-gravity);
         let mut flow = base;
-        for (i, step) in chain.steps.iter().enumerate() {
-            let outer = ws.flow_below(i, step.parent, &flow, &base);
+        for (i, body) in chain.prepared.iter().enumerate() {
+            let outer = ws.flow_below(i, body.parent, &flow, &base);
             let (turn, drift) = ws.drift(chain, i, outer.spin, qd);
-            let spin = outer.spin + ws.links[i].axis.at_rate(qd[step.v_index]).angular;
+            let spin = outer.spin + ws.links[i].axis.at_rate(qd[body.v_index]).angular;
             let acceleration = outer.acceleration + drift;
             let Inertia { mass, first_moment: h, rotational } = ws.inertia[i];
             flow = Flow { spin, spin_rate: turn, acceleration };
@@ -176,7 +176,7 @@ impl<A: Algebra> Articulation<'_, '_, A> {
     ///
     /// # Errors
     /// [`ChainError::WrongLength`].
-    pub fn solve_into(&mut self, joint_force: &[A::Scalar], out: &mut [A::Scalar]) -> Result<(), ChainError> {
+    pub(crate) fn solve_into(&mut self, joint_force: &[A::Scalar], out: &mut [A::Scalar]) -> Result<(), ChainError> {
         self.kin.chain.check_nv("tau", joint_force.len())?;
         self.kin.chain.check_nv("qdd", out.len())?;
         self.kin.ws.force.fill(Force::zero());
@@ -187,27 +187,27 @@ impl<A: Algebra> Articulation<'_, '_, A> {
     /// Input: the bias forces p in `force` and, with `TURNS`, the velocity-dependent rates c of ω in `flow`.
     /// Inward: uᵢ = τᵢ − sᵢ·pᵢ. Outward: q̈ᵢ = (uᵢ − Uᵢ·a)/Dᵢ. In the plane c is zero.
     fn sweep<const TURNS: bool>(&mut self, tau: &[A::Scalar], qdd: &mut [A::Scalar]) {
-        let (steps, ws) = (&self.kin.chain.steps, &mut *self.kin.ws);
+        let (prepared, ws) = (&self.kin.chain.prepared, &mut *self.kin.ws);
         let turns = TURNS && A::ANGULAR > 1;
-        let mut felt = Force::zero();
-        for (i, step) in steps.iter().enumerate().rev() {
+        let mut to_parent = Force::zero();
+        for (i, body) in prepared.iter().enumerate().rev() {
             let Link { offset, ref axis, .. } = ws.links[i];
             let own = &mut ws.free[i];
             let mut force = ws.force[i];
-            if step.end > i + 1 {
-                force += felt;
+            if body.end > i + 1 {
+                force += to_parent;
             }
-            let u = tau[step.v_index] - axis.dot(force);
+            let u = tau[body.v_index] - axis.dot(force);
             own.drive = u;
-            if step.held_by != Held::World {
+            if body.parent_slot != ParentSlot::World {
                 let mut left = u;
                 if turns {
                     let c = ws.flow[i].spin_rate;
                     left -= A::dot_angular(c, own.transmitted.moment);
                     force += own.articulated.along(Axis::Turn(c));
                 }
-                felt = (force + own.transmitted * (left * own.inverse_d)).shifted(offset);
-                step.held_by.add(&mut ws.force, felt);
+                to_parent = (force + own.transmitted * (left * own.inverse_d)).shifted(offset);
+                body.parent_slot.add(&mut ws.force, to_parent);
             }
         }
         self.kin.accelerate(turns, |v, rate| qdd[v] = rate);
@@ -269,11 +269,11 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// `turns`, the velocity-dependent rates c of ω in `flow` are added.
     #[inline(always)]
     pub(crate) fn accelerate(&mut self, turns: bool, mut keep: impl FnMut(usize, A::Scalar)) {
-        let (steps, ws) = (&self.chain.steps, &mut *self.ws);
+        let (prepared, ws) = (&self.chain.prepared, &mut *self.ws);
         let mut a = Motion::zero();
-        for (i, step) in steps.iter().enumerate() {
+        for (i, body) in prepared.iter().enumerate() {
             let Link { offset, ref axis, .. } = ws.links[i];
-            let carried = match step.parent {
+            let carried = match body.parent {
                 Some(p) if p + 1 == i => a.shifted(offset),
                 Some(p) => ws.free[p].acceleration.shifted(offset),
                 None => Motion::zero(),
@@ -286,7 +286,7 @@ impl<A: Algebra> Kinematics<'_, A> {
             let rate = (own.drive - own.transmitted.power(a)) * own.inverse_d;
             a = a + axis.at_rate(rate);
             own.acceleration = a;
-            keep(step.v_index, rate);
+            keep(body.v_index, rate);
         }
     }
 }

@@ -18,11 +18,11 @@ pub(crate) struct Node<A: Algebra> {
     pub parent: Option<usize>,
     pub placement: Pose<A>,
     pub inertia: Inertia<A>,
-    pub moves: Option<Moves<A>>,
+    pub joint: Option<MovingJoint<A>>,
 }
 
 /// How a node moves relative to its parent.
-pub(crate) struct Moves<A: Algebra> {
+pub(crate) struct MovingJoint<A: Algebra> {
     pub joint_index: usize,
     pub joint: A::Joint,
     pub q_index: usize,
@@ -41,14 +41,14 @@ pub(crate) fn weld<A: Algebra>(nodes: Vec<Node<A>>) -> (Vec<Body<A>>, Vec<(Optio
     for node in nodes {
         let (parent, pose) = node.parent.map_or((None, Pose::identity()), |p| places[p]);
         let placement = pose.then(&node.placement);
-        match node.moves {
+        match node.joint {
             None => {
                 if let Some(body) = parent {
                     bodies[body].inertia += node.inertia.placed(&placement);
                 }
                 places.push((parent, placement));
             }
-            Some(Moves { joint_index, joint, q_index, v_index, ratio, shift, rotor }) => {
+            Some(MovingJoint { joint_index, joint, q_index, v_index, ratio, shift, rotor }) => {
                 places.push((Some(bodies.len()), Pose::identity()));
                 let inertia = node.inertia;
                 bodies.push(Body {
@@ -117,12 +117,12 @@ impl Chain {
         for (link, joint) in parents_first(&robot) {
             let inertia = robot.links[link].inertial.map_or(Inertia::zero(), inertia_of);
             let link_node = match joint {
-                None => Node { parent: None, placement: Pose::identity(), inertia, moves: None },
+                None => Node { parent: None, placement: Pose::identity(), inertia, joint: None },
                 Some(j) => {
                     let joint = &robot.joints[j];
                     let hung_on = node_of_link[joint.parent];
                     let (parent, placement) = push_axes(&mut nodes, joint, j, &coordinates, hung_on);
-                    Node { parent, placement, inertia, moves: None }
+                    Node { parent, placement, inertia, joint: None }
                 }
             };
             node_of_link[link] = Some(nodes.len());
@@ -248,8 +248,8 @@ fn push_axes(
     for (k, (joint, onto)) in axes.into_iter().enumerate() {
         let turned = Pose { rotation: onto, translation: Vector3::zeros() };
         let q_index = if matches!(joint, SpatialJoint::Floating(_)) { q } else { q + k };
-        let moves = Some(Moves { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor });
-        nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), moves });
+        let joint = Some(MovingJoint { joint_index, joint, q_index, v_index: v + k, ratio, shift, rotor });
+        nodes.push(Node { parent, placement: hang.then(&turned), inertia: Inertia::zero(), joint });
         (parent, hang) = (Some(nodes.len() - 1), turned.inverse());
     }
     (parent, hang)

@@ -17,7 +17,7 @@ use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::join::Member;
 use crate::planarize::PlanarChain;
-use crate::prepare::Step;
+use crate::prepare::PreparedBody;
 use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual, suggestion};
 use nalgebra::Vector3;
 use num_traits::Zero;
@@ -182,7 +182,7 @@ pub(crate) struct About {
 pub struct Chain<A: Algebra = Spatial<f64>> {
     pub(crate) about: Arc<About>,
     pub(crate) bodies: Vec<Body<A>>,
-    pub(crate) steps: Vec<Step<A>>,
+    pub(crate) prepared: Vec<PreparedBody<A>>,
     pub(crate) structure: Arc<Structure>,
     pub(crate) frames: Vec<Frame<A>>,
     pub(crate) nq: usize,
@@ -352,7 +352,7 @@ impl<A: Algebra> Chain<A> {
         Chain {
             about: self.about.clone(),
             bodies: self.bodies.iter().map(body).collect(),
-            steps: self.steps.iter().map(Step::cast).collect(),
+            prepared: self.prepared.iter().map(PreparedBody::cast).collect(),
             structure: self.structure.clone(),
             frames: self.frames.iter().map(frame).collect(),
             nq: self.nq,
@@ -452,9 +452,9 @@ impl<A: Algebra> Chain<A> {
     where
         A: Algebra<Scalar = f64>,
     {
-        let steps = Step::of(&mut bodies, &mut frames);
-        let structure = Arc::new(Structure::of(&steps, nv));
-        Self { about, steps, structure, bodies, frames, nq, nv, flat: Flat::default() }
+        let prepared = PreparedBody::of(&mut bodies, &mut frames);
+        let structure = Arc::new(Structure::of(&prepared, nv));
+        Self { about, prepared, structure, bodies, frames, nq, nv, flat: Flat::default() }
     }
 
     /// The error for a coordinate whose joint moves no inertia.

@@ -10,7 +10,7 @@
 
 use crate::algebra::{Algebra, Axis, Force};
 use crate::kinematics::{Kinematics, Link};
-use crate::prepare::{Hinge, Step, Subspace};
+use crate::prepare::{Hinge, PreparedBody, Subspace};
 use nalgebra::{DMatrix, Dim, Dyn, Matrix, RawStorageMut};
 use num_traits::Zero;
 use std::marker::PhantomData;
@@ -31,7 +31,7 @@ impl<A: Algebra> Kinematics<'_, A> {
             out.fill(A::Scalar::zero());
         }
         let mut out = out.view_mut((0, 0), (nv, nv));
-        if !chain.structure.hinges_alone || chain.steps.last().is_some_and(|last| last.run > 0) {
+        if !chain.structure.hinges_alone || chain.prepared.last().is_some_and(|last| last.run > 0) {
             // Column by column, each one contiguous fill: `fill` of a view costs a dozen instructions per number.
             for v in 0..nv {
                 let mut column = out.view_mut((0, v), (nv, 1));
@@ -45,43 +45,43 @@ impl<A: Algebra> Kinematics<'_, A> {
     #[inline(always)]
     fn columns<X: Subspace<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>>(&mut self, out: Matrix<A::Scalar, Dyn, Dyn, S>) {
         let ws = &mut *self.ws;
-        let steps = &self.chain.steps[..];
-        let n = steps.len();
+        let prepared = &self.chain.prepared[..];
+        let n = prepared.len();
         let (links, forces) = (&ws.links[..n], &mut ws.force[..n]);
         // Composite inertia of the first child of body i, about the origin of body i: the first child is the next body, so
         // it is kept in registers.
         let mut carried = X::nothing();
-        for (i, step) in steps.iter().enumerate().rev() {
+        for (i, body) in prepared.iter().enumerate().rev() {
             let link = &links[i];
-            let mut composite = X::own(step, link.rotation);
-            if step.end > i + 1 {
+            let mut composite = X::own(body, link.rotation);
+            if body.end > i + 1 {
                 composite += carried;
             }
-            if step.branches {
+            if body.branches {
                 composite += X::part(ws.inertia[i]);
             }
-            carried = X::shifted(step, &composite, link.offset);
-            step.held_by.keep(&mut ws.inertia, X::whole(carried));
+            carried = X::shifted(body, &composite, link.offset);
+            body.parent_slot.keep(&mut ws.inertia, X::whole(carried));
             // The force that accelerates the subtree of body i by one unit along sᵢ.
-            forces[i] = X::of(step, link).momentum(&composite);
+            forces[i] = X::of(body, link).momentum(&composite);
         }
         // Its projections on the axes of joint i and of the joints between it and the world are the entries of M. The forces
         // of a body and its parent are propagated together (SIMD).
-        let mut columns = Columns::<A, X, S> { steps, links, out, axis: PhantomData };
+        let mut columns = Columns::<A, X, S> { prepared, links, out, axis: PhantomData };
         let mut i = n;
         while i > 0 {
             i -= 1;
-            let (v, f) = (steps[i].v_index, forces[i]);
-            columns.put(v, v, columns.axis(i).share(f) + steps[i].rotor);
-            if steps[i].run == i {
+            let (v, f) = (prepared[i].v_index, forces[i]);
+            columns.put(v, v, columns.axis(i).project(f) + prepared[i].rotor);
+            if prepared[i].run == i {
                 columns.down(i, [v], [f]);
                 continue;
             }
             let far = f.shifted(links[i].offset);
             i -= 1;
-            let (u, near) = (steps[i].v_index, forces[i]);
-            columns.put(u, u, columns.axis(i).share(near) + steps[i].rotor);
-            columns.put_both(u, v, columns.axis(i).share(far));
+            let (u, near) = (prepared[i].v_index, forces[i]);
+            columns.put(u, u, columns.axis(i).project(near) + prepared[i].rotor);
+            columns.put_both(u, v, columns.axis(i).project(far));
             columns.down(i, [u, v], [near, far]);
         }
     }
@@ -110,7 +110,7 @@ impl<A: Algebra> Kinematics<'_, A> {
 
 /// The mass matrix while it is being filled.
 struct Columns<'a, A: Algebra, X, S: RawStorageMut<A::Scalar, Dyn, Dyn>> {
-    steps: &'a [Step<A>],
+    prepared: &'a [PreparedBody<A>],
     links: &'a [Link<A>],
     out: Matrix<A::Scalar, Dyn, Dyn, S>,
     axis: PhantomData<X>,
@@ -119,7 +119,7 @@ struct Columns<'a, A: Algebra, X, S: RawStorageMut<A::Scalar, Dyn, Dyn>> {
 impl<A: Algebra, X: Subspace<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<'_, A, X, S> {
     #[inline(always)]
     fn axis(&self, i: usize) -> X {
-        X::of(&self.steps[i], &self.links[i])
+        X::of(&self.prepared[i], &self.links[i])
     }
 
     #[inline(always)]
@@ -138,24 +138,24 @@ impl<A: Algebra, X: Subspace<A>, S: RawStorageMut<A::Scalar, Dyn, Dyn>> Columns<
     /// of these coordinates.
     #[inline(always)]
     fn down<const K: usize>(&mut self, i: usize, coordinates: [usize; K], mut forces: [Force<A>; K]) {
-        let (steps, links) = (self.steps, self.links);
-        let (mut start, mut end, mut shift) = (steps[i].run, i, links[i].offset);
+        let (prepared, links) = (self.prepared, self.links);
+        let (mut start, mut end, mut shift) = (prepared[i].run, i, links[i].offset);
         loop {
-            for (step, link) in steps[start..end].iter().zip(&links[start..end]).rev() {
-                let axis = X::of(step, link);
+            for (body, link) in prepared[start..end].iter().zip(&links[start..end]).rev() {
+                let axis = X::of(body, link);
                 let mut shares = [A::Scalar::zero(); K];
                 for (f, share) in forces.iter_mut().zip(&mut shares) {
                     *f = f.shifted(shift);
-                    *share = axis.share(*f);
+                    *share = axis.project(*f);
                 }
                 shift = link.offset;
-                let w = step.v_index;
+                let w = body.v_index;
                 for (v, m) in coordinates.into_iter().zip(shares) {
                     self.put_both(v, w, m);
                 }
             }
-            let Some(p) = steps[start].parent else { break };
-            (start, end) = (steps[p].run, p + 1);
+            let Some(p) = prepared[start].parent else { break };
+            (start, end) = (prepared[p].run, p + 1);
         }
     }
 }

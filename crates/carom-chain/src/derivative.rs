@@ -38,12 +38,12 @@
 use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
 use crate::chain::Point;
 use crate::kinematics::Kinematics;
-use crate::prepare::Step;
+use crate::prepare::PreparedBody;
 use nalgebra::{DMatrix, SMatrix};
 
 /// The first axis of the joint that body k belongs to: its own, or the first of a floating joint.
-fn first_axis<A: Algebra>(steps: &[Step<A>], k: usize) -> usize {
-    (0..=k).rev().find(|&i| !A::rides_along(steps[i].joint)).unwrap_or(k)
+fn first_axis<A: Algebra>(prepared: &[PreparedBody<A>], k: usize) -> usize {
+    (0..=k).rev().find(|&i| !A::rides_along(prepared[i].joint)).unwrap_or(k)
 }
 
 fn turning<A: Algebra>(axis: Axis<A>) -> A::Angular {
@@ -57,7 +57,7 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// If an x is shorter than nv.
     pub fn mass_matrix_derivatives<const K: usize>(&mut self, x: [&[A::Scalar]; K]) -> [DMatrix<A::Scalar>; K] {
         let (chain, n) = (self.chain, self.chain.bodies.len());
-        let steps = &chain.steps;
+        let prepared = &chain.prepared;
         self.composites();
         let links = &self.ws.links;
         let momentum: Vec<Force<A>> = (0..n).map(|j| self.ws.inertia[j].along(links[j].axis)).collect();
@@ -67,23 +67,23 @@ impl<A: Algebra> Kinematics<'_, A> {
             self.spread(x, &own);
             let ws = &*self.ws;
             for k in 0..n {
-                let (first, v, link) = (first_axis(steps, k), steps[k].v_index, &ws.links[k]);
+                let (first, v, link) = (first_axis(prepared, k), prepared[k].v_index, &ws.links[k]);
                 let unit = link.axis.at_rate(nalgebra::convert(1.0));
-                let below = steps[first]
+                let below = prepared[first]
                     .parent
                     .map_or(Motion::zero(), |p| ws.velocity[p].shifted(link.position - ws.links[p].position));
                 let turned = unit.carry(below);
-                for j in first..steps[k].end {
+                for j in first..prepared[k].end {
                     let there = turned.shifted(ws.links[j].position - link.position);
-                    out[(steps[j].v_index, v)] -= momentum[j].power(there);
+                    out[(prepared[j].v_index, v)] -= momentum[j].power(there);
                 }
                 let mut force = unit.carry_force(ws.force[k]) - composite[k].apply(turned);
-                let (mut at, mut next) = (link.position, steps[first].parent);
+                let (mut at, mut next) = (link.position, prepared[first].parent);
                 while let Some(j) = next {
                     force = force.shifted(at - ws.links[j].position);
                     at = ws.links[j].position;
-                    out[(steps[j].v_index, v)] += ws.links[j].axis.dot(force);
-                    next = steps[j].parent;
+                    out[(prepared[j].v_index, v)] += ws.links[j].axis.dot(force);
+                    next = prepared[j].parent;
                 }
             }
             out
@@ -100,14 +100,14 @@ impl<A: Algebra> Kinematics<'_, A> {
             self.spread(x, &own);
             (self.ws.velocity.clone(), self.ws.force.clone())
         });
-        let (steps, links) = (&self.chain.steps, &self.ws.links);
+        let (prepared, links) = (&self.chain.prepared, &self.ws.links);
         let mut out = vec![SMatrix::zeros(); self.chain.nv];
         for (k, link) in links.iter().enumerate() {
             // A body of the world does not accelerate.
-            let Some(p) = steps[first_axis(steps, k)].parent else { continue };
+            let Some(p) = prepared[first_axis(prepared, k)].parent else { continue };
             let (unit, lever) = (link.axis.at_rate(nalgebra::convert(1.0)), link.position - links[p].position);
             let turned = spread.each_ref().map(|(velocity, _)| unit.carry(velocity[p].shifted(lever)));
-            let of = &mut out[steps[k].v_index];
+            let of = &mut out[prepared[k].v_index];
             for (a, (_, force)) in spread.iter().enumerate() {
                 for (b, turned) in turned.iter().enumerate() {
                     let power = force[k].power(*turned);
@@ -132,8 +132,8 @@ impl<A: Algebra> Kinematics<'_, A> {
         for ((force, own), velocity) in ws.force.iter_mut().zip(own).zip(&ws.velocity) {
             *force = own.apply(*velocity);
         }
-        for (j, step) in self.chain.steps.iter().enumerate().rev() {
-            if let Some(p) = step.parent {
+        for (j, body) in self.chain.prepared.iter().enumerate().rev() {
+            if let Some(p) = body.parent {
                 let carried = ws.force[j].shifted(ws.links[j].offset);
                 ws.force[p] += carried;
             }
@@ -149,11 +149,11 @@ impl<A: Algebra> Kinematics<'_, A> {
         lever: A::Vector,
         mut visit: impl FnMut(usize, usize, A::Vector),
     ) {
-        let (steps, links) = (&self.chain.steps, &self.ws.links);
+        let (prepared, links) = (&self.chain.prepared, &self.ws.links);
         let mut movers = Vec::new();
         self.for_each_mover(point, |i, r| movers.push((i, links[i].axis.point_velocity(r + lever))));
         for &(k, column_k) in &movers {
-            let (first, z_k) = (first_axis(steps, k), turning(links[k].axis));
+            let (first, z_k) = (first_axis(prepared, k), turning(links[k].axis));
             let swept = A::swing(z_k, lever);
             for &(i, column_i) in &movers {
                 let z_i = turning(links[i].axis);
@@ -162,7 +162,7 @@ impl<A: Algebra> Kinematics<'_, A> {
                 } else {
                     A::swing(z_i, column_k - swept)
                 };
-                visit(steps[i].v_index, steps[k].v_index, rate);
+                visit(prepared[i].v_index, prepared[k].v_index, rate);
             }
         }
     }

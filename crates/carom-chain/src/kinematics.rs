@@ -135,13 +135,13 @@ impl<A: Algebra> Workspace<A> {
         chain.check_nq(q.len())?;
         assert_eq!(
             self.links.len(),
-            chain.steps.len(),
+            chain.prepared.len(),
             "this workspace belongs to another chain: make one with Chain::workspace"
         );
         // All sines first: computed body by body, each would delay the next body.
-        for (angle, step) in self.angles.iter_mut().zip(&chain.steps) {
-            if A::turns(step.joint) {
-                *angle = step.angle().at(q);
+        for (angle, body) in self.angles.iter_mut().zip(&chain.prepared) {
+            if A::turns(body.joint) {
+                *angle = body.angle().at(q);
             }
         }
         self.take_sines();
@@ -177,18 +177,18 @@ impl<A: Algebra> Workspace<A> {
     /// Computes rotation, position and joint axis of every body.
     #[inline(always)]
     fn place<X: Subspace<A>>(&mut self, chain: &Chain<A>, q: &[A::Scalar]) {
-        let n = chain.steps.len();
+        let n = chain.prepared.len();
         let (links, turned) = (&mut self.links[..n], ByBody { sines: &self.sines[..n], cosines: &self.cosines[..n] });
         let (mut before, mut at) = (A::no_rotation(), A::zero());
-        for (i, step) in chain.steps.iter().enumerate() {
-            let (outer, origin) = match step.parent {
+        for (i, body) in chain.prepared.iter().enumerate() {
+            let (outer, origin) = match body.parent {
                 Some(p) if p + 1 == i => (Some(before), at),
                 Some(p) => (Some(links[p].rotation), links[p].position),
                 None => (None, A::zero()),
             };
-            let (rotation, offset) = X::place(step, i, outer, q, &turned);
+            let (rotation, offset) = X::place(body, i, outer, q, &turned);
             (before, at) = (rotation, A::plus(origin, offset));
-            links[i] = Link { rotation, offset, position: at, axis: X::at_rotation(step, rotation).axis() };
+            links[i] = Link { rotation, offset, position: at, axis: X::at_rotation(body, rotation).axis() };
         }
     }
 }
@@ -337,8 +337,8 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn drifts(&mut self, qd: &[A::Scalar]) -> Result<Drifts<'_, A>, ChainError> {
         self.chain.check_nv("qd", qd.len())?;
         let base = Flow::base(A::zero());
-        for (i, step) in self.chain.steps.iter().enumerate() {
-            let outer = step.parent.map_or(base, |p| self.ws.flow[p]);
+        for (i, body) in self.chain.prepared.iter().enumerate() {
+            let outer = body.parent.map_or(base, |p| self.ws.flow[p]);
             self.ws.flow[i] = self.ws.flow_on(self.chain, i, &outer, qd, A::Scalar::zero());
         }
         Ok(Drifts { kin: self })
@@ -347,10 +347,10 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// Outward pass of the velocities: vᵢ = v_λ + sᵢ q̇ᵢ.
     pub(crate) fn spread_velocity(&mut self, qd: &[A::Scalar]) {
         let ws = &mut *self.ws;
-        for (i, step) in self.chain.steps.iter().enumerate() {
+        for (i, body) in self.chain.prepared.iter().enumerate() {
             let Link { offset, axis, .. } = ws.links[i];
-            let carried = step.parent.map_or(Motion::zero(), |p| ws.velocity[p].shifted(offset));
-            ws.velocity[i] = carried + axis.at_rate(qd[step.v_index]);
+            let carried = body.parent.map_or(Motion::zero(), |p| ws.velocity[p].shifted(offset));
+            ws.velocity[i] = carried + axis.at_rate(qd[body.v_index]);
         }
     }
 }

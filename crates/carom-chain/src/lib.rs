@@ -46,8 +46,13 @@ pub use generate::{uniform_chain, uniform_chain_urdf};
 pub use join::{Member, Placed};
 pub use kinematics::{Drifts, Kinematics, Workspace};
 pub use planarize::{PlanarChain, Plane};
-pub use prepare::{Angle, Turned};
 pub use reduce::Reduced;
-pub use specialised::planar_row::PlanarRow;
-pub use specialised::sine;
 pub use state::OutsideLimit;
+
+// For the other crates of this repository and its tests.
+#[doc(hidden)]
+pub use prepare::{Angle, HingeAngles};
+#[doc(hidden)]
+pub use specialised::planar_row::PlanarRow;
+#[doc(hidden)]
+pub use specialised::sine;

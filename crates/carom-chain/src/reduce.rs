@@ -5,7 +5,7 @@
 //! the fixed base moves nothing. The third reduction, to the plane, is [`Chain::to_planar`].
 
 use crate::algebra::{Algebra, Pose};
-use crate::assemble::{Moves, Node, weld};
+use crate::assemble::{MovingJoint, Node, weld};
 use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, Point};
 use crate::error::ChainError;
 use crate::join::Member;
@@ -57,8 +57,8 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
                 let (rotation, moved) = A::move_joint(body.joint, placement.rotation, body.ratio, body.shift, q);
                 placement = Pose { rotation, translation: placement.translation + moved };
             }
-            let moves = (!held(body)).then(|| numbering.moves(body));
-            Node { parent: body.parent, placement, inertia: body.inertia, moves }
+            let joint = (!held(body)).then(|| numbering.moving_joint(body));
+            Node { parent: body.parent, placement, inertia: body.inertia, joint }
         });
         let (bodies, places) = weld(nodes.collect());
         let frames = self.frames.iter().map(|frame| match frame.body {
@@ -100,7 +100,7 @@ impl<A: Algebra<Scalar = f64>> Chain<A> {
         let mut bodies: Vec<Body<A>> = Vec::new();
         for (i, body) in self.bodies.iter().enumerate().filter(|(i, _)| reached[root[*i]]) {
             moved_to[i] = Some(bodies.len());
-            let Moves { q_index, v_index, .. } = numbering.moves(body);
+            let MovingJoint { q_index, v_index, .. } = numbering.moving_joint(body);
             bodies.push(Body { parent: body.parent.and_then(|p| moved_to[p]), q_index, v_index, ..*body });
         }
         let frames = self.frames.iter().filter_map(|frame| {
@@ -154,8 +154,8 @@ struct Numbering {
 }
 
 impl Numbering {
-    fn moves<A: Algebra>(&self, body: &Body<A>) -> Moves<A> {
-        Moves {
+    fn moving_joint<A: Algebra>(&self, body: &Body<A>) -> MovingJoint<A> {
+        MovingJoint {
             joint_index: body.joint_index,
             joint: body.joint,
             q_index: self.new_q[body.q_index],

@@ -14,7 +14,7 @@ use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
 use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::kinematics::{Kinematics, Link, Workspace};
-use crate::prepare::Held;
+use crate::prepare::ParentSlot;
 use nalgebra::DVector;
 use num_traits::Zero;
 
@@ -52,8 +52,8 @@ impl<A: Algebra> Kinematics<'_, A> {
         self.chain.check_nv("tau", tau.len())?;
         self.spread_force(qd, Some(qdd), gravity);
         self.gather_force(tau);
-        for step in &self.chain.steps {
-            tau[step.v_index] += step.rotor * qdd[step.v_index];
+        for body in &self.chain.prepared {
+            tau[body.v_index] += body.rotor * qdd[body.v_index];
         }
         Ok(())
     }
@@ -89,9 +89,9 @@ impl<A: Algebra> Kinematics<'_, A> {
     pub fn gravity_force(&mut self, gravity: A::Vector) -> DVector<A::Scalar> {
         let mut tau = DVector::zeros(self.chain.nv);
         let ws = &mut *self.ws;
-        for (i, step) in self.chain.steps.iter().enumerate() {
-            let h = A::rotate(ws.links[i].rotation, step.inertia.first_moment);
-            ws.force[i] = Force { moment: -A::moment(h, gravity), force: -(gravity * step.inertia.mass) };
+        for (i, body) in self.chain.prepared.iter().enumerate() {
+            let h = A::rotate(ws.links[i].rotation, body.inertia.first_moment);
+            ws.force[i] = Force { moment: -A::moment(h, gravity), force: -(gravity * body.inertia.mass) };
         }
         self.gather_force(tau.as_mut_slice());
         tau
@@ -102,13 +102,13 @@ impl<A: Algebra> Kinematics<'_, A> {
         let (chain, ws) = (self.chain, &mut *self.ws);
         let base = Flow::base(-gravity);
         let mut flow = base;
-        for (i, step) in chain.steps.iter().enumerate() {
-            let outer = ws.flow_below(i, step.parent, &flow, &base);
-            flow = ws.flow_on(chain, i, &outer, qd, qdd.map_or(A::Scalar::zero(), |qdd| qdd[step.v_index]));
+        for (i, body) in chain.prepared.iter().enumerate() {
+            let outer = ws.flow_below(i, body.parent, &flow, &base);
+            flow = ws.flow_on(chain, i, &outer, qd, qdd.map_or(A::Scalar::zero(), |qdd| qdd[body.v_index]));
             let Flow { spin, spin_rate, acceleration } = flow;
-            let Inertia { mass, first_moment: h, rotational } = step.turned_inertia(ws.links[i].rotation);
+            let Inertia { mass, first_moment: h, rotational } = body.turned_inertia(ws.links[i].rotation);
             let mut force = A::swing(spin_rate, h) + A::swing(spin, A::swing(spin, h));
-            if !A::turns(step.joint) {
+            if !A::turns(body.joint) {
                 force += acceleration * mass;
             }
             let momentum = A::apply_inertia(rotational, spin);
@@ -121,18 +121,18 @@ impl<A: Algebra> Kinematics<'_, A> {
     /// Inward pass: sums the forces over each subtree and projects the sum on the joint's axis.
     fn gather_force(&mut self, tau: &mut [A::Scalar]) {
         tau.fill(A::Scalar::zero());
-        let (steps, ws) = (&self.chain.steps, &mut *self.ws);
+        let (prepared, ws) = (&self.chain.prepared, &mut *self.ws);
         let mut carried = Force::zero();
-        for (i, step) in steps.iter().enumerate().rev() {
+        for (i, body) in prepared.iter().enumerate().rev() {
             let Link { offset, ref axis, .. } = ws.links[i];
             let mut force = ws.force[i];
-            if step.end > i + 1 {
+            if body.end > i + 1 {
                 force += carried;
             }
-            tau[step.v_index] += axis.dot(force);
-            if step.held_by != Held::World {
+            tau[body.v_index] += axis.dot(force);
+            if body.parent_slot != ParentSlot::World {
                 carried = force.shifted(offset);
-                step.held_by.add(&mut ws.force, carried);
+                body.parent_slot.add(&mut ws.force, carried);
             }
         }
     }
@@ -159,13 +159,13 @@ impl<A: Algebra> Workspace<A> {
         qd: &[A::Scalar],
         qdd: A::Scalar,
     ) -> Flow<A> {
-        let step = &chain.steps[i];
+        let body = &chain.prepared[i];
         let Link { offset, axis, .. } = self.links[i];
         let (turn, drift) = self.drift(chain, i, outer.spin, qd);
         let carried = outer.acceleration + A::swing(outer.spin_rate, offset) + drift;
         match axis {
             Axis::Turn(z) => Flow {
-                spin: outer.spin + z * qd[step.v_index],
+                spin: outer.spin + z * qd[body.v_index],
                 spin_rate: outer.spin_rate + turn + z * qdd,
                 acceleration: carried,
             },
@@ -183,14 +183,14 @@ impl<A: Algebra> Workspace<A> {
         spin: A::Angular,
         qd: &[A::Scalar],
     ) -> (A::Angular, A::Vector) {
-        let step = &chain.steps[i];
+        let body = &chain.prepared[i];
         let Link { offset, axis, .. } = self.links[i];
         let centripetal = A::swing(spin, A::swing(spin, offset));
         match axis {
-            Axis::Turn(_) if A::rides_along(step.joint) => self.drift_of_floating(chain, i, qd),
-            Axis::Turn(z) => (A::cross_angular(spin, z * qd[step.v_index]), centripetal),
+            Axis::Turn(_) if A::rides_along(body.joint) => self.drift_of_floating(chain, i, qd),
+            Axis::Turn(z) => (A::cross_angular(spin, z * qd[body.v_index]), centripetal),
             Axis::Slide(z) => {
-                let carried = A::swing(spin, z * qd[step.v_index]);
+                let carried = A::swing(spin, z * qd[body.v_index]);
                 (A::zero_angular(), centripetal + carried + carried)
             }
         }
@@ -201,16 +201,16 @@ impl<A: Algebra> Workspace<A> {
     #[cold]
     fn drift_of_floating(&self, chain: &Chain<A>, i: usize, qd: &[A::Scalar]) -> (A::Angular, A::Vector) {
         let mut first = i;
-        while A::rides_along(chain.steps[first].joint) {
+        while A::rides_along(chain.prepared[first].joint) {
             first -= 1;
         }
         let mut joint = Motion::zero();
         for k in first..i {
             if let slide @ Axis::Slide(_) = self.links[k].axis {
-                joint = joint + slide.at_rate(qd[chain.steps[k].v_index]);
+                joint = joint + slide.at_rate(qd[chain.prepared[k].v_index]);
             }
         }
-        let own = self.links[i].axis.at_rate(qd[chain.steps[i].v_index]).angular;
+        let own = self.links[i].axis.at_rate(qd[chain.prepared[i].v_index]).angular;
         // The first axis is a slider: its ω is that of the parent body.
         (A::cross_angular(self.flow[first].spin, own), A::swing(own, joint.linear))
     }

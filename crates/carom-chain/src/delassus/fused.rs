@@ -4,7 +4,7 @@ use super::PointResponse;
 use super::topology::Topology;
 use crate::algebra::{Algebra, Real};
 use crate::kinematics::Link;
-use crate::prepare::{Step, Subspace, Turned};
+use crate::prepare::{HingeAngles, PreparedBody, Subspace};
 use num_traits::{One, Zero};
 
 /// One body in the fused pass. Aligned, so that no vector of eight numbers crosses a cache line.
@@ -72,7 +72,7 @@ fn subtract<T: Real>(rows: &mut [T], length: usize, i: usize, k: usize, share: T
 /// Where the pass takes the poses of the bodies from. It is a trait because inlining of a closure cannot be forced.
 pub(super) trait Poses<A: Algebra> {
     /// Writes all bodies, without their children's inertia.
-    fn write<X: Subspace<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]);
+    fn write<X: Subspace<A>>(&self, topology: impl Topology, prepared: &[PreparedBody<A>], bodies: &mut [BodyAt<A, X>]);
 }
 
 /// The poses at q, for the sines and cosines of the hinges' angles.
@@ -81,18 +81,23 @@ pub(super) struct At<'a, A: Algebra, U> {
     pub turned: &'a U,
 }
 
-impl<A: Algebra, U: Turned<A>> Poses<A> for At<'_, A, U> {
+impl<A: Algebra, U: HingeAngles<A>> Poses<A> for At<'_, A, U> {
     #[inline(always)]
-    fn write<X: Subspace<A>>(&self, topology: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
-        let at_hand = single::<A::Scalar>();
+    fn write<X: Subspace<A>>(
+        &self,
+        topology: impl Topology,
+        prepared: &[PreparedBody<A>],
+        bodies: &mut [BodyAt<A, X>],
+    ) {
+        let from_registers = single::<A::Scalar>();
         let mut before = A::no_rotation();
         for i in 0..bodies.len() {
             let outer = match topology.parent(i) {
-                Some(p) if at_hand && p + 1 == i => Some(before),
+                Some(p) if from_registers && p + 1 == i => Some(before),
                 Some(p) => Some(bodies[p].rotation),
                 None => None,
             };
-            let body = BodyAt::at(&steps[i], i, outer, self.q, self.turned);
+            let body = BodyAt::at(&prepared[i], i, outer, self.q, self.turned);
             before = body.rotation;
             bodies[i] = body;
         }
@@ -102,10 +107,10 @@ impl<A: Algebra, U: Turned<A>> Poses<A> for At<'_, A, U> {
 /// The poses of a workspace.
 impl<A: Algebra> Poses<A> for [Link<A>] {
     #[inline(always)]
-    fn write<X: Subspace<A>>(&self, _: impl Topology, steps: &[Step<A>], bodies: &mut [BodyAt<A, X>]) {
-        for ((body, step), link) in bodies.iter_mut().zip(steps).zip(self) {
-            let (axis, composite) = (X::of(step, link), X::own(step, link.rotation));
-            *body = BodyAt { rotation: link.rotation, offset: link.offset, axis, composite };
+    fn write<X: Subspace<A>>(&self, _: impl Topology, prepared: &[PreparedBody<A>], bodies: &mut [BodyAt<A, X>]) {
+        for ((at, body), link) in bodies.iter_mut().zip(prepared).zip(self) {
+            let (axis, composite) = (X::of(body, link), X::own(body, link.rotation));
+            *at = BodyAt { rotation: link.rotation, offset: link.offset, axis, composite };
         }
     }
 }
@@ -115,14 +120,14 @@ impl<A: Algebra> Poses<A> for [Link<A>] {
 #[inline(always)]
 pub(super) fn read<'a, A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
-    steps: &[Step<A>],
+    prepared: &[PreparedBody<A>],
     bodies: &mut [BodyAt<A, X>],
     arm: A::Vector,
     normal: A::Vector,
     added: &[A::Scalar],
     mut memory: Memory<'a, A>,
 ) -> PointResponse<'a, A> {
-    composite_rigid_body(topology, steps, bodies, added, &mut memory);
+    composite_rigid_body(topology, prepared, bodies, added, &mut memory);
     let position = jacobian(topology, bodies, arm, &mut memory);
     eliminate(topology, bodies.len(), position, normal, memory)
 }
@@ -131,29 +136,29 @@ pub(super) fn read<'a, A: Algebra, X: Subspace<A>>(
 #[inline(always)]
 fn composite_rigid_body<A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
-    steps: &[Step<A>],
+    prepared: &[PreparedBody<A>],
     bodies: &mut [BodyAt<A, X>],
     added: &[A::Scalar],
     memory: &mut Memory<A>,
 ) {
-    let (n, at_hand) = (bodies.len(), single::<A::Scalar>());
+    let (n, from_registers) = (bodies.len(), single::<A::Scalar>());
     let length = row_length::<A::Scalar>(n);
     let (rows, mass_matrix) = (&mut memory.factor[..n * length], &mut memory.mass_matrix[..n * n]);
     let mut carried = X::nothing();
     for i in (0..n).rev() {
         let mut composite = bodies[i].composite;
-        if at_hand && i + 1 < n && topology.parent(i + 1) == Some(i) {
+        if from_registers && i + 1 < n && topology.parent(i + 1) == Some(i) {
             composite += carried;
         }
         if let Some(p) = topology.parent(i) {
-            carried = X::shifted(&steps[i], &composite, bodies[i].offset);
-            if !at_hand || p + 1 < i {
+            carried = X::shifted(&prepared[i], &composite, bodies[i].offset);
+            if !from_registers || p + 1 < i {
                 bodies[p].composite += carried;
             }
         }
         let mut f = bodies[i].axis.momentum(&composite);
         let v = topology.coordinate(i);
-        let own = bodies[i].axis.share(f) + steps[i].rotor;
+        let own = bodies[i].axis.project(f) + prepared[i].rotor;
         let depth = topology.depth(i);
         let row = &mut rows[i * length..][..=depth];
         (row[depth], mass_matrix[v * n + v]) = (own, own);
@@ -166,7 +171,7 @@ fn composite_rigid_body<A: Algebra, X: Subspace<A>>(
             for j in run.rev() {
                 b -= 1;
                 f = f.shifted(shift);
-                let m = bodies[j].axis.share(f);
+                let m = bodies[j].axis.project(f);
                 shift = bodies[j].offset;
                 let w = topology.coordinate(j);
                 row[b] = m;
@@ -296,9 +301,15 @@ impl<A: Algebra> Sum<A> {
 impl<A: Algebra, X: Subspace<A>> BodyAt<A, X> {
     /// Body `i`, for the rotation `outer` of its parent, without its children's inertia.
     #[inline(always)]
-    pub fn at(step: &Step<A>, i: usize, outer: Option<A::Rotation>, q: &[A::Scalar], turned: &impl Turned<A>) -> Self {
-        let (rotation, offset) = X::place(step, i, outer, q, turned);
-        Self { rotation, offset, axis: X::at_rotation(step, rotation), composite: X::own(step, rotation) }
+    pub fn at(
+        body: &PreparedBody<A>,
+        i: usize,
+        outer: Option<A::Rotation>,
+        q: &[A::Scalar],
+        turned: &impl HingeAngles<A>,
+    ) -> Self {
+        let (rotation, offset) = X::place(body, i, outer, q, turned);
+        Self { rotation, offset, axis: X::at_rotation(body, rotation), composite: X::own(body, rotation) }
     }
 
     /// Initial contents, to be overwritten.

@@ -45,14 +45,14 @@ mod view;
 use crate::algebra::{Algebra, Axis};
 use crate::chain::{Chain, Point};
 use crate::error::ChainError;
-use crate::prepare::{Angle, ByBody, Hinge, Step, Turned};
+use crate::prepare::{Angle, ByBody, Hinge, HingeAngles, PreparedBody};
 use crate::specialised::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
 use fused::{At, BodyAt, Memory, Poses, read, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
 pub use rows::Rows;
 use std::sync::Arc;
-use topology::{Row, Tree, Way};
+use topology::{PathToRoot, Row, Tree};
 use unrolled::{read_three, read_two};
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
@@ -71,18 +71,19 @@ pub(crate) struct Structure {
     pub hinges_alone: bool,
     /// Whether they are a row, one after another in the order of their coordinates.
     pub row: bool,
-    ways: Vec<Way>,
+    paths: Vec<PathToRoot>,
 }
 
 impl Structure {
-    pub fn of<A: Algebra<Scalar = f64>>(steps: &[Step<A>], nv: usize) -> Self {
+    pub fn of<A: Algebra<Scalar = f64>>(prepared: &[PreparedBody<A>], nv: usize) -> Self {
         // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
-        let hinge = |step: &Step<A>| A::turns(step.joint) && (step.ratio == 1.0 || A::ANGULAR == 1);
-        let hinges_alone = steps.len() == nv && steps.iter().all(hinge);
-        let follows =
-            |(i, step): (usize, &Step<A>)| (step.parent, step.v_index, step.q_index) == (i.checked_sub(1), i, i);
-        let row = hinges_alone && !steps.is_empty() && steps.iter().enumerate().all(follows);
-        Self { hinges_alone, row, ways: Way::all(steps) }
+        let hinge = |body: &PreparedBody<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
+        let hinges_alone = prepared.len() == nv && prepared.iter().all(hinge);
+        let follows = |(i, body): (usize, &PreparedBody<A>)| {
+            (body.parent, body.v_index, body.q_index) == (i.checked_sub(1), i, i)
+        };
+        let row = hinges_alone && !prepared.is_empty() && prepared.iter().enumerate().all(follows);
+        Self { hinges_alone, row, paths: PathToRoot::all(prepared) }
     }
 }
 
@@ -230,19 +231,19 @@ impl<A: Algebra<Scalar = f64>> ContactPoint<'_, A> {
                 memory.keep(read_two([a, b], self.arm, &turned, normal).response(), visit);
             }
             Some([a, b, c]) if added.is_empty() => {
-                let sin_cos = [a, b, c].map(|step| sin_cos(step.angle().at(q)));
+                let sin_cos = [a, b, c].map(|body| sin_cos(body.angle().at(q)));
                 let turned = ByBody { sines: &sin_cos.map(|x| x.0), cosines: &sin_cos.map(|x| x.1) };
                 memory.keep(read_three([a, b, c], self.arm, &turned, normal).response(), visit);
             }
             _ => {
                 let [mut angles, mut sines, mut cosines] = std::mem::take(&mut memory.angles);
-                let steps = &self.chain.steps;
+                let prepared = &self.chain.prepared;
                 for all in [&mut angles, &mut sines, &mut cosines] {
-                    all.resize(steps.len(), 0.0);
+                    all.resize(prepared.len(), 0.0);
                 }
-                for (angle, step) in angles.iter_mut().zip(steps) {
-                    if A::turns(step.joint) {
-                        *angle = step.angle().at(q);
+                for (angle, body) in angles.iter_mut().zip(prepared) {
+                    if A::turns(body.joint) {
+                        *angle = body.angle().at(q);
                     }
                 }
                 sin_cos_by_pairs(&angles, &mut sines, &mut cosines);
@@ -263,15 +264,15 @@ impl<A: Algebra> ContactPoint<'_, A> {
 
     /// The hinges, if they are a row and the point is on the last body.
     #[inline(always)]
-    fn row(&self) -> Option<&[Step<A>]> {
-        let Chain { steps, structure, .. } = self.chain;
-        (structure.row && self.body + 1 == steps.len()).then_some(steps)
+    fn row(&self) -> Option<&[PreparedBody<A>]> {
+        let Chain { prepared, structure, .. } = self.chain;
+        (structure.row && self.body + 1 == prepared.len()).then_some(prepared)
     }
 
     /// The hinges whose sines and cosines [`Self::visit_turned`] needs: index of the body, and angle.
     pub fn angles(&self) -> Vec<(usize, Angle<A::Scalar>)> {
-        let hinges = self.chain.steps.iter().enumerate().filter(|(_, step)| A::turns(step.joint));
-        hinges.map(|(i, step)| (i, step.angle())).collect()
+        let hinges = self.chain.prepared.iter().enumerate().filter(|(_, body)| A::turns(body.joint));
+        hinges.map(|(i, body)| (i, body.angle())).collect()
     }
 
     /// As [`Self::visit`], with the sines and cosines of the hinges' angles given. Each lane of a SIMD scalar gives the same
@@ -283,7 +284,7 @@ impl<A: Algebra> ContactPoint<'_, A> {
     pub fn visit_turned(
         &self,
         q: &[A::Scalar],
-        turned: &impl Turned<A>,
+        turned: &impl HingeAngles<A>,
         normal: A::Vector,
         added: &[A::Scalar],
         memory: &mut ResponseMemory<A>,
@@ -312,23 +313,23 @@ impl<A: Algebra> ContactPoint<'_, A> {
         memory: &mut ResponseMemory<A>,
         mut visit: impl Visit<A>,
     ) {
-        let (Chain { steps, structure, .. }, arm) = (self.chain, self.arm);
-        let (n, tree) = (steps.len(), Tree::new(&structure.ways, self.body));
+        let (Chain { prepared, structure, .. }, arm) = (self.chain, self.arm);
+        let (n, tree) = (prepared.len(), Tree::new(&structure.paths, self.body));
         memory.grow(n, row_length::<A::Scalar>(n));
         memory.put_zeros(structure, self.body);
         let (hinges, joints, parts) = memory.parts(n);
         let response = if self.row().is_some() {
             hinges.resize(n, BodyAt::new());
-            poses.write(Row, steps, hinges);
-            read(Row, steps, hinges, arm, normal, added, parts)
+            poses.write(Row, prepared, hinges);
+            read(Row, prepared, hinges, arm, normal, added, parts)
         } else if structure.hinges_alone {
             hinges.resize(n, BodyAt::new());
-            poses.write(tree, steps, hinges);
-            read(tree, steps, hinges, arm, normal, added, parts)
+            poses.write(tree, prepared, hinges);
+            read(tree, prepared, hinges, arm, normal, added, parts)
         } else {
             joints.resize(n, BodyAt::new());
-            poses.write(tree, steps, joints);
-            read(tree, steps, joints, arm, normal, added, parts)
+            poses.write(tree, prepared, joints);
+            read(tree, prepared, joints, arm, normal, added, parts)
         };
         visit.visit(response);
         let PointResponse { position, delassus, mobility, .. } = response;

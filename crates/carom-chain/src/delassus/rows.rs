@@ -171,7 +171,7 @@ impl<A: Algebra<Scalar = f64>> Workspace<A> {
     /// Writes L from the articulated inertias: row k has the entries of the ancestors of body k by their depth.
     fn write_factor(&mut self, chain: &Chain<A>) {
         let n = chain.bodies.len();
-        let tree = Tree::new(&chain.structure.ways, 0);
+        let tree = Tree::new(&chain.structure.paths, 0);
         self.factor.resize(n * n, 0.0);
         for k in 0..n {
             let mut force = self.free[k].transmitted * self.free[k].inverse_d;
@@ -190,7 +190,7 @@ impl<A: Algebra<Scalar = f64>> Workspace<A> {
     /// x = L⁻¹ D⁻¹ L⁻ᵀ r for all rows r, with the factor in place.
     fn solve_rows(&mut self, chain: &Chain<A>, rows: &Rows, responses: &mut Rows) {
         let (n, nv) = (chain.bodies.len(), chain.nv());
-        let tree = Tree::new(&chain.structure.ways, 0);
+        let tree = Tree::new(&chain.structure.paths, 0);
         let Self { factor, free, solved, .. } = self;
         solved.resize(n, [0.0; TOGETHER]);
         let blocks = rows.numbers.chunks(TOGETHER * nv).zip(responses.numbers.chunks_mut(TOGETHER * nv));

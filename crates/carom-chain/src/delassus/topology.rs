@@ -7,7 +7,7 @@
 //! A row needs no table. `tests/delassus.rs` compares both with the definitions.
 
 use crate::algebra::Algebra;
-use crate::prepare::Step;
+use crate::prepare::PreparedBody;
 use std::ops::Range;
 
 /// The structure of M: which entries of its factor are not zero.
@@ -58,7 +58,7 @@ impl Topology for Row {
 
 /// The path from one body to the world.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Way {
+pub(crate) struct PathToRoot {
     /// Its coordinate.
     coordinate: usize,
     /// Number of its ancestors.
@@ -69,24 +69,24 @@ pub(crate) struct Way {
     branch: Range<usize>,
 }
 
-impl Way {
+impl PathToRoot {
     /// The paths of all bodies.
-    pub fn all<A: Algebra>(steps: &[Step<A>]) -> Vec<Self> {
-        let mut ways: Vec<Self> = Vec::with_capacity(steps.len());
-        for (i, step) in steps.iter().enumerate() {
-            let (depth, run, branch) = match step.parent {
-                None => (0, 0..0, i..step.end),
-                Some(p) => (ways[p].depth + 1, steps[p].run..p + 1, ways[p].branch.clone()),
+    pub fn all<A: Algebra>(prepared: &[PreparedBody<A>]) -> Vec<Self> {
+        let mut paths: Vec<Self> = Vec::with_capacity(prepared.len());
+        for (i, body) in prepared.iter().enumerate() {
+            let (depth, run, branch) = match body.parent {
+                None => (0, 0..0, i..body.end),
+                Some(p) => (paths[p].depth + 1, prepared[p].run..p + 1, paths[p].branch.clone()),
             };
-            ways.push(Self { coordinate: step.v_index, depth, run, branch });
+            paths.push(Self { coordinate: body.v_index, depth, run, branch });
         }
-        ways
+        paths
     }
 }
 
 /// See [`Topology::runs`].
 struct Runs<'a> {
-    ways: &'a [Way],
+    paths: &'a [PathToRoot],
     /// The body whose path comes next.
     next: usize,
 }
@@ -95,7 +95,7 @@ impl Iterator for Runs<'_> {
     type Item = Range<usize>;
     #[inline(always)]
     fn next(&mut self) -> Option<Range<usize>> {
-        let run = self.ways[self.next].run.clone();
+        let run = self.paths[self.next].run.clone();
         self.next = run.start;
         (!run.is_empty()).then_some(run)
     }
@@ -104,35 +104,35 @@ impl Iterator for Runs<'_> {
 /// A tree with a point.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Tree<'a> {
-    ways: &'a [Way],
+    paths: &'a [PathToRoot],
     point: usize,
     moved: (usize, usize),
 }
 
 impl<'a> Tree<'a> {
     #[inline(always)]
-    pub fn new(ways: &'a [Way], point: usize) -> Self {
-        let Range { start, end } = ways[point].branch;
-        Self { ways, point, moved: (start, end) }
+    pub fn new(paths: &'a [PathToRoot], point: usize) -> Self {
+        let Range { start, end } = paths[point].branch;
+        Self { paths, point, moved: (start, end) }
     }
 }
 
 impl Topology for Tree<'_> {
     #[inline(always)]
     fn runs(self, i: usize) -> impl Iterator<Item = Range<usize>> {
-        Runs { ways: self.ways, next: i }
+        Runs { paths: self.paths, next: i }
     }
     #[inline(always)]
     fn parent(self, i: usize) -> Option<usize> {
-        self.ways[i].run.end.checked_sub(1)
+        self.paths[i].run.end.checked_sub(1)
     }
     #[inline(always)]
     fn depth(self, i: usize) -> usize {
-        self.ways[i].depth
+        self.paths[i].depth
     }
     #[inline(always)]
     fn coordinate(self, i: usize) -> usize {
-        self.ways[i].coordinate
+        self.paths[i].coordinate
     }
     #[inline(always)]
     fn point(self, _: usize) -> usize {

@@ -7,26 +7,26 @@
 use super::PointResponse;
 use super::fused::{BodyAt, Sum};
 use crate::algebra::Algebra;
-use crate::prepare::{Hinge, Step, Subspace, Turned};
+use crate::prepare::{Hinge, HingeAngles, PreparedBody, Subspace};
 use num_traits::One;
 
 /// The pass for two hinges.
 #[inline(always)]
 pub(super) fn read_two<A: Algebra>(
-    steps: [&Step<A>; 2],
+    prepared: [&PreparedBody<A>; 2],
     arm: A::Vector,
-    turned: &impl Turned<A>,
+    turned: &impl HingeAngles<A>,
     n: A::Vector,
 ) -> Answer<A, 2> {
-    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
-    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
+    let b0 = BodyAt::<A, Hinge<A>>::at(prepared[0], 0, None, &[], turned);
+    let b1 = BodyAt::<A, Hinge<A>>::at(prepared[1], 1, Some(b0.rotation), &[], turned);
 
     let f1 = b1.axis.momentum(&b1.composite);
-    let m11 = b1.axis.share(f1) + steps[1].rotor;
-    let m10 = b0.axis.share(f1.shifted(b1.offset));
+    let m11 = b1.axis.project(f1) + prepared[1].rotor;
+    let m10 = b0.axis.project(f1.shifted(b1.offset));
     let mut composite = b0.composite;
     composite += b1.composite.shifted(b1.offset);
-    let m00 = b0.axis.share(b0.axis.momentum(&composite)) + steps[0].rotor;
+    let m00 = b0.axis.project(b0.axis.momentum(&composite)) + prepared[0].rotor;
 
     let r1 = A::rotate(b1.rotation, arm);
     let j1 = b1.axis.at(r1);
@@ -56,29 +56,29 @@ pub(super) fn read_two<A: Algebra>(
 /// The pass for three hinges.
 #[inline(always)]
 pub(super) fn read_three<A: Algebra>(
-    steps: [&Step<A>; 3],
+    prepared: [&PreparedBody<A>; 3],
     arm: A::Vector,
-    turned: &impl Turned<A>,
+    turned: &impl HingeAngles<A>,
     n: A::Vector,
 ) -> Answer<A, 3> {
-    let b0 = BodyAt::<A, Hinge<A>>::at(steps[0], 0, None, &[], turned);
-    let b1 = BodyAt::<A, Hinge<A>>::at(steps[1], 1, Some(b0.rotation), &[], turned);
-    let b2 = BodyAt::<A, Hinge<A>>::at(steps[2], 2, Some(b1.rotation), &[], turned);
+    let b0 = BodyAt::<A, Hinge<A>>::at(prepared[0], 0, None, &[], turned);
+    let b1 = BodyAt::<A, Hinge<A>>::at(prepared[1], 1, Some(b0.rotation), &[], turned);
+    let b2 = BodyAt::<A, Hinge<A>>::at(prepared[2], 2, Some(b1.rotation), &[], turned);
 
     let f2 = b2.axis.momentum(&b2.composite);
-    let m22 = b2.axis.share(f2) + steps[2].rotor;
+    let m22 = b2.axis.project(f2) + prepared[2].rotor;
     let f2 = f2.shifted(b2.offset);
-    let m21 = b1.axis.share(f2);
-    let m20 = b0.axis.share(f2.shifted(b1.offset));
+    let m21 = b1.axis.project(f2);
+    let m20 = b0.axis.project(f2.shifted(b1.offset));
     let mut composite = b1.composite;
     composite += b2.composite.shifted(b2.offset);
     let f1 = b1.axis.momentum(&composite);
-    let m11 = b1.axis.share(f1) + steps[1].rotor;
-    let m10 = b0.axis.share(f1.shifted(b1.offset));
+    let m11 = b1.axis.project(f1) + prepared[1].rotor;
+    let m10 = b0.axis.project(f1.shifted(b1.offset));
     let carried = composite.shifted(b1.offset);
     let mut composite = b0.composite;
     composite += carried;
-    let m00 = b0.axis.share(b0.axis.momentum(&composite)) + steps[0].rotor;
+    let m00 = b0.axis.project(b0.axis.momentum(&composite)) + prepared[0].rotor;
 
     let r2 = A::rotate(b2.rotation, arm);
     let j2 = b2.axis.at(r2);

@@ -3,6 +3,7 @@
 use super::fused::{Memory, eliminate, row_length};
 use super::topology::Row;
 use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory, singular};
+use crate::aba::Articulation;
 use crate::algebra::Algebra;
 use crate::chain::Point;
 use crate::error::ChainError;
@@ -34,6 +35,26 @@ impl<A: Algebra> PointResponse<'_, A> {
             twice += (self.mass_matrix[v * n + v] * qd[v] + momentum + momentum) * qd[v];
         }
         twice * convert(0.5)
+    }
+}
+
+impl<A: Algebra> Articulation<'_, '_, A> {
+    /// What a unit impulse at a point along `direction` (world axes) does: `row` becomes Jᵀ d, the impulse on the joints, and
+    /// `response` M⁻¹Jᵀ d, the jump of the joint velocities; both of length nv. For any scalar, SIMD lanes included, without
+    /// branches and allocations; it is not checked that the joints move inertia.
+    ///
+    /// # Errors
+    /// [`ChainError::WrongLength`].
+    pub fn respond_along(
+        &mut self,
+        point: Point<A>,
+        direction: A::Vector,
+        row: &mut [A::Scalar],
+        response: &mut [A::Scalar],
+    ) -> Result<(), ChainError> {
+        row.fill(A::Scalar::zero());
+        self.kin.add_point_force(point, direction, row)?;
+        self.solve_into(row, response)
     }
 }
 
@@ -217,8 +238,8 @@ where
             mobility += A::dot(y, normal) * A::dot(scaled, normal);
         });
         for k in 0..A::LINEAR {
-            for (free, step) in self.ws.free.iter_mut().zip(&self.chain.steps) {
-                free.drive = A::linear_part(felt[step.v_index], k);
+            for (free, body) in self.ws.free.iter_mut().zip(&self.chain.prepared) {
+                free.drive = A::linear_part(felt[body.v_index], k);
             }
             let unit = A::vector(|i| if i == k { convert(1.0) } else { A::Scalar::zero() });
             self.accelerate(false, |v, rate| response[v] += A::times(unit, rate));

@@ -23,7 +23,7 @@ impl<T: Real> Angle<T> {
 
 /// Source of the sines and cosines of joint angles. It is a trait because, as for [`crate::Visit`], inlining of a closure
 /// cannot be forced: in SIMD lanes the call of a closure cost more than the sines.
-pub trait Turned<A: Algebra> {
+pub trait HingeAngles<A: Algebra> {
     /// (sin, cos) of the angle of body `i`, whose joint is a hinge.
     fn sin_cos(&self, i: usize, angle: Angle<A::Scalar>) -> (A::Scalar, A::Scalar);
 }
@@ -34,7 +34,7 @@ pub(crate) struct ByBody<'a, T> {
     pub cosines: &'a [T],
 }
 
-impl<A: Algebra> Turned<A> for ByBody<'_, A::Scalar> {
+impl<A: Algebra> HingeAngles<A> for ByBody<'_, A::Scalar> {
     #[inline(always)]
     fn sin_cos(&self, i: usize, _: Angle<A::Scalar>) -> (A::Scalar, A::Scalar) {
         (self.sines[i], self.cosines[i])

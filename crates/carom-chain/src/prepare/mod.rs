@@ -14,7 +14,7 @@ mod base_parameters;
 mod subspace;
 
 pub(crate) use angle::ByBody;
-pub use angle::{Angle, Turned};
+pub use angle::{Angle, HingeAngles};
 pub(crate) use subspace::{Hinge, Subspace};
 
 use crate::algebra::{Algebra, Inertia, Real};
@@ -26,7 +26,7 @@ use std::ops::AddAssign;
 
 /// One body and its parent joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Step<A: Algebra> {
+pub(crate) struct PreparedBody<A: Algebra> {
     pub joint: A::Joint,
     pub placing: Placing<A>,
     /// Position of the joint's origin in the parent body, parent axes, m.
@@ -49,30 +49,30 @@ pub(crate) struct Step<A: Algebra> {
     /// Whether it has more than one child.
     pub branches: bool,
     /// Where an inward pass stores its contribution to its parent.
-    pub held_by: Held,
+    pub parent_slot: ParentSlot,
     /// Whether no base inertial parameters of its subtree have mass.
     pub massless: bool,
 }
 
 /// Where an inward pass stores the contribution of a body to its parent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Held {
+pub(crate) enum ParentSlot {
     /// Nowhere: the parent is the world, and there is nothing to accumulate.
     World,
     /// Nowhere: the parent is the previous body, and the contribution is kept in registers.
-    InHand,
+    Previous,
     /// In the entry of this parent, which it overwrites: the body is the parent's last child, the first to be visited.
     Last(usize),
     /// In the entry of this parent, to which it is added.
     Between(usize),
 }
 
-impl Held {
+impl ParentSlot {
     /// Stores the contribution of a body in its parent's entry.
     #[inline(always)]
     pub fn keep<X: Copy + AddAssign>(self, places: &mut [X], x: X) {
         match self {
-            Self::World | Self::InHand => {}
+            Self::World | Self::Previous => {}
             Self::Last(p) => places[p] = x,
             Self::Between(p) => places[p] += x,
         }
@@ -82,21 +82,21 @@ impl Held {
     #[inline(always)]
     pub fn add<X: Copy + AddAssign>(self, places: &mut [X], x: X) {
         match self {
-            Self::World | Self::InHand => {}
+            Self::World | Self::Previous => {}
             Self::Last(p) | Self::Between(p) => places[p] += x,
         }
     }
 }
 
-impl<A: Algebra<Scalar = f64>> Step<A> {
-    /// All steps of a tree, whose bodies and frames are expressed in new axes: see [`align`].
+impl<A: Algebra<Scalar = f64>> PreparedBody<A> {
+    /// All bodies of a tree with their joints; its bodies and frames are expressed in new axes: see [`align`].
     pub fn of(bodies: &mut [Body<A>], frames: &mut [Frame<A>]) -> Vec<Self> {
         let placings = align(bodies, frames);
-        let prepared = placings.into_iter().zip(base_parameters(bodies));
-        let mut steps: Vec<Self> = Vec::with_capacity(bodies.len());
-        for (i, (body, ((placing, shift), inertia))) in bodies.iter().zip(prepared).enumerate() {
+        let placed = placings.into_iter().zip(base_parameters(bodies));
+        let mut prepared: Vec<Self> = Vec::with_capacity(bodies.len());
+        for (i, (body, ((placing, shift), inertia))) in bodies.iter().zip(placed).enumerate() {
             let Body { parent, joint, placement, q_index, v_index, ratio, rotor, .. } = *body;
-            steps.push(Self {
+            prepared.push(Self {
                 joint,
                 placing,
                 translation: placement.translation,
@@ -107,31 +107,31 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
                 parent,
                 q_index,
                 v_index,
-                run: if i > 0 && parent == Some(i - 1) { steps[i - 1].run } else { i },
+                run: if i > 0 && parent == Some(i - 1) { prepared[i - 1].run } else { i },
                 end: i + 1,
                 branches: false,
-                held_by: Held::World,
+                parent_slot: ParentSlot::World,
                 massless: A::turns(joint),
             });
         }
-        for i in (0..steps.len()).rev() {
-            let Self { parent: Some(p), end, massless, .. } = steps[i] else { continue };
-            steps[i].held_by = match steps[p].branches {
-                _ if p + 1 == i => Held::InHand,
-                true => Held::Between(p),
-                false => Held::Last(p),
+        for i in (0..prepared.len()).rev() {
+            let Self { parent: Some(p), end, massless, .. } = prepared[i] else { continue };
+            prepared[i].parent_slot = match prepared[p].branches {
+                _ if p + 1 == i => ParentSlot::Previous,
+                true => ParentSlot::Between(p),
+                false => ParentSlot::Last(p),
             };
-            let below = &mut steps[p];
+            let below = &mut prepared[p];
             below.end = below.end.max(end);
             below.massless &= massless;
             below.branches |= p + 1 < i;
         }
-        steps
+        prepared
     }
 
     /// The same over another scalar.
-    pub fn cast<U: Real>(&self) -> Step<A::Cast<U>> {
-        Step {
+    pub fn cast<U: Real>(&self) -> PreparedBody<A::Cast<U>> {
+        PreparedBody {
             joint: self.joint,
             placing: self.placing.cast(),
             translation: A::cast_vector(self.translation),
@@ -145,13 +145,13 @@ impl<A: Algebra<Scalar = f64>> Step<A> {
             run: self.run,
             end: self.end,
             branches: self.branches,
-            held_by: self.held_by,
+            parent_slot: self.parent_slot,
             massless: self.massless,
         }
     }
 }
 
-impl<A: Algebra> Step<A> {
+impl<A: Algebra> PreparedBody<A> {
     /// The angle of its hinge.
     #[inline(always)]
     pub fn angle(&self) -> Angle<A::Scalar> {

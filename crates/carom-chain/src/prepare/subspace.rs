@@ -6,7 +6,7 @@
 //! chain is made. Gain (`book/src/benchmarks.md`): kinematics of arm7 1703 → 1521 instructions, the fused pass of humanoid29
 //! 33 047 → 29 645. `tests/delassus.rs` compares both with the definitions.
 
-use super::{Step, Turned};
+use super::{HingeAngles, PreparedBody};
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::kinematics::Link;
 use num_traits::Zero;
@@ -21,28 +21,28 @@ pub(crate) trait Subspace<A: Algebra>: Copy {
     fn still() -> Self;
     /// Rotation of body `i` and offset of its origin from the parent's, for the parent's rotation `outer`; `None` is the world.
     fn place(
-        step: &Step<A>,
+        body: &PreparedBody<A>,
         i: usize,
         outer: Option<A::Rotation>,
         q: &[A::Scalar],
-        turned: &impl Turned<A>,
+        turned: &impl HingeAngles<A>,
     ) -> (A::Rotation, A::Vector);
     /// The axis of a body's joint, for the body's rotation.
-    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self;
+    fn at_rotation(body: &PreparedBody<A>, rotation: A::Rotation) -> Self;
     /// The axis of a body's joint, for a body whose pose is known.
-    fn of(step: &Step<A>, link: &Link<A>) -> Self;
+    fn of(body: &PreparedBody<A>, link: &Link<A>) -> Self;
     /// The axis as [`Axis`].
     fn axis(self) -> Axis<A>;
     /// Zero inertia.
     fn nothing() -> Self::Inertia;
     /// The inertia of a body without its children, in world axes.
-    fn own(step: &Step<A>, rotation: A::Rotation) -> Self::Inertia;
+    fn own(body: &PreparedBody<A>, rotation: A::Rotation) -> Self::Inertia;
     /// The composite inertia of a body, about the point at −r.
-    fn shifted(step: &Step<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
+    fn shifted(body: &PreparedBody<A>, inertia: &Self::Inertia, r: A::Vector) -> Self::Inertia;
     /// I s
     fn momentum(self, inertia: &Self::Inertia) -> Force<A>;
     /// s · f
-    fn share(self, force: Force<A>) -> A::Scalar;
+    fn project(self, force: Force<A>) -> A::Scalar;
     /// The velocity, at unit joint rate, of the point at r.
     fn at(self, r: A::Vector) -> A::Vector;
     /// Converts the inertia to [`Inertia`].
@@ -61,25 +61,25 @@ impl<A: Algebra> Subspace<A> for Axis<A> {
     }
     #[inline(always)]
     fn place(
-        step: &Step<A>,
+        body: &PreparedBody<A>,
         i: usize,
         outer: Option<A::Rotation>,
         q: &[A::Scalar],
-        turned: &impl Turned<A>,
+        turned: &impl HingeAngles<A>,
     ) -> (A::Rotation, A::Vector) {
-        if A::turns(step.joint) {
-            return Hinge::place(step, i, outer, q, turned);
+        if A::turns(body.joint) {
+            return Hinge::place(body, i, outer, q, turned);
         }
-        let (placed, offset) = (step.placing.placed(outer), step.offset(outer));
-        let (rotation, moved) = A::move_joint(step.joint, placed, step.ratio, step.shift, &q[step.q_index..]);
+        let (placed, offset) = (body.placing.placed(outer), body.offset(outer));
+        let (rotation, moved) = A::move_joint(body.joint, placed, body.ratio, body.shift, &q[body.q_index..]);
         (rotation, A::plus(offset, moved))
     }
     #[inline(always)]
-    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self {
-        A::axis(step.joint, rotation).scaled(step.ratio)
+    fn at_rotation(body: &PreparedBody<A>, rotation: A::Rotation) -> Self {
+        A::axis(body.joint, rotation).scaled(body.ratio)
     }
     #[inline(always)]
-    fn of(_: &Step<A>, link: &Link<A>) -> Self {
+    fn of(_: &PreparedBody<A>, link: &Link<A>) -> Self {
         link.axis
     }
     #[inline(always)]
@@ -91,19 +91,19 @@ impl<A: Algebra> Subspace<A> for Axis<A> {
         Inertia::zero()
     }
     #[inline(always)]
-    fn own(step: &Step<A>, rotation: A::Rotation) -> Inertia<A> {
-        step.turned_inertia(rotation)
+    fn own(body: &PreparedBody<A>, rotation: A::Rotation) -> Inertia<A> {
+        body.turned_inertia(rotation)
     }
     #[inline(always)]
-    fn shifted(step: &Step<A>, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
-        if step.massless { Hinge::whole(Hinge::part(*inertia).shifted(r)) } else { inertia.shifted(r) }
+    fn shifted(body: &PreparedBody<A>, inertia: &Inertia<A>, r: A::Vector) -> Inertia<A> {
+        if body.massless { Hinge::whole(Hinge::part(*inertia).shifted(r)) } else { inertia.shifted(r) }
     }
     #[inline(always)]
     fn momentum(self, inertia: &Inertia<A>) -> Force<A> {
         inertia.along(self)
     }
     #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
+    fn project(self, force: Force<A>) -> A::Scalar {
         self.dot(force)
     }
     #[inline(always)]
@@ -165,27 +165,27 @@ impl<A: Algebra> Subspace<A> for Hinge<A> {
     }
     #[inline(always)]
     fn place(
-        step: &Step<A>,
+        body: &PreparedBody<A>,
         i: usize,
         outer: Option<A::Rotation>,
         _: &[A::Scalar],
-        turned: &impl Turned<A>,
+        turned: &impl HingeAngles<A>,
     ) -> (A::Rotation, A::Vector) {
         let placed = match outer {
             // In the plane the whole placement of a hinge is in its angle.
             Some(outer) if A::ANGULAR == 1 => outer,
-            _ => step.placing.placed(outer),
+            _ => body.placing.placed(outer),
         };
-        let (sin, cos) = turned.sin_cos(i, step.angle());
-        (A::turn(placed, sin, cos), step.offset(outer))
+        let (sin, cos) = turned.sin_cos(i, body.angle());
+        (A::turn(placed, sin, cos), body.offset(outer))
     }
     #[inline(always)]
-    fn at_rotation(step: &Step<A>, rotation: A::Rotation) -> Self {
-        Self(A::hinge(rotation, step.ratio))
+    fn at_rotation(body: &PreparedBody<A>, rotation: A::Rotation) -> Self {
+        Self(A::hinge(rotation, body.ratio))
     }
     #[inline(always)]
-    fn of(step: &Step<A>, link: &Link<A>) -> Self {
-        Self::at_rotation(step, link.rotation)
+    fn of(body: &PreparedBody<A>, link: &Link<A>) -> Self {
+        Self::at_rotation(body, link.rotation)
     }
     #[inline(always)]
     fn axis(self) -> Axis<A> {
@@ -196,11 +196,11 @@ impl<A: Algebra> Subspace<A> for Hinge<A> {
         Turning { first_moment: A::zero(), rotational: A::Rotational::zero() }
     }
     #[inline(always)]
-    fn own(step: &Step<A>, rotation: A::Rotation) -> Turning<A> {
-        Self::part(step.inertia).rotated(rotation)
+    fn own(body: &PreparedBody<A>, rotation: A::Rotation) -> Turning<A> {
+        Self::part(body.inertia).rotated(rotation)
     }
     #[inline(always)]
-    fn shifted(_: &Step<A>, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
+    fn shifted(_: &PreparedBody<A>, inertia: &Turning<A>, r: A::Vector) -> Turning<A> {
         inertia.shifted(r)
     }
     #[inline(always)]
@@ -208,7 +208,7 @@ impl<A: Algebra> Subspace<A> for Hinge<A> {
         Force { moment: A::apply_inertia(inertia.rotational, self.0), force: A::swing(self.0, inertia.first_moment) }
     }
     #[inline(always)]
-    fn share(self, force: Force<A>) -> A::Scalar {
+    fn project(self, force: Force<A>) -> A::Scalar {
         A::dot_angular(self.0, force.moment)
     }
     #[inline(always)]

@@ -59,11 +59,11 @@ impl PlanarRow {
         }
         let mut beyond = 0.0; // mass
         let mut row = Vec::with_capacity(bodies.len());
-        for (i, (body, step)) in bodies.iter().zip(&chain.steps).enumerate().rev() {
+        for (i, (body, prepared)) in bodies.iter().zip(&chain.prepared).enumerate().rev() {
             let link = bodies.get(i + 1).map_or_else(Vector2::zeros, |next| next.placement.translation);
             row.push(Swing {
-                sense: step.ratio,
-                shift: step.shift,
+                sense: prepared.ratio,
+                shift: prepared.shift,
                 link,
                 moment: body.inertia.first_moment + link * beyond,
                 inertia: body.inertia.rotational + beyond * link.norm_squared(),

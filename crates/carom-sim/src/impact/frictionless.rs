@@ -26,9 +26,7 @@ pub fn frictionless_jump_into<A: Algebra>(
     qd_plus: &mut [A::Scalar],
 ) -> Result<A::Scalar, ChainError> {
     let approach = A::dot(normal, kin.point_velocity(point, qd)?);
-    scratch.fill(A::Scalar::zero());
-    kin.add_point_force(point, normal, scratch)?;
-    kin.articulate()?.solve_into(scratch, qd_plus)?;
+    kin.articulate()?.respond_along(point, normal, scratch, qd_plus)?;
     let mut c = A::Scalar::zero();
     for (j, x) in scratch.iter().zip(qd_plus.iter()) {
         c += *j * *x;

@@ -6,7 +6,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
-use carom_chain::{Angle, Chain, ChainError, Kept, Point, PointResponse, ResponseMemory, Turned, Visit};
+use carom_chain::{Angle, Chain, ChainError, Kept, Point, PointResponse, ResponseMemory, HingeAngles, Visit};
 use nalgebra::SimdRealField;
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
@@ -165,7 +165,7 @@ struct ByColumn<'a> {
     start: usize,
 }
 
-impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> Turned<A> for ByColumn<'_>
+impl<const L: usize, A: Algebra<Scalar = Lanes<L>>> HingeAngles<A> for ByColumn<'_>
 where
     Lanes<L>: SimdRealField + Copy,
 {
