@@ -17,21 +17,27 @@ import pinocchio
 import symbolic
 
 
-def ball_of(urdf, link):
-    for at in xml.parse(urdf).getroot().iter("link"):
-        sphere = at.find("collision/geometry/sphere")
-        if at.get("name") == link and sphere is not None:
-            return float(sphere.get("radius"))
-    return None
+# Scenes in which other links than the tip come into contact.
+WHOLE = ("table", "quadruped")
 
 
-def box_of(urdf, link):
-    """The edges of a link's box, m."""
-    for at in xml.parse(urdf).getroot().iter("link"):
-        box = at.find("collision/geometry/box")
-        if at.get("name") == link and box is not None:
-            return list(map(float, box.get("size").split()))
-    return None
+def shapes_of(urdf, tip, whole):
+    """The shapes that can touch: those of all moving links, or of the tip; centre and rotation in the axes of the link."""
+    root, found = xml.parse(urdf).getroot(), []
+    base = {it.get("name") for it in root.iter("link")} - {it.find("child").get("link") for it in root.iter("joint")}
+    for link in root.iter("link"):
+        name = link.get("name")
+        if name != tip and (not whole or name in base):
+            continue
+        for collision in link.iter("collision"):
+            [shape] = collision.find("geometry")
+            if shape.tag not in ("sphere", "box", "cylinder"):
+                raise ValueError(f"{name}: the peers have no {shape.tag}")
+            turn, at = symbolic.pose(collision)
+            keys = ("size",) if shape.tag == "box" else ("radius", "length") if shape.tag == "cylinder" else ("radius",)
+            size = [float(x) for key in keys for x in shape.get(key).split()]
+            found.append({"link": name, "kind": shape.tag, "size": size, "at": at.tolist(), "turn": turn.tolist()})
+    return found
 
 
 def plane_of(shape, centre):
@@ -55,72 +61,113 @@ def prepare(path):
     floating = robot.get("floating", False)
     model = pinocchio.buildModelFromUrdf(urdf, pinocchio.JointModelFreeFlyer()) if floating else pinocchio.buildModelFromUrdf(urdf)
     data = model.createData()
-    # q is in the order of the joints in the file. Pinocchio sorts branches by name, which leaves chains unchanged.
+    # q is in the order of the joints in the file. Pinocchio sorts branches by name, as those of the files here are.
     q = np.array(robot["q"], float)
     if not floating:
         q = pinocchio_q(model, q)
-    frame = model.getFrameId(robot.get("tip", "tip"))
-    pinocchio.computeJointJacobians(model, data, q)
-    pinocchio.updateFramePlacements(model, data)
-    jacobian = pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[:3]
-    centre = data.oMf[frame].translation
-    mass = pinocchio.crba(model, data, q)
-    mass = np.triu(mass) + np.triu(mass, 1).T
     gravity = np.array(run.get("gravity", [0, 0, 0]), float)
+    name, tip = os.path.splitext(os.path.basename(path))[0], robot.get("tip", "tip")
+    shapes = shapes_of(urdf, tip, name in WHOLE)
+    # The shape that strikes first, in `quadruped` a foot.
+    first = next((it for it in shapes if it["link"] == tip and (model.njoints == 2 or not floating)), None)
+    first = first or next((it for it in shapes if it["kind"] == "sphere"), {"link": tip, "kind": None})
+    ball = {"sphere": first.get("size", [None])[0]}.get(first["kind"])
+    box = first["size"] if first["kind"] == "box" and floating else None
     out = {
-        "name": os.path.splitext(os.path.basename(path))[0], "urdf": urdf, "floating": floating, "tip": robot.get("tip", "tip"),
-        "tip_radius": ball_of(urdf, robot.get("tip", "tip")),
-        "box": box_of(urdf, robot.get("tip", "tip")) if floating else None, "duration": run["duration"], "gravity": gravity.tolist(),
-        "q": list(map(float, robot["q"])), "joints": [model.names[i] for i in range(1, model.njoints)],
+        "name": name, "urdf": urdf, "floating": floating, "tip": tip, "tip_radius": ball, "box": box, "shapes": shapes,
+        "duration": run["duration"], "gravity": gravity.tolist(), "q": list(map(float, robot["q"])),
+        "joints": [model.names[i] for i in range(1 + floating, model.njoints)],
         "surfaces": [it["shape"] for it in scene.get("surface", [])],
     }
     contact = scene.get("contact", {})
     out.update(restitution=contact.get("restitution", 0.0), friction=contact.get("friction", 0.0), law=contact.get("law"))
     qd = np.array(robot.get("qd", np.zeros(model.nv)), float)
     if out["surfaces"]:
-        point, normal = plane_of(out["surfaces"][0], centre)
+        point, normal = plane_of(out["surfaces"][0], placement(model, data, q, first["link"]).translation)
+        jacobian = strike(model, data, q, first["link"])
         if "tip_velocity" in robot:
             wish = robot["tip_velocity"]
             angle, along = np.radians(wish["angle_deg"]), np.array(wish["along"], float)
             along -= normal * (normal @ along)
             along /= np.linalg.norm(along)
-            qd = np.linalg.pinv(jacobian) @ (wish["speed"] * (np.cos(angle) * along - np.sin(angle) * normal))
-        if out["box"]:
+            qd = np.linalg.pinv(jacobian[:3]) @ (wish["speed"] * (np.cos(angle) * along - np.sin(angle) * normal))
+        start, rate = q, qd
+        if not floating and not qd.any():
+            start, rate = fall(model, data, q, gravity, lambda at: normal @ (at - point) - (ball or 0.0), first["link"])
+            jacobian = strike(model, data, start, first["link"])
+        pose, arm, heights = placement(model, data, start, first["link"]), np.zeros(3), []
+        if box:
             # The lowest corner strikes.
-            arms = [data.oMf[frame].rotation @ (np.array(signs) * out["box"] / 2) for signs in itertools.product((-1, 1), repeat=3)]
+            arms = [pose.rotation @ (np.array(signs) * box / 2) for signs in itertools.product((-1, 1), repeat=3)]
             arm = min(arms, key=lambda it: normal @ it)
-            centre = centre + arm
-            turn = pinocchio.skew(arm)
-            jacobian = jacobian - turn @ pinocchio.getFrameJacobian(model, data, frame, pinocchio.LOCAL_WORLD_ALIGNED)[3:]
             heights = sorted(normal @ (it - arm) for it in arms)
+        jacobian = jacobian[:3] - pinocchio.skew(arm) @ jacobian[3:]
+        mass = pinocchio.crba(model, data, start)
+        mass = np.triu(mass) + np.triu(mass, 1).T
         inverse = normal @ jacobian @ np.linalg.solve(mass, jacobian.T @ normal)
-        gap = normal @ (centre - point) - (out["tip_radius"] or 0.0)
-        towards, pull = -(normal @ (jacobian @ qd)), -(normal @ gravity)
+        gap = normal @ (pose.translation + arm - point) - (ball or 0.0)
+        towards, pull = -(normal @ (jacobian @ rate)), -(normal @ gravity)
         speed = towards if not floating else np.sqrt(towards**2 + 2 * pull * gap)
-        if out["box"] and abs(gap) < 1e-9:
+        if box and abs(gap) < 1e-9:
             # It stands on an edge: the speed of a fall from the height of the edge that strikes next.
             gap, speed = 0.0, np.sqrt(2 * pull * next(it for it in heights if it > 1e-9))
         out.update(plane={"point": point.tolist(), "normal": normal.tolist()}, gap=gap, effective_mass=1 / inverse, approach=speed)
     out["qd"] = qd.tolist()
-    if not floating:
+    if model.njoints > 1 + floating:
         out["chain"] = hinges(urdf)
     if floating:
         body = model.inertias[1]
+        if np.abs(body.lever).max() > 0:
+            raise ValueError(f"{urdf}: the origin of a free body is its centre of mass here")
         out["body"] = {"mass": body.mass, "inertia": np.diag(body.inertia).tolist()}
+    if run.get("controller") == "pd":
+        target = dict(zip(out["joints"], out["q"][7 * floating :])) | run["target"]
+        out["drive"] = {"kp": float(run["kp"]), "kd": float(run["kd"]), "target": [target[it] for it in out["joints"]],
+                        "effort": model.effortLimit[6 * floating :].tolist()}
+        if not run.get("effort_limits"):
+            raise ValueError(f"{path}: the drives of the peers here have effort limits")
     return out
+
+
+def placement(model, data, q, link):
+    pinocchio.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId(link)]
+
+
+def strike(model, data, q, link):
+    """The Jacobian of a link's origin, linear part first, in axes of the world."""
+    pinocchio.computeJointJacobians(model, data, q)
+    return pinocchio.getFrameJacobian(model, data, model.getFrameId(link), pinocchio.LOCAL_WORLD_ALIGNED)
+
+
+def fall(model, data, q, gravity, gap, link, step=1e-4):
+    """q and its rate where a chain without drives first closes the gap, which it does from rest; to the step."""
+    model.gravity.linear = gravity
+    rate = np.zeros(model.nv)
+    for _ in range(100_000):
+        if gap(placement(model, data, q, link).translation) <= 0.0:
+            return q, rate
+        middle = rate + step / 2 * pinocchio.aba(model, data, q, rate, np.zeros(model.nv))
+        half = pinocchio.integrate(model, q, step / 2 * rate)
+        rate = rate + step * pinocchio.aba(model, data, half, middle, np.zeros(model.nv))
+        q = pinocchio.integrate(model, q, step * middle)
+    raise ValueError("the tip does not reach the surface")
 
 
 def hinges(urdf):
     """The moving links, merged with the links fixed to them, parents first, for peers that read no URDF."""
     robot, links = symbolic.Robot(urdf), []
-    for parent, (turn, shift), axis, inertia in zip(robot.parent, robot.placement, robot.axis, robot.inertia):
+    ranges = {it.get("name"): it.find("limit") for it in xml.parse(urdf).getroot().iter("joint") if it.get("type") == "revolute"}
+    for name, parent, (turn, shift), axis, inertia in zip(robot.names, robot.parent, robot.placement, robot.axis, robot.inertia):
         mass = inertia[3, 3]
         centre = np.array([inertia[2, 4], inertia[0, 5], inertia[1, 3]]) / mass
         arm = symbolic.cross(centre)
         links.append({"parent": parent, "turn": turn.tolist(), "shift": shift.tolist(), "axis": axis.tolist(), "mass": mass,
-                      "centre": centre.tolist(), "inertia": (inertia[:3, :3] - mass * arm @ arm.T).tolist()})
-    body, at = robot.tip
-    return {"links": links, "tip": {"link": body, "at": at.tolist()}}
+                      "centre": centre.tolist(), "inertia": (inertia[:3, :3] - mass * arm @ arm.T).tolist(),
+                      "limits": [float(ranges[name].get(key)) for key in ("lower", "upper")] if name in ranges else None})
+    # Which moving link carries a link, and its pose there; -1 is the base.
+    places = {name: {"link": body, "turn": turn.tolist(), "shift": shift.tolist()} for name, (body, turn, shift) in robot.places.items()}
+    return {"links": links, "places": places}
 
 
 def pinocchio_q(model, q):

@@ -50,10 +50,12 @@ class Robot:
             below.setdefault(joint.find("parent").get("link"), []).append(joint)
         base = (set(links) - {j.find("child").get("link") for js in below.values() for j in js}).pop()
         self.parent, self.placement, self.axis, self.inertia, self.names, self.tip = [], [], [], [], [], None
+        self.places = {}
         self.visit(links, below, base, -1, np.eye(3), np.zeros(3))
 
     def visit(self, links, below, name, body, turn, shift):
         """`turn`, `shift`: the pose of the link's frame in that of `body`, the moving link that carries it."""
+        self.places[name] = (body, turn, shift)
         if name == "tip":
             self.tip = (body, shift)
         inertial = links[name].find("inertial")

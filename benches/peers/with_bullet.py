@@ -33,17 +33,19 @@ class Run:
         bullet.resetSimulation()
         bullet.setTimeStep(dt)
         bullet.setGravity(*scene["gravity"])
-        flags = bullet.URDF_USE_INERTIA_FROM_FILE
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE | bullet.URDF_USE_IMPLICIT_CYLINDER
         urdf = without_made_up_mass(scene["urdf"])
         self.body = bullet.loadURDF(urdf, useFixedBase=not scene["floating"], flags=flags)
         os.remove(urdf)
         links = range(bullet.getNumJoints(self.body))
         info = {k: bullet.getJointInfo(self.body, k) for k in links}
         self.joints = [k for k in links if info[k][2] in (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)]
-        self.tip = next((k for k in links if info[k][12].decode() == scene["tip"]), -1)
+        number = {info[k][12].decode(): k for k in links}
+        self.tip = number.get(scene["tip"], -1)
+        touching = {number.get(it["link"], -1) for it in scene["shapes"]}
         surfaces = []
         for k, shape in enumerate(scene["surfaces"]):
-            if k == 0:
+            if k == 0 and ("halfspace" in shape or len(scene["shapes"]) == 1):
                 at = scene["plane"]["point"]
                 shape = bullet.createCollisionShape(bullet.GEOM_PLANE, planeNormal=scene["plane"]["normal"])
             else:
@@ -51,10 +53,10 @@ class Run:
                 shape = bullet.createCollisionShape(bullet.GEOM_BOX, halfExtents=[x / 2 for x in shape["box"]["size"]])
             surfaces.append(bullet.createMultiBody(0, shape, basePosition=at))
         for surface in surfaces:
-            # The coefficients of a pair are multiplied. Only the tip can touch.
+            # The coefficients of a pair are multiplied. Only the links of the scene's shapes can touch.
             bullet.changeDynamics(surface, -1, restitution=1.0, lateralFriction=1.0)
             for link in [-1, *links]:
-                bullet.setCollisionFilterPair(self.body, surface, link, -1, int(link == self.tip))
+                bullet.setCollisionFilterPair(self.body, surface, link, -1, int(link in touching))
         for link in [-1, *links]:
             bullet.changeDynamics(self.body, link, restitution=scene["restitution"], lateralFriction=scene["friction"],
                                   spinningFriction=0, rollingFriction=0)
@@ -63,6 +65,7 @@ class Run:
                                       contactProcessingThreshold=0, maxJointVelocity=1e6)
         for joint in self.joints:
             bullet.setJointMotorControl2(self.body, joint, bullet.VELOCITY_CONTROL, force=0)
+        self.drive = scene.get("drive")
         if tuned:
             bullet.setPhysicsEngineParameter(restitutionVelocityThreshold=0, erp=0, contactERP=0, frictionERP=0,
                                              contactSlop=0, contactBreakingThreshold=1e-9,
@@ -73,13 +76,21 @@ class Run:
         self.__init__(self.scene, self.dt, self.tuned)
         q, qd = self.scene["q"], self.scene["qd"]
         if self.scene["floating"]:
-            bullet.resetBasePositionAndOrientation(self.body, q[:3], q[3:])
-            bullet.resetBaseVelocity(self.body, common.turned(q[3:], qd[:3]), common.turned(q[3:], qd[3:]))
+            bullet.resetBasePositionAndOrientation(self.body, q[:3], q[3:7])
+            bullet.resetBaseVelocity(self.body, common.turned(q[3:7], qd[:3]), common.turned(q[3:7], qd[3:6]))
+            q, qd = q[7:], qd[6:]
         for joint, angle, rate in zip(self.joints, q, qd):
             bullet.resetJointState(self.body, joint, angle, rate)
 
     def step(self, count):
+        drive = self.drive
         for _ in range(count):
+            if drive:
+                # Its own position control has gains without units.
+                states = bullet.getJointStates(self.body, self.joints)
+                torques = [max(-most, min(most, drive["kp"] * (target - state[0]) - drive["kd"] * state[1]))
+                           for state, target, most in zip(states, drive["target"], drive["effort"])]
+                bullet.setJointMotorControlArray(self.body, self.joints, bullet.TORQUE_CONTROL, forces=torques)
             bullet.stepSimulation()
 
     def force(self):
@@ -87,8 +98,12 @@ class Run:
 
     def state(self):
         if self.scene["floating"]:
-            return common.free_body(self.scene, *bullet.getBasePositionAndOrientation(self.body), *bullet.getBaseVelocity(self.body))
+            base = *bullet.getBasePositionAndOrientation(self.body), *bullet.getBaseVelocity(self.body)
+            if not self.joints:
+                return common.free_body(self.scene, *base)
         q, qd = np.array([bullet.getJointState(self.body, k)[:2] for k in self.joints]).T
+        if self.scene["floating"]:
+            return common.based(*base, q, qd)
         state = {"q": q, "qd": qd, "kinetic_energy": 0.5 * qd @ np.array(bullet.calculateMassMatrix(self.body, list(q))) @ qd}
         if self.tip >= 0:
             state["tip_velocity"] = bullet.getLinkState(self.body, self.tip, computeLinkVelocity=1)[6]

@@ -7,14 +7,17 @@ from importlib.metadata import version
 
 import numpy as np
 from pydrake.geometry import (
-    AddContactMaterial, Box, CollisionFilterDeclaration, GeometrySet, HalfSpace, ProximityProperties, Role, Sphere)
-from pydrake.math import RigidTransform
+    AddContactMaterial, Box, CollisionFilterDeclaration, Cylinder, GeometrySet, HalfSpace, ProximityProperties, Role, Sphere)
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialVelocity
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction, DiscreteContactApproximation
+from pydrake.multibody.tree import PdControllerGains
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.controllers import PidController
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, Saturation
 
 import common
 
@@ -44,12 +47,15 @@ def material(scene, stiffness):
     return properties
 
 
-def points(scene):
-    """The ball of the tip, or the corners of the box: a pair of shapes has only one contact point, so each corner is a ball."""
-    if not scene["box"]:
-        return [("ball", np.zeros(3), scene["tip_radius"])]
-    corners = itertools.product((-1, 1), repeat=3)
-    return [(f"corner{k}", np.array(it) * scene["box"] / 2, CORNER) for k, it in enumerate(corners)]
+def bodies(scene):
+    """The shapes that can touch, with link, pose and name: a pair has only one contact point, so each corner of a box is a ball."""
+    for number, it in enumerate(scene["shapes"]):
+        pose, size = RigidTransform(RotationMatrix(np.array(it["turn"])), it["at"]), it["size"]
+        if it["kind"] == "box":
+            for k, corner in enumerate(itertools.product((-1, 1), repeat=3)):
+                yield it["link"], pose @ RigidTransform(np.array(corner) * size / 2), Sphere(CORNER), f"shape{number}_{k}"
+        else:
+            yield it["link"], pose, Sphere(*size) if it["kind"] == "sphere" else Cylinder(*size), f"shape{number}"
 
 
 class Run:
@@ -62,15 +68,17 @@ class Run:
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
         plant.mutable_gravity_field().set_gravity_vector(scene["gravity"])
         self.tip = plant.GetBodyByName(scene["tip"])
-        # The shapes of the file cannot touch; a ball added to the tip can.
+        # The shapes of the file cannot touch; those that are added can.
         of_file = graph.model_inspector().GetAllGeometryIds(Role.kProximity)
         ours = []
         for k, shape in enumerate(scene["surfaces"]):
             if k == 0:
+                for link, pose, ours_too, name in bodies(scene):
+                    body = plant.GetBodyByName(link)
+                    plant.RegisterCollisionGeometry(body, pose, ours_too, name, material(scene, stiffness))
+            if k == 0 and ("halfspace" in shape or len(scene["shapes"]) == 1):
                 plane = scene["plane"]
                 pose, shape = HalfSpace.MakePose(np.array(plane["normal"]), np.array(plane["point"])), HalfSpace()
-                for name, at, radius in points(scene):
-                    plant.RegisterCollisionGeometry(self.tip, RigidTransform(at), Sphere(radius), name, material(scene, stiffness))
             else:
                 pose, shape = RigidTransform(np.array(shape["box"]["centre"])), Box(*shape["box"]["size"])
             ours.append(plant.RegisterCollisionGeometry(plant.world_body(), pose, shape, f"surface{k}", material(scene, stiffness)))
@@ -80,7 +88,17 @@ class Run:
             graph.collision_filter_manager().Apply(rule)
         if approximation is not None:
             plant.set_discrete_contact_approximation(approximation)
+        # In its discrete solvers except kTamsi, Drake's own drives are implicit.
+        implicit = discrete and approximation != DiscreteContactApproximation.kTamsi
+        drive = scene.get("drive")
+        if drive:
+            for name, effort in zip(scene["joints"], drive["effort"]):
+                actuator = plant.AddJointActuator(name, plant.GetJointByName(name), effort)
+                if implicit:
+                    actuator.set_controller_gains(PdControllerGains(p=drive["kp"], d=drive["kd"]))
         plant.Finalize()
+        if drive:
+            self.drive(builder, implicit)
         if stiffness is not None and scene["friction"]:
             plant.set_stiction_tolerance(1e-3 * scene["approach"])
         self.diagram = builder.Build()
@@ -92,19 +110,42 @@ class Run:
             integrator.set_maximum_step_size(10 * dt)
             integrator.set_target_accuracy(1e-9)
 
+    def drive(self, builder, implicit):
+        plant, drive = self.plant, self.scene["drive"]
+        count = len(drive["target"])
+        target = builder.AddSystem(ConstantVectorSource(np.concatenate([drive["target"], np.zeros(count)])))
+        if implicit:
+            port = plant.get_desired_state_input_port(plant.GetModelInstanceByName(plant.GetModelInstanceName(self.tip.model_instance())))
+            builder.Connect(target.get_output_port(), port)
+            return
+        joints = [plant.GetJointByName(name) for name in self.scene["joints"]]
+        select = np.zeros((2 * count, plant.num_positions() + plant.num_velocities()))
+        for k, joint in enumerate(joints):
+            select[k, joint.position_start()] = 1
+            select[count + k, plant.num_positions() + joint.velocity_start()] = 1
+        gains = [np.full(count, it) for it in (drive["kp"], 0.0, drive["kd"])]
+        control = builder.AddSystem(PidController(select, np.eye(count), *gains))
+        limit = builder.AddSystem(Saturation(-np.array(drive["effort"]), np.array(drive["effort"])))
+        builder.Connect(plant.get_state_output_port(), control.get_input_port_estimated_state())
+        builder.Connect(target.get_output_port(), control.get_input_port_desired_state())
+        builder.Connect(control.get_output_port_control(), limit.get_input_port())
+        builder.Connect(limit.get_output_port(), plant.get_actuation_input_port())
+
     def reset(self):
         context = self.diagram.CreateDefaultContext()
         self.context = self.plant.GetMyMutableContextFromRoot(context)
         q, qd = self.scene["q"], self.scene["qd"]
         if self.scene["floating"]:
-            x, y, z, w = q[3:]
+            x, y, z, w = turn = q[3:7]
             pose = RigidTransform(Quaternion(w, x, y, z), q[:3])
             self.plant.SetFloatingBaseBodyPoseInWorldFrame(self.context, self.tip, pose)
-            velocity = SpatialVelocity(np.array(common.turned(q[3:], qd[3:])), np.array(common.turned(q[3:], qd[:3])))
+            velocity = SpatialVelocity(np.array(common.turned(turn, qd[3:6])), np.array(common.turned(turn, qd[:3])))
             self.plant.SetFreeBodySpatialVelocity(context=self.context, body=self.tip, V_JpJc=velocity)
-        else:
-            self.plant.SetPositions(self.context, q)
-            self.plant.SetVelocities(self.context, qd)
+            q, qd = q[7:], qd[6:]
+        for name, angle, rate in zip(self.scene["joints"], q, qd):
+            joint = self.plant.GetJointByName(name)
+            joint.set_angle(self.context, angle)
+            joint.set_angular_rate(self.context, rate)
         self.simulator.reset_context(context)
         self.simulator.Initialize()
         self.steps = 0
@@ -125,9 +166,15 @@ class Run:
         if self.scene["floating"]:
             pose = self.tip.EvalPoseInWorld(context)
             w, x, y, z = pose.rotation().ToQuaternion().wxyz()
-            return common.free_body(self.scene, pose.translation(), [x, y, z, w], velocity.translational(), velocity.rotational())
+            base = pose.translation(), [x, y, z, w], velocity.translational(), velocity.rotational()
+            if "chain" not in self.scene:
+                return common.free_body(self.scene, *base)
+        joints = [plant.GetJointByName(name) for name in self.scene["joints"]]
+        q, qd = [it.get_angle(context) for it in joints], [it.get_angular_rate(context) for it in joints]
+        if self.scene["floating"]:
+            return common.based(*base, q, qd)
         return {
-            "q": plant.GetPositions(context), "qd": plant.GetVelocities(context), "tip_velocity": velocity.translational(),
+            "q": q, "qd": qd, "tip_velocity": velocity.translational(),
             "kinetic_energy": plant.CalcKineticEnergy(context), "potential_energy": plant.CalcPotentialEnergy(context),
         }
 

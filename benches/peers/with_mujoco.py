@@ -1,6 +1,8 @@
 """The scenes in MuJoCo. Its contacts are springs in acceleration space and have no coefficient of restitution."""
 
+import itertools
 import math
+import xml.etree.ElementTree as xml
 
 import mujoco
 import numpy as np
@@ -19,8 +21,21 @@ def plane_quaternion(normal):
     return quaternion
 
 
+def on_free_base(path, link):
+    """The URDF of a robot whose base is `link`, with the floating joint that MuJoCo wants in the file."""
+    tree = xml.parse(path)
+    xml.SubElement(tree.getroot(), "link", name="around")
+    joint = xml.SubElement(tree.getroot(), "joint", name="free", type="floating")
+    xml.SubElement(joint, "parent", link="around")
+    xml.SubElement(joint, "child", link=link)
+    return xml.tostring(tree.getroot(), encoding="unicode")
+
+
 def model_of(scene):
-    if scene["floating"]:
+    whole = len(scene["shapes"]) > 1
+    if scene["floating"] and "chain" in scene:
+        spec = mujoco.MjSpec.from_string(on_free_base(scene["urdf"], scene["tip"]))
+    elif scene["floating"]:
         spec = mujoco.MjSpec()
         body = spec.worldbody.add_body(name="body")
         body.add_freejoint()
@@ -31,16 +46,17 @@ def model_of(scene):
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene["tip_radius"], 0, 0])
     else:
         spec = mujoco.MjSpec.from_file(scene["urdf"])
-    for geom in spec.geoms:
-        # Only the ball of the tip can touch, as in carom, where the other pairs are out of reach.
+    for number, geom in enumerate(spec.geoms):
+        # Where the other pairs are out of reach, only the ball of the tip can touch, as in carom.
         tip = geom.type == (mujoco.mjtGeom.mjGEOM_BOX if scene["box"] else mujoco.mjtGeom.mjGEOM_SPHERE)
-        geom.name = "tip" if tip else ""
+        tip = geom.parent != spec.worldbody if whole else tip
+        geom.name = f"shape{number}" if tip else ""
         geom.contype, geom.conaffinity = (1, 2) if tip else (0, 0)
         if not scene["floating"]:
             geom.mass = 0.0  # the default density, that of water, would give mass to a link without inertia
     for k, shape in enumerate(scene["surfaces"]):
         common_keys = dict(name=f"surface{k}", contype=2, conaffinity=1)
-        if k == 0:
+        if k == 0 and (not whole or "halfspace" in shape):
             plane = scene["plane"]
             spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1], pos=plane["point"],
                                     quat=plane_quaternion(plane["normal"]), **common_keys)
@@ -48,8 +64,19 @@ def model_of(scene):
             box = shape["box"]
             spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=box["centre"],
                                     size=[x / 2 for x in box["size"]], **common_keys)
+    for name, target, effort in drives(scene):
+        kp, kd = scene["drive"]["kp"], scene["drive"]["kd"]
+        spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+                          gainprm=[kp] + [0] * 9, biastype=mujoco.mjtBias.mjBIAS_AFFINE, biasprm=[0, -kp, -kd] + [0] * 7,
+                          forcelimited=True, forcerange=[-effort, effort])
     spec.option.gravity = scene["gravity"]
     return spec
+
+
+def drives(scene):
+    """Joint, target and largest torque of every drive."""
+    drive = scene.get("drive", {"target": [], "effort": []})
+    return list(zip(scene["joints"], drive["target"], drive["effort"]))
 
 
 class Run:
@@ -66,16 +93,21 @@ class Run:
         if solref is not None:
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
             spec.option.tolerance = 1e-15
-            for k in range(len(scene["surfaces"])):
+            shapes = [geom.name for geom in spec.geoms if geom.name.startswith("shape")]
+            for k, shape in itertools.product(range(len(scene["surfaces"])), shapes):
                 # An explicit pair, since only pairs have separate reference parameters for friction: ten steps, the best of
                 # those tried. The impedance is constant and close to one, the most rigid contact that the format allows.
-                spec.add_pair(geomname1="tip", geomname2=f"surface{k}", condim=3 if scene["friction"] else 1,
+                spec.add_pair(geomname1=shape, geomname2=f"surface{k}", condim=3 if scene["friction"] else 1,
                               friction=[scene["friction"], scene["friction"], 0, 0, 0], solref=solref,
                               solreffriction=[10 * dt, 1], solimp=[0.9999, 0.9999, 1e-3, 0.5, 2])
         self.model, self.scene, self.dt = spec.compile(), scene, dt
         self.data = mujoco.MjData(self.model)
-        geom = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "tip")
-        self.geom, self.body = geom, self.model.geom_bodyid[geom] if geom >= 0 else -1
+        spheres = np.flatnonzero((self.model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE) & (self.model.geom_contype > 0))
+        self.geom = spheres[0] if len(spheres) and scene["surfaces"] else -1
+        self.body = self.model.geom_bodyid[self.geom]
+        # Joint by joint, in the order of the scene.
+        joints = [self.model.joint(name).id for name in scene["joints"]]
+        self.at_q, self.at_qd = self.model.jnt_qposadr[joints], self.model.jnt_dofadr[joints]
         self.jacobian = np.zeros((3, self.model.nv))
         self.mass = np.zeros((self.model.nv, self.model.nv))
 
@@ -83,10 +115,12 @@ class Run:
         mujoco.mj_resetData(self.model, self.data)
         q, qd = self.scene["q"], self.scene["qd"]
         if self.scene["floating"]:
-            x, y, z, w = q[3:]
-            q = q[:3] + [w, x, y, z]
-            qd = common.turned([x, y, z, w], qd[:3]) + qd[3:]
-        self.data.qpos[:], self.data.qvel[:] = q, qd
+            x, y, z, w = q[3:7]
+            self.data.qpos[:7] = q[:3] + [w, x, y, z]
+            self.data.qvel[:6] = common.turned([x, y, z, w], qd[:3]) + qd[3:6]
+            q, qd = q[7:], qd[6:]
+        self.data.qpos[self.at_q], self.data.qvel[self.at_qd] = q, qd
+        self.data.ctrl[:] = [target for _, target, _ in drives(self.scene)]
 
     def step(self, count):
         mujoco.mj_step(self.model, self.data, nstep=count)
@@ -98,9 +132,12 @@ class Run:
     def state(self):
         data = self.data
         if self.scene["floating"]:
-            w, x, y, z = data.qpos[3:]
+            w, x, y, z = data.qpos[3:7]
             turn = [x, y, z, w]
-            return common.free_body(self.scene, data.qpos[:3], turn, data.qvel[:3], common.turned(turn, data.qvel[3:]))
+            base = data.qpos[:3], turn, data.qvel[:3], common.turned(turn, data.qvel[3:6])
+            if "chain" in self.scene:
+                return common.based(*base, data.qpos[self.at_q], data.qvel[self.at_qd])
+            return common.free_body(self.scene, *base)
         # Computed on a copy, so that the warm start and the state of the run stay unchanged.
         copy = getattr(self, "copy", None) or mujoco.MjData(self.model)
         self.copy = copy
@@ -108,7 +145,7 @@ class Run:
         mujoco.mj_fwdPosition(self.model, copy)
         mujoco.mj_energyPos(self.model, copy)
         mujoco.mj_energyVel(self.model, copy)
-        state = {"q": data.qpos.copy(), "qd": data.qvel.copy(), "kinetic_energy": copy.energy[1], "potential_energy": copy.energy[0]}
+        state = {"q": data.qpos[self.at_q], "qd": data.qvel[self.at_qd], "kinetic_energy": copy.energy[1], "potential_energy": copy.energy[0]}
         if self.geom >= 0:
             mujoco.mj_jac(self.model, copy, self.jacobian, None, copy.geom_xpos[self.geom], self.body)
             state["tip_velocity"] = self.jacobian @ data.qvel
