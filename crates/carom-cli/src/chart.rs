@@ -23,8 +23,9 @@ use std::time::Duration;
 ///
 /// Input: a scene (TOML); runs of other programs (--peers).
 /// Output: a picture (SVG), the numbers (CSV) and a table: method, parameter, run time (ms, median),
-/// error of qd right after the first impact, error of q and qd at the end (both relative to the
-/// largest entry), contact law; then the methods that did not run, with the reason.
+/// error of qd right after the first impact, error of q and qd at the end (relative to the largest
+/// entry, of qd at the end to the largest entry at an event or at the end), contact law; then the
+/// methods that did not run, with the reason.
 /// With --stiffness instead: errors of the scene's compliant contacts against the same scene with
 /// rigid ones, over a factor of all stiffnesses from 1 to 1e6, beside the order that theory gives.
 /// JSON keys: law, runs [{method, law, knob, value, wall_time (s), after_impact, at_end}],

@@ -12,6 +12,7 @@ mod stiffness;
 pub use picture::{stiffness_svg, svg};
 pub use stiffness::{Stiffened, StiffnessChart};
 
+use carom_chain::Coordinates;
 use carom_impact::Damping;
 use carom_sim::{
     Compliance, Event, EventKind, Integrator, Moment, Sampling, Scene, Seen, SimError, Simulation, Touch, Trajectory,
@@ -34,7 +35,8 @@ pub struct Run {
     pub wall_time: f64,
     /// Error of q̇ right after the first impact, relative to its largest entry; `None` without an impact.
     pub after_impact: Option<f64>,
-    /// Greater of the errors of q and of q̇ at the end, each relative to its largest entry; `None` if it is not known.
+    /// Greater of the errors of q and of q̇ at the end, that of q relative to its largest entry, that of q̇ to its largest entry at an
+    /// event or at the end; `None` if it is not known.
     pub at_end: Option<f64>,
 }
 
@@ -103,21 +105,44 @@ pub struct Chart {
 struct Reference {
     impact: Option<(f64, Vec<f64>)>,
     end: (Vec<f64>, Vec<f64>),
+    /// Largest entry of q̇ at an event or at the end. At the end alone q̇ may be anything down to zero, as motions come to rest.
+    speed: f64,
+    /// First entries of the quaternions in q, of four entries each.
+    quaternions: Vec<usize>,
 }
 
 impl Reference {
-    fn of(run: &Trajectory) -> Self {
+    fn of(sim: &Simulation, run: &Trajectory) -> Self {
         let first = run.events.iter().find(|event| is_impact(event));
         let last = &run.summary.last;
-        Self { impact: first.map(|it| (it.time, it.qd_plus.clone())), end: (last.q.clone(), last.qd.clone()) }
+        let floating = sim.chain.joints().iter().filter_map(|joint| match &joint.coordinates {
+            // a position and a quaternion
+            Coordinates::Own { q, .. } if q.len() == 7 => Some(q.start + 3),
+            _ => None,
+        });
+        let quaternions = floating.collect();
+        let impact = first.map(|it| (it.time, it.qd_plus.clone()));
+        let events = run.events.iter().flat_map(|event| [&event.qd_minus, &event.qd_plus]);
+        let speed = events.chain([&last.qd]).map(|qd| largest(qd)).fold(0.0, f64::max);
+        Self { impact, end: (last.q.clone(), last.qd.clone()), speed, quaternions }
     }
 
     fn after_impact(&self, qd: &[f64]) -> Option<f64> {
-        self.impact.as_ref().and_then(|(_, exact)| off(qd, exact))
+        self.impact.as_ref().and_then(|(_, exact)| off(qd, exact, largest(exact)))
     }
 
     fn at_end(&self, q: &[f64], qd: &[f64]) -> Option<f64> {
-        Some(off(q, &self.end.0)?.max(off(qd, &self.end.1)?))
+        let (exact, mut q) = (&self.end.0, q.to_vec());
+        for &first in &self.quaternions {
+            let (Some(own), Some(theirs)) = (q.get_mut(first..first + 4), exact.get(first..first + 4)) else {
+                continue;
+            };
+            // A quaternion and its negative are the same rotation.
+            if own.iter().zip(theirs).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+                own.iter_mut().for_each(|x| *x = -*x);
+            }
+        }
+        Some(off(&q, exact, largest(exact))?.max(off(qd, &self.end.1, self.speed)?))
     }
 }
 
@@ -130,10 +155,12 @@ fn ends_impact(event: &Event) -> bool {
     is_impact(event) || matches!(event.kind, EventKind::LiftOff { .. })
 }
 
-/// Largest difference, relative to the largest entry of `exact`; absolute if all entries are below 1e-9. `None` if the lengths
-/// differ or an entry is not finite.
-fn off(found: &[f64], exact: &[f64]) -> Option<f64> {
-    let size = exact.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+fn largest(numbers: &[f64]) -> f64 {
+    numbers.iter().fold(0.0, |most, x| most.max(x.abs()))
+}
+
+/// Largest difference, relative to `size`; absolute if this is below 1e-9. `None` if the lengths differ or an entry is not finite.
+fn off(found: &[f64], exact: &[f64], size: f64) -> Option<f64> {
     let size = if size > 1e-9 { size } else { 1.0 };
     let differ = found.iter().zip(exact).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     (found.len() == exact.len() && differ.is_finite()).then_some(differ / size)
@@ -162,9 +189,9 @@ impl Chart {
         };
         let run = |sim: &Simulation| sim.run(&scene.q, &scene.qd, scene.duration);
         let reference_run = run(&exact(Integrator::DormandPrince, TIGHT))?;
-        let reference = Reference::of(&reference_run);
+        let reference = Reference::of(base, &reference_run);
         // the errors of the other integrator are independent, except for rounding
-        let other = Reference::of(&run(&exact(Integrator::Radau, 10.0 * TIGHT))?);
+        let other = Reference::of(base, &run(&exact(Integrator::Radau, 10.0 * TIGHT))?);
         let doubt_after_impact = other.impact.as_ref().and_then(|(_, qd)| reference.after_impact(qd));
         let doubt_at_end = reference.at_end(&other.end.0, &other.end.1).unwrap_or(0.0);
         let (runs, absent, peers, law) = (Vec::new(), Vec::new(), Vec::new(), law_of(base));
@@ -263,7 +290,7 @@ impl Chart {
         let mut refused: Option<String> = None;
         let before = self.runs.len();
         for value in values {
-            let sim = simulation(value);
+            let (sim, begin) = (simulation(value), Instant::now());
             match measure(scene, &sim, &self.reference, MEASURE.min(budget)) {
                 Ok((wall_time, after_impact, at_end)) => {
                     let (method, law, knob) = (method.clone(), law.clone(), knob.to_owned());
@@ -272,7 +299,12 @@ impl Chart {
                         break; // the next run would exceed the budget
                     }
                 }
-                Err(why) => refused = refused.or(Some(why)),
+                Err(why) => {
+                    refused = refused.or(Some(why));
+                    if begin.elapsed() > budget {
+                        break;
+                    }
+                }
             }
             done(&method);
         }
@@ -325,6 +357,16 @@ fn measure(
     reference: &Reference,
     long: Duration,
 ) -> Result<(f64, Option<f64>, Option<f64>), String> {
+    // First the states, as a run that is refused needs no time.
+    let soft = sim.touches.iter().any(|touch| touch.contact.compliance.is_some());
+    let mut watch = After { reference, sim, qd: None, rigid: false };
+    let sampling = Sampling { every: sim.stepping.then_some(sim.contact_step), dense: false };
+    let summary = sim
+        .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
+        .map_err(|e| e.to_string())?;
+    if soft && (watch.rigid || summary.statistics.contact_steps > 0) {
+        return Err("simultaneous contacts are computed as rigid, independent of the stiffness".to_owned());
+    }
     let bare = Sampling { every: None, dense: false };
     let begin = Instant::now();
     let mut times = Vec::new();
@@ -337,15 +379,6 @@ fn measure(
     }
     times.sort_by(f64::total_cmp);
 
-    let soft = sim.touches.iter().any(|touch| touch.contact.compliance.is_some());
-    let mut watch = After { reference, sim, qd: None, rigid: false };
-    let sampling = Sampling { every: sim.stepping.then_some(sim.contact_step), dense: false };
-    let summary = sim
-        .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
-        .map_err(|e| e.to_string())?;
-    if soft && (watch.rigid || summary.statistics.contact_steps > 0) {
-        return Err("simultaneous contacts are computed as rigid, independent of the stiffness".to_owned());
-    }
     let after_impact = watch.qd.as_ref().and_then(|qd| reference.after_impact(qd));
     Ok((times[times.len() / 2], after_impact, reference.at_end(&summary.last.q, &summary.last.qd)))
 }

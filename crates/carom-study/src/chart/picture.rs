@@ -11,6 +11,9 @@ const LINE: i32 = 19;
 /// Errors below this are drawn at this value.
 const FLOOR: f64 = 1e-16;
 
+/// Colour of the dashed line at the error of the reference solution.
+const DOUBT: RGBColor = RGBColor(110, 110, 110);
+
 /// Draws the chart as SVG. `title` is the name of the scene.
 pub fn svg(chart: &Chart, title: &str) -> String {
     let mut text = String::new();
@@ -20,7 +23,7 @@ pub fn svg(chart: &Chart, title: &str) -> String {
             methods.push(&run.method);
         }
     }
-    let rows = methods.len().div_ceil(2) + 2 + chart.absent.len();
+    let rows = (methods.len() + 1).div_ceil(2) + 2 + chart.absent.len();
     let size = (2 * PANEL.0, PANEL.1 + 46 + (LINE * rows as i32) as u32);
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let drawn = draw(&root, chart, title, &methods);
@@ -40,12 +43,47 @@ fn colour(k: usize) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// Symbol of a method: round for carom's own, square for those of other programs.
-fn mark(place: (i32, i32), own: bool) -> Vec<(i32, i32)> {
-    let ((x, y), corners) = (place, if own { 12 } else { 4 });
+/// How the line of a method is drawn.
+#[derive(Clone, Copy, PartialEq, Debug)]
+struct Look {
+    colour: RGBColor,
+    width: u32,
+    /// Number of corners of the symbol, and the part of a corner's angle by which it is turned.
+    symbol: (i32, f64),
+}
+
+const ROUND: (i32, f64) = (12, 0.5);
+/// Square, triangle, diamond, triangle on its tip, hexagon.
+const SYMBOLS: [(i32, f64); 5] = [(4, 0.5), (3, 0.25), (4, 0.0), (3, 0.75), (6, 0.5)];
+
+/// carom's methods: thick lines with round symbols, a colour each. Those of other programs: thin lines, a colour for each program
+/// (the first word of the method) and a symbol for each of its methods.
+fn looks(chart: &Chart, methods: &[&str]) -> Vec<Look> {
+    let mut programs: Vec<(&str, RGBColor, usize)> = Vec::new();
+    let own = methods.iter().filter(|method| chart.is_own(method)).count();
+    let mut looks = Vec::new();
+    for (k, method) in methods.iter().enumerate() {
+        if chart.is_own(method) {
+            looks.push(Look { colour: colour(k), width: 3, symbol: ROUND });
+            continue;
+        }
+        let name = method.split(' ').next().unwrap_or_default();
+        let at = programs.iter().position(|it| it.0 == name).unwrap_or(programs.len());
+        if at == programs.len() {
+            programs.push((name, colour(own + at), 0));
+        }
+        let (_, colour, before) = &mut programs[at];
+        looks.push(Look { colour: *colour, width: 1, symbol: SYMBOLS[*before % SYMBOLS.len()] });
+        *before += 1;
+    }
+    looks
+}
+
+fn mark((x, y): (i32, i32), (corners, turn): (i32, f64)) -> Vec<(i32, i32)> {
+    let size = if corners == 3 { 5.5 } else { 4.6 };
     let corner = |k: i32| {
-        let (sin, cos) = (std::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(corners)).sin_cos();
-        (x + (4.6 * cos).round() as i32, y + (4.6 * sin).round() as i32)
+        let (sin, cos) = (std::f64::consts::TAU * (f64::from(k) + turn) / f64::from(corners)).sin_cos();
+        (x + (size * cos).round() as i32, y + (size * sin).round() as i32)
     };
     (0..corners).map(corner).collect()
 }
@@ -57,17 +95,19 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
     let (head, panels) = panels.split_vertically(30);
     head.draw(&Text::new(title, (14, 8), font(18)))?;
     let (left, right) = panels.split_horizontally(PANEL.0);
-    panel(&left, chart, methods, "error of q̇ right after the first impact", chart.doubt_after_impact, |run| {
+    let looks = looks(chart, methods);
+    let methods: Vec<(&str, Look)> = methods.iter().copied().zip(looks).collect();
+    panel(&left, chart, &methods, "error of q̇ right after the first impact", chart.doubt_after_impact, |run| {
         run.after_impact
     })?;
-    panel(&right, chart, methods, "error of q and q̇ at the end", Some(chart.doubt_at_end), |run| run.at_end)?;
+    panel(&right, chart, &methods, "error of q and q̇ at the end", Some(chart.doubt_at_end), |run| run.at_end)?;
 
     let text = font(13).pos(Pos::new(HPos::Left, VPos::Center));
-    for (k, method) in methods.iter().enumerate() {
-        let (x, y) = (20 + (k % 2) as i32 * PANEL.0 as i32, 12 + LINE * (k / 2) as i32);
-        let own = chart.is_own(method);
-        below.draw(&PathElement::new([(x, y), (x + 22, y)], colour(k).stroke_width(if own { 3 } else { 1 })))?;
-        below.draw(&Polygon::new(mark((x + 11, y), own), colour(k).filled()))?;
+    let place = |k: usize| (20 + (k % 2) as i32 * PANEL.0 as i32, 12 + LINE * (k / 2) as i32);
+    for (k, &(method, look)) in methods.iter().enumerate() {
+        let ((x, y), own) = (place(k), chart.is_own(method));
+        below.draw(&PathElement::new([(x, y), (x + 22, y)], look.colour.stroke_width(look.width)))?;
+        below.draw(&Polygon::new(mark((x + 11, y), look.symbol), look.colour.filled()))?;
         let knobs = chart.runs.iter().filter(|run| run.method == *method);
         let values: Vec<f64> = knobs.clone().map(|run| run.value).collect();
         let knob = knobs.map(|run| run.knob.as_str()).next().unwrap_or_default();
@@ -81,13 +121,21 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
         let law = law.map_or_else(String::new, |run| format!("; law: {}", run.law));
         below.draw(&Text::new(format!("{method} ({range}){law}"), (x + 30, y), text.clone()))?;
     }
-    let from = 12 + LINE * methods.len().div_ceil(2) as i32;
+    let (x, y) = place(methods.len());
+    for dash in [0, 9, 18] {
+        below.draw(&PathElement::new([(x + dash, y), (x + dash + 5, y)], DOUBT.stroke_width(1)))?;
+    }
+    below.draw(&Text::new("error of the reference solution", (x + 30, y), text.clone()))?;
+    let from = 12 + LINE * (methods.len() + 1).div_ceil(2) as i32;
     for (k, line) in chart.caption().into_iter().enumerate() {
         below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
     }
     let from = from + 2 * LINE;
     for (k, absent) in chart.absent.iter().enumerate() {
-        let reason: String = absent.reason.chars().take(150).collect();
+        let (mut reason, all) = (absent.reason.chars().take(140).collect::<String>(), absent.reason.chars().count());
+        if all > 140 {
+            reason.push('…');
+        }
         let line = format!("not run: {}: {reason}", absent.method);
         below.draw(&Text::new(line, (20, from + LINE * k as i32), text.clone()))?;
     }
@@ -97,7 +145,7 @@ fn draw<'a>(root: &Area<'a>, chart: &Chart, title: &str, methods: &[&str]) -> Dr
 fn panel<'a>(
     area: &Area<'a>,
     chart: &Chart,
-    methods: &[&str],
+    methods: &[(&str, Look)],
     what: &str,
     doubt: Option<f64>,
     error: impl Fn(&Run) -> Option<f64>,
@@ -106,7 +154,7 @@ fn panel<'a>(
         let own = chart.runs.iter().filter(|run| run.method == method);
         own.filter_map(|run| Some((run.wall_time * 1e3, error(run)?.max(FLOOR)))).collect()
     };
-    let all: Vec<(f64, f64)> = methods.iter().flat_map(|method| points(method)).collect();
+    let all: Vec<(f64, f64)> = methods.iter().flat_map(|(method, _)| points(method)).collect();
     if all.is_empty() {
         let font = ("sans-serif", 14).into_font().color(&BLACK);
         return area.draw(&Text::new(format!("{what}: no data"), (60, 60), font));
@@ -115,11 +163,15 @@ fn panel<'a>(
         let (low, high) = all.iter().map(of).fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)));
         low / room..high * room
     };
+    let (times, mut errors) = (range(|p| p.0, 1.6), range(|p| p.1, 4.0));
+    if let Some(doubt) = doubt {
+        errors = errors.start.min(doubt.max(FLOOR) / 4.0)..errors.end;
+    }
     let mut axes = ChartBuilder::on(area)
         .margin(10)
         .x_label_area_size(44)
         .y_label_area_size(66)
-        .build_cartesian_2d(range(|p| p.0, 1.6).log_scale(), range(|p| p.1, 4.0).log_scale())?;
+        .build_cartesian_2d(times.clone().log_scale(), errors.log_scale())?;
     axes.configure_mesh()
         .light_line_style(WHITE)
         .x_desc("time of the whole run, ms")
@@ -128,22 +180,15 @@ fn panel<'a>(
         .x_label_formatter(&|x| power(*x))
         .y_label_formatter(&|x| power(*x))
         .draw()?;
-    let times = range(|p| p.0, 1.6);
     if let Some(doubt) = doubt {
         let doubt = doubt.max(FLOOR);
         let line = [(times.start, doubt), (times.end, doubt)];
-        let grey = RGBColor(150, 150, 150);
-        axes.draw_series(DashedLineSeries::new(line, 5, 4, grey.stroke_width(1)))?;
-        let font = ("sans-serif", 12).into_font().color(&grey);
-        let font = font.pos(Pos::new(HPos::Right, VPos::Bottom));
-        axes.draw_series([Text::new("error of the reference solution", (times.end / 1.05, doubt * 1.2), font)])?;
+        axes.draw_series(DashedLineSeries::new(line, 5, 4, DOUBT.stroke_width(1)))?;
     }
-    for (k, method) in methods.iter().enumerate() {
+    for &(method, look) in methods {
         let points = points(method);
-        let own = chart.is_own(method);
-        let width = if own { 3 } else { 1 };
-        axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(width)))?;
-        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), own), colour(k).filled());
+        axes.draw_series(LineSeries::new(points.iter().copied(), look.colour.stroke_width(look.width)))?;
+        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), look.symbol), look.colour.filled());
         axes.draw_series(points.iter().map(at))?;
     }
     Ok(())
@@ -199,7 +244,7 @@ fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> D
     for (k, (name, error)) in errors.into_iter().enumerate() {
         let points = points(error);
         axes.draw_series(LineSeries::new(points.iter().copied(), colour(k).stroke_width(3)))?;
-        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), true), colour(k).filled());
+        let at = |p: &(f64, f64)| EmptyElement::at(*p) + Polygon::new(mark((0, 0), ROUND), colour(k).filled());
         axes.draw_series(points.iter().map(at))?;
         let order = chart.order(error).map_or_else(String::new, |order| format!(": order {order:.3}"));
         names.push((format!("{name}{order}"), colour(k)));
@@ -228,7 +273,41 @@ fn power(x: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::power;
+    use super::{Chart, ROUND, looks, power};
+    use crate::chart::{Reference, Run};
+
+    /// The methods of one program have one colour and different symbols; all other pairs of lines differ in colour.
+    #[test]
+    fn methods_of_one_program_share_a_colour_and_differ_in_their_symbol() {
+        let methods = ["events", "steps", "x 1, a", "y 2, a", "x 1, b", "x 1, c"];
+        let run = |method: &&str| Run {
+            method: (*method).to_owned(),
+            law: String::new(),
+            knob: "dt".to_owned(),
+            value: 1.0,
+            wall_time: 1.0,
+            after_impact: None,
+            at_end: Some(1.0),
+        };
+        let chart = Chart {
+            runs: methods.iter().map(run).collect(),
+            absent: Vec::new(),
+            law: String::new(),
+            doubt_after_impact: None,
+            doubt_at_end: 0.0,
+            peers: methods[2..].iter().map(|it| (*it).to_owned()).collect(),
+            reference: Reference { impact: None, end: (vec![1.0], vec![1.0]), speed: 1.0, quaternions: Vec::new() },
+        };
+        let looks = looks(&chart, &methods);
+        for (a, first) in looks.iter().enumerate() {
+            assert_eq!((first.symbol == ROUND, first.width), (a < 2, if a < 2 { 3 } else { 1 }));
+            for (b, second) in looks.iter().enumerate().skip(a + 1) {
+                let same = [2, 4, 5].contains(&a) && [2, 4, 5].contains(&b);
+                assert_eq!(first.colour == second.colour, same, "{} and {}", methods[a], methods[b]);
+                assert!(!same || first.symbol != second.symbol, "{} and {}", methods[a], methods[b]);
+            }
+        }
+    }
 
     #[test]
     fn ticks_have_labels_at_1_2_and_5_of_a_decade_only() {

@@ -16,7 +16,7 @@ pub struct Stiffened {
     pub factor: f64,
     /// Error of q̇ at the end of the first contact, relative to its largest entry after the rigid impact; `None` without one.
     pub after_impact: Option<f64>,
-    /// Greater of the errors of q and of q̇ at the end, each relative to its largest entry.
+    /// Greater of the errors of q and of q̇ at the end, relative as in [`Run`](super::Run).
     pub at_end: Option<f64>,
 }
 
@@ -57,7 +57,7 @@ impl StiffnessChart {
             sim.touches = Touch::divided(sim.touches);
             sim
         };
-        let reference = Reference::of(&run(&changed(TIGHT, &|_| None))?);
+        let reference = Reference::of(base, &run(&changed(TIGHT, &|_| None))?);
         done();
         let mut runs = Vec::new();
         for k in 0..=DECADES * PER_DECADE {

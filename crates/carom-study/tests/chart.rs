@@ -1,0 +1,47 @@
+//! Charts of scenes with free bodies, and of scenes whose contacts last.
+
+use carom_sim::Scene;
+use carom_study::chart::{Chart, PeerOutcome, PeerRun};
+use std::time::Duration;
+
+fn scene(name: &str) -> Scene {
+    Scene::from_file(format!("{}/../../scenes/{name}.toml", env!("CARGO_MANIFEST_DIR"))).unwrap()
+}
+
+/// One run of each method, as a longer one exceeds the budget.
+fn chart(scene: &Scene) -> Chart {
+    Chart::of(scene, Duration::from_micros(1), &mut |_| {}).unwrap()
+}
+
+/// q of a free body has a quaternion, whose negative is the same rotation: the error does not depend on the sign that another program
+/// returns. It does depend on the rotation.
+#[test]
+fn the_sign_of_a_quaternion_is_no_error() {
+    let mut scene = scene("bounce");
+    scene.duration = 0.2;
+    scene.qd = vec![0.0, 0.0, 0.0, 1.0, 2.0, 3.0];
+    let last = scene.simulation.run(&scene.q, &scene.qd, scene.duration).unwrap().summary.last;
+    let mut chart = chart(&scene);
+    let run = |method: &str, q: Vec<f64>| PeerRun {
+        method: method.to_owned(),
+        knob: "dt".to_owned(),
+        value: 1e-3,
+        outcome: Ok(PeerOutcome { wall_time: 1.0, qd_after_impact: None, at_end: (q, last.qd.clone()) }),
+    };
+    let with = |turn: [f64; 4]| last.q[..3].iter().copied().chain(turn).collect::<Vec<f64>>();
+    let [x, y, z, w] = [3, 4, 5, 6].map(|k| last.q[k]);
+    let short = last.q[..6].to_vec();
+    chart.add_peers(&[
+        run("same", last.q.clone()),
+        run("negative", with([-x, -y, -z, -w])),
+        run("inverse", with([-x, -y, -z, w])),
+        run("short", short),
+    ]);
+    let at_end = |method: &str| chart.runs.iter().find(|run| run.method == method).unwrap().at_end.unwrap();
+    assert!(at_end("same") < 1e-9 && at_end("negative") == at_end("same"), "{:?}", chart.runs);
+    // The largest entry of q is the height of 0.85 m; z of the quaternion is sin(0.2 s |ω| / 2) 3/|ω|.
+    let omega = 14.0_f64.sqrt();
+    let wanted = 2.0 * (0.1 * omega).sin() * 3.0 / omega / last.q.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+    assert!((at_end("inverse") - wanted).abs() < 1e-9, "{} instead of {wanted}", at_end("inverse"));
+    assert_eq!(chart.absent.last().unwrap().method, "short");
+}
