@@ -5,8 +5,7 @@ use std::cell::Cell;
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::series::{guess, root};
-use super::turn::{CHANGES, Start, Turn};
+use super::turn::{CHANGES, Quantity, Start, Turn};
 use super::{Rates, Return, State, Step};
 use crate::contact::Contact;
 use crate::plane::{has_derivatives, rest};
@@ -64,18 +63,12 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
         Resume { state: self.state, from: plain(t), before }
     }
 
-    /// The intervals on which v_n is monotone.
-    fn intervals(&self) -> impl Iterator<Item = (f64, f64)> {
-        let from = self.from;
-        self.turn.intervals().filter(move |&(_, to)| to > from).map(move |(start, to)| (start.max(from), to))
-    }
-
     /// The end of the step. Where slip has grown it is moved so that p has no derivative: a change of ln r(0) lengthens all of
     /// the path at the same τ, but hardly changes it at the same p, and their difference would be rounding over r(0).
     pub fn end(&self) -> T {
         let end = self.turn.end();
         if has_derivatives::<T>() && self.turn.grows(end) {
-            self.moved(end, |step| step.p, self.turn.p(end).1)
+            self.moved(end, Quantity::Impulse, |step| step.p)
         } else {
             convert(end)
         }
@@ -83,83 +76,50 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
 
     /// The τ at which `v_n = 0` is reached from below, if it lies within the step.
     pub fn rises(&self) -> Option<T> {
-        let (from, to) = self.turn.intervals().find(|&(_, to)| self.turn.v_n(to).0 >= 0.0)?;
-        let v_n = |t: f64| self.turn.v_n(t);
-        let t = root(from, to, guess((from, v_n(from)), (to, v_n(to))), v_n);
-        Some(self.moved(t, |step| step.v_n, self.turn.v_n(t).1))
+        Some(self.moved(self.turn.rises()?, Quantity::Velocity, |step| step.v_n))
     }
 
     /// The τ at which the normal impulse has grown by `dp`, if it lies within the step.
     pub fn reaches(&self, dp: T) -> Option<T> {
-        let (end, dp) = (self.turn.end(), plain(dp));
-        let shifted = |(p, slope): (f64, f64)| (p - dp, slope);
-        (self.turn.p(end).0 >= dp).then(|| convert(root(0.0, end, end, |t| shifted(self.turn.p(t)))))
+        self.turn.reaches(plain(dp)).map(convert)
     }
 
     pub fn returns(&self, state: &State<T>, end: &End<T>) -> Return<T> {
-        let turn = self.turn;
-        let aim = match end.ending {
-            Ending::Impulse => end.e * end.pc - state.p,
-            Ending::Velocity => -end.e * end.v_n_minus,
-            Ending::Work => -end.e * end.e * end.work - state.normal_work,
+        let (quantity, aim) = match end.ending {
+            Ending::Impulse => (Quantity::Impulse, end.e * end.pc - state.p),
+            Ending::Velocity => (Quantity::Velocity, -end.e * end.v_n_minus),
+            Ending::Work => (Quantity::Work, -end.e * end.e * end.work - state.normal_work),
         };
-        let of = |step: &Step<T>| match end.ending {
-            Ending::Impulse => step.p,
-            Ending::Velocity => step.v_n,
-            Ending::Work => step.normal_work,
+        let of = |step: &Step<T>| match quantity {
+            Quantity::Impulse => step.p,
+            Quantity::Velocity => step.v_n,
+            Quantity::Work => step.normal_work,
         };
         // From the end of compression v_n is counted from zero.
         let aim = match &self.before {
-            Some(before) if end.ending != Ending::Velocity => aim + of(before),
+            Some(before) if quantity != Quantity::Velocity => aim + of(before),
             _ => aim,
         };
-        let over = |t: f64| {
-            let (value, slope) = match end.ending {
-                Ending::Impulse => turn.p(t),
-                Ending::Velocity => turn.v_n(t),
-                Ending::Work => turn.normal_work(t),
-            };
-            (value - plain(aim), slope)
-        };
-        for (from, to) in self.intervals() {
-            let falls = turn.v_n(to).0 < 0.0;
-            let falling = |t: f64| {
-                let (v_n, slope) = turn.v_n(t);
-                (-v_n, -slope)
-            };
-            let last = if falls { root(from, to, to, falling) } else { to };
-            let beyond = over(last);
-            if beyond.0 >= 0.0 {
-                if end.ending == Ending::Work && end.e == T::zero() {
-                    // W_n is quadratic at v_n = 0; this is its root to first order in e, at e = 0.
-                    let bend = turn.bend();
-                    return Return::Ends(if bend > 0.0 {
-                        end.e * (-end.work * convert(1.0 / bend)).sqrt()
-                    } else {
-                        T::zero()
-                    });
-                }
-                let first = over(from);
-                let near = if end.ending == Ending::Work {
-                    // W_n grows with the square of the time since v_n = 0.
-                    from + (last - from) * (-first.0 / (beyond.0 - first.0)).sqrt()
-                } else {
-                    guess((from, first), (last, beyond))
-                };
-                let t = root(from, last, near, over);
-                return Return::Ends(self.moved(t, |step| of(step) - aim, over(t).1));
+        match self.turn.returns(quantity, plain(aim), self.from) {
+            Return::Ends(_) if quantity == Quantity::Work && end.e == T::zero() => {
+                // W_n is quadratic at v_n = 0; this is its root to first order in e, at e = 0.
+                let bend = self.turn.bend();
+                Return::Ends(if bend > 0.0 { end.e * (-end.work * convert(1.0 / bend)).sqrt() } else { T::zero() })
             }
-            if falls {
-                return Return::Falls(self.moved(last, |step| step.v_n, turn.v_n(last).1));
-            }
+            Return::Ends(t) => Return::Ends(self.moved(t, quantity, |step| of(step) - aim)),
+            Return::Falls(t) => Return::Falls(self.moved(t, Quantity::Velocity, |step| step.v_n)),
+            Return::Not => Return::Not,
         }
-        Return::Not
     }
 
-    /// The root t of a function of the step with this slope, with its derivative.
-    fn moved(&self, t: f64, of: impl Fn(&Step<T>) -> T, slope: f64) -> T {
+    /// The root t of a function of the step with the slope of this quantity, with its derivative.
+    fn moved(&self, t: f64, slope: Quantity, of: impl Fn(&Step<T>) -> T) -> T {
         let t_0 = convert(t);
-        if !has_derivatives::<T>() || slope == 0.0 {
+        if !has_derivatives::<T>() {
+            return t_0;
+        }
+        let slope = self.turn.get_quantity(slope, t).1;
+        if slope == 0.0 {
             return t_0;
         }
         let step = self.to(t);

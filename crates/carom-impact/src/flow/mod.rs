@@ -46,6 +46,7 @@ use nalgebra::{RealField, SVector, Vector2};
 use crate::cone::shift;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode, Phase};
+use crate::plane::has_derivatives;
 use crate::problem::{plain, rounding};
 use crate::routh::{End, Ending, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactProblem};
@@ -261,7 +262,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             state.r = T::zero();
             return Piece::Line(self.departure());
         }
-        let straight = rates.turning.abs() <= rates.scale * rounding(STRAIGHT);
+        let straight = rates.turning.abs() <= rates.scale * rounding(STRAIGHT) || self.stops_here(state, &rates);
         let piece = if straight || state.r <= self.slow || self.pieces > PIECES {
             let doubt = rates.scale * rounding(1024.0);
             Piece::Line(Line::slip(self.contact, self.mu, state.heading, rates.radial, doubt))
@@ -272,6 +273,21 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             self.jams |= line.normal_rate <= T::zero();
         }
         piece
+    }
+
+    /// Whether slip stops along an invariant direction so near that the rest of its turning does not count: the direction turns by
+    /// `k_φ/λ` more, with `λ = -dk_φ/dφ`, which changes `dr/dp` by at most κ times as much, and the velocity by that times the
+    /// impulse that is left, `r/|dr/dp|`. Derivatives are not small where the change itself is.
+    fn stops_here(&self, state: &State<T>, rates: &Rates<T>) -> bool {
+        let (u, slows) = (&state.heading, -rates.radial);
+        let across = Vector2::new(-u.y, u.x);
+        let settles = self.mu * across.dot(&(self.contact.tangents * across)) - slows;
+        let (turns, room) = (rates.turning.abs() * rates.scale, settles * slows);
+        !has_derivatives::<T>()
+            && slows > T::zero()
+            && settles > T::zero()
+            && turns < room
+            && state.r * turns <= self.slow * room
     }
 
     /// Integrates to `v_n = 0`; returns the impulse at which slip stopped, if it did, and the rest of the last curve.

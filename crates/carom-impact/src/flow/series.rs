@@ -1,89 +1,100 @@
 //! Truncated power series, and roots in a bracket.
 
-/// Number of terms, a multiple of [`LANES`]. Longer series hardly make a step longer.
-pub(super) const TERMS: usize = 32;
+use pulp::Simd;
 
-/// Number of sums that are computed side by side.
-const LANES: usize = 4;
+/// Number of terms, a multiple of the number of SIMD lanes. Longer series hardly make a step longer.
+pub(super) const TERMS: usize = 32;
 
 /// A step below this share of the root is small: the next one is its square.
 const SMALL: f64 = 1e-7;
 
-/// `1/k`; the first entry is unused.
-const INVERSE: [f64; TERMS + 1] = {
-    let mut inverse = [0.0; TERMS + 1];
-    let mut k = 1;
-    while k < inverse.len() {
-        inverse[k] = 1.0 / k as f64;
-        k += 1;
-    }
-    inverse
-};
-
-/// `1/k`, which the integral of power `k - 1` contains; k is at most [`TERMS`].
-#[inline(always)]
-pub(super) fn inverse(k: usize) -> f64 {
-    INVERSE[k]
-}
+/// Greatest number of SIMD lanes.
+pub(super) const MOST_LANES: usize = 8;
 
 /// Coefficients `c_k` of `Σ c_k x^k`.
 pub(super) type Series = [f64; TERMS];
 
-/// The value of a series at x. Powers that differ by [`LANES`] are summed apart, so that the sums do not wait for each
-/// other.
-#[inline(always)]
-pub(super) fn value(series: impl Fn(usize) -> f64, x: f64) -> f64 {
-    let square = x * x;
-    let step = square * square;
-    let mut sums: [f64; LANES] = std::array::from_fn(|i| series(TERMS - LANES + i));
-    for from in (0..TERMS / LANES - 1).rev() {
-        for (i, sum) in sums.iter_mut().enumerate() {
-            *sum = *sum * step + series(LANES * from + i);
-        }
-    }
-    join(&sums, x, square)
+/// A point at which series are evaluated. Powers that differ by the number of SIMD lanes are summed apart, so that the sums do
+/// not wait for each other.
+#[derive(Clone, Copy)]
+pub(super) struct At<S: Simd> {
+    simd: S,
+    /// `x^n` with the number n of lanes.
+    step: S::f64s,
+    /// `x^i`, and their derivatives, for the lanes.
+    powers: S::f64s,
+    slopes: S::f64s,
+    /// `n x^(n-1)`.
+    rate: f64,
 }
 
-/// The value of a series and its derivative at x.
-#[inline(always)]
-pub(super) fn with_slope(series: impl Fn(usize) -> f64, x: f64) -> (f64, f64) {
-    let square = x * x;
-    let step = square * square;
-    let mut sums: [f64; LANES] = std::array::from_fn(|i| series(TERMS - LANES + i));
-    let mut slopes = [0.0; LANES];
-    for from in (0..TERMS / LANES - 1).rev() {
-        for (i, (sum, slope)) in sums.iter_mut().zip(&mut slopes).enumerate() {
-            *slope = *slope * step + *sum;
-            *sum = *sum * step + series(LANES * from + i);
-        }
+impl<S: Simd> At<S> {
+    #[inline(always)]
+    pub fn new(simd: S, x: f64) -> Self {
+        let (two, four) = (x * x, (x * x) * (x * x));
+        let powers = [1.0, x, two, two * x, four, four * x, four * two, four * two * x, four * four];
+        let slopes = [0.0, 1.0, 2.0 * x, 3.0 * two, 4.0 * powers[3], 5.0 * four, 6.0 * powers[5], 7.0 * powers[6]];
+        let n = S::F64_LANES;
+        let rate = n as f64 * powers[n - 1];
+        Self { simd, step: simd.splat_f64s(powers[n]), powers: first::<S>(&powers), slopes: first::<S>(&slopes), rate }
     }
-    let inner = sums[1] + x * (2.0 * sums[2] + 3.0 * x * sums[3]);
-    (join(&sums, x, square), inner + 4.0 * square * x * join(&slopes, x, square))
+
+    #[inline(always)]
+    pub fn value(&self, series: &Series) -> f64 {
+        let (simd, (blocks, _)) = (self.simd, S::as_simd_f64s(series));
+        let mut sum = blocks[blocks.len() - 1];
+        for block in blocks[..blocks.len() - 1].iter().rev() {
+            sum = simd.mul_add_e_f64s(sum, self.step, *block);
+        }
+        simd.reduce_sum_f64s(simd.mul_f64s(sum, self.powers))
+    }
+
+    /// The value and its derivative.
+    #[inline(always)]
+    pub fn with_slope(&self, series: &Series) -> (f64, f64) {
+        let (simd, (blocks, _)) = (self.simd, S::as_simd_f64s(series));
+        let mut sum = blocks[blocks.len() - 1];
+        let mut slope = simd.splat_f64s(0.0);
+        for block in blocks[..blocks.len() - 1].iter().rev() {
+            slope = simd.mul_add_e_f64s(slope, self.step, sum);
+            sum = simd.mul_add_e_f64s(sum, self.step, *block);
+        }
+        let inner = simd.mul_f64s(sum, self.slopes);
+        let outer = simd.mul_f64s(simd.mul_f64s(slope, self.powers), simd.splat_f64s(self.rate));
+        (simd.reduce_sum_f64s(simd.mul_f64s(sum, self.powers)), simd.reduce_sum_f64s(simd.add_f64s(inner, outer)))
+    }
 }
 
-/// `Σ s_i x^i`.
+/// The first numbers as lanes.
 #[inline(always)]
-fn join(sums: &[f64; LANES], x: f64, square: f64) -> f64 {
-    (sums[0] + x * sums[1]) + square * (sums[2] + x * sums[3])
+pub(super) fn first<S: Simd>(of: &[f64]) -> S::f64s {
+    S::as_simd_f64s(&of[..S::F64_LANES]).0[0]
 }
 
 /// A first guess for [`root`]: where the cubic that has these values and slopes at both ends, read as a function of the
 /// value, is zero.
+#[inline(always)]
 pub(super) fn guess((low, (f_0, d_0)): (f64, (f64, f64)), (high, (f_1, d_1)): (f64, (f64, f64))) -> f64 {
     let (span, share) = (f_1 - f_0, -f_0 / (f_1 - f_0));
     let (rest, by) = (1.0 - share, high - low);
     low + share * share * (3.0 - 2.0 * share) * by + share * rest * span * (rest / d_0 - share / d_1)
 }
 
+/// A function with its derivative. A trait, because inlining of a closure cannot be forced, and code that is not inlined is compiled
+/// without vector instructions.
+pub(super) trait Function {
+    fn at(&self, x: f64) -> (f64, f64);
+}
+
 /// The root in `[low, high]` of a function that is not negative at `high` and negative before the root: Newton's method
 /// within the bracket from a first guess. The convergence is quadratic, so that one step after a small one is at
 /// rounding.
 #[inline(always)]
-pub(super) fn root(low: f64, high: f64, guess: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
+pub(super) fn root(low: f64, high: f64, guess: f64, f: &impl Function) -> f64 {
     let (mut left, mut right) = (low, high);
     let mut x = if guess >= low && guess <= high { guess } else { high };
     for _ in 0..200 {
-        let (value, slope) = f(x);
+        let (value, slope) = f.at(x);
         if value >= 0.0 {
             right = x
         } else {
@@ -97,7 +108,7 @@ pub(super) fn root(low: f64, high: f64, guess: f64, f: impl Fn(f64) -> (f64, f64
             break;
         }
     }
-    let (value, slope) = f(x);
+    let (value, slope) = f.at(x);
     let polished = x - value / slope;
     // Rounding may move a root at an end of the bracket out of it.
     if polished.is_finite() { polished.clamp(low, high) } else { x }

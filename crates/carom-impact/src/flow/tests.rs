@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3, matrix, vector};
 
 use super::gauss::{NODES, WEIGHTS};
-use super::turn::{Start, Turn};
+use super::turn::{Quantity, Start, Turn};
 use super::{Line, Return, State, follow};
 use crate::routh::{End, Ending, walk};
 use crate::{ImpactError, ImpactProblem};
@@ -140,7 +140,7 @@ fn impulses_and_works_of_a_step_are_integrals_of_the_slip() {
         let (mut p, mut p_t, mut works, mut passed) = (0.0, Vector2::zeros(), Vector2::zeros(), 0.0);
         for (x, weight) in NODES.into_iter().zip(WEIGHTS) {
             let (at, dp) = (turn.sums(t * x), weight * t / scale);
-            let v_n = turn.v_n(t * x).0;
+            let v_n = turn.get_quantity(Quantity::Velocity, t * x).0;
             p += at.r * dp;
             p_t -= at.heading * (mu * at.r * dp);
             works += vector![v_n, -mu * at.r] * (at.r * dp);
