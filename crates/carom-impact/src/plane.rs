@@ -99,7 +99,7 @@ impl<T: RealField + Copy> Routh<T> {
             return Ok(SVector::zeros());
         }
         let impulse = match SlipPlane::of(problem) {
-            Some(plane) => plane.ends(problem, mu, &walk(&plane.contact(problem), e, mu, ending)?).0,
+            Some(plane) => plane.ends(problem, mu, &walk(&plane.contact, e, mu, ending)?).0,
             None => follow(problem, e, mu, ending)?.impulse,
         };
         finite("the impulse", &impulse)?;
@@ -126,9 +126,8 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
         let Found { impulse, u_plus, account } = in_space()?;
         return ImpactOutcome::of(law, problem, impulse, u_plus, &account).if_finite();
     };
-    let contact = plane.contact(problem);
-    let answer = in_plane(&contact)?;
-    plane.lift(law, problem, &contact, mu, answer).if_finite()
+    let answer = in_plane(&plane.contact)?;
+    plane.lift(law, problem, mu, answer).if_finite()
 }
 
 /// The further solutions of a law that has several.
@@ -140,8 +139,7 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space: impl FnOnce() -> Vec<Found<T, D>>,
 ) -> Vec<ImpactOutcome<T, D>> {
     if let Some(plane) = SlipPlane::of(problem) {
-        let contact = plane.contact(problem);
-        return in_plane(&contact).into_iter().map(|answer| plane.lift(law, problem, &contact, mu, answer)).collect();
+        return in_plane(&plane.contact).into_iter().map(|answer| plane.lift(law, problem, mu, answer)).collect();
     }
     let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
     in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
@@ -149,71 +147,70 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
 
 /// The equivalent planar contact, if the slip stays in a plane.
 pub(crate) fn in_slip_plane<const D: usize>(problem: &ImpactProblem<f64, D>) -> Option<ImpactProblem<f64, 2>> {
-    Some(SlipPlane::of(problem)?.contact(problem))
+    Some(SlipPlane::of(problem)?.contact)
 }
 
 /// The plane through the normal in which the slip stays.
 struct SlipPlane<T, const D: usize> {
     /// Unit tangent; zero if the contact has no slip and no coupling along any tangent.
     t: SVector<T, D>,
-    /// Slip velocity along t (m/s).
-    v_t: T,
+    /// The problem in the axes (t, n).
+    contact: ImpactProblem<T, 2>,
 }
 
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     /// The plane along the slip `u_t`; without slip the plane along `h_tn`, into which the normal impulse accelerates
     /// the contact; without either the contact stays at `v_t = 0`, and no tangent is needed.
+    #[inline(always)]
     fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
         let h = problem.delassus();
         let u = problem.u_minus();
         if D == 2 {
             let mut t = SVector::zeros();
             t[0] = T::one();
-            return Some(Self { t, v_t: u[0] });
+            let delassus = Matrix2::new(h[(0, 0)], h[(1, 0)], h[(1, 0)], h[(1, 1)]);
+            return Some(Self { t, contact: ImpactProblem::trusted(delassus, Vector2::new(u[0], u[1])) });
         }
         let tolerance: T = rounding(PLANE);
-        if let Some(t) = along(u) {
-            let v_t = t.dot(u);
-            let plane = Self { t, v_t }.check(problem);
+        if let Some((t, v_t)) = direction(u) {
+            let plane = Self::along(problem, t, v_t);
             // The direction of a slip that may be rounding of the approach is undefined.
             if plane.is_some() || v_t > u.map(value).norm() * tolerance {
                 return plane;
             }
         }
-        let drive = h.column(D - 1).into_owned();
-        match along(&drive) {
-            Some(t) if drive.dot(&t) > h.map(value).amax() * tolerance => {
-                Self { t, v_t: rest(t.dot(u)) }.check(problem)
+        Self::from_rest(problem)
+    }
+
+    /// The plane of a contact without slip.
+    #[cold]
+    fn from_rest(problem: &ImpactProblem<T, D>) -> Option<Self> {
+        let (h, u) = (problem.delassus(), problem.u_minus());
+        match direction(&h.column(D - 1).into_owned()) {
+            Some((t, drive)) if drive > h.map(value).amax() * rounding(PLANE) => {
+                Self::along(problem, t, rest(t.dot(u)))
             }
-            _ => Some(Self { t: SVector::zeros(), v_t: T::zero() }),
+            _ => {
+                let (none, c) = (T::zero(), h[(D - 1, D - 1)]);
+                let contact = ImpactProblem::trusted(Matrix2::new(none, none, none, c), Vector2::new(none, u[D - 1]));
+                Some(Self { t: SVector::zeros(), contact })
+            }
         }
     }
 
-    /// Whether `H_bt = H_bn = 0` for the tangent b perpendicular to t.
-    fn check(self, problem: &ImpactProblem<T, D>) -> Option<Self> {
-        let n = D - 1;
-        let (h, t) = (problem.delassus().map(value), self.t.map(value));
-        let allowed = h.amax() * rounding(PLANE);
-        let across = |mut x: SVector<T, D>| {
-            x[n] = T::zero();
-            (x - t * t.dot(&x)).amax()
-        };
-        let tangent = across(h * t);
-        let normal = across(h.column(n).into_owned());
-        (tangent <= allowed && normal <= allowed).then_some(self)
-    }
-
-    /// The problem in the axes (t, n).
-    fn contact(&self, problem: &ImpactProblem<T, D>) -> ImpactProblem<T, 2> {
-        let n = D - 1;
-        let h = problem.delassus();
-        let (a, b, c) = if D == 2 {
-            (h[(0, 0)], h[(1, 0)], h[(1, 1)])
-        } else {
-            let h_t = h * self.t;
-            (self.t.dot(&h_t), h_t[n], h[(n, n)])
-        };
-        ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(self.v_t, problem.u_minus()[n]))
+    /// The plane along the unit tangent t, if `H_bt = H_bn = 0` for the tangent b perpendicular to it.
+    #[inline(always)]
+    fn along(problem: &ImpactProblem<T, D>, t: SVector<T, D>, v_t: T) -> Option<Self> {
+        let (h, n) = (problem.delassus(), D - 1);
+        let h_t = h * t;
+        let across = |x: T, y: T| value(t[0] * y - t[1] * x).abs();
+        let allowed = h.map(value).amax() * rounding(PLANE);
+        if across(h_t[0], h_t[1]) > allowed || across(h[(0, n)], h[(1, n)]) > allowed {
+            return None;
+        }
+        let (a, b, c) = (t.dot(&h_t), h_t[n], h[(n, n)]);
+        let contact = ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(v_t, problem.u_minus()[n]));
+        Some(Self { t, contact })
     }
 
     /// The outcome in contact axes. Across the plane all values are zero, but derivatives need not be.
@@ -222,10 +219,10 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         &self,
         law: &'static str,
         problem: &ImpactProblem<T, D>,
-        contact: &ImpactProblem<T, 2>,
         mu: T,
         mut answer: Answer<T>,
     ) -> ImpactOutcome<T, D> {
+        let contact = &self.contact;
         let (_, b, c) = contact.abc();
         let (v_t, _) = contact.velocity();
         // dv_n/dp = C - μ s B <= 0 in the first slip.
@@ -298,7 +295,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
             return (lift(p), SVector::zeros());
         }
         // The initial slip, or the slip that follows from rest, is along t.
-        let v_t = self.v_t;
+        let (v_t, _) = self.contact.velocity();
         let v_plus = answer.v_t;
         let b = Vector2::new(-t.y, t.x);
         let row = contact.tangents * b;
@@ -367,11 +364,20 @@ fn exp_divided(mut x: [f64; 3]) -> f64 {
     (first(b, c) - first(a, b)) / (c - a)
 }
 
-/// Unit vector along the tangential part of `x`; `None` if it is zero.
-fn along<T: RealField + Copy, const D: usize>(x: &SVector<T, D>) -> Option<SVector<T, D>> {
+/// Unit vector along the tangential part of `x`, and its length; `None` if it is zero.
+#[inline(always)]
+fn direction<T: RealField + Copy, const D: usize>(x: &SVector<T, D>) -> Option<(SVector<T, D>, T)> {
     let mut tangent = *x;
     tangent[D - 1] = T::zero();
-    // Scaled first, so that the squares of small speeds do not underflow.
+    let (square, least) = (tangent.norm_squared(), T::default_epsilon().powi(4));
+    if square > least && square * least < T::one() {
+        let length = square.sqrt();
+        return Some((tangent / length, length));
+    }
+    // Scaled first, so that the squares of small and large speeds stay within the range of numbers.
     let largest = tangent.amax();
-    (largest > T::zero()).then(|| (tangent / largest).normalize())
+    (largest > T::zero()).then(|| {
+        let scaled = tangent / largest;
+        (scaled.normalize(), scaled.norm() * largest)
+    })
 }
