@@ -24,7 +24,10 @@ use std::path::PathBuf;
 /// tosses.csv with a URDF (as for `carom tosses`; of several URDF files the one whose name begins
 /// the names of all others); a CSV table of single impacts of a planar ellipse (columns pre_vx,
 /// pre_vy, pre_w, post_…, d_x, d_y, d_th, n_…) or of a dropped square (columns drop, pre_x, pre_z,
-/// pre_th, pre_vx, pre_vz, pre_w, post_…, n_post). The names of the tables do not matter.
+/// pre_th, pre_vx, pre_vz, pre_w, post_…, n_post); a CSV table of landings of a biped with the links
+/// and joints of Cassie, beside its URDF (columns log, t, base_qw …, hip_roll_left,
+/// hip_roll_leftdot …, hip_roll_left_motor …; samples every 0.5 ms). The names of the tables do not
+/// matter.
 /// Models: every law with constant coefficients; then effects, each in addition to those before it:
 ///   arm        the tangential lever arm of the ellipse as a multiple of that of the table
 ///   strikes    strikes of further corners of the square before its velocity is measured
@@ -36,14 +39,20 @@ use std::path::PathBuf;
 ///   floor      height of the floor (tosses)
 ///   speed      restitution e (v/v1)^-nu for the approach speed v, with v1 = 1 m/s
 ///   errors     errors of the measured angles of the start: their mean is predicted (tosses)
-/// Effects are added to every law for single impacts, and for tosses to the law with the least error
-/// of the measurements that it is fitted to; they are judged from the fitted start alone. For each
+///   rotors     reflected inertias of the motors' rotors (landings)
+///   rods       rods from thigh to heel that close loops (landings)
+///   springs    forces of the springs of knee and heel (landings)
+///   motors     measured torques of the motors (landings)
+///   toe        an inertia of the toe's drive beyond that of its rotor (landings)
+/// Effects are added to every law for single impacts and landings, and for tosses to the law with the
+/// least error of the measurements that it is fitted to, judged from the fitted start alone. For each
 /// fold a model is selected by the measurements outside it: an effect is accepted if it lowers their
 /// error by more than two standard errors.
 /// Output: for each set the best law, its mean error on held-out measurements with its standard
 /// error, the next law with the paired difference, and the bound of any impulse at the point or the
 /// floor from the noise of the start. Tosses are judged to 0.1 s after the first impact and as a
-/// whole, from starts fitted to the flight and from starts given by the table.
+/// whole, from starts fitted to the flight and from starts given by the table; landings 7 and 5 ms
+/// after them, in folds of whole logs.
 /// --out writes a Markdown table and an SVG picture of each set, summary.md and compare.json.
 /// JSON keys: seed, folds, comparisons [{set, what, measure, numbers, folds, left_out, rows [{law,
 ///   several, effects, coefficients [{name, values}], mean, standard_error, median, below_threshold,
@@ -70,7 +79,7 @@ pub struct CompareCommand {
     /// Largest friction of the search, above 0, at most 100
     #[arg(long, value_name = "MU", default_value_t = 1.0, allow_hyphen_values = true)]
     max_friction: f64,
-    /// Sets of parameters that each model may try on tosses for each fold
+    /// Sets of parameters that each model may try on tosses and landings for each fold
     #[arg(long, value_name = "N", default_value_t = 60)]
     trials: usize,
     /// Tosses to which parameters are fitted; all tosses are judged
@@ -85,7 +94,7 @@ pub struct CompareCommand {
     /// Length L of the pose error of tosses, m: mean |Δp|²/L + mean Δθ² over the samples
     #[arg(long, value_name = "METRES", default_value_t = 0.0524, allow_hyphen_values = true)]
     length: f64,
-    /// Relative tolerance of the integration of tosses
+    /// Relative tolerance of the integration of tosses and landings
     #[arg(long, default_value = "1e-5", allow_hyphen_values = true)]
     tolerance: f64,
     /// Length of a time step of tosses, where time steps are computed, s

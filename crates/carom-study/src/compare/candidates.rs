@@ -41,6 +41,16 @@ pub(super) enum Effect {
     Floor,
     /// Errors of the measured angles: the mean over them is predicted. A model of the measurement.
     Errors,
+    /// Reflected inertias of the motors' rotors.
+    Rotors,
+    /// Rods that close loops.
+    Rods,
+    /// Springs of joints.
+    Springs,
+    /// The measured torques of the motors.
+    Motors,
+    /// An inertia of the toe's drive beyond that of its rotor.
+    Toe,
 }
 
 /// A quantity that is fitted.
@@ -74,6 +84,8 @@ pub(super) enum Parameter {
     Height,
     /// Standard deviation of [`Effect::Errors`], rad.
     AngleError,
+    /// Inertia of [`Effect::Toe`], kg m².
+    ToeInertia,
 }
 
 impl Effect {
@@ -90,6 +102,11 @@ impl Effect {
             Self::Placement => "placement",
             Self::Floor => "floor",
             Self::Errors => "errors",
+            Self::Rotors => "rotors",
+            Self::Rods => "rods",
+            Self::Springs => "springs",
+            Self::Motors => "motors",
+            Self::Toe => "toe",
         }
     }
 
@@ -97,7 +114,7 @@ impl Effect {
         match self {
             Self::Speed => &[Parameter::Exponent],
             Self::Arm => &[Parameter::Arm],
-            Self::Strikes => &[],
+            Self::Strikes | Self::Rotors | Self::Rods | Self::Springs | Self::Motors => &[],
             Self::Corners => &[Parameter::Radius, Parameter::Growth],
             Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
             Self::Inertia => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2)],
@@ -105,6 +122,7 @@ impl Effect {
             Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
             Self::Floor => &[Parameter::Height],
             Self::Errors => &[Parameter::AngleError],
+            Self::Toe => &[Parameter::ToeInertia],
         }
     }
 }
@@ -130,6 +148,7 @@ impl Parameter {
             Self::Offset(_) => "offset_z",
             Self::Height => "floor_height",
             Self::AngleError => "angle_error",
+            Self::ToeInertia => "toe_inertia",
         }
     }
 
@@ -154,6 +173,7 @@ impl Parameter {
             Self::Offset(_) => "z",
             Self::Height => "floor",
             Self::AngleError => "angle error",
+            Self::ToeInertia => "toe",
         }
     }
 
@@ -172,6 +192,7 @@ impl Parameter {
             Self::Offset(_) => (-0.015, 0.015),
             Self::Height => (-0.01, 0.01),
             Self::AngleError => (0.0, 0.12),
+            Self::ToeInertia => (0.0, 0.5),
         }
     }
 
@@ -205,6 +226,9 @@ const SPEEDS: (f64, f64) = (1.0, 0.1);
 
 /// The standard deviations of [`Effect::Errors`] that are tried, rad.
 const ANGLE_ERRORS: [f64; 9] = [0.0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.1];
+
+/// The inertias of [`Effect::Toe`] from which the search starts, kg m².
+const TOE_INERTIAS: [f64; 5] = [0.0, 0.02, 0.05, 0.1, 0.2];
 
 impl Candidate {
     /// Every law of [`LAW_NAMES`] with the coefficients that it has, and no effect.
@@ -245,11 +269,12 @@ impl Candidate {
 
     /// The points from which the search of a model with effects starts, for the values `x` of the model without its last one.
     pub fn starts(&self, x: Vec<f64>) -> Vec<Vec<f64>> {
-        if self.effects.last() != Some(&Effect::Errors) {
-            return vec![x];
-        }
-        let with = |sigma: f64| [&x[..x.len() - 1], &[sigma]].concat();
-        ANGLE_ERRORS.map(with).to_vec()
+        let values: &[f64] = match self.effects.last() {
+            Some(Effect::Errors) => &ANGLE_ERRORS,
+            Some(Effect::Toe) => &TOE_INERTIAS,
+            _ => return vec![x],
+        };
+        values.iter().map(|value| [&x[..x.len() - 1], &[*value]].concat()).collect()
     }
 
     /// Whether the model is another one with further effects.

@@ -60,14 +60,14 @@ pub struct TossStart {
     pub qd: Vec<f64>,
 }
 
-/// The tosses of a data set as [`compare()`](super::compare()) uses them; `None` for single impacts.
+/// The tosses of a data set as [`compare()`](super::compare()) uses them; `None` for other sets.
 ///
 /// # Errors
 /// As those of [`compare()`](super::compare()).
 pub fn toss_cases(set: &DataSet, options: &CompareOptions) -> Result<Option<TossCases>, CompareError> {
     options.check()?;
     match &set.data {
-        Data::Impacts(_) => Ok(None),
+        Data::Impacts(_) | Data::Landings(_) => Ok(None),
         Data::Tosses(all, robot) => tosses::export(set, all, robot, options).map(Some),
     }
 }

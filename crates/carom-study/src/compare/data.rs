@@ -5,10 +5,12 @@
 //! | tosses of a robot | `tosses.csv` and a URDF | ContactNets' cube (S. Pfrommer, M. Halm, M. Posa 2020) and the hinge of B. Bianchini, M. Halm, M. Posa (2023) |
 //! | impacts of a planar ellipse | a CSV table with `pre_vx, …, d_x, …, n_x, …` | N. Fazeli's planar impacts (MCube Lab, MIT, 2017) |
 //! | first impacts of a dropped square | a CSV table with `drop`, `pre_vz, …`, `post_vz, …` | drops of the MCube Lab |
+//! | landings of a biped | a CSV table with `log`, `base_qw, …`, `knee_joint_leftdot, …`, beside a URDF | DAIRLab's `cassie_impact_dataset` |
 //!
-//! The tables have no body parameters, so the bodies are constants of this file.
+//! The tables of single impacts have no body parameters, so the bodies are constants of this file.
 
 use super::candidates::Effect;
+use super::landings::{self, Landings};
 use super::planar::{GRAVITY, PlanarImpact, Sequel, lowest_corner};
 use crate::fit::FitError;
 use crate::tosses::{TossError, Tosses, urdf_of};
@@ -31,6 +33,7 @@ pub(super) enum Data {
     Impacts(Impacts),
     /// Tosses, and the robot of their URDF.
     Tosses(Tosses, Box<Robot>),
+    Landings(Landings),
 }
 
 /// Single impacts.
@@ -106,15 +109,15 @@ pub enum CompareError {
 /// [`CompareError::File`]: nothing is recognised, or a table is invalid.
 pub fn data_sets(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
     let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
-    let mut found = if path.is_file() { table(path)?.into_iter().collect() } else { folder(path, options)? };
+    let mut found = if path.is_file() { table(path, options)?.into_iter().collect() } else { folder(path, options)? };
     if found.is_empty() && path.is_dir() {
         for inner in entries(path)?.iter().filter(|entry| entry.is_dir()) {
             found.extend(folder(inner, options)?);
         }
     }
     if found.is_empty() {
-        let rule = "it holds no data set: a folder needs tosses.csv with a URDF, or a CSV table with the columns pre_vx … \
-                    of single impacts";
+        let rule = "it holds no data set: a folder needs tosses.csv with a URDF, a CSV table with the columns pre_vx … of \
+                    single impacts, or one with the columns log, base_qw, knee_joint_leftdot … of landings";
         return Err(refuse(rule.into()));
     }
     Ok(found)
@@ -140,16 +143,15 @@ fn named(path: &Path) -> String {
 fn folder(path: &Path, options: &LoadOptions) -> Result<Vec<DataSet>, CompareError> {
     let name = named(path);
     let entries = entries(path)?;
-    let of = |end: &str| entries.iter().filter(|path| path.extension().is_some_and(|e| e == end)).collect::<Vec<_>>();
     if entries.iter().any(|entry| entry.ends_with("tosses.csv")) {
-        let robot = nominal(&of("urdf"));
+        let robot = nominal(&with_end(&entries, "urdf").collect::<Vec<_>>());
         let tosses = Tosses::read(path, robot.as_deref(), options)?;
         let robot = urdf::read_file(urdf_of(path, robot.as_deref())?, options).map_err(TossError::from)?;
         return Ok(vec![DataSet { name, data: Data::Tosses(tosses, Box::new(robot)) }]);
     }
     let mut tables = Vec::new();
-    for file in of("csv") {
-        tables.extend(table(file)?);
+    for file in with_end(&entries, "csv") {
+        tables.extend(table(file, options)?);
     }
     let alone = tables.len() == 1;
     for set in &mut tables {
@@ -167,8 +169,8 @@ fn nominal(urdfs: &[&PathBuf]) -> Option<String> {
     Some(format!("{first}.urdf"))
 }
 
-/// The data set of a table of single impacts; `None` for a table of another kind.
-fn table(path: &Path) -> Result<Option<DataSet>, CompareError> {
+/// The data set of a table of single impacts, or of landings; `None` for a table of another kind.
+fn table(path: &Path, options: &LoadOptions) -> Result<Option<DataSet>, CompareError> {
     let refuse = |reason: String| CompareError::File { file: path.to_owned(), reason };
     let mut reader = csv::Reader::from_path(path).map_err(|e| refuse(e.to_string()))?;
     let header = reader.headers().map_err(|e| refuse(e.to_string()))?.clone();
@@ -177,6 +179,8 @@ fn table(path: &Path) -> Result<Option<DataSet>, CompareError> {
         (Kind::Ellipse, &ELLIPSE)
     } else if SQUARE.iter().all(|name| column(name).is_some()) {
         (Kind::Square, &SQUARE)
+    } else if landings::is_log(&header.iter().map(str::trim).collect::<Vec<_>>()) {
+        return landed(path, options).map(Some);
     } else {
         return Ok(None);
     };
@@ -207,6 +211,19 @@ fn table(path: &Path) -> Result<Option<DataSet>, CompareError> {
     }
     let data = Data::Impacts(Impacts { what: kind.what(), numbers, impacts, effects: kind.effects(), left_out });
     Ok(Some(DataSet { name: named(path), data }))
+}
+
+/// The landings of a table, with the robot of the URDF beside it.
+fn landed(path: &Path, options: &LoadOptions) -> Result<DataSet, CompareError> {
+    let beside = path.parent().unwrap_or(Path::new("."));
+    let urdfs: Vec<PathBuf> = with_end(&entries(beside)?, "urdf").cloned().collect();
+    let urdf = urdf_of(beside, nominal(&urdfs.iter().collect::<Vec<_>>()).as_deref())?;
+    let robot = urdf::read_file(&urdf, options).map_err(TossError::from)?;
+    Ok(DataSet { name: named(path), data: Data::Landings(Landings::read(path, &urdf, &robot)?) })
+}
+
+fn with_end<'a>(entries: &'a [PathBuf], end: &'a str) -> impl Iterator<Item = &'a PathBuf> {
+    entries.iter().filter(move |path| path.extension().is_some_and(|e| e == end))
 }
 
 #[derive(Debug, Clone, Copy)]

@@ -15,17 +15,19 @@
 //! | `impacts.rs`, `planar.rs` | the protocol for single impacts, and what a model predicts for one |
 //! | `tosses.rs`, `search.rs` | the protocol for tosses, the search for parameters, the floor from the noise of the start |
 //! | `scenes.rs` | the scene and the contact rule of a model on tosses |
+//! | `landings` | the protocol for landings of a biped, and its model |
 //! | `cases.rs` | the tosses and their folds, for other simulators |
 //! | `page.rs`, `picture.rs` | a table in Markdown and a picture of each set |
 //!
 //! A minimum of a law's mean error over its coefficients is sought by a grid and by the Nelder–Mead method for single
-//! impacts, and by a grid and the Levenberg–Marquardt method for tosses.
+//! impacts, and by a grid and the Levenberg–Marquardt method for tosses and landings.
 
 mod candidates;
 mod cases;
 mod data;
 mod identify;
 mod impacts;
+mod landings;
 mod page;
 mod picture;
 mod planar;
@@ -57,7 +59,7 @@ pub struct CompareOptions {
     pub seed: u64,
     /// Upper bound of the coefficients of friction.
     pub max_friction: f64,
-    /// Greatest number of sets of parameters that a model tries on tosses for each fold.
+    /// Greatest number of sets of parameters that a model tries on tosses and landings for each fold.
     pub trials: usize,
     /// Greatest number of tosses to which coefficients are fitted; all tosses are judged.
     pub tosses: usize,
@@ -65,7 +67,7 @@ pub struct CompareOptions {
     pub horizon: Horizon,
     /// The part of the tosses that is judged; the whole contains the early part, which is judged too.
     pub judged: Horizon,
-    /// Relative tolerance of the simulation of tosses.
+    /// Relative tolerance of the simulation of tosses and landings.
     pub tolerance: f64,
     /// Time step of the simulation of tosses, s.
     pub contact_step: f64,
@@ -101,7 +103,7 @@ pub struct Comparison {
     pub what: String,
     /// The measure of the error, with its unit.
     pub measure: String,
-    /// Numbers of the measurements in their table, in the order of [`Row::errors`].
+    /// Numbers of the measurements in their table, of landings their lines, in the order of [`Row::errors`].
     pub numbers: Vec<i64>,
     /// Fold of each measurement.
     pub folds: Vec<usize>,
@@ -169,7 +171,7 @@ pub struct FittedCoefficient {
 pub type Progress<'a> = &'a (dyn Fn(usize, usize, &str) + Sync);
 
 /// Compares all laws on a data set: one comparison for single impacts, up to four for tosses (the parts of the tosses that are
-/// judged, from both starts).
+/// judged, from both starts), two for landings (7 and 5 ms after them).
 ///
 /// # Errors
 /// [`CompareError`]: options out of their range, fewer measurements than folds, a toss that cannot be simulated at all.
@@ -182,6 +184,7 @@ pub fn compare(
     match &set.data {
         data::Data::Impacts(impacts) => Ok(vec![impacts::compare(set, impacts, options, progress)?]),
         data::Data::Tosses(tosses, robot) => tosses::compare(set, tosses, robot, options, progress),
+        data::Data::Landings(landings) => landings::compare(set, landings, options, progress),
     }
 }
 
