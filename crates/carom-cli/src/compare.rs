@@ -33,7 +33,7 @@ use std::path::PathBuf;
 ///   strikes    strikes of further corners of the square before its velocity is measured
 ///   corners    radius of the corners of boxes, and length added to their edges (tosses)
 ///   hinge      viscous damping and dry friction of the joints (tosses)
-///   inertia    multiples of the moments of inertia (tosses of one link)
+///   inertia    multiples of the second moments of mass (tosses of one link)
 ///   masses     the same and a multiple of the masses after the first link (tosses of several)
 ///   placement  offsets of the origins of the joints (tosses)
 ///   floor      height of the floor (tosses)

@@ -31,7 +31,8 @@ pub(super) enum Effect {
     Corners,
     /// Viscous damping and dry friction of the joints.
     Hinge,
-    /// Moments of inertia of every link about its own axes, as multiples of those in the URDF.
+    /// Second moments of mass ∫xᵢ² dm of every link along its own axes, as multiples of those in the URDF. Every positive multiple
+    /// belongs to some distribution of the mass, which multiples of the moments of inertia do not.
     Inertia,
     /// The same, and the mass of the links after the first one as a multiple of that in the URDF.
     Masses,
@@ -74,8 +75,8 @@ pub(super) enum Parameter {
     Damping,
     /// Dry friction, N m.
     DryFriction,
-    /// Multiple of the moment of inertia about an axis of the link: 0 for x, 1 for y, 2 for z.
-    Inertia(usize),
+    /// Multiple of the second moment of mass along an axis of the link: 0 for x, 1 for y, 2 for z.
+    SecondMoment(usize),
     /// Multiple of [`Effect::Masses`].
     Mass,
     /// Offset of [`Effect::Placement`] along an axis, m: 0 for x, 1 for y, 2 for z.
@@ -117,8 +118,10 @@ impl Effect {
             Self::Strikes | Self::Rotors | Self::Rods | Self::Springs | Self::Motors => &[],
             Self::Corners => &[Parameter::Radius, Parameter::Growth],
             Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
-            Self::Inertia => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2)],
-            Self::Masses => &[Parameter::Inertia(0), Parameter::Inertia(1), Parameter::Inertia(2), Parameter::Mass],
+            Self::Inertia => &[Parameter::SecondMoment(0), Parameter::SecondMoment(1), Parameter::SecondMoment(2)],
+            Self::Masses => {
+                &[Parameter::SecondMoment(0), Parameter::SecondMoment(1), Parameter::SecondMoment(2), Parameter::Mass]
+            }
             Self::Placement => &[Parameter::Offset(0), Parameter::Offset(1), Parameter::Offset(2)],
             Self::Floor => &[Parameter::Height],
             Self::Errors => &[Parameter::AngleError],
@@ -139,9 +142,9 @@ impl Parameter {
             Self::Growth => "edge_growth",
             Self::Damping => "damping",
             Self::DryFriction => "dry_friction",
-            Self::Inertia(0) => "inertia_x",
-            Self::Inertia(1) => "inertia_y",
-            Self::Inertia(_) => "inertia_z",
+            Self::SecondMoment(0) => "second_moment_x",
+            Self::SecondMoment(1) => "second_moment_y",
+            Self::SecondMoment(_) => "second_moment_z",
             Self::Mass => "mass",
             Self::Offset(0) => "offset_x",
             Self::Offset(1) => "offset_y",
@@ -164,9 +167,9 @@ impl Parameter {
             Self::Growth => "growth",
             Self::Damping => "damping",
             Self::DryFriction => "dry friction",
-            Self::Inertia(0) => "I_x",
-            Self::Inertia(1) => "I_y",
-            Self::Inertia(_) => "I_z",
+            Self::SecondMoment(0) => "Σ_x",
+            Self::SecondMoment(1) => "Σ_y",
+            Self::SecondMoment(_) => "Σ_z",
             Self::Mass => "mass",
             Self::Offset(0) => "offset x",
             Self::Offset(1) => "y",
@@ -188,7 +191,8 @@ impl Parameter {
             Self::Growth => (-0.01, 0.01),
             Self::Damping => (0.0, 0.01),
             Self::DryFriction => (0.0, 0.05),
-            Self::Inertia(_) | Self::Mass => (0.2, 2.0),
+            Self::SecondMoment(_) => (0.05, 3.0),
+            Self::Mass => (0.2, 2.0),
             Self::Offset(_) => (-0.015, 0.015),
             Self::Height => (-0.01, 0.01),
             Self::AngleError => (0.0, 0.12),
@@ -209,15 +213,15 @@ impl Parameter {
     /// The value at which an effect is absent.
     pub fn nominal(self) -> f64 {
         match self {
-            Self::Arm | Self::Inertia(_) | Self::Mass => 1.0,
+            Self::Arm | Self::SecondMoment(_) | Self::Mass => 1.0,
             _ => 0.0,
         }
     }
 
     /// Whether the start of a roll-out, which is fitted to the free flight, depends on the parameter.
     pub fn moves_flight(self) -> bool {
-        use Parameter::{Damping, DryFriction, Inertia, Mass, Offset};
-        matches!(self, Inertia(_) | Mass | Offset(_) | Damping | DryFriction)
+        use Parameter::{Damping, DryFriction, Mass, Offset, SecondMoment};
+        matches!(self, SecondMoment(_) | Mass | Offset(_) | Damping | DryFriction)
     }
 }
 

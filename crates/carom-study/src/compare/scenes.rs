@@ -6,7 +6,7 @@ use carom_chain::Chain;
 use carom_chain::urdf::{Collision, LoadOptions, Robot, Shape};
 use carom_impact::{AnyLaw, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law};
 use carom_sim::{ContactLaw, ContactRule};
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Matrix3, Translation3, Vector3};
 
 /// The effects that are tried on tosses of a robot, each in addition to those before it.
 pub(super) fn effects(robot: &Robot) -> Vec<Effect> {
@@ -32,9 +32,8 @@ pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]
     let root = robot.root;
     for (k, link) in robot.links.iter_mut().enumerate() {
         if let Some(inertial) = &mut link.inertial {
-            for axis in 0..3 {
-                inertial.inertia_at_com[(axis, axis)] *= of(Parameter::Inertia(axis));
-            }
+            let multiples = [0, 1, 2].map(|axis| of(Parameter::SecondMoment(axis)));
+            inertial.inertia_at_com = with_second_moments(&inertial.inertia_at_com, multiples);
             if k != root {
                 inertial.mass *= of(Parameter::Mass);
                 inertial.inertia_at_com *= of(Parameter::Mass);
@@ -52,6 +51,15 @@ pub(super) fn scene(robot: &Robot, nominal: &Chain, model: &Candidate, x: &[f64]
     }
     let options = LoadOptions { floating_base: true, ..LoadOptions::default() };
     Scene { chain: Chain::from_robot(robot, &options), floor, errors }
+}
+
+/// The inertia of a body whose second moments of mass along its axes are these multiples: with S = ∫x xᵀ dm = ½ tr(I) 1 − I and
+/// D = diag(√multiple), S becomes D S D. Positive multiples keep S positive semidefinite, so the inertia stays that of some
+/// distribution of mass (Wensing, Kim and Slotine, IEEE RA-L 3, 2018, section III).
+fn with_second_moments(inertia: &Matrix3<f64>, multiples: [f64; 3]) -> Matrix3<f64> {
+    let turned = |matrix: &Matrix3<f64>, share: f64| Matrix3::from_diagonal_element(share * matrix.trace()) - matrix;
+    let roots = Matrix3::from_diagonal(&Vector3::from(multiples.map(f64::sqrt)));
+    turned(&(roots * turned(inertia, 0.5) * roots), 1.0)
 }
 
 /// A box with edges longer by `growth` and corners of this radius; other shapes unchanged. The spheres at the corners touch a
@@ -112,6 +120,24 @@ impl Law<f64, 3> for AtSpeed {
 mod tests {
     use super::*;
     use nalgebra::Isometry3;
+
+    /// The inertia of point masses whose places are stretched along the axes is that of the stretched second moments. Multiples of the
+    /// moments of inertia give a body that no masses have.
+    #[test]
+    fn stretched_masses_have_the_inertia_of_stretched_second_moments() {
+        let masses = [(0.3, [0.1, 0.02, -0.05]), (0.2, [-0.04, 0.09, 0.03]), (0.5, [-0.044, -0.048, 0.018])];
+        let inertia = |stretch: [f64; 3]| {
+            let one = |(mass, place): (f64, [f64; 3])| {
+                let r = Vector3::from(place).component_mul(&Vector3::from(stretch));
+                mass * (Matrix3::from_diagonal_element(r.norm_squared()) - r * r.transpose())
+            };
+            masses.map(one).iter().sum::<Matrix3<f64>>()
+        };
+        let stretch = [0.3, 1.4, 1.1];
+        let found = with_second_moments(&inertia([1.0; 3]), stretch.map(|s| s * s));
+        assert!((found - inertia(stretch)).abs().max() < 1e-15 * found.trace(), "{found}");
+        assert!((with_second_moments(&found, [1.0; 3]) - found).abs().max() < 1e-15 * found.trace());
+    }
 
     /// The support function of a box with edges a, rounded by r, is Σ |dᵢ| (aᵢ/2 − r) + r.
     #[test]
