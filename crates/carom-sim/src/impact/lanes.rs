@@ -6,7 +6,7 @@
 
 use carom_chain::algebra::Algebra;
 use carom_chain::sine::sin_cos_into;
-use carom_chain::{Angle, Chain, ChainError, Kept, Point, PointResponse, ResponseMemory, HingeAngles, Visit};
+use carom_chain::{Angle, Chain, ChainError, HingeAngles, Kept, Point, PointResponse, ResponseMemory, Visit};
 use nalgebra::SimdRealField;
 use pulp::{Arch, Simd, WithSimd};
 use simba::simd::AutoSimd;
