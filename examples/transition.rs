@@ -87,7 +87,7 @@ fn row(sim: &Simulation, run: &Trajectory) -> Result<String, SimError> {
         slip += last.map_or(0.0, |before: f64| (y - before).abs());
         (fastest, last) = (fastest.max(speed), Some(y));
     }
-    let hardest = hits.iter().flat_map(|event| &event.blows).map(|blow| blow.impulse.norm()).fold(0.0, f64::max);
+    let hardest = hits.iter().flat_map(|event| &event.impulses).map(|one| one.impulse.norm()).fold(0.0, f64::max);
     let rest = rest.map_or_else(|| "never".into(), |time| format!("{:.4}", time - first));
     Ok(format!("{:7} {rest:>8} {:>9.2} {fastest:>8.4} {hardest:>8.4}", hits.len(), slip * 1e3))
 }

@@ -184,7 +184,7 @@ fn a_level_coupler_lands_on_two_points() {
     let wanted: Vec<f64> = event.qd_minus.iter().map(|v| -e * v).collect();
     assert!(close(&event.qd_plus, &wanted, 1e-11), "{event:?}");
     // The sum of the impulses, by the inertia about the ground: Σp cos θ = I Δθ̇.
-    let sum: f64 = event.blows.iter().map(|blow| blow.impulse.y).sum();
+    let sum: f64 = event.impulses.iter().map(|one| one.impulse.y).sum();
     assert!((sum * 0.55_f64.asin().cos() - INERTIA * (event.qd_plus[0] - event.qd_minus[0])).abs() < 1e-10);
 }
 

@@ -73,7 +73,7 @@ fn same(tree: &Simulation, q: &[f64], tied: &Simulation, tied_q: &[f64]) -> Vec<
     for (a, b) in one.events.iter().zip(&other.events) {
         assert_eq!(a.kind.name(), b.kind.name());
         assert!((a.time - b.time).abs() < 1e-8, "{} {}", a.time, b.time);
-        for (a, b) in a.blows.iter().zip(&b.blows) {
+        for (a, b) in a.impulses.iter().zip(&b.impulses) {
             assert!((a.impulse - b.impulse).norm() < 1e-7 * a.impulse.norm(), "{a:?} {b:?}");
         }
     }

@@ -35,7 +35,7 @@ fn a_rod_dropped_flat_rebounds_without_rotation() {
         let run = sim.run(&[0.0, 0.51, 0.0], &[0.0, 0.0, 0.0], 0.4).unwrap();
         let hit = &run.events[0];
         assert!(matches!(&hit.kind, EventKind::Several { touches, .. } if touches.len() == 2), "{hit:?}");
-        assert_eq!(hit.blows.len(), 2);
+        assert_eq!(hit.impulses.len(), 2);
         assert!((hit.time - (2.0 * 0.5 / G).sqrt()).abs() < 1e-11);
         assert!((hit.qd_plus[1] + e * hit.qd_minus[1]).abs() < 1e-11 && hit.qd_plus[2].abs() < 1e-10, "{hit:?}");
     }

@@ -224,7 +224,7 @@ fn time_steps_approach_the_motion_of_a_slider_crank_with_clearance() {
     let at = |sim: &Simulation| DVector::from_vec(sim.run(&q, &qd, end).unwrap().summary.last.q);
     let run = sim.run(&q, &qd, end).unwrap();
     assert_eq!(run.summary.statistics.contact_steps, 0);
-    let impacts = run.events.iter().filter(|it| !it.blows.is_empty()).count();
+    let impacts = run.events.iter().filter(|it| !it.impulses.is_empty()).count();
     assert!(impacts > 5, "{impacts} impacts");
     let exact = DVector::from_vec(run.summary.last.q.clone());
     let coarse = at(&Simulation { tolerance: 1e-9, ..sim.clone() });
@@ -248,7 +248,7 @@ fn the_losses_of_a_tumbling_box_are_the_difference_of_its_energies() {
     let scale = energy.start;
     let mut workspace = sim.chain.workspace();
     let (mut booked, mut impacts) = (0.0, 0);
-    for event in run.events.iter().filter(|it| !it.blows.is_empty()) {
+    for event in run.events.iter().filter(|it| !it.impulses.is_empty()) {
         let mut kin = workspace.update(&sim.chain, &event.q).unwrap();
         let mass = kin.mass_matrix();
         let kinetic = |qd: &[f64]| {
@@ -257,16 +257,16 @@ fn the_losses_of_a_tumbling_box_are_the_difference_of_its_energies() {
         };
         let lost = kinetic(&event.qd_minus) - kinetic(&event.qd_plus);
         let mut work = 0.0;
-        for blow in &event.blows {
+        for one in &event.impulses {
             // The velocity of a point of the box in the world: v + ω × r, both in the axes of the box.
             let velocity = |qd: &[f64]| {
                 let rotation = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
                     event.q[6], event.q[3], event.q[4], event.q[5],
                 ));
-                let arm = rotation.inverse() * (blow.point - Vector3::new(event.q[0], event.q[1], event.q[2]));
+                let arm = rotation.inverse() * (one.point - Vector3::new(event.q[0], event.q[1], event.q[2]));
                 rotation * (Vector3::new(qd[0], qd[1], qd[2]) + Vector3::new(qd[3], qd[4], qd[5]).cross(&arm))
             };
-            work += 0.5 * blow.impulse.dot(&(velocity(&event.qd_minus) + velocity(&event.qd_plus)));
+            work += 0.5 * one.impulse.dot(&(velocity(&event.qd_minus) + velocity(&event.qd_plus)));
         }
         // The impulses of Newton's law are constant in direction; both sides are products of rounded numbers of size T.
         assert!((lost + work).abs() < 1e-10 * scale, "{}: {lost} lost, work {work}", event.time);

@@ -396,7 +396,7 @@ impl<A: Algebra> Chain<A> {
 
     /// The same chain with the inertia of a motor's rotor at a joint, reflected through its gear: N² I for the gear ratio N and the
     /// rotor's inertia I about its own axis, kg m² (of a motor that drives a slider kg). It is added to the diagonal of M,
-    /// and so to the kinetic energy, the dynamics and what a contact feels. The rotor's mass belongs to the link that carries the
+    /// and so to the kinetic energy, the dynamics and the inertia at a contact. The rotor's mass belongs to the link that carries the
     /// motor, and its gyroscopic moments are left out (they are smaller by the factor 1/N; Featherstone 2008, section 9.6; MuJoCo's
     /// `armature`). Replaces an earlier value.
     ///

@@ -35,11 +35,13 @@ pub struct ContactInertia {
 }
 
 impl ContactInertia {
-    /// The inertia that a contact feels.
+    /// The inertia of the chain at a contact.
     pub fn of<A: Algebra<Scalar = f64>>(contact: PointResponse<A>) -> Self {
-        let (rows, nv) = (A::LINEAR, contact.felt.len());
+        let (rows, nv) = (A::LINEAR, contact.reduced_jacobian.len());
         let part = |v: A::Vector, i: usize| A::linear_part(v, i);
-        let factor = DMatrix::from_fn(rows, nv, |i, k| part(contact.felt[k], i) * contact.inverse_d[k].max(0.0).sqrt());
+        let factor = DMatrix::from_fn(rows, nv, |i, k| {
+            part(contact.reduced_jacobian[k], i) * contact.inverse_d[k].max(0.0).sqrt()
+        });
         // E of a few rows, by a rank-revealing factorisation: E = U Σ Vᵀ. Short chains have fewer columns than rows: columns
         // of zeros are added.
         let e = faer::Mat::from_fn(rows, nv.max(rows), |i, j| if j < nv { factor[(i, j)] } else { 0.0 });

@@ -74,7 +74,7 @@ fn equals_its_definition<A: Algebra<Scalar = f64>>(
     let n = nalgebra::DVector::from_vec(parts(normal));
     close("nᵀHn", &[found.mobility], &[n.dot(&(&h * &n))], solved, h.amax());
     let mut sum = DMatrix::zeros(A::LINEAR, A::LINEAR);
-    for (y, inverse_d) in found.felt.iter().zip(found.inverse_d) {
+    for (y, inverse_d) in found.reduced_jacobian.iter().zip(found.inverse_d) {
         let y = nalgebra::DVector::from_vec(parts(*y));
         sum += &y * y.transpose() * *inverse_d;
     }
@@ -128,8 +128,8 @@ fn reused_memory_has_no_stale_values() {
             point.visit(&q, normal, &[], &mut memory, Keep).unwrap();
             let (a, b) = (memory.response(), fresh.response());
             assert_eq!(
-                (a.jacobian, a.mass_matrix, a.felt, a.response, a.delassus, a.mobility, a.inverse_d),
-                (b.jacobian, b.mass_matrix, b.felt, b.response, b.delassus, b.mobility, b.inverse_d)
+                (a.jacobian, a.mass_matrix, a.reduced_jacobian, a.response, a.delassus, a.mobility, a.inverse_d),
+                (b.jacobian, b.mass_matrix, b.reduced_jacobian, b.response, b.delassus, b.mobility, b.inverse_d)
             );
         }
     }

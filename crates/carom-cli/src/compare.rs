@@ -41,8 +41,7 @@ use std::path::PathBuf;
 ///   errors     errors of the measured angles of the start: their mean is predicted (tosses)
 ///   rotors     reflected inertias of the motors' rotors (landings)
 ///   rods       rods from thigh to heel that close loops (landings)
-///   springs    forces of the springs of knee and heel (landings)
-///   motors     measured torques of the motors (landings)
+///   springs    springs of knee and heel, and the measured torques of the motors (landings)
 ///   toe        an inertia of the toe's drive beyond that of its rotor (landings)
 /// Effects are added to every law for single impacts and landings, and for tosses to the law with the
 /// least error of the measurements that it is fitted to, judged from the fitted start alone. For each

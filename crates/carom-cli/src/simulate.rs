@@ -315,12 +315,12 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             _ => None,
         },
         impulses: e
-            .blows
+            .impulses
             .iter()
-            .map(|blow| Push {
-                contact: &sim.touches[blow.touch].name,
-                point: blow.point.into(),
-                impulse: blow.impulse.into(),
+            .map(|one| Push {
+                contact: &sim.touches[one.touch].name,
+                point: one.point.into(),
+                impulse: one.impulse.into(),
             })
             .collect(),
     };

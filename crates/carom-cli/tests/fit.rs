@@ -184,8 +184,8 @@ fn a_comparison_writes_tables_pictures_and_json() {
     let (code, out, err) = desk.run("compare data/particle/impacts_odd.csv --folds 4");
     assert_eq!((code, err.as_str()), (Some(0), ""));
     assert!(out.starts_with("# Summary") && out.contains("| impacts_odd |"), "{out}");
-    let rule = "it holds no data set: a folder needs tosses.csv with a URDF, or a CSV table with the columns pre_vx … of single \
-                impacts";
+    let rule = "it holds no data set: a folder needs tosses.csv with a URDF, a CSV table with the columns pre_vx … of single impacts, or \
+                one with the columns log, base_qw, knee_joint_leftdot … of landings";
     desk.refused("compare out", &format!("out: {rule}"));
     desk.refused("compare data --export cases.json", "--export: none of the data sets has tosses");
     assert!(!desk.0.join("cases.json").exists());

@@ -167,7 +167,7 @@ impl Run {
             word.and_then(|word| words.iter().position(|it| *it == word)).map_or(f64::NAN, |k| k as f64)
         };
         for event in self.all_events() {
-            let impulse: nalgebra::Vector3<f64> = event.blows.iter().map(|blow| blow.impulse).sum();
+            let impulse: nalgebra::Vector3<f64> = event.impulses.iter().map(|one| one.impulse).sum();
             let head = [event.time, code(&kinds, kind(event)), code(&places, place(event)), code(&modes, mode(event))];
             let state = event.q.iter().chain(&event.qd_minus).chain(&event.qd_plus);
             table.push(head.iter().chain(impulse.iter()).chain(state).copied());
@@ -248,7 +248,7 @@ pub struct RunEvent {
     event: Event,
     contact: Option<String>,
     contacts: Vec<String>,
-    blows: Vec<String>,
+    impulses: Vec<String>,
 }
 
 impl RunEvent {
@@ -261,8 +261,8 @@ impl RunEvent {
             }
             _ => Vec::new(),
         };
-        let blows = event.blows.iter().map(|blow| sim.touches[blow.touch].name.clone()).collect();
-        Self { event, contact, contacts, blows }
+        let impulses = event.impulses.iter().map(|one| sim.touches[one.touch].name.clone()).collect();
+        Self { event, contact, contacts, impulses }
     }
 }
 
@@ -342,11 +342,11 @@ impl RunEvent {
     /// The impulses on the robot: a list of tuples of the contact, the point (3,) in m and the impulse (3,) in N s, world axes.
     #[getter]
     fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Vec<Push<'py>>> {
-        let one = |(blow, name): (&carom_sim::Blow, &String)| {
+        let one = |(one, name): (&carom_sim::ContactImpulse, &String)| {
             let vector = |v: &nalgebra::Vector3<f64>| array(py, v.as_slice().to_vec(), &[3]);
-            Ok((name.clone(), vector(&blow.point)?, vector(&blow.impulse)?))
+            Ok((name.clone(), vector(&one.point)?, vector(&one.impulse)?))
         };
-        self.event.blows.iter().zip(&self.blows).map(one).collect()
+        self.event.impulses.iter().zip(&self.impulses).map(one).collect()
     }
 
     fn __repr__(&self) -> String {

@@ -24,7 +24,7 @@ use crate::{RecordError, round, summary};
 use carom_chain::algebra::{Pose, z_onto};
 use carom_chain::{Chain, Plane, Spatial, Workspace};
 use carom_contact::{Surface as Form, found_shapes};
-use carom_sim::{Blow, ContactState, Event, Moment, Plan, Scene, Seen, Summary};
+use carom_sim::{ContactImpulse, ContactState, Event, Moment, Plan, Scene, Seen, Summary};
 use nalgebra::{Matrix3, Vector3};
 use rerun::AsComponents;
 use std::collections::BTreeMap;
@@ -61,7 +61,7 @@ pub struct SceneRecorder {
     /// Length of the arrow of 1 N s, m, once it is fixed.
     arrow: Option<f64>,
     /// Impulses that are not yet drawn, with their times, until the scale is fixed.
-    held: Vec<(f64, Vec<Blow>)>,
+    held: Vec<(f64, Vec<ContactImpulse>)>,
     /// End of the path of the tip so far.
     path: Option<Vector3<f64>>,
     lanes: Lanes,
@@ -160,7 +160,7 @@ impl SceneRecorder {
         }
         let Moment { time, q, qd } = &summary.last;
         self.tell()?;
-        self.blows()?;
+        self.impulses()?;
         self.state(*time, (q, qd), true)?;
         self.contacts(*time, &summary.contacts)?;
         let mut page = summary::markdown(&self.chain, summary, &self.counts, [self.arrow, self.lanes.arrow]);
@@ -296,10 +296,10 @@ impl SceneRecorder {
         let words = rerun::TextLog::new(summary::words(event, &self.touches)).with_level("INFO");
         now(&self.sink, "events".into(), &words)?;
         self.lanes.event(&self.sink, &self.touches, &event.kind)?;
-        if event.blows.iter().any(|blow| blow.impulse.norm() > 0.0) {
-            self.held.push((event.time, event.blows.clone()));
+        if event.impulses.iter().any(|one| one.impulse.norm() > 0.0) {
+            self.held.push((event.time, event.impulses.clone()));
             if self.arrow.is_some() || self.live || self.held.len() == HELD {
-                self.blows()?;
+                self.impulses()?;
             }
         }
         Ok(())
@@ -341,14 +341,14 @@ impl SceneRecorder {
     }
 
     /// Draws the impulses that are not yet drawn, to one scale.
-    fn blows(&mut self) -> Result<(), RecordError> {
+    fn impulses(&mut self) -> Result<(), RecordError> {
         let held = std::mem::take(&mut self.held);
-        let greatest = held.iter().flat_map(|(_, blows)| blows).map(|blow| blow.impulse.norm()).fold(0.0, f64::max);
+        let greatest = held.iter().flat_map(|(_, impulses)| impulses).map(|one| one.impulse.norm()).fold(0.0, f64::max);
         if greatest > 0.0 {
             let scale = *self.arrow.get_or_insert_with(|| round(ARROW * self.size / greatest));
-            for (time, blows) in &held {
+            for (time, impulses) in &held {
                 self.sink.rec.set_duration_secs("time", *time);
-                self.arrows(blows, scale)?;
+                self.arrows(impulses, scale)?;
             }
             self.sink.rec.set_duration_secs("time", self.time);
         }
@@ -356,12 +356,12 @@ impl SceneRecorder {
     }
 
     /// Draws the arrows of the impulses of one event, and their sizes in N s.
-    fn arrows(&self, blows: &[Blow], scale: f64) -> Result<(), RecordError> {
+    fn arrows(&self, impulses: &[ContactImpulse], scale: f64) -> Result<(), RecordError> {
         let (eye, share) = self.nearer();
         let before = |point: Vector3<f64>| point + (eye - point) * share;
         let longest = 3.0 * ARROW * self.size;
         let (mut points, mut arrows, mut ends, mut labels) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for Blow { point, impulse, .. } in blows.iter().filter(|blow| blow.impulse.norm() > 0.0) {
+        for ContactImpulse { point, impulse, .. } in impulses.iter().filter(|one| one.impulse.norm() > 0.0) {
             let arrow = (impulse * scale).cap_magnitude(longest);
             points.push(xyz(before(*point)));
             arrows.push(xyz(arrow * (1.0 - share)));

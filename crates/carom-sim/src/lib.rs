@@ -60,4 +60,4 @@ pub use run::{
 #[doc(hidden)]
 pub use scene::from_toml;
 pub use scene::{Distribution, Perturbation, Scene};
-pub use state::{Blow, Moment, Profile};
+pub use state::{ContactImpulse, Moment, Profile};

@@ -23,7 +23,7 @@ pub(super) struct Memory<'a, A: Algebra> {
     pub by_depth: &'a mut [A::Vector],
     pub jacobian: &'a mut [A::Vector],
     pub mass_matrix: &'a mut [A::Scalar],
-    pub felt: &'a mut [A::Vector],
+    pub reduced_jacobian: &'a mut [A::Vector],
     pub inverse_d: &'a mut [A::Scalar],
     pub response: &'a mut [A::Vector],
 }
@@ -190,21 +190,21 @@ fn jacobian<A: Algebra, X: Subspace<A>>(
     memory: &mut Memory<A>,
 ) -> A::Vector {
     let n = bodies.len();
-    let (jacobian, felt) = (&mut memory.jacobian[..n], &mut memory.felt[..n]);
+    let (jacobian, reduced_jacobian) = (&mut memory.jacobian[..n], &mut memory.reduced_jacobian[..n]);
     let point = topology.point(n);
     let mut r = A::rotate(bodies[point].rotation, arm);
     let mut next = Some(point);
     while let Some(i) = next {
         let column = bodies[i].axis.at(r);
         let v = topology.coordinate(i);
-        (jacobian[v], felt[v]) = (column, column);
+        (jacobian[v], reduced_jacobian[v]) = (column, column);
         r = A::plus(r, bodies[i].offset);
         next = topology.parent(i);
     }
     r
 }
 
-/// M = Lᵀ D L, with the rows of M in `factor`, indexed by the depths of the body's ancestors, and J in `felt`. As soon as a
+/// M = Lᵀ D L, with the rows of M in `factor`, indexed by the depths of the body's ancestors, and J in `reduced_jacobian`. As soon as a
 /// row is known, its parts of Y = L⁻ᵀ Jᵀ and of H = Yᵀ D⁻¹ Y are computed, which hides the latency of the divisions.
 #[inline(always)]
 pub(super) fn eliminate<'a, A: Algebra>(
@@ -216,7 +216,7 @@ pub(super) fn eliminate<'a, A: Algebra>(
 ) -> PointResponse<'a, A> {
     let length = row_length::<A::Scalar>(n);
     let (rows, by_depth) = (&mut memory.factor[..n * length], &mut memory.by_depth[..n]);
-    let (felt, inverse_d) = (&mut memory.felt[..n], &mut memory.inverse_d[..n]);
+    let (reduced_jacobian, inverse_d) = (&mut memory.reduced_jacobian[..n], &mut memory.inverse_d[..n]);
     let response = &mut memory.response[..n];
     let mut sum = Sum::<A> { delassus: [A::zero(); 3], mobility: A::Scalar::zero() };
     let mut on_the_way = Some(topology.point(n));
@@ -239,14 +239,14 @@ pub(super) fn eliminate<'a, A: Algebra>(
             continue;
         }
         on_the_way = topology.parent(k);
-        let scaled = sum.add(felt[v], inverse, normal);
+        let scaled = sum.add(reduced_jacobian[v], inverse, normal);
         response[v] = scaled;
         let mut a = depth;
         for run in topology.runs(k) {
             for i in run.rev() {
                 a -= 1;
                 let w = topology.coordinate(i);
-                felt[w] = A::minus(felt[w], A::times(scaled, rows[k * length + a]));
+                reduced_jacobian[w] = A::minus(reduced_jacobian[w], A::times(scaled, rows[k * length + a]));
             }
         }
     }
@@ -264,7 +264,7 @@ pub(super) fn eliminate<'a, A: Algebra>(
     }
     let Sum { delassus, mobility } = sum;
     let Memory { jacobian, mass_matrix, .. } = memory;
-    PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, felt, inverse_d }
+    PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, reduced_jacobian, inverse_d }
 }
 
 /// H = Yᵀ D⁻¹ Y and nᵀHn, accumulated joint by joint.

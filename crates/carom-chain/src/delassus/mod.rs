@@ -1,4 +1,4 @@
-//! What a contact at one point feels of the chain: position, J, M, H = J M⁻¹ Jᵀ and X = M⁻¹Jᵀ, computed together.
+//! The response of a chain at one contact point: position, J, M, H = J M⁻¹ Jᵀ and X = M⁻¹Jᵀ, computed together.
 //!
 //! M is computed once and factored in place, `M = Lᵀ D L`, which keeps the zeros of a tree. With `Y = L⁻ᵀ Jᵀ`, whose rows are
 //! zero for bodies not between the point and the world, `H = Yᵀ D⁻¹ Y` and `X = L⁻¹ D⁻¹ Y`. There are no square roots, and one
@@ -9,7 +9,7 @@
 //! | J | 3×nv, 2×nv | velocity of the point for unit joint rates, world axes | `jacobian` |
 //! | M | nv×nv | mass matrix | `mass_matrix` |
 //! | L, D | nv×nv | unit lower triangle and diagonal: M = Lᵀ D L; stored as rows of D L, without the zeros | `factor`, `inverse_d` |
-//! | yₖ | 3, 2 | row k of Y: unit forces at the point, projected on joint k after the joints beyond it are eliminated | `felt` |
+//! | yₖ | 3, 2 | row k of Y: unit forces at the point, projected on joint k after the joints beyond it are eliminated | `reduced_jacobian` |
 //! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
 //! | X | nv×3, nv×2 | M⁻¹Jᵀ: joint velocities after unit impulses along the axes | `response` |
 //! | nᵀHn | 1 | velocity of the point along n after a unit impulse along n, 1/kg | `mobility` |
@@ -95,7 +95,7 @@ pub struct ContactPoint<'c, A: Algebra> {
     arm: A::Vector,
 }
 
-/// What a contact feels of a chain at one configuration. With inertia added by drives, all quantities but M include it.
+/// The response of a chain at a contact point, at one configuration. With inertia added by drives, all quantities but M include it.
 #[derive(Debug, Clone, Copy)]
 pub struct PointResponse<'a, A: Algebra> {
     /// World position of the point, m.
@@ -111,7 +111,7 @@ pub struct PointResponse<'a, A: Algebra> {
     /// nᵀHn: the velocity of the point along the normal after a unit impulse along it, 1/kg.
     pub mobility: A::Scalar,
     /// The nv rows yₖ of Y: H = Σ yₖ yₖᵀ / Dₖ.
-    pub felt: &'a [A::Vector],
+    pub reduced_jacobian: &'a [A::Vector],
     /// 1/Dₖ by coordinate; 0 for locked joints and for joints that the impulse cannot move.
     pub inverse_d: &'a [A::Scalar],
 }
@@ -349,7 +349,7 @@ impl<A: Algebra> ResponseMemory<A> {
             mobility,
             jacobian: &vectors[..n],
             response: &vectors[n..2 * n],
-            felt: &vectors[2 * n..3 * n],
+            reduced_jacobian: &vectors[2 * n..3 * n],
             inverse_d: &numbers[..n],
             mass_matrix: &numbers[n..n + m],
         }
@@ -387,10 +387,10 @@ impl<A: Algebra> ResponseMemory<A> {
         let Self { vectors, numbers, hinges, joints, .. } = self;
         let (jacobian, rest) = vectors.split_at_mut(n);
         let (response, rest) = rest.split_at_mut(n);
-        let (felt, by_depth) = rest.split_at_mut(n);
+        let (reduced_jacobian, by_depth) = rest.split_at_mut(n);
         let (inverse_d, rest) = numbers.split_at_mut(n);
         let (mass_matrix, factor) = rest.split_at_mut(if rest.is_empty() { 0 } else { n * n });
-        (hinges, joints, Memory { factor, by_depth, jacobian, mass_matrix, felt, inverse_d, response })
+        (hinges, joints, Memory { factor, by_depth, jacobian, mass_matrix, reduced_jacobian, inverse_d, response })
     }
 
     /// Writes zeros into the entries that the pass does not write, unless they are already there.
@@ -416,7 +416,7 @@ impl<A: Algebra> ResponseMemory<A> {
             memory.jacobian.copy_from_slice(found.jacobian);
             memory.mass_matrix.copy_from_slice(found.mass_matrix);
             if V::KEEPS == Kept::All {
-                memory.felt.copy_from_slice(found.felt);
+                memory.reduced_jacobian.copy_from_slice(found.reduced_jacobian);
                 memory.inverse_d.copy_from_slice(found.inverse_d);
                 memory.response.copy_from_slice(found.response);
             }

@@ -1,4 +1,4 @@
-//! What many rows feel of the chain: M⁻¹Fᵀ for any number of rows F, and the acceleration without constraint forces, from
+//! The response of the chain to many rows: M⁻¹Fᵀ for any number of rows F, and the acceleration without constraint forces, from
 //! one factorisation of M.
 //!
 //! A row r is a linear function r·q̇ of the joint velocities: the velocity of a point along a direction, the difference of two

@@ -48,7 +48,7 @@ pub(super) fn read_two<A: Algebra>(
         delassus: sum.delassus,
         response: [x0, A::minus(x1, A::times(x0, l10))],
         mobility: sum.mobility,
-        felt: [y0, j1],
+        reduced_jacobian: [y0, j1],
         inverse_d: [d0, d1],
     }
 }
@@ -108,7 +108,7 @@ pub(super) fn read_three<A: Algebra>(
         delassus: sum.delassus,
         response: [x0, x1, A::minus(A::minus(x2, A::times(x1, l21)), A::times(x0, l20))],
         mobility: sum.mobility,
-        felt: [y0, y1, j2],
+        reduced_jacobian: [y0, y1, j2],
         inverse_d: [d0, d1, d2],
     }
 }
@@ -121,7 +121,7 @@ pub(super) struct Answer<A: Algebra, const N: usize> {
     delassus: [A::Vector; 3],
     response: [A::Vector; N],
     mobility: A::Scalar,
-    felt: [A::Vector; N],
+    reduced_jacobian: [A::Vector; N],
     inverse_d: [A::Scalar; N],
 }
 
@@ -135,7 +135,7 @@ impl<A: Algebra, const N: usize> Answer<A, N> {
             delassus: self.delassus,
             response: &self.response,
             mobility: self.mobility,
-            felt: &self.felt,
+            reduced_jacobian: &self.reduced_jacobian,
             inverse_d: &self.inverse_d,
         }
     }

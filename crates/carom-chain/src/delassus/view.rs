@@ -75,7 +75,7 @@ where
     /// Whether an impulse along a unit direction moves the point along it: the rule of [`Self::moves`] for any direction.
     pub fn moves_along(&self, direction: A::Vector) -> bool {
         let mut mobility = A::Scalar::zero();
-        for (y, inverse_d) in self.felt.iter().zip(self.inverse_d) {
+        for (y, inverse_d) in self.reduced_jacobian.iter().zip(self.inverse_d) {
             let along = A::dot(*y, direction);
             mobility += along * along * *inverse_d;
         }
@@ -104,7 +104,7 @@ impl<A: Algebra> Kinematics<'_, A>
 where
     A::Scalar: RealField,
 {
-    /// What a contact at a point feels of the chain, for the unit normal n in world axes. `added`: inertia W added to the
+    /// The response of the chain at a point, for the unit normal n in world axes. `added`: inertia W added to the
     /// diagonal of M, by coordinate, kg m² or kg, 0 or more, infinite for a locked joint; empty for none. All zero for a point
     /// of the world. Allocates only at the first call for a workspace.
     ///
@@ -208,7 +208,7 @@ where
             let v = self.chain.bodies[i].v_index;
             parts.jacobian[v] += self.ws.links[i].axis.point_velocity(r);
         });
-        parts.felt.copy_from_slice(parts.jacobian);
+        parts.reduced_jacobian.copy_from_slice(parts.jacobian);
         let response = eliminate(Row, n, self.position(point), normal, parts);
         let PointResponse { position, delassus, mobility, .. } = response;
         (memory.position, memory.delassus, memory.mobility) = (position, delassus, mobility);
@@ -225,12 +225,12 @@ where
         self.articulate_checked(added)?;
         let position = self.position(point);
         let bodies = &self.chain.bodies;
-        let (_, _, Memory { jacobian, felt, inverse_d, response, .. }) = memory.parts(self.chain.nv);
+        let (_, _, Memory { jacobian, reduced_jacobian, inverse_d, response, .. }) = memory.parts(self.chain.nv);
         self.for_each_mover(point, |i, r| jacobian[bodies[i].v_index] = self.ws.links[i].axis.point_velocity(r));
         let (mut delassus, mut mobility) = ([A::zero(); 3], A::Scalar::zero());
         self.send_unit_forces(body, point, |i, y| {
             let (v, inverse) = (bodies[i].v_index, self.ws.free[i].inverse_d);
-            (felt[v], inverse_d[v]) = (y, inverse);
+            (reduced_jacobian[v], inverse_d[v]) = (y, inverse);
             let scaled = A::times(y, inverse);
             for (c, column) in delassus[..A::LINEAR].iter_mut().enumerate() {
                 *column += A::times(y, A::linear_part(scaled, c));
@@ -239,7 +239,7 @@ where
         });
         for k in 0..A::LINEAR {
             for (free, body) in self.ws.free.iter_mut().zip(&self.chain.prepared) {
-                free.drive = A::linear_part(felt[body.v_index], k);
+                free.drive = A::linear_part(reduced_jacobian[body.v_index], k);
             }
             let unit = A::vector(|i| if i == k { convert(1.0) } else { A::Scalar::zero() });
             self.accelerate(false, |v, rate| response[v] += A::times(unit, rate));

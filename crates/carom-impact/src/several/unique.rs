@@ -5,7 +5,7 @@
 //! | R, F | m × nv | rows that the constraints hold; directions along which their forces act | – |
 //! | K | m × m | R M⁻¹ Fᵀ | `delassus` |
 //! | G | m × m | F M⁻¹ Fᵀ | `gram` |
-//! | ν | m | a change of the forces that the constraints do not feel: K ν = 0 | – |
+//! | ν | m | a change of the forces that changes no constraint's acceleration: K ν = 0 | – |
 //!
 //! With the forces λ, λ + ν satisfies the constraints as well. The motion is the same if Fᵀν = 0, that is νᵀGν = 0. For F = R this
 //! holds for every ν: the forces of a box on four corners are not determined, its motion is. A contact that slides has

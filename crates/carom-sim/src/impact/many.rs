@@ -6,7 +6,7 @@
 
 use super::hit::ChainImpact;
 use super::lanes::{Lanes, Receive, States, Sweep};
-use super::prepared::{Aim, Blow, Pass, Place, PreparedStrike, Route};
+use super::prepared::{Aim, OneImpact, Pass, Place, PreparedStrike, Route};
 use crate::error::SimError;
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
@@ -148,8 +148,10 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
         let n = qd.len();
         let vector = |of: B::Vector| SVector::from_fn(|i, _| B::linear_part(of, i).0[lane]);
         let (jacobian, rest) = vectors.split_at_mut(n);
-        let (response, felt) = rest.split_at_mut(n);
-        for (into, of) in [(&mut *jacobian, found.jacobian), (response, found.response), (felt, found.felt)] {
+        let (response, reduced_jacobian) = rest.split_at_mut(n);
+        for (into, of) in
+            [(&mut *jacobian, found.jacobian), (response, found.response), (reduced_jacobian, found.reduced_jacobian)]
+        {
             into.iter_mut().zip(of).for_each(|(into, of)| *into = vector(*of));
         }
         let (inverse_d, mass_matrix) = numbers.split_at_mut(n);
@@ -163,12 +165,12 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             delassus: found.delassus.map(vector),
             response,
             mobility: found.mobility.0[lane],
-            felt,
+            reduced_jacobian,
             inverse_d,
         };
         let Pass { chain, axes, place, .. } = pass;
-        let mut blow = Blow { aim, chain, axes, place, q, qd, law: asked.law, hit, done: Ok(()) };
-        let done = blow.resolve(&response);
+        let mut one = OneImpact { aim, chain, axes, place, q, qd, law: asked.law, hit, done: Ok(()) };
+        let done = one.resolve(&response);
         each(k, done.map(|()| &**hit));
     }
 }

@@ -295,15 +295,15 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     ) -> Result<(), SimError> {
         let normal = self.normal();
         let Self { chain, point, axes, place, memory, workspace } = self;
-        let mut blow = Blow { aim, chain: *chain, axes, place, q, qd, law, hit, done: Ok(()) };
+        let mut one = OneImpact { aim, chain: *chain, axes, place, q, qd, law, hit, done: Ok(()) };
         match workspace {
-            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, &mut blow)?,
+            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, &mut one)?,
             Some(workspace) => {
                 let mut kin = workspace.update(chain, q)?;
-                (&mut blow).visit(kin.contact(*point, normal, &aim.added)?);
+                (&mut one).visit(kin.contact(*point, normal, &aim.added)?);
             }
         }
-        blow.done?;
+        one.done?;
         if self.workspace.is_some() {
             self.account(aim, (q, qd), hit)?;
         }
@@ -457,7 +457,7 @@ fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], locked: impl Fn(usize
 }
 
 /// One impact, computed while the response is in registers.
-pub(super) struct Blow<'s, A: Algebra, P, const D: usize> {
+pub(super) struct OneImpact<'s, A: Algebra, P, const D: usize> {
     pub aim: &'s Aim<'s>,
     pub chain: &'s Chain<A>,
     pub axes: &'s SMatrix<f64, D, D>,
@@ -470,7 +470,7 @@ pub(super) struct Blow<'s, A: Algebra, P, const D: usize> {
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Visit<A>
-    for &mut Blow<'_, A, P, D>
+    for &mut OneImpact<'_, A, P, D>
 {
     const KEEPS: Kept = Kept::Nothing;
     #[inline(always)]
@@ -479,7 +479,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
     }
 }
 
-impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> Blow<'_, A, P, D> {
+impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> OneImpact<'_, A, P, D> {
     #[inline(always)]
     pub fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
         // Slices of the length of the response, so that loops are unrolled where the compiler knows this length.

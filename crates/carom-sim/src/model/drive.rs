@@ -102,7 +102,7 @@ impl Drive {
     }
 
     /// Its name, or those of each robot's drives.
-    pub(crate) fn told(&self) -> String {
+    pub(crate) fn description(&self) -> String {
         let Self::Robots(robots) = self else { return self.name().to_owned() };
         let told = |it: &RobotDrive| {
             let after = it.after_impact.as_ref().map(|after| format!(" ({} from its first impact on)", after.name()));

@@ -1,4 +1,4 @@
-//! The constraints of one state with what they feel of the chain and the forces that follow.
+//! The constraints of one state, the response of the chain to them, and the forces that follow.
 
 use super::rows::Constraints;
 use crate::error::SimError;
@@ -8,7 +8,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Accelerations and constraint forces at one state.
 #[derive(Debug, Clone)]
-pub(crate) struct Held {
+pub(crate) struct ConstraintForces {
     pub qdd: DVector<f64>,
     /// The forces of the lasting contacts, in their order.
     pub contacts: Vec<Force>,
@@ -37,7 +37,7 @@ impl Force {
     }
 }
 
-/// The constraints of one state with what they feel of the chain: scratch memory.
+/// The constraints of one state and the response of the chain to them: scratch memory.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Assembled {
     pub constraints: Constraints,

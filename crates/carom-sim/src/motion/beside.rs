@@ -1,4 +1,4 @@
-//! What a touch feels of a chain in an impact while other contacts last: these are constraints that carry impulses.
+//! The response of a chain at a touch in an impact while other contacts last: these are constraints that carry impulses.
 //!
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
@@ -13,7 +13,7 @@ use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
-use crate::state::{Basis, Blow, Space};
+use crate::state::{Basis, ContactImpulse, Space};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, MatrixXx3, Vector3};
 
 /// See the head of this module.
@@ -81,10 +81,10 @@ impl<A: Space> Motion<'_, A> {
 
     /// The velocity jump of the joints and the impulses of the lasting contacts for an impulse of the touch (contact axes, N s);
     /// `None` if one of these pulls or leaves its friction cone.
-    pub fn carried(&self, beside: &Beside, impulse: &Vector3<f64>) -> Option<(DVector<f64>, Vec<Blow>)> {
+    pub fn carried(&self, beside: &Beside, impulse: &Vector3<f64>) -> Option<(DVector<f64>, Vec<ContactImpulse>)> {
         let passed = -(&beside.passed * impulse);
         let rounding = ROUNDING * impulse.norm();
-        let mut blows = Vec::new();
+        let mut impulses = Vec::new();
         for contact in &beside.contacts {
             let own = &passed.as_slice()[contact.rows.clone()];
             let rule = &self.sim.touches[contact.touch].contact;
@@ -95,9 +95,9 @@ impl<A: Space> Motion<'_, A> {
             }
             if contact.directions.is_some() {
                 let impulse = contact.force(passed.as_slice());
-                blows.push(Blow { touch: contact.touch, point: contact.position, impulse });
+                impulses.push(ContactImpulse { touch: contact.touch, point: contact.position, impulse });
             }
         }
-        Some((beside.own.tr_mul(impulse), blows))
+        Some((beside.own.tr_mul(impulse), impulses))
     }
 }

@@ -21,7 +21,7 @@
 //! not depend on the convention where the rows F have the same rank as R. They do not if contacts of one body slide in
 //! different directions: a spinning box. Its motion is that of the convention, and flagged (`unique.rs`).
 
-use super::assembled::{Assembled, Force, Held};
+use super::assembled::{Assembled, ConstraintForces, Force};
 use super::lasting::{Hold, Lasting};
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
@@ -125,7 +125,7 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// Accelerations and forces in the present mode.
-    pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<Held, SimError> {
+    pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<ConstraintForces, SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
         let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &mut found));
@@ -143,7 +143,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
     }
 
-    fn solve(&self, time: f64, lasting: &[Lasting], found: &mut Assembled) -> Result<Held, SimError> {
+    fn solve(&self, time: f64, lasting: &[Lasting], found: &mut Assembled) -> Result<ConstraintForces, SimError> {
         let m = found.constraints.rows.len();
         let lambda = if m == 0 {
             DVector::zeros(0)
@@ -153,7 +153,7 @@ impl<A: Space> Motion<'_, A> {
             self.starting_forces(time, lasting, found)?
         };
         let Assembled { constraints, responses, free, power, .. } = &*found;
-        let mut held = Held {
+        let mut held = ConstraintForces {
             qdd: free.clone(),
             contacts: Vec::with_capacity(lasting.len()),
             joints: vec![0.0; self.dry.len()],

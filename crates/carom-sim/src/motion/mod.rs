@@ -2,6 +2,7 @@
 
 mod assembled;
 mod beside;
+mod contact_states;
 mod free_motion;
 mod groups;
 mod held;
@@ -11,15 +12,14 @@ mod select;
 mod settle;
 mod smooth;
 mod starting;
-mod told;
 mod unique;
 
-pub(crate) use assembled::Held;
+pub(crate) use assembled::ConstraintForces;
+pub use contact_states::ContactState;
 pub use free_motion::{free_motion, free_motion_at};
 pub(crate) use groups::{Gaps, Near};
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Kept, Motion, bristles};
-pub use told::ContactState;
 pub use unique::NonUnique;

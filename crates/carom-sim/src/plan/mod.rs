@@ -362,9 +362,9 @@ impl Plan {
         let sim = &self.simulation;
         let drives = || [Some(&sim.drive), sim.after_impact.as_ref()].into_iter().flatten();
         let off = drives().flat_map(Drive::each_robot).all(|(_, drive)| matches!(drive, Drive::Off));
-        let first = sim.drive.told();
+        let first = sim.drive.description();
         let choice = match &sim.after_impact {
-            Some(after) => format!("{first}, {} from the first impact on", after.told()),
+            Some(after) => format!("{first}, {} from the first impact on", after.description()),
             None => first,
         };
         let free = without_motor(&sim.chain);

@@ -23,7 +23,7 @@ use crate::contact::{APART, Compliance, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
-use crate::state::{Blow, Space};
+use crate::state::{ContactImpulse, Space};
 use carom_chain::urdf::JointType;
 
 /// The state of a run.
@@ -448,10 +448,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     /// Outputs an event that led from `before` to the present state.
-    pub fn note(&mut self, kind: EventKind, before: &[f64], blows: Vec<Blow>) {
+    pub fn note(&mut self, kind: EventKind, before: &[f64], impulses: Vec<ContactImpulse>) {
         let (q, qd_plus) = self.q_qd();
         let qd_minus = self.motion.split(before).1.to_vec();
-        (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, blows }));
+        (self.sampler.watch)(Seen::Event(&Event { time: self.time, kind, q, qd_minus, qd_plus, impulses }));
         self.memory.events += 1;
     }
 }

@@ -19,7 +19,7 @@ use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
 use crate::motion::{Candidate, Hold, Lasting, direction_of_slip};
-use crate::state::{Blow, Space};
+use crate::state::{ContactImpulse, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
@@ -99,8 +99,8 @@ impl<A: Space> Run<'_, '_, A> {
     /// velocities by less than a fall of some [`zeno_time`](crate::Simulation::zeno_time).
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
-        self.memory.blows.push_back(self.time);
-        let first = if self.memory.blows.len() > SWARM { self.memory.blows.pop_front() } else { None };
+        self.memory.impact_times.push_back(self.time);
+        let first = if self.memory.impact_times.len() > SWARM { self.memory.impact_times.pop_front() } else { None };
         if first.is_none_or(|first| self.time - first > sim.zeno_time) {
             return Ok(None);
         }
@@ -174,7 +174,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let mut view = self.motion.view(&q)?;
         let at = one.at(&view, &q, time);
-        let (kind, qd_plus, blows) = match (at.surface, one.limit_of()) {
+        let (kind, qd_plus, impulses) = match (at.surface, one.limit_of()) {
             (Some(place), _) => {
                 let given = &one.contact.law;
                 let (restitution, friction) = (given.restitution(), given.friction());
@@ -199,7 +199,11 @@ impl<A: Space> Run<'_, '_, A> {
                 hit.energy_before = view.kin.kinetic_energy(&qd)?;
                 hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
                 let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
-                (EventKind::Impact { touch, hit }, qd_plus, vec![Blow { touch, point: place.position, impulse }])
+                (
+                    EventKind::Impact { touch, hit },
+                    qd_plus,
+                    vec![ContactImpulse { touch, point: place.position, impulse }],
+                )
             }
             (None, joint) => {
                 let (mut row, mut response) = (Rows::new(qd.len()), Rows::default());
@@ -212,7 +216,7 @@ impl<A: Space> Run<'_, '_, A> {
         };
         self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
         self.motion.count_impact(touch);
-        self.note(kind, &before, blows);
+        self.note(kind, &before, impulses);
         self.lost += energy - self.motion.energy(&self.y)?;
         // The laws are exact: a separation velocity below the rounding of the approach velocity is zero.
         self.after(&[Struck { touch, approach }], 1e-14 * approach.abs(), &before)
@@ -259,10 +263,10 @@ impl<A: Space> Run<'_, '_, A> {
         let mut view = self.motion.view(&q)?;
         hit.energy_before = view.kin.kinetic_energy(&qd)?;
         hit.energy_after = view.kin.kinetic_energy(&self.y[nq..nq + qd.len()])?;
-        let own = Blow { touch, point: beside.position, impulse: hit.impulse };
-        let blows = std::iter::once(own).chain(impulses).collect();
+        let own = ContactImpulse { touch, point: beside.position, impulse: hit.impulse };
+        let impulses = std::iter::once(own).chain(impulses).collect();
         self.motion.count_impact(touch);
-        self.note(EventKind::Impact { touch, hit }, &before, blows);
+        self.note(EventKind::Impact { touch, hit }, &before, impulses);
         self.lost += energy - self.motion.energy(&self.y)?;
         let lasted = self.motion.lasting.iter().filter(|own| own.is_rigid());
         let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
@@ -310,7 +314,7 @@ impl<A: Space> Run<'_, '_, A> {
             self.lost += energy - self.motion.energy(&self.y)?;
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
-            let told = match self.motion.told(self.time, &y) {
+            let told = match self.motion.contact_states(self.time, &y) {
                 // Slip has ended within the jump: the mode that is chosen below has the forces.
                 Err(SimError::Jam { .. }) => Vec::new(),
                 told => told?,
@@ -377,9 +381,9 @@ impl<A: Space> Run<'_, '_, A> {
         let nq = sim.chain.nq();
         let energy = self.motion.energy(&before)?;
         self.y[nq..nq + qd.len()].copy_from_slice(&hit.qd_plus);
-        let blow = Blow { touch, point: place.position, impulse: hit.impulse };
+        let one = ContactImpulse { touch, point: place.position, impulse: hit.impulse };
         self.motion.count_impact(touch);
-        self.note(EventKind::Impact { touch, hit }, &before, vec![blow]);
+        self.note(EventKind::Impact { touch, hit }, &before, vec![one]);
         self.lost += energy - self.motion.energy(&self.y)?;
         self.after(&[Struck { touch, approach: 0.0 }], rest, &before)?;
         Ok(true)

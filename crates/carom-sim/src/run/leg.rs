@@ -7,7 +7,7 @@
 //! error of an event is that of the integration, not that of its interpolation.
 
 use super::flow::{Flow, System};
-use super::observer::{Found, Observer};
+use super::observer::{Crossing, Observer};
 use super::sampler::Sampler;
 use super::trajectory::Statistics;
 use super::witness::Witness;
@@ -85,8 +85,13 @@ pub(crate) fn leg(
 
 /// The state at the exact time of an event: integrated again from the start of its step, with the time corrected until the
 /// witness is zero to rounding.
-fn refine(system: &System, found: Found, accuracy: Accuracy, statistics: &mut Statistics) -> Result<LegEnd, SimError> {
-    let Found { witness, level, start, end, y, mut time } = found;
+fn refine(
+    system: &System,
+    found: Crossing,
+    accuracy: Accuracy,
+    statistics: &mut Statistics,
+) -> Result<LegEnd, SimError> {
+    let Crossing { witness, level, start, end, y, mut time } = found;
     let mut exact = y.clone();
     for _ in 0..8 {
         // A step must not be shorter than the rounding of the time.

@@ -13,7 +13,7 @@ pub(crate) struct Memory {
     /// Time of the last zero of a normal force after which its contact was chosen again with the same mode.
     pub kept: Option<f64>,
     /// Times of the last impacts, to detect their accumulation.
-    pub blows: VecDeque<f64>,
+    pub impact_times: VecDeque<f64>,
     /// Why the motion in the present mode is not unique, with its contacts.
     pub open: Option<(NonUnique, Vec<usize>)>,
     /// Whether the chain is at rest and stays so.

@@ -28,7 +28,7 @@ const PROBES: usize = 16;
 const JUMP: f64 = 1e-10;
 
 /// A witness that fired within a step.
-pub(crate) struct Found {
+pub(crate) struct Crossing {
     pub witness: usize,
     /// The level at which it fires.
     pub level: f64,
@@ -52,7 +52,7 @@ pub(crate) struct Observer<'a, 'b, 'c> {
     /// Scratch memory.
     after: Vec<Witness>,
     buffer: Vec<f64>,
-    pub found: Option<Found>,
+    pub found: Option<Crossing>,
     /// `None`: only the last state is needed.
     pub sampler: Option<&'a mut Sampler<'c>>,
 }
@@ -91,7 +91,7 @@ impl SolOut for Observer<'_, '_, '_> {
             sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
         }
         if let Some(((time, level), witness)) = first {
-            self.found = Some(Found { witness, level, start, end, y: self.y_before.clone(), time });
+            self.found = Some(Crossing { witness, level, start, end, y: self.y_before.clone(), time });
             return ControlFlag::Interrupt;
         }
         let settled = self.system.ask(|flow| flow.settle(end, y));

@@ -246,8 +246,7 @@ impl<A: Space> Follow<'_, '_, A> {
         let time = self.run.time;
         self.run.end = end;
         self.run.begin()?;
-        let blow = self.kinds.borrow().iter().any(|kind| BLOWS.contains(kind));
-        if blow {
+        if self.kinds.borrow().iter().any(|kind| IMPACTS.contains(kind)) {
             return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");
         }
         self.kinds.borrow_mut().clear();
@@ -456,4 +455,4 @@ impl<A: Space> Follow<'_, '_, A> {
 }
 
 /// The kinds of events that are impacts.
-const BLOWS: [&str; 4] = ["impact", "several", "limit", "latch"];
+const IMPACTS: [&str; 4] = ["impact", "several", "limit", "latch"];

@@ -14,7 +14,7 @@ use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch};
 use crate::error::SimError;
 use crate::motion::ContactState;
-use crate::state::{Blow, Space, View};
+use crate::state::{ContactImpulse, Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
@@ -115,7 +115,7 @@ impl Closures {
     }
 
     /// The contacts of a time step of this length with these impulses and flags.
-    pub fn told(&self, impulse: &DVector<f64>, step: f64, flags: Flags) -> Vec<ContactState> {
+    pub fn contact_states(&self, impulse: &DVector<f64>, step: f64, flags: Flags) -> Vec<ContactState> {
         let state = |closed: &Closed| {
             let normal_force = impulse[closed.rows.end - 1] / step;
             let (touch, mode, gap) = (closed.touch, ContactMode::Stepping, closed.gap);
@@ -142,12 +142,12 @@ impl Closures {
     }
 
     /// The contact impulses in world axes.
-    fn blows(&self, impulse: &DVector<f64>) -> Vec<Blow> {
-        let blow = |closed: &Closed| {
+    fn impulses(&self, impulse: &DVector<f64>) -> Vec<ContactImpulse> {
+        let one = |closed: &Closed| {
             let (axes, point) = closed.place.as_ref()?;
-            Some(Blow { touch: closed.touch, point: *point, impulse: closed.push(axes, impulse) })
+            Some(ContactImpulse { touch: closed.touch, point: *point, impulse: closed.push(axes, impulse) })
         };
-        self.contacts.iter().filter_map(blow).collect()
+        self.contacts.iter().filter_map(one).collect()
     }
 }
 
@@ -206,7 +206,7 @@ impl<A: Space> Run<'_, '_, A> {
         push(&mut self.y[nq..], &responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
         let kind = EventKind::Several { touches: together.to_vec(), residual, flags: outcome.flags };
-        self.note(kind, &before, rows.blows(&outcome.impulse));
+        self.note(kind, &before, rows.impulses(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let struck: Vec<Struck> =

@@ -88,7 +88,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// Stays at rest to the end.
     pub fn stay(&mut self) -> Result<(), SimError> {
         let (start, y) = (std::mem::replace(&mut self.time, self.end), self.y.clone());
-        let told = self.motion.told(start, &y)?;
+        let told = self.motion.contact_states(start, &y)?;
         self.sampler.stretch((start, self.end, 2), |_| y.clone(), |_, _| told.clone());
         Ok(())
     }
@@ -113,7 +113,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     /// The lasting contacts now.
     pub fn contacts(&mut self) -> Result<Vec<ContactState>, SimError> {
-        if self.motion.stepping { Ok(self.stepped.clone()) } else { self.motion.told(self.time, &self.y) }
+        if self.motion.stepping { Ok(self.stepped.clone()) } else { self.motion.contact_states(self.time, &self.y) }
     }
 
     /// The results so far, with the energy balance from a start with this energy.

@@ -305,7 +305,7 @@ impl<A: Space> Run<'_, '_, A> {
             push(next.as_mut_slice(), &responses, &outcome.impulse);
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
             self.statistics.non_unique_time += if open { step } else { 0.0 };
-            told = rows.told(&outcome.impulse, step, if open { Flags::NON_UNIQUE } else { Flags::NONE });
+            told = rows.contact_states(&outcome.impulse, step, if open { Flags::NON_UNIQUE } else { Flags::NONE });
         }
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);

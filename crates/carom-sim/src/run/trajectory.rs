@@ -4,7 +4,7 @@
 use crate::contact::ContactMode;
 use crate::impact::ChainImpact;
 use crate::motion::{ContactState, NonUnique};
-use crate::state::{Blow, Moment};
+use crate::state::{ContactImpulse, Moment};
 use carom_chain::Chain;
 use carom_impact::Flags;
 use std::f64::consts::PI;
@@ -163,7 +163,7 @@ pub struct Event {
     /// Joint velocities after the event, length nv; rad/s, m/s.
     pub qd_plus: Vec<f64>,
     /// The contact impulses; empty for joint limits and for events without impulses.
-    pub blows: Vec<Blow>,
+    pub impulses: Vec<ContactImpulse>,
 }
 
 /// The motion between two times as dense output: q and qd at Chebyshev points. Interpolation between them gives the

@@ -6,7 +6,7 @@ use super::witness::Witness;
 use crate::contact::{APART, Placed};
 use crate::error::SimError;
 use crate::model::Simulation;
-use crate::motion::{ContactState, Dry, DryJoint, Gaps, Held, Hold, Lasting, Motion};
+use crate::motion::{ConstraintForces, ContactState, Dry, DryJoint, Gaps, Hold, Lasting, Motion};
 use crate::state::{Space, View};
 use carom_contact::Met;
 
@@ -156,7 +156,7 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
 
     fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
         let time = time.min(self.latest);
-        self.motion.told(time, y)
+        self.motion.contact_states(time, y)
     }
 
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError> {
@@ -207,7 +207,7 @@ struct Now<'a> {
     lasting: &'a [Lasting],
     dry: &'a [DryJoint],
     /// Computed if a witness needs constraint forces.
-    held: Option<&'a Held>,
+    held: Option<&'a ConstraintForces>,
     /// Computed if it is watched.
     admissible: f64,
     /// Error of velocities.

@@ -7,8 +7,8 @@
 //! | G | r×r | L X of these rows | `factor` |
 //!
 //! A chain with loops answers a generalised force f with P M⁻¹f, where P = 1 − X G⁻¹ L removes what the loops prevent: the
-//! velocity change of least kinetic energy with L v = 0 (Gauss's principle). The loops are thus part of what every contact
-//! feels of the chain, and no contact law has a row for them.
+//! velocity change of least kinetic energy with L v = 0 (Gauss's principle). The loops are thus part of the response of the
+//! chain at every contact, and no contact law has a row for them.
 //!
 //! Dependent rows, of loops that are closed more often than needed, are left out; their forces have no effect. At a pose at which
 //! a mechanism could branch (a four-bar linkage that lies flat) further rows become dependent: see `run/branch.rs`.

@@ -1,8 +1,8 @@
 //! A chain at one state, in the plane or in space.
 
 mod basis;
-mod blow;
 mod closing;
+mod contact_impulse;
 mod coupling;
 mod moment;
 mod profile;
@@ -10,8 +10,8 @@ mod reach;
 mod space;
 
 pub(crate) use basis::Basis;
-pub use blow::Blow;
 pub(crate) use closing::close_loops;
+pub use contact_impulse::ContactImpulse;
 pub(crate) use coupling::{Coupling, Loops};
 pub use moment::Moment;
 pub use profile::Profile;

@@ -46,10 +46,8 @@ pub(super) enum Effect {
     Rotors,
     /// Rods that close loops.
     Rods,
-    /// Springs of joints.
+    /// Springs of joints, and the measured torques of the motors, which balance the preload of the springs.
     Springs,
-    /// The measured torques of the motors.
-    Motors,
     /// An inertia of the toe's drive beyond that of its rotor.
     Toe,
 }
@@ -106,7 +104,6 @@ impl Effect {
             Self::Rotors => "rotors",
             Self::Rods => "rods",
             Self::Springs => "springs",
-            Self::Motors => "motors",
             Self::Toe => "toe",
         }
     }
@@ -115,7 +112,7 @@ impl Effect {
         match self {
             Self::Speed => &[Parameter::Exponent],
             Self::Arm => &[Parameter::Arm],
-            Self::Strikes | Self::Rotors | Self::Rods | Self::Springs | Self::Motors => &[],
+            Self::Strikes | Self::Rotors | Self::Rods | Self::Springs => &[],
             Self::Corners => &[Parameter::Radius, Parameter::Growth],
             Self::Hinge => &[Parameter::Damping, Parameter::DryFriction],
             Self::Inertia => &[Parameter::SecondMoment(0), Parameter::SecondMoment(1), Parameter::SecondMoment(2)],

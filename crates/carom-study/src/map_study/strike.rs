@@ -61,8 +61,8 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         if h[(D - 1, D - 1)] <= h.trace() * DOUBTFUL || !h.trace().is_finite() {
             // nᵀHn as a sum of squares, without cancellation
             let normal = condition.axes.column(D - 1);
-            let felt = response.felt.iter().zip(response.inverse_d);
-            let mobility = felt.map(|(y, inverse)| y.dot(&normal).powi(2) * inverse).sum();
+            let reduced_jacobian = response.reduced_jacobian.iter().zip(response.inverse_d);
+            let mobility = reduced_jacobian.map(|(y, inverse)| y.dot(&normal).powi(2) * inverse).sum();
             if !(PointResponse { mobility, ..response }).moves() {
                 return Ok(Class::Singular);
             }

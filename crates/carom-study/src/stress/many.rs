@@ -364,3 +364,24 @@ pub fn rocking_impact(method: &str) -> Judged {
     let note = if flags.is_empty() { String::new() } else { flags.to_string() };
     Ok(found.noting(note).must_be("the first corner lifts off", left.y > 0.0))
 }
+
+/// A block without friction whose two lower edges are at the height of its centre of mass, at the distance √(I/m): an impact on one does
+/// not move the other, and each bounces like a ball of its own. Both edges are about 0.1 mm above the floor at the start, so that the turn
+/// of at most 1e-4 rad couples them by 1e-8. The lower one rests √(2h/g) (1 + e)/(1 − e) after its start, while the other bounces on.
+pub fn chatter_of_two(method: &str) -> Judged {
+    let (e, arm, heights) = (0.5, 0.5, [1e-4_f64, 1.21e-4]);
+    let half = [arm, 0.1, 0.05];
+    let shape = format!(r#"<origin xyz="0 0 {}"/>{}"#, half[2], cuboid(half));
+    let sim = scene(method, chain(&body("block", [1.0, arm * arm], &shape))?, Some(rule(method, e, 0.0)), None)?;
+    let [low, high] = heights;
+    let moved = sim.run(&[0.0, (low + high) / 2.0, (high - low) / (2.0 * arm)], &[0.0; 3], 0.03).map_err(said)?;
+    let expected = heights.map(|height| (2.0 * height / G).sqrt() * (1.0 + e) / (1.0 - e));
+    let ends = |event: &&carom_sim::Event| matches!(event.kind, EventKind::Zeno { .. });
+    let mut times: Vec<f64> = moved.events.iter().filter(ends).map(|event| event.time).collect();
+    times.dedup();
+    let error = times.iter().zip(expected).map(|(time, expected)| (time - expected).abs()).fold(0.0, worse);
+    let last = &moved.summary.last.q;
+    let found =
+        Found::figure(error).must("error of the pose at rest, m and rad", worse(last[1].abs(), last[2].abs()), 1e-9);
+    judged(method, found.must_be("two accumulations of impacts", times.len() == 2), &moved)
+}

@@ -246,7 +246,8 @@ impl Landing {
         let floor = Surface { name: "floor".into(), obstacle, contact: rule(model, x), motion: None };
         let touches = Touch::all(&chain, &[floor], 0.0)?.touches;
         let times = (0..self.torques.len()).map(|k| k as f64 * SAMPLE).collect();
-        let drive = if has(Effect::Motors) { Drive::Table { times, forces: self.torques.clone() } } else { Drive::Off };
+        let drive =
+            if has(Effect::Springs) { Drive::Table { times, forces: self.torques.clone() } } else { Drive::Off };
         let zeno_time = Simulation::zeno_time_for(tolerance);
         Ok(Simulation {
             gravity: GRAVITY,

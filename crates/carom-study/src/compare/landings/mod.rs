@@ -34,7 +34,7 @@ pub(super) struct Landings {
 }
 
 /// The effects that are tried, each in addition to those before it.
-const EFFECTS: [Effect; 5] = [Effect::Rotors, Effect::Rods, Effect::Springs, Effect::Motors, Effect::Toe];
+const EFFECTS: [Effect; 4] = [Effect::Rotors, Effect::Rods, Effect::Springs, Effect::Toe];
 
 impl Landings {
     /// The landings of a table, with the robot of the file `urdf`.

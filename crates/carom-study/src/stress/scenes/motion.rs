@@ -236,6 +236,18 @@ pub(super) const SCENES: &[Scene] = &[
         judge: lasting::chatter,
     },
     Scene {
+        name: "chatter on two corners",
+        story: "a block falls by 0.1 mm onto two edges at different heights, which bounce to rest one after the other, e = 0.5",
+        measures: "error of the times at which the bounces of an edge end, s",
+        tolerance: 1e-6,
+        expected: &[Expected::within(
+            &[EVENTS],
+            1e-9,
+            "the inertia decouples the edges: √(2h/g) (1 + e)/(1 − e) for each; the turn of 1e-4 rad couples them by 1e-8 of these times",
+        )],
+        judge: many::chatter_of_two,
+    },
+    Scene {
         name: "block on a gliding wedge",
         story: "a block slides on four corners down a wedge of 0.4 rad that glides on a smooth floor, μ = 0.2, for 0.3 s",
         measures: "largest error of the places of both, m",

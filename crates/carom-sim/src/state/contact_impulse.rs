@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 /// A contact impulse on the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Blow {
+pub struct ContactImpulse {
     /// Index of the touch in [`Simulation::touches`](crate::Simulation::touches).
     pub touch: usize,
     /// Contact point, world axes, m.

@@ -31,7 +31,7 @@ pub struct ContactState {
 
 impl<A: Space> Motion<'_, A> {
     /// The lasting contacts at a state in the present mode.
-    pub fn told(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+    pub fn contact_states(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
         if self.lasting.is_empty() {
             return Ok(Vec::new());
         }
