@@ -111,7 +111,7 @@ fn jump(folder: &Folder, seed: u64, floor: f64) -> (Chain, Vec<Moment>) {
     let mut rng = fastrand::Rng::with_seed(seed);
     let mut wide = |size: f64| size * (2.0 * rng.f64() - 1.0);
     // one leg lower than the other
-    let roll = if seed % 2 == 0 { 0.15 } else { -0.15 };
+    let roll = if seed.is_multiple_of(2) { 0.15 } else { -0.15 };
     let turn = UnitQuaternion::from_euler_angles(roll, wide(0.1), wide(0.3));
     let mut q = vec![0.1, -0.2, 1.0, turn.i, turn.j, turn.k, turn.w];
     q.resize(chain.nq(), 0.0);
