@@ -118,7 +118,7 @@ impl<'a, T: RealField + Copy> Curve<'a, T> {
         if !has_derivatives::<T>() {
             return t_0;
         }
-        let slope = self.turn.get_quantity(slope, t).1;
+        let slope = self.turn.quantity(slope, t).1;
         if slope == 0.0 {
             return t_0;
         }

@@ -140,7 +140,7 @@ fn impulses_and_works_of_a_step_are_integrals_of_the_slip() {
         let (mut p, mut p_t, mut works, mut passed) = (0.0, Vector2::zeros(), Vector2::zeros(), 0.0);
         for (x, weight) in NODES.into_iter().zip(WEIGHTS) {
             let (at, dp) = (turn.sums(t * x), weight * t / scale);
-            let v_n = turn.get_quantity(Quantity::Velocity, t * x).0;
+            let v_n = turn.quantity(Quantity::Velocity, t * x).0;
             p += at.r * dp;
             p_t -= at.heading * (mu * at.r * dp);
             works += vector![v_n, -mu * at.r] * (at.r * dp);

@@ -20,7 +20,7 @@ use super::Return;
 use super::series::{At, Function, MOST_LANES, Series, TERMS, first, root};
 use crate::contact::length;
 pub(super) use response::CHANGES;
-use values::{Above, Ask, Rise, Seek, Signed, Sum};
+use values::{Above, Evaluate, FindReturn, FindRise, Signed, Sum};
 
 /// Truncation allowed in a step.
 const FINE: f64 = f64::EPSILON / 16.0;
@@ -263,8 +263,8 @@ impl Turn {
     }
 
     /// v_n, p or W_n, and its slope.
-    pub fn get_quantity(&self, of: Quantity, t: f64) -> (f64, f64) {
-        Arch::new().dispatch(Ask(self, of, t))
+    pub fn quantity(&self, of: Quantity, t: f64) -> (f64, f64) {
+        Arch::new().dispatch(Evaluate(self, of, t))
     }
 
     /// `κ dv_n/dτ = C r - μ h·v_t` changes sign at most once on either side of the direction of h, where it is least.
@@ -317,7 +317,7 @@ impl Turn {
 
     /// The τ at which `v_n = 0` is reached from below, if it lies within the step.
     pub fn rises(&self) -> Option<f64> {
-        Arch::new().dispatch(Rise(self))
+        Arch::new().dispatch(FindRise(self))
     }
 
     /// The τ at which the normal impulse has grown to `p`, if it lies within the step.
@@ -329,7 +329,7 @@ impl Turn {
 
     /// Where a quantity has grown to `aim`, or `v_n = 0` is reached from above, whichever is first after τ = `from`.
     pub fn returns(&self, of: Quantity, aim: f64, from: f64) -> Return<f64> {
-        Arch::new().dispatch(Seek { turn: self, of, aim, from })
+        Arch::new().dispatch(FindReturn { turn: self, of, aim, from })
     }
 
     /// Impulses and works up to τ. The work of friction is the whole work `½ P·(u(0) + u)` without W_n.
@@ -345,7 +345,7 @@ impl Turn {
     /// Whether v_n decreases anywhere up to t.
     pub fn jams(&self, t: f64) -> bool {
         let passed = self.cuts[..self.intervals - 1].iter().filter(|&&cut| cut < t);
-        let falls = |t: &f64| self.get_quantity(Quantity::Velocity, *t).1 < 0.0;
+        let falls = |t: &f64| self.quantity(Quantity::Velocity, *t).1 < 0.0;
         self.v_n[1] <= 0.0 || self.intervals > 1 && passed.chain([&t]).any(falls)
     }
 

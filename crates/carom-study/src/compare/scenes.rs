@@ -121,8 +121,7 @@ mod tests {
     use super::*;
     use nalgebra::Isometry3;
 
-    /// The inertia of point masses whose places are stretched along the axes is that of the stretched second moments. Multiples of the
-    /// moments of inertia give a body that no masses have.
+    /// The inertia of point masses whose places are stretched along the axes is that of the stretched second moments.
     #[test]
     fn stretched_masses_have_the_inertia_of_stretched_second_moments() {
         let masses = [(0.3, [0.1, 0.02, -0.05]), (0.2, [-0.04, 0.09, 0.03]), (0.5, [-0.044, -0.048, 0.018])];

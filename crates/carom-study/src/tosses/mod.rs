@@ -13,6 +13,7 @@ use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};
 use carom_contact::Obstacle;
 use carom_sim::{ContactRule, Moment, SimError, Simulation, Surface, Touch};
+use csv::StringRecord;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -141,6 +142,13 @@ fn only_urdf(folder: &Path) -> Result<PathBuf, String> {
     }
 }
 
+/// The number in a column of a record of a table.
+pub(crate) fn finite(record: &StringRecord, header: &StringRecord, line: usize, column: usize) -> Result<f64, String> {
+    let text = record.get(column).unwrap_or("").trim();
+    let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
+    number.ok_or_else(|| format!("line {line}, column {}: '{text}' is not a finite number", &header[column]))
+}
+
 fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
     let mut reader = csv::Reader::from_path(path).map_err(|e| e.to_string())?;
     let header = reader.headers().map_err(|e| e.to_string())?.clone();
@@ -162,11 +170,7 @@ fn read_table(path: &Path, chain: &Chain) -> Result<Vec<Toss>, String> {
     for (k, record) in reader.records().enumerate() {
         let line = k + 2;
         let record = record.map_err(|e| e.to_string())?;
-        let cell = |column: usize| {
-            let text = record.get(column).unwrap_or("").trim();
-            let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            number.ok_or_else(|| format!("line {line}, column {}: '{text}' is not a finite number", &header[column]))
-        };
+        let cell = |column: usize| finite(&record, &header, line, column);
         let x: Vec<f64> = at.iter().map(|&column| cell(column)).collect::<Result<_, _>>()?;
         let quaternion = Quaternion::new(x[5], x[6], x[7], x[8]);
         let norm = quaternion.norm();

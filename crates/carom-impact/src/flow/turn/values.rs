@@ -52,9 +52,9 @@ fn over((mean, slope): (f64, f64), t: f64, by: f64) -> (f64, f64) {
 }
 
 /// A quantity, computed with the vector instructions of the processor.
-pub(super) struct Ask<'a>(pub &'a Turn, pub Quantity, pub f64);
+pub(super) struct Evaluate<'a>(pub &'a Turn, pub Quantity, pub f64);
 
-impl WithSimd for Ask<'_> {
+impl WithSimd for Evaluate<'_> {
     type Output = (f64, f64);
 
     #[inline(always)]
@@ -64,9 +64,9 @@ impl WithSimd for Ask<'_> {
 }
 
 /// [`Turn::rises`], computed with the vector instructions of the processor.
-pub(super) struct Rise<'a>(pub &'a Turn);
+pub(super) struct FindRise<'a>(pub &'a Turn);
 
-impl WithSimd for Rise<'_> {
+impl WithSimd for FindRise<'_> {
     type Output = Option<f64>;
 
     #[inline(always)]
@@ -83,14 +83,14 @@ impl WithSimd for Rise<'_> {
 }
 
 /// [`Turn::returns`], computed with the vector instructions of the processor.
-pub(super) struct Seek<'a> {
+pub(super) struct FindReturn<'a> {
     pub turn: &'a Turn,
     pub of: Quantity,
     pub aim: f64,
     pub from: f64,
 }
 
-impl WithSimd for Seek<'_> {
+impl WithSimd for FindReturn<'_> {
     type Output = Return<f64>;
 
     #[inline(always)]

@@ -9,6 +9,7 @@
 //! | `JOINT_SIDE`, `JOINT_SIDEdot` | angle and velocity of each of [`JOINTS`] on both [`SIDES`], rad and rad/s |
 //! | `MOTOR_SIDE_motor` | torque of each of [`MOTORS`], N m |
 
+use crate::tosses::finite;
 use carom_chain::urdf::{Joint, JointType, Robot};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::path::Path;
@@ -107,13 +108,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Log>, String> {
     for (k, record) in reader.records().enumerate() {
         let line = k + 2;
         let record = record.map_err(|e| e.to_string())?;
-        let cell = |column: usize| {
-            let text = record.get(column).unwrap_or("").trim();
-            let number = text.parse::<f64>().ok().filter(|x| x.is_finite());
-            number.ok_or_else(|| {
-                format!("line {line}, column {}: '{text}' is not a finite number: correct it", &header[column])
-            })
-        };
+        let cell = |column: usize| finite(&record, &header, line, column).map_err(|why| why + ": correct it");
         let cells = |columns: &[usize]| columns.iter().map(|&column| cell(column)).collect::<Result<Vec<_>, _>>();
         let (pose, rates) = (cells(&pose)?, cells(&rates)?);
         let quaternion = Quaternion::new(pose[0], pose[1], pose[2], pose[3]);
