@@ -61,3 +61,101 @@ fn the_state_at_an_impact_just_after_the_start_has_a_closed_gap() {
         assert!((hit.q[0] - RADIUS).abs() < 1e-15, "{integrator:?}: {:e}", hit.q[0] - RADIUS);
     }
 }
+
+/// A slider reaches its limit in the time that is left of the impacts of a ball, and that the run jumps over. With the speed u after its
+/// last impact the ball's impacts accumulate 2u/(g(1 − e)) later.
+#[test]
+fn a_gap_that_closes_while_impacts_accumulate_is_not_missed() {
+    let (g, e, height, zeno_time): (f64, f64, f64, f64) = (9.81, 0.5, 0.2, 1e-3);
+    let link = |name: &str, shape: &str| {
+        format!(
+            "<link name='{name}'><inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>{shape}</link>"
+        )
+    };
+    let joint = |name: &str, child: &str, axis: &str, upper: f64| {
+        format!(
+            "<joint name='{name}' type='prismatic'><parent link='world'/><child link='{child}'/><axis xyz='{axis}'/>
+             <limit lower='-9' upper='{upper}' effort='0' velocity='0'/></joint>"
+        )
+    };
+    let text = [
+        "<robot name='both'><link name='world'/>",
+        &link("ball", &format!("<collision><geometry><sphere radius='{RADIUS}'/></geometry></collision>")),
+        &link("side", ""),
+        &joint("fall", "ball", "0 0 1", 9.0),
+        &joint("slide", "side", "1 0 0", 0.0),
+        "</robot>",
+    ];
+    let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
+    let contact = ContactRule::new(Newton { restitution: e, friction: 0.0 });
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let touches = Touch::all(&chain, &[floor], 1.0).unwrap().touches;
+    let gravity = Vector3::new(0.0, 0.0, -g);
+    let sim = Simulation { gravity, zeno_time, ..Simulation::new(chain, touches) };
+
+    let fall = (2.0 * height / g).sqrt();
+    let rest = fall * (1.0 + 2.0 * e / (1.0 - e));
+    let lefts = (1..).map(|k| 2.0 * e.powi(k) * fall / (1.0 - e));
+    let left = lefts.into_iter().find(|left| *left < zeno_time).unwrap();
+    let hit = rest - left / 2.0;
+    let (q, end) = ([RADIUS + height, -hit], 1.0);
+    let run = sim.run(&q, &[0.0, 1.0], end).unwrap();
+    let limit = run.events.iter().find(|event| event.qd_plus[1] < 0.0).expect("the slider reaches its limit");
+    assert!((limit.time - hit).abs() < 1e-12, "{} {hit}", limit.time);
+    assert_eq!((limit.qd_minus[1], limit.qd_plus[1]), (1.0, -1.0));
+    let last = &run.summary.last;
+    assert!((last.q[0] - RADIUS).abs() < 1e-15 && (last.q[1] + end - hit).abs() < 1e-12, "{last:?}");
+    // What is left of the impacts is that of hops by less than g·left²/8.
+    assert!(run.summary.energy.error().abs() < 1e-12, "{:?}", run.summary.energy);
+}
+
+/// A block of two millimetres' half-width rocks from one corner to the other: the approach of the second corner is slow, 0.6 mm/s, since
+/// the corners are near each other. A wheel beside it turns fast, so that this is slow for the robot, too. The impact leaves r ω,
+/// r = 1 − 1.5 sin²α (G. W. Housner, Bull. Seismol. Soc. Am. 53, 1963).
+#[test]
+fn the_slow_approach_of_a_corner_beside_another_is_an_impact() {
+    let (alpha, radius) = (0.02_f64, 0.1);
+    let (b, h) = (radius * alpha.sin(), radius * alpha.cos());
+    let mass = 2.0;
+    let inertia = mass * radius * radius / 3.0;
+    let joint = |name: &str, kind: &str, parent: &str, child: &str, axis: &str| {
+        format!(
+            "<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>
+             <limit lower='-9' upper='9' effort='0' velocity='0'/></joint>"
+        )
+    };
+    let text = [
+        "<robot name='block'><link name='world'/><link name='a'/><link name='b'/>",
+        &format!(
+            "<link name='block'><inertial><mass value='{mass}'/>
+             <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>
+             <collision><geometry><box size='{} 0.1 {}'/></geometry></collision></link>",
+            2.0 * b,
+            2.0 * h
+        ),
+        "<link name='wheel'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>",
+        &joint("x", "prismatic", "world", "a", "1 0 0"),
+        &joint("z", "prismatic", "a", "b", "0 0 1"),
+        &joint("pitch", "continuous", "b", "block", "0 1 0"),
+        &joint("spin", "continuous", "world", "wheel", "0 0 1"),
+        "</robot>",
+    ];
+    let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
+    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 5.0 });
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
+    let mut touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+    touches.retain(|touch| touch.link().is_some());
+    let (gravity, tolerance) = (Vector3::new(0.0, 0.0, -9.81), 1e-6);
+    let sim = Simulation { gravity, tolerance, ..Simulation::new(chain, touches) };
+    let (s, c) = (0.7 * alpha).sin_cos();
+    let start = [s * h - c * b, c * h + s * b, 0.7 * alpha, 0.0];
+    let run = sim.run(&start, &[0.0, 0.0, 0.0, 100.0], 0.2).unwrap();
+    let hit = run.events.iter().find(|event| event.qd_minus != event.qd_plus).expect("the other corner strikes");
+    let (before, after) = (hit.qd_minus[2], hit.qd_plus[2]);
+    assert!(before < -0.1, "{hit:?}");
+    let ratio = 1.0 - 1.5 * alpha.sin().powi(2);
+    assert!((after / before - ratio).abs() < 1e-9, "{} {ratio}", after / before);
+    assert!(run.summary.energy.error().abs() < 1e-6 * run.summary.energy.start, "{:?}", run.summary.energy);
+}

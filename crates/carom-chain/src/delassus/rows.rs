@@ -112,27 +112,30 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
     /// # Errors
     /// [`ChainError::NoInertia`] where M is singular; [`ChainError::WrongLength`] for rows of another chain.
     pub fn respond(&mut self, rows: &Rows, responses: &mut Rows) -> Result<(), ChainError> {
-        self.answer(None, rows, responses)
+        self.answer(None, &[], rows, responses)
     }
 
-    /// As [`Kinematics::respond`], with the forward dynamics of [`Kinematics::forward_dynamics_into`] by the same factorisation.
+    /// As [`Kinematics::respond`], with the forward dynamics of [`Kinematics::forward_dynamics_into`] by the same factorisation, and
+    /// with inertia added to each coordinate: `added` is empty or has length nv, and infinite inertia locks a joint.
     ///
     /// # Errors
-    /// As both.
+    /// As both; [`ChainError::Coupled`] for a chain with mimic joints to which inertia is added.
     pub fn accelerate_and_respond(
         &mut self,
         (qd, tau, gravity): (&[f64], &[f64], A::Vector),
+        added: &[f64],
         qdd: &mut [f64],
         rows: &Rows,
         responses: &mut Rows,
     ) -> Result<(), ChainError> {
-        self.answer(Some((qd, tau, gravity, qdd)), rows, responses)
+        self.answer(Some((qd, tau, gravity, qdd)), added, rows, responses)
     }
 
     #[expect(clippy::type_complexity, reason = "the inputs and the output of the forward dynamics, private")]
     fn answer(
         &mut self,
         dynamics: Option<(&[f64], &[f64], A::Vector, &mut [f64])>,
+        added: &[f64],
         rows: &Rows,
         responses: &mut Rows,
     ) -> Result<(), ChainError> {
@@ -140,7 +143,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
         self.chain().check_nv("row", if rows.is_empty() { nv } else { rows.nv })?;
         (responses.nv, responses.numbers) = (nv, std::mem::take(&mut responses.numbers));
         responses.clear();
-        if self.chain().is_coupled() {
+        if self.chain().is_coupled() && added.is_empty() {
             if let Some((qd, tau, gravity, qdd)) = dynamics {
                 self.forward_dynamics_into(qd, tau, gravity, qdd)?;
             }
@@ -152,7 +155,7 @@ impl<A: Algebra<Scalar = f64>> Kinematics<'_, A> {
             return Ok(());
         }
         let n = self.chain().bodies.len();
-        let mut articulation = self.articulate_checked(&[])?;
+        let mut articulation = self.articulate_checked(added)?;
         if let Some((qd, tau, gravity, qdd)) = dynamics {
             articulation.forward_dynamics_into(qd, tau, gravity, qdd)?;
         }

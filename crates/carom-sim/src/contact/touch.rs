@@ -282,6 +282,14 @@ impl Touch {
         }
     }
 
+    /// The coordinate of qd that a joint limit stops, and the sign of the joint force that it exerts.
+    pub(crate) fn stops(&self) -> Option<(usize, f64)> {
+        match &self.kind {
+            TouchKind::Limit { v, upper, .. } => Some((*v, if *upper { -1.0 } else { 1.0 })),
+            _ => None,
+        }
+    }
+
     /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
     /// nearest points. Compliant contacts have that one only.
     pub fn is_part(&self) -> bool {

@@ -7,12 +7,13 @@ use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Accelerations and constraint forces at one state.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct ConstraintForces {
     pub qdd: DVector<f64>,
     /// The forces of the lasting contacts, in their order.
     pub contacts: Vec<Force>,
-    /// Constraint forces of the joints that dry friction holds, in the order of `dry`; 0 for the others.
+    /// Constraint forces of the joints that dry friction holds, in the order of `dry`; 0 for the others. Of joints that are locked they,
+    /// and the forces of the limits, are computed by [`Motion::in_mode`](super::Motion::in_mode) only.
     pub joints: Vec<f64>,
     /// Power of the drive, and of all dissipative forces.
     pub power: [f64; 2],
@@ -28,6 +29,8 @@ pub(crate) struct Force {
     pub normal_force: f64,
     /// Rate of the bristle's deflection, world, m/s.
     pub bends: Vector3<f64>,
+    /// u̇ at q̈ = 0 of a rigid contact, world, m/s².
+    pub drift: Vector3<f64>,
 }
 
 impl Force {
@@ -43,11 +46,15 @@ pub(crate) struct Assembled {
     pub constraints: Constraints,
     /// M⁻¹Fᵀ.
     pub responses: Rows,
-    /// M⁻¹Rᵀ, where F ≠ R.
+    /// M⁻¹Rᵀ, where F ≠ R; none if they were not asked for.
     pub own_responses: Rows,
     /// M⁻¹Tᵀ.
     pub tangent_responses: Rows,
     pub free: DVector<f64>,
+    /// Inertia added to each coordinate: ∞ for joints that are locked; empty if none is.
+    pub locked: Vec<f64>,
+    /// λ.
+    pub lambda: DVector<f64>,
     /// Powers of the drive, and of damping, slipping dry friction and compliant contacts.
     pub power: [f64; 2],
     /// Forces of the compliant contacts.
@@ -76,23 +83,26 @@ impl Assembled {
         }
     }
 
-    /// The acceleration without constraint forces, and the responses of all rows, by one factorisation of M.
+    /// The acceleration without constraint forces, and the responses of all rows, by one factorisation of M. `own`: whether those of
+    /// the rows R are needed where F ≠ R.
     pub fn respond<A: Space>(
         &mut self,
         view: &mut View<A>,
         (qd, gravity): (&[f64], Vector3<f64>),
+        own: bool,
     ) -> Result<(), SimError> {
-        let Self { constraints, free, tau, stacked, answers, .. } = self;
+        let Self { constraints, free, tau, locked, stacked, answers, .. } = self;
         let Constraints { rows, forces, tangents, skew, starts, .. } = constraints;
         let dynamics = (qd, tau.as_slice(), gravity);
-        if !*skew || (rows.len() == 1 && starts.is_empty()) {
-            return view.accelerate_and_respond(dynamics, free.as_mut_slice(), forces, &mut self.responses);
+        if !*skew || (starts.is_empty() && (!own || rows.len() == 1)) {
+            self.own_responses.clear();
+            return view.accelerate_and_respond(dynamics, locked, free.as_mut_slice(), forces, &mut self.responses);
         }
         stacked.clear();
         for row in forces.iter().chain(rows.iter()).chain(tangents.iter()) {
             stacked.add().copy_from_slice(row);
         }
-        view.accelerate_and_respond(dynamics, free.as_mut_slice(), stacked, answers)?;
+        view.accelerate_and_respond(dynamics, locked, free.as_mut_slice(), stacked, answers)?;
         let mut answers = answers.iter();
         let counted =
             [(&mut self.responses, forces), (&mut self.own_responses, rows), (&mut self.tangent_responses, tangents)];

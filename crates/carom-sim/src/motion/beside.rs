@@ -9,6 +9,7 @@
 //! Dry friction of joints carries no impulse: its force is bounded.
 
 use super::assembled::Assembled;
+use super::held::Detail;
 use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::smooth::Motion;
@@ -41,7 +42,7 @@ impl<A: Space> Motion<'_, A> {
         let entries: Vec<Lasting> = rigid.chain(std::iter::once(Lasting { touch, hold: Hold::Sticks })).collect();
         let mut found = Assembled::new(self.sim.chain.nv());
         let dry = std::mem::take(&mut self.dry);
-        let done = self.assemble((time, y), &entries, &mut found);
+        let done = self.assemble((time, y), &entries, Detail::ROWS, &mut found);
         self.dry = dry;
         done?;
         let Assembled { constraints, responses, .. } = found;

@@ -22,15 +22,40 @@
 //! different directions: a spinning box. Its motion is that of the convention, and flagged (`unique.rs`).
 
 use super::assembled::{Assembled, ConstraintForces, Force};
-use super::lasting::{Hold, Lasting};
+use super::lasting::{Dry, Hold, Lasting};
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
 use crate::state::{Basis, Space};
+use carom_chain::urdf::JointType;
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// Pivots of K above this share of its diagonal belong to independent rows: far above the share of [`Basis`] that decides.
 const INDEPENDENT: f64 = 1e-6;
+
+/// What is computed of the constraints at a state.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Detail {
+    /// Joints that dry friction holds and joints at their limits are locked, where the base floats; otherwise they are constraints.
+    pub locks: bool,
+    /// The responses of the rows R too, where F ≠ R.
+    pub own: bool,
+}
+
+impl Detail {
+    /// All rows and their responses.
+    pub const ROWS: Self = Self { locks: false, own: true };
+}
+
+/// K⁻¹ where every row is clearly independent of the others, and sliding consistent: a unit force along each row moves it against the
+/// others, by more than a share of the terms of its own response.
+fn clearly_independent(found: &Assembled, k: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let inverse = k.clone().try_inverse()?;
+    let Assembled { constraints, responses, .. } = found;
+    let terms =
+        |i: usize| constraints.rows.row(i).iter().zip(responses.row(i)).map(|(r, x)| (r * x).abs()).sum::<f64>();
+    (0..k.nrows()).all(|i| 1.0 / inverse[(i, i)] > INDEPENDENT * terms(i)).then_some(inverse)
+}
 
 impl<A: Space> Motion<'_, A> {
     /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces, by central differences of fourth order along the
@@ -70,6 +95,7 @@ impl<A: Space> Motion<'_, A> {
         &mut self,
         (time, y): (f64, &[f64]),
         lasting: &[Lasting],
+        detail: Detail,
         found: &mut Assembled,
     ) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
@@ -80,6 +106,8 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut numerical = numerical.into_iter();
         found.power = self.apply(time, q, qd, &mut found.tau)?;
+        let locks = detail.locks && self.may_lock();
+        self.lock(lasting, locks, &mut found.locked);
         let dry = std::mem::take(&mut self.dry);
         let bristles = std::mem::take(&mut self.bristles);
         let noise = self.noise();
@@ -107,52 +135,139 @@ impl<A: Space> Motion<'_, A> {
                     found.tau.iter_mut().zip(&found.scratch).for_each(|(tau, f)| *tau += f);
                     found.power[1] += found.scratch.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
                     let normal_force = normal.dot(&force);
-                    found.pressed.push(Force { force, normal, normal_force, bends: pressed.bends });
+                    let (bends, drift) = (pressed.bends, Vector3::zeros());
+                    found.pressed.push(Force { force, normal, normal_force, bends, drift });
                 }
                 _ => {
                     let drift = match touch.drift(&at, &view, drifts, qd, time) {
                         Some(closed) => closed?,
                         None => numerical.next().unwrap_or_default(),
                     };
-                    found.constraints.add((own, touch), (&at, &view), (qd, time), drift, noise)?;
+                    found.constraints.add((own, touch), (&at, &view), (qd, time), drift, (noise, locks))?;
                 }
             }
         }
-        found.constraints.hold(&dry);
-        let done = found.respond(&mut view, (qd, sim.gravity));
+        if !locks {
+            found.constraints.hold(&dry);
+        }
+        let done = found.respond(&mut view, (qd, sim.gravity), detail.own);
         (self.dry, self.bristles) = (dry, bristles);
         done
     }
 
     /// Accelerations and forces in the present mode.
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<ConstraintForces, SimError> {
+        let mut held = self.accelerations(time, y)?;
+        self.add_forces_on_joints(y, &mut held)?;
+        Ok(held)
+    }
+
+    /// [`Motion::in_mode`] without the forces on joints that are locked.
+    pub fn accelerations(&mut self, time: f64, y: &[f64]) -> Result<ConstraintForces, SimError> {
         let mut lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let held = self.assemble((time, y), &lasting, &mut found).and_then(|()| self.solve(time, &lasting, &mut found));
+        let mut attempt = |it: &mut Self| {
+            it.assemble((time, y), &lasting, Detail { locks: true, own: it.redundant }, &mut found)?;
+            it.solve(time, &lasting, &mut found)
+        };
+        let held = match attempt(self) {
+            Ok(None) => {
+                self.redundant = true;
+                attempt(self)
+            }
+            held => held,
+        };
         Self::keep_directions(&mut lasting, &found);
         (self.lasting, self.assembled) = (lasting, found);
-        held
+        held.map(Option::unwrap_or_default)
+    }
+
+    /// Whether joints at rest can be locked in place of constraints. The base must float: on a fixed one a contact may have no joint left
+    /// that moves it, and then nothing tells its inverse mass from rounding.
+    fn may_lock(&self) -> bool {
+        let chain = &self.sim.chain;
+        let floats = chain.joints().first().is_some_and(|joint| joint.kind == JointType::Floating);
+        floats && chain.members().is_empty() && !chain.is_coupled() && self.couplings.is_empty()
+    }
+
+    /// Locks the joints that dry friction holds and those at their limits, among these contacts.
+    fn lock(&self, lasting: &[Lasting], locks: bool, locked: &mut Vec<f64>) {
+        locked.clear();
+        if !locks {
+            return;
+        }
+        let dry = self.dry.iter().filter(|joint| joint.state == Dry::Holds).map(|joint| joint.v);
+        let limits = lasting.iter().filter_map(|own| Some(self.sim.touches[own.touch].stops()?.0));
+        for v in dry.chain(limits) {
+            locked.resize(self.sim.chain.nv(), 0.0);
+            locked[v] = f64::INFINITY;
+        }
+    }
+
+    /// The forces on joints that are locked: M q̈ + C q̇ + g − τ − Fᵀλ.
+    fn add_forces_on_joints(&mut self, y: &[f64], held: &mut ConstraintForces) -> Result<(), SimError> {
+        if self.assembled.locked.is_empty() {
+            return Ok(());
+        }
+        let (q, qd) = self.split(y);
+        let gravity = self.sim.gravity;
+        let mut needed = self.view(q)?.inverse_dynamics(qd, held.qdd.as_slice(), gravity)?;
+        let Assembled { constraints, lambda, tau, .. } = &self.assembled;
+        needed.iter_mut().zip(tau).for_each(|(needed, tau)| *needed -= tau);
+        let mut without =
+            |row: &[f64], force: f64| needed.iter_mut().zip(row).for_each(|(needed, r)| *needed -= r * force);
+        for (row, force) in constraints.forces.iter().zip(lambda.iter()) {
+            without(row, *force);
+        }
+        for (i, start) in constraints.starts.iter().enumerate() {
+            for (axis, along) in start.along.iter().enumerate() {
+                without(constraints.tangents.row(2 * i + axis), -start.friction * along * lambda[start.row]);
+            }
+        }
+        // A limit bears what pushes against it, and dry friction the rest. With equal shares friction would reach its bound, and the joint
+        // would seem to break loose.
+        let limits = || self.lasting.iter().map(|own| self.sim.touches[own.touch].stops());
+        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| joint.state == Dry::Holds) {
+            let pushed = limits().flatten().any(|(v, sign)| v == joint.v && sign * needed[v] >= 0.0);
+            if !pushed {
+                held.joints[k] = std::mem::take(&mut needed[joint.v]);
+            }
+        }
+        for (contact, limit) in held.contacts.iter_mut().zip(limits()) {
+            if let Some((v, sign)) = limit {
+                contact.normal_force = sign * needed[v];
+            }
+        }
+        Ok(())
     }
 
     /// The acceleration of a gap in the present mode.
     pub fn gap_acceleration(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<f64, SimError> {
-        let qdd = self.in_mode(time, y)?.qdd;
+        let qdd = self.accelerations(time, y)?.qdd;
         let mut found = Assembled::new(self.sim.chain.nv());
         let own = Lasting { touch, hold: Hold::Slides { toward: Vector3::zeros() } };
-        self.assemble((time, y), &[own], &mut found)?;
+        self.assemble((time, y), &[own], Detail::ROWS, &mut found)?;
         Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
     }
 
-    fn solve(&self, time: f64, lasting: &[Lasting], found: &mut Assembled) -> Result<ConstraintForces, SimError> {
+    /// `None` if the responses of the rows R are needed.
+    fn solve(
+        &self,
+        time: f64,
+        lasting: &[Lasting],
+        found: &mut Assembled,
+    ) -> Result<Option<ConstraintForces>, SimError> {
         let m = found.constraints.rows.len();
         let lambda = if m == 0 {
-            DVector::zeros(0)
+            Some(DVector::zeros(0))
         } else if found.constraints.starts.is_empty() {
             self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
         } else {
-            self.starting_forces(time, lasting, found)?
+            Some(self.starting_forces(time, lasting, found)?)
         };
-        let Assembled { constraints, responses, free, power, .. } = &*found;
+        let Some(lambda) = lambda else { return Ok(None) };
+        found.lambda = lambda;
+        let Assembled { constraints, responses, free, power, lambda, .. } = &*found;
         let mut held = ConstraintForces {
             qdd: free.clone(),
             contacts: Vec::with_capacity(lasting.len()),
@@ -168,8 +283,9 @@ impl<A: Space> Motion<'_, A> {
                 let Some(contact) = rigid.next() else { break };
                 let force = contact.force(lambda.as_slice());
                 held.power[1] += force.dot(&contact.velocity);
-                let last = contact.rows.end - 1;
-                Force { force, normal: contact.normal, normal_force: lambda[last], bends: Vector3::zeros() }
+                let normal_force = contact.rows.clone().last().map_or(0.0, |last| lambda[last]);
+                let (normal, bends, drift) = (contact.normal, Vector3::zeros(), contact.drift);
+                Force { force, normal, normal_force, bends, drift }
             } else {
                 pressed.next().copied().unwrap_or_default()
             };
@@ -179,10 +295,10 @@ impl<A: Space> Motion<'_, A> {
         for (k, force) in constraints.joints.iter().zip(lambda.iter().skip(first)) {
             held.joints[*k] = *force;
         }
-        Ok(held)
+        Ok(Some(held))
     }
 
-    /// λ.
+    /// λ; `None` if the responses of the rows R are needed.
     pub fn forces(
         &self,
         time: f64,
@@ -190,7 +306,7 @@ impl<A: Space> Motion<'_, A> {
         found: &Assembled,
         k: &DMatrix<f64>,
         wanted: &DVector<f64>,
-    ) -> Result<DVector<f64>, SimError> {
+    ) -> Result<Option<DVector<f64>>, SimError> {
         let Assembled { constraints, own_responses, .. } = found;
         let m = wanted.len();
         let jam = |contact: usize| {
@@ -200,7 +316,7 @@ impl<A: Space> Motion<'_, A> {
         if m == 1 {
             // A unit force must open the gap; NaN does not.
             let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
-            return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
+            return if opens || constraints.contacts.is_empty() { Ok(Some(wanted / k[(0, 0)])) } else { Err(jam(0)) };
         }
         // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
         if !constraints.skew
@@ -208,8 +324,11 @@ impl<A: Space> Motion<'_, A> {
         {
             let l = factor.l_dirty();
             if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
-                return Ok(factor.solve(wanted));
+                return Ok(Some(factor.solve(wanted)));
             }
+        }
+        if constraints.skew && own_responses.is_empty() {
+            return Ok(clearly_independent(found, k).map(|inverse| inverse * wanted));
         }
         let own = constraints.skew.then(|| constraints.rows.times(own_responses));
         let gram = own.as_ref().unwrap_or(k);
@@ -220,6 +339,9 @@ impl<A: Space> Motion<'_, A> {
             let rigid = lasting.iter().filter(|own| own.is_rigid());
             for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
                 let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
+                if contact.rows.is_empty() {
+                    continue; // the joint is locked
+                }
                 // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
                 let row = contact.rows.start;
                 let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN
@@ -227,14 +349,14 @@ impl<A: Space> Motion<'_, A> {
                     return Err(jam(c));
                 }
             }
-            return Ok(inverse * wanted);
+            return Ok(Some(inverse * wanted));
         }
         // λ = X η; the rows B of K X η = wanted.
         let spread = basis.spread(gram);
         let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
         let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
         let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };
-        Ok(spread * eta)
+        Ok(Some(spread * eta))
     }
 
     /// Whether the response of a single sliding contact is above the rounding of its terms.
@@ -242,5 +364,116 @@ impl<A: Space> Motion<'_, A> {
         let along = found.constraints.rows.row(0).iter().zip(found.responses.row(0));
         let terms: f64 = along.map(|(r, x)| (r * x).abs()).sum();
         Ok(k > 1e-12 * terms)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{ContactRule, Surface, Touch};
+    use crate::model::Simulation;
+    use carom_chain::urdf::LoadOptions;
+    use carom_chain::{Chain, Coordinates, Spatial};
+    use carom_contact::Obstacle;
+    use carom_impact::Newton;
+
+    /// A floating body with three legs of two joints with dry friction, limits and feet that are balls, over a floor.
+    fn robot() -> Simulation {
+        let link = |name: &str, shape: &str| {
+            format!(
+                "<link name='{name}'><inertial><origin xyz='0.02 0.01 -0.1'/><mass value='0.7'/>
+                 <inertia ixx='0.02' ixy='0' ixz='0.001' iyy='0.03' iyz='0' izz='0.01'/></inertial>{shape}</link>"
+            )
+        };
+        let joint = |name: &str, parent: &str, child: &str, place: &str, axis: &str| {
+            format!(
+                "<joint name='{name}' type='revolute'><parent link='{parent}'/><child link='{child}'/><origin xyz='{place}'/>
+                 <axis xyz='{axis}'/><limit lower='-1' upper='1' effort='9' velocity='9'/><dynamics friction='0.5'/></joint>"
+            )
+        };
+        let foot = "<collision><origin xyz='0 0 -0.2'/><geometry><sphere radius='0.03'/></geometry></collision>";
+        let mut text = format!("<robot name='walker'>{}", link("body", ""));
+        for (k, place) in ["0.2 0.1 0", "-0.2 0.15 0", "0.05 -0.2 0"].into_iter().enumerate() {
+            let (thigh, shank) = (format!("thigh{k}"), format!("shank{k}"));
+            text += &link(&thigh, "");
+            text += &link(&shank, foot);
+            text += &joint(&format!("hip{k}"), "body", &thigh, place, "1 0.2 0");
+            text += &joint(&format!("knee{k}"), &thigh, &shank, "0 0 -0.2", "0.1 1 0");
+        }
+        text += "</robot>";
+        let options = LoadOptions { floating_base: true, ..Default::default() };
+        let chain = Chain::from_urdf_str(&text, &options).unwrap();
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.6 });
+        let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+        let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
+        let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        Simulation { gravity, ..Simulation::new(chain, touches) }
+    }
+
+    /// Joints that are locked move, and are loaded, as those with a constraint in their row: with feet that stick, slide and begin to slide.
+    #[test]
+    fn locked_joints_are_those_with_a_constraint() {
+        let sim = robot();
+        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let mut rng = fastrand::Rng::with_seed(1);
+        let touch = |name: &str| sim.touches.iter().position(|touch| touch.name.starts_with(name)).unwrap();
+        let holds =
+            [Hold::Sticks, Hold::Slides { toward: Vector3::x() }, Hold::Starts { toward: Vector3::new(0.6, 0.8, 0.0) }];
+        let mut compared = 0;
+        for k in 0..60 {
+            let mut draw = |n: usize| (0..n).map(|_| 2.0 * rng.f64() - 1.0).collect::<Vec<f64>>();
+            let turn = nalgebra::Vector4::from_vec(draw(4)).normalize();
+            let y = [&draw(3)[..], turn.as_slice(), &draw(nq - 7), &draw(nv), &[0.0; 2]].concat();
+            let mut motion = Motion::<Spatial<f64>>::new(&sim, &sim.chain);
+            motion.speed = 1.0;
+            // The second knee slips, the first one is held by friction and its limit, the third by its limit alone.
+            let v_of = |name: &str| {
+                let joint = sim.chain.joints().iter().find(|joint| joint.name == name).unwrap();
+                let Coordinates::Own { v, .. } = &joint.coordinates else { panic!("{name} has no coordinate") };
+                v.start
+            };
+            let slipping = [v_of("knee1"), v_of("knee2")];
+            for joint in motion.dry.iter_mut().filter(|joint| slipping.contains(&joint.v)) {
+                joint.state = Dry::Brakes(1.0);
+            }
+            motion.lasting = vec![
+                Lasting { touch: touch("shank0"), hold: holds[k % 3] },
+                Lasting { touch: touch("lower limit of knee0"), hold: Hold::Slides { toward: Vector3::zeros() } },
+                Lasting { touch: touch("shank1"), hold: holds[k / 3 % 2] },
+                Lasting { touch: touch("upper limit of knee2"), hold: Hold::Slides { toward: Vector3::zeros() } },
+            ];
+            let lasting = motion.lasting.clone();
+            // At a random pose sliding may jam.
+            let Ok(locked) = motion.in_mode(0.0, &y) else { continue };
+            assert!(!motion.assembled.locked.is_empty());
+            let mut found = Assembled::new(nv);
+            motion.assemble((0.0, &y), &lasting, Detail::ROWS, &mut found).unwrap();
+            let rows = motion.solve(0.0, &lasting, &mut found).unwrap().unwrap();
+            // Both solve equations of the same condition, of which the worst of these poses loses some five digits.
+            let same =
+                |what: &str, a: f64, b: f64| assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{what} {a} {b}, {k}");
+            locked.qdd.iter().zip(&rows.qdd).for_each(|(a, b)| same("acceleration", *a, *b));
+            // Of friction and limit of one joint only the sum is the same.
+            let shared = motion.dry.iter().position(|joint| joint.v == v_of("knee0")).unwrap();
+            let both = |held: &ConstraintForces| [held.joints[shared], held.contacts[1].normal_force];
+            let ([own, pushed], [half, other]) = (both(&locked), both(&rows));
+            same("load of the first knee", own + pushed, half + other);
+            assert!(pushed >= 0.0 && own <= 0.0 && own * pushed == 0.0, "{own} {pushed}");
+            for (a, b) in
+                locked.joints.iter().zip(&rows.joints).enumerate().filter(|(k, _)| *k != shared).map(|it| it.1)
+            {
+                same("joint", *a, *b);
+            }
+            for (k, (a, b)) in locked.contacts.iter().zip(&rows.contacts).enumerate() {
+                if k != 1 {
+                    same("normal force", a.normal_force, b.normal_force);
+                }
+                same("force", (a.force - b.force).norm(), 0.0);
+            }
+            same("power", locked.power[1], rows.power[1]);
+            compared += 1;
+        }
+        assert!(compared > 40, "{compared}");
     }
 }

@@ -3,6 +3,7 @@
 mod assembled;
 mod beside;
 mod contact_states;
+mod ending;
 mod free_motion;
 mod groups;
 mod held;

@@ -41,6 +41,8 @@ pub(crate) struct Contact {
     pub velocity: Vector3<f64>,
     /// Velocity of the surface at the contact point, m/s.
     pub surface: Vector3<f64>,
+    /// u̇ at q̈ = 0.
+    pub drift: Vector3<f64>,
 }
 
 impl Contact {
@@ -106,30 +108,35 @@ impl Constraints {
         self.joints.clear();
     }
 
-    /// The rows of a rigid contact. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has the direction that it began with.
+    /// The rows of a rigid contact; none for the limit of a joint that is `locked`. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has
+    /// the direction that it began with.
     pub fn add<A: Space>(
         &mut self,
         (own, touch): (&Lasting, &Touch),
         (at, view): (&At<A>, &View<A>),
         (qd, time): (&[f64], f64),
         drift: (f64, Vector3<f64>),
-        noise: f64,
+        (noise, locked): (f64, bool),
     ) -> Result<(), SimError> {
         let first = self.rows.len();
         let (gap_drift, u_drift) = drift;
         let Some(place) = at.surface else {
-            touch.row_into(at, view, self.rows.add())?;
-            self.forces.add().copy_from_slice(self.rows.row(first));
-            self.drifts.push(gap_drift);
+            // A joint that is locked has no row.
+            if !locked {
+                touch.row_into(at, view, self.rows.add())?;
+                self.forces.add().copy_from_slice(self.rows.row(first));
+                self.drifts.push(gap_drift);
+            }
             let zero = Vector3::zeros();
             self.contacts.push(Contact {
                 touch: own.touch,
-                rows: first..first + 1,
+                rows: first..self.rows.len(),
                 directions: None,
                 normal: zero,
                 position: zero,
                 velocity: zero,
                 surface: zero,
+                drift: zero,
             });
             return Ok(());
         };
@@ -176,7 +183,7 @@ impl Constraints {
         }
         let rows = first..self.rows.len();
         let (touch, directions, position) = (own.touch, Some(directions), place.position);
-        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity, surface });
+        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity, surface, drift: u_drift });
         Ok(())
     }
 

@@ -15,6 +15,7 @@
 //! the problem is solved again at a state a short time ahead.
 
 use super::assembled::Assembled;
+use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;
@@ -25,8 +26,9 @@ use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
 use std::ops::Range;
 
-/// Accuracy of the complementarity problem, relative to the largest acceleration without forces.
-pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
+/// Accuracy of the complementarity problem, relative to the largest acceleration without forces. Problems that are solved at all take
+/// less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
+pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 1000 };
 /// Residuals above this are not a solution.
 pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
@@ -64,6 +66,12 @@ impl<A: Space> Motion<'_, A> {
     /// within a time t of the same size, so setting it to zero changes positions by its square.
     pub fn rest(&self) -> f64 {
         10.0 * self.noise()
+    }
+
+    /// Approach velocities of a part beside another part of the same bodies below this count as zero, m/s: a small share of
+    /// [`Motion::rest`], because parts can be so near each other that a fast turn about one is a slow approach of the other.
+    pub fn still(&self) -> f64 {
+        0.01 * self.rest()
     }
 
     /// The error of velocities by the integration, m/s, rad/s: slip below it has no direction of its own.
@@ -114,7 +122,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(true);
         }
         let mut found = Assembled::new(self.sim.chain.nv());
-        let Some(now) = self.complementarity((time, y), &entries, &mut found)? else { return Ok(false) };
+        let Some(now) = self.complementarity((time, y), &entries, &mut found, None)? else { return Ok(false) };
         let others = self.has_other_mode(&now.problem, &entries, &found, &now)?;
         let rigid = || entries.iter().filter(|own| own.is_rigid());
         self.other_mode = others.then(|| rigid().map(|own| own.touch).collect());
@@ -129,9 +137,12 @@ impl<A: Space> Motion<'_, A> {
     pub fn margin(&mut self, time: f64, y: &[f64]) -> Result<f64, SimError> {
         let lasting = self.lasting.clone();
         let mut found = Assembled::new(self.sim.chain.nv());
-        let solved = self.complementarity((time, y), &lasting, &mut found)?;
+        let start = self.margin_forces.take();
+        let solved = self.complementarity((time, y), &lasting, &mut found, start.as_ref())?;
         // The rows of contacts at rest and the normal rows of the others.
-        Ok(solved.map_or(-1.0, |solution| 10.0 * TIE - solution.acceleration.amax() / solution.scale[0]))
+        let margin = solved.as_ref().map_or(-1.0, |found| 10.0 * TIE - found.acceleration.amax() / found.scale[0]);
+        self.margin_forces = solved.map(|solution| solution.force);
+        Ok(margin)
     }
 
     /// The entry of a candidate in the complementarity problem.
@@ -151,12 +162,13 @@ impl<A: Space> Motion<'_, A> {
         Lasting { touch, hold }
     }
 
-    /// The solution of the complementarity problem; `None` if none was found.
+    /// The solution of the complementarity problem; `None` if none was found. `start`: forces that may be near it.
     fn complementarity(
         &mut self,
         (time, y): (f64, &[f64]),
         entries: &[Lasting],
         found: &mut Assembled,
+        start: Option<&DVector<f64>>,
     ) -> Result<Option<Solution>, SimError> {
         // Where slip begins friction is that of a contact at rest.
         let at_rest = |own: &Lasting| match own.hold {
@@ -164,7 +176,7 @@ impl<A: Space> Motion<'_, A> {
             _ => *own,
         };
         let entries: Vec<Lasting> = entries.iter().map(at_rest).collect();
-        self.assemble((time, y), &entries, found)?;
+        self.assemble((time, y), &entries, Detail::ROWS, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
         let mut constraints = Vec::new();
         for own in entries.iter().filter(|own| own.is_rigid()) {
@@ -182,7 +194,7 @@ impl<A: Space> Motion<'_, A> {
             constraints.push(Constraint::Dry { bound: self.dry[k].friction });
         }
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
-        let outcome = problem.simultaneous(&ACCURACY, None)?;
+        let outcome = problem.simultaneous(&ACCURACY, start.filter(|start| start.len() == free.len()))?;
         let solved = outcome.residual <= UNSOLVED;
         if !solved {
             return Ok(None);
@@ -252,7 +264,7 @@ impl<A: Space> Motion<'_, A> {
             *v += a * step;
         }
         let mut found = Assembled::new(nv);
-        Ok(self.complementarity((time + step, &there), entries, &mut found)?.map(|solution| (found, solution)))
+        Ok(self.complementarity((time + step, &there), entries, &mut found, None)?.map(|solution| (found, solution)))
     }
 
     /// Stores the modes of a solution.

@@ -2,6 +2,7 @@
 //! those that stick.
 
 use super::assembled::Assembled;
+use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::select::Candidate;
@@ -112,12 +113,12 @@ impl<A: Space> Motion<'_, A> {
     pub fn shut(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
         let mut found = std::mem::take(&mut self.assembled);
-        let done = self.assemble((time, y), &entries, &mut found).and_then(|()| {
+        let done = self.assemble((time, y), &entries, Detail::ROWS, &mut found).and_then(|()| {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
             let excess = DVector::from_vec(found.constraints.excess(qd));
             let impulses = self.forces(time, &entries, &found, &found.delassus(), &-excess)?;
-            for (response, impulse) in found.responses.iter().zip(impulses.iter()) {
+            for (response, impulse) in found.responses.iter().zip(impulses.iter().flatten()) {
                 qd.iter_mut().zip(response).for_each(|(v, x)| *v += impulse * x);
             }
             Ok(())
@@ -209,7 +210,7 @@ impl<A: Space> Motion<'_, A> {
     pub fn straighten(&mut self, after: &Kept, time: f64, y: &mut [f64]) -> Result<(), SimError> {
         let lasting = std::mem::take(&mut self.lasting);
         let mut found = std::mem::take(&mut self.assembled);
-        let assembled = self.assemble((time, y), &lasting, &mut found);
+        let assembled = self.assemble((time, y), &lasting, Detail::ROWS, &mut found);
         let (q, qd) = self.split(y);
         let (nq, nv, sim) = (q.len(), qd.len(), self.sim);
         let mut across = Rows::new(nv);
@@ -245,10 +246,10 @@ impl<A: Space> Motion<'_, A> {
 
     /// Advances the present mode by `span` seconds in one step of the midpoint rule; the span is below the Zeno time.
     pub fn pass(&mut self, span: f64, time: f64, y: &mut [f64]) -> Result<(), SimError> {
-        let first = self.in_mode(time, y)?.qdd;
+        let first = self.accelerations(time, y)?.qdd;
         let mut middle = y.to_vec();
         self.advance(span / 2.0, &first, &mut middle)?;
-        let qdd = self.in_mode(time + span / 2.0, &middle)?.qdd;
+        let qdd = self.accelerations(time + span / 2.0, &middle)?.qdd;
         self.advance(span, &qdd, y)?;
         self.settle(time + span, y).map(|_| ())
     }

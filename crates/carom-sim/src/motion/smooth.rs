@@ -12,7 +12,7 @@ use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
 use crate::state::{Coupling, Loops, Space, View, close_loops, reach};
 use carom_chain::{Coordinates, FrameId, PlanarRow, Rows, Workspace};
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 /// A chain in motion.
 pub(crate) struct Motion<'a, A: Space> {
@@ -57,6 +57,10 @@ pub(crate) struct Motion<'a, A: Space> {
     tau: Vec<f64>,
     /// Scratch memory of the constraints.
     pub assembled: Assembled,
+    /// The forces of the last [`Motion::margin`], near those of the next one.
+    pub margin_forces: Option<DVector<f64>>,
+    /// Whether rows may depend on others in the present mode, so that the responses of all are computed.
+    pub redundant: bool,
     /// Reach of the chain, m.
     pub reach: f64,
 }
@@ -144,6 +148,8 @@ impl<'a, A: Space> Motion<'a, A> {
             pushed: sim.wrenches.iter().filter_map(|wrench| sim.chain.frame(&wrench.link).ok()).collect(),
             tau: vec![0.0; sim.chain.nv()],
             assembled: Assembled::new(sim.chain.nv()),
+            redundant: false,
+            margin_forces: None,
             reach: reach(&sim.chain),
         }
     }
@@ -341,7 +347,7 @@ impl<'a, A: Space> Motion<'a, A> {
         if self.moves_freely() {
             power.copy_from_slice(&self.accelerate(time, y, qdd)?);
         } else {
-            let held = self.in_mode(time, y)?;
+            let held = self.accelerations(time, y)?;
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
             for (own, force) in self.lasting.iter().zip(&held.contacts) {

@@ -15,6 +15,7 @@
 //! contacts push to one side, as those of a body that lies on a floor.
 
 use super::assembled::Assembled;
+use super::held::Detail;
 use super::lasting::{Hold, Lasting};
 use super::select::Solution;
 use super::smooth::Motion;
@@ -73,13 +74,18 @@ impl Assembled {
 
 impl<A: Space> Motion<'_, A> {
     /// The flags of the lasting contacts in the present mode, in their order.
-    pub fn flags(&self) -> Vec<Flags> {
+    pub fn flags(&mut self, time: f64, y: &[f64]) -> Result<Vec<Flags>, SimError> {
+        let lasting = std::mem::take(&mut self.lasting);
+        let mut found = std::mem::take(&mut self.assembled);
+        let assembled = self.assemble((time, y), &lasting, Detail::ROWS, &mut found);
+        (self.lasting, self.assembled) = (lasting, found);
+        assembled?;
         let mut rigid = self.assembled.undetermined().into_iter();
         let flag = |own: &Lasting| {
             let open = own.is_rigid() && rigid.next().unwrap_or_default();
             if open { Flags::NON_UNIQUE } else { Flags::NONE }
         };
-        self.lasting.iter().map(flag).collect()
+        Ok(self.lasting.iter().map(flag).collect())
     }
 
     /// The touches whose forces leave the motion open in the present mode, with the reason.
@@ -90,12 +96,7 @@ impl<A: Space> Motion<'_, A> {
         if self.lasting.iter().filter(|own| own.is_rigid()).count() < 2 {
             return Ok(None);
         }
-        let lasting = std::mem::take(&mut self.lasting);
-        let mut found = std::mem::take(&mut self.assembled);
-        let assembled = self.assemble((time, y), &lasting, &mut found);
-        (self.lasting, self.assembled) = (lasting, found);
-        assembled?;
-        let flags = self.flags();
+        let flags = self.flags(time, y)?;
         let open = self.lasting.iter().zip(&flags).filter(|(_, flags)| flags.contains(Flags::NON_UNIQUE));
         let touches: Vec<usize> = open.map(|(own, _)| own.touch).collect();
         Ok((!touches.is_empty()).then_some((NonUnique::Distribution, touches)))

@@ -306,9 +306,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
         if self.memory.events == events {
             match watch {
+                // A contact whose normal force is zero again within this time has none.
                 Watch::NormalForce(i) => {
                     let last = self.memory.kept.replace(self.time);
-                    if last.is_some_and(|last| self.time - last <= AGAIN * (1.0 + self.time)) {
+                    if last.is_some_and(|last| self.time - last <= self.motion.sim.zeno_time) {
                         self.resettle_without(Some(old[i].touch), &[], &before)?;
                     }
                 }
@@ -400,6 +401,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if !self.motion.select(&candidates, self.time, &mut self.y)? {
             return Ok(Some(StepReason::NoMode));
         }
+        self.end_slips(&candidates)?;
         let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
         Ok(faces.then_some(StepReason::Face))
     }
@@ -429,7 +431,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if !still || !held || !self.is_steady() || self.time >= self.end {
             return Ok(());
         }
-        let qdd = match self.motion.in_mode(self.time, &self.y) {
+        let qdd = match self.motion.accelerations(self.time, &self.y) {
             Err(SimError::Jam { .. }) => return Ok(()),
             held => held?.qdd,
         };
@@ -468,8 +470,6 @@ const TURNS: u32 = 20;
 const TURNING: f64 = 0.1;
 /// The factor by which the time is longer in which it is integrated implicitly next.
 const LONGER: f64 = 8.0;
-/// A contact whose normal force is zero again within this time has none, s.
-const AGAIN: f64 = 1e-13;
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

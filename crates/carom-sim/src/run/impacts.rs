@@ -18,7 +18,7 @@ use super::trajectory::{EventKind, StepReason};
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Candidate, Hold, Lasting, direction_of_slip};
+use crate::motion::{Candidate, Hold, Lasting, Near, direction_of_slip};
 use crate::state::{ContactImpulse, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
@@ -44,7 +44,7 @@ impl<A: Space> Run<'_, '_, A> {
         let rest = self.motion.rest();
         let gaps = self.gaps()?;
         let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
-        if approach >= -rest && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
+        if approach >= -self.motion.still() && self.motion.gaps.is_beside(touch, &self.motion.lasting) {
             // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
             let before = self.y.clone();
             let more = [touch];
@@ -300,18 +300,15 @@ impl<A: Space> Run<'_, '_, A> {
             }
         }
         if !ending.is_empty() {
-            let energy = self.motion.energy(&self.y)?;
             let start = self.y.clone();
             still.extend(&ending);
-            self.close(&still)?;
-            if let Some(reason) = self.choose(&still)? {
-                return self.no_mode(reason);
-            }
-            match self.motion.pass(left, self.time, &mut self.y) {
-                Err(SimError::Jam { .. }) => return self.no_mode(StepReason::NoMode),
-                done => done?,
-            }
-            self.lost += energy - self.motion.energy(&self.y)?;
+            let (energy, lost) = (self.motion.energy(&self.y)?, self.lost);
+            let jumped = self.jump(&still, left)?;
+            self.lost = lost + energy - self.motion.energy(&self.y)?;
+            let left = match jumped {
+                Ok(left) => left,
+                Err(reason) => return self.no_mode(reason),
+            };
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
             let told = match self.motion.contact_states(self.time, &y) {
@@ -331,6 +328,34 @@ impl<A: Space> Run<'_, '_, A> {
         self.rest()
     }
 
+    /// Closes these touches, whose impacts accumulate, and moves the state on by the time `left` that their accumulation takes, or by
+    /// none where the run ends or another gap closes within it: the next leg finds it. Returns the time by which it is moved; `Err`: no
+    /// mode is consistent.
+    fn jump(&mut self, touches: &[usize], left: f64) -> Result<Result<f64, StepReason>, SimError> {
+        self.close(touches)?;
+        if let Some(reason) = self.choose(touches)? {
+            return Ok(Err(reason));
+        }
+        let closed = self.y.clone();
+        match self.motion.pass(left, self.time, &mut self.y) {
+            Err(SimError::Jam { .. }) => return Ok(Err(StepReason::NoMode)),
+            done => done?,
+        }
+        if self.time + left > self.end || self.is_crossed(touches)? {
+            self.y = closed;
+            return Ok(Ok(0.0));
+        }
+        Ok(Ok(left))
+    }
+
+    /// Whether the gap of a touch that neither lasts nor is one of these has closed: it did within the jump to this state.
+    fn is_crossed(&mut self, still: &[usize]) -> Result<bool, SimError> {
+        let gaps = self.gaps()?;
+        let crossed =
+            |&(k, (gap, rate)): &Near| gap < 0.0 && rate < 0.0 && !still.contains(&k) && !self.motion.lasts(k);
+        Ok(gaps.iter().any(crossed))
+    }
+
     /// Sets the normal velocities of these touches to zero: the end of their impacts.
     fn close(&mut self, touches: &[usize]) -> Result<(), SimError> {
         let candidates: Result<Vec<Candidate>, SimError> =
@@ -340,18 +365,25 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// The motion has no consistent mode: an impact without collision, or time steps.
     pub fn no_mode(&mut self, reason: StepReason) -> Result<(), SimError> {
-        if self.without_collision()? { Ok(()) } else { self.step_on(reason) }
+        let rest = self.motion.rest();
+        let rigid = |k: &usize| self.motion.sim.touches[*k].contact.compliance.is_none();
+        let closed: Vec<usize> = (self.gaps()?.into_iter())
+            .filter(|(_, (gap, rate))| *gap <= TOUCHING && rate.abs() <= rest)
+            .map(|(k, _)| k)
+            .filter(rigid)
+            .collect();
+        let jumped = match *closed.as_slice() {
+            [] => false,
+            [touch] => self.without_collision(touch)?,
+            _ => reason != StepReason::Face && self.several_without_collision(&closed)?,
+        };
+        if jumped { Ok(()) } else { self.step_on(reason) }
     }
 
     /// An impact without collision (Painlevé): the limit of the law's outcome for a vanishing approach velocity, for a single
     /// closed contact that slides and jams. `false` if there is none.
-    fn without_collision(&mut self) -> Result<bool, SimError> {
+    fn without_collision(&mut self, touch: usize) -> Result<bool, SimError> {
         let rest = self.motion.rest();
-        let closed: Vec<usize> = (self.gaps()?.into_iter())
-            .filter(|(_, (gap, rate))| *gap <= TOUCHING && rate.abs() <= rest)
-            .map(|(k, _)| k)
-            .collect();
-        let &[touch] = closed.as_slice() else { return Ok(false) };
         let (sim, time) = (self.motion.sim, self.time);
         let one = &sim.touches[touch];
         if one.link().is_none() || !one.is_point() {

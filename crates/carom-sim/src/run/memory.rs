@@ -26,8 +26,12 @@ pub(crate) struct Memory {
     pub wait: f64,
     /// The time at which time steps last ended, s.
     pub resumed: Option<f64>,
+    /// The time of the last impacts without collision of several contacts, and their number at this time.
+    jammed: (f64, usize),
 }
 
+/// At most so many impacts without collision of several contacts happen at one time: each ends the slip of a contact.
+const JAMS: usize = 8;
 /// So many ends of legs within one time step are too many.
 const CROWD: usize = 300;
 
@@ -38,6 +42,13 @@ impl Memory {
         if self.recent.len() > CROWD {
             self.recent.pop_front();
         }
+    }
+
+    /// Counts an impact without collision; `false` if there were too many at this time.
+    pub fn may_jam(&mut self, time: f64) -> bool {
+        let (last, count) = self.jammed;
+        self.jammed = (time, if last == time { count + 1 } else { 1 });
+        self.jammed.1 <= JAMS
     }
 
     /// Whether there were too many of them within this time.

@@ -16,6 +16,7 @@ mod sampler;
 mod sensitivity;
 mod session;
 mod several;
+mod slips;
 mod stand;
 mod steps;
 mod stream;

@@ -24,6 +24,12 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// An impact with a larger residual has no solution by its law.
 const UNSOLVED: f64 = 1e-9;
+/// The approach velocity of an impact without collision, as a share of the largest velocity of the contacts.
+const VANISHING: f64 = 1e-8;
+/// Such an impact jumps by more than this share; contacts that do not jam, by some multiple of the approach velocity.
+const FINITE: f64 = 1e-4;
+/// It is solved to this share of the approach velocity.
+const SETTLED: f64 = 1e-2;
 /// The constraints of one instant.
 pub(super) struct Closures {
     pub rows: Rows,
@@ -176,9 +182,57 @@ impl<A: Space> Run<'_, '_, A> {
     /// the end of an accumulation.
     pub fn several_impacts(&mut self, together: &[usize], ends: bool) -> Result<(), SimError> {
         let before = self.y.clone();
+        let (law, (_, qd)) = (self.motion.sim.several, self.q_qd());
+        let (mut rows, responses, approach) = self.closures(together)?;
+        if ends {
+            rows.without_restitution();
+        }
+        let u_minus = rows.velocities(&qd);
+        let mut outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), (law, &ACCURACY), None)?;
+        let residual = outcome.residual;
+        if residual > UNSOLVED && !ends {
+            // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
+            rows.without_restitution();
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (law, &ACCURACY), None)?;
+        }
+        self.strike(together, (&rows, &responses), (&outcome, residual))?;
+        let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let struck: Vec<Struck> =
+            together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
+        // Separation velocities of the size of the solver's error count as zero.
+        self.after(&struck, scale * 1e-9, &before)
+    }
+
+    /// An impact without collision of several closed touches (Painlevé): the limit of the law's outcome for vanishing approach velocities.
+    /// `false` if it has no finite impulses: no contact jams.
+    pub fn several_without_collision(&mut self, closed: &[usize]) -> Result<bool, SimError> {
+        let before = self.y.clone();
+        let (law, rest, (_, qd)) = (self.motion.sim.several, self.motion.rest(), self.q_qd());
+        let (rows, responses, _) = self.closures(closed)?;
+        let mut u = rows.velocities(&qd);
+        let speed = u.amax();
+        if speed <= rest || !self.memory.may_jam(self.time) {
+            return Ok(false);
+        }
+        rows.contacts.iter().for_each(|closed| u[closed.rows.end - 1] = -VANISHING * speed);
+        let Ok(outcome) = self.solve(&rows, &responses, u.clone(), u, (law, &ACCURACY), None) else { return Ok(false) };
+        let mut jump = vec![0.0; qd.len()];
+        push(&mut jump, &responses, &outcome.impulse);
+        let finite = (0..rows.rows.len()).any(|i| rows.rows.dot(i, &jump).abs() > FINITE * speed);
+        if !finite || outcome.residual > SETTLED * VANISHING {
+            return Ok(false);
+        }
+        let residual = outcome.residual;
+        self.strike(closed, (&rows, &responses), (&outcome, residual))?;
+        let struck: Vec<Struck> = closed.iter().map(|&touch| Struck { touch, approach: 0.0 }).collect();
+        self.after(&struck, rest, &before)?;
+        Ok(true)
+    }
+
+    /// The rows of these touches now, the responses to them, and the rates of the gaps.
+    fn closures(&mut self, together: &[usize]) -> Result<(Closures, Rows, Vec<f64>), SimError> {
         let (q, qd) = self.q_qd();
-        let (sim, time, nq) = (self.motion.sim, self.time, self.motion.sim.chain.nq());
-        let energy = self.motion.energy(&before)?;
+        let (sim, time) = (self.motion.sim, self.time);
         let mut rows = Closures::new(sim.chain.nv());
         let mut view = self.motion.view(&q)?;
         let mut approach = Vec::new();
@@ -188,31 +242,27 @@ impl<A: Space> Run<'_, '_, A> {
             approach.push(one.rate(&at, &view, &qd, time)?);
             rows.add(touch, one, &at, &view, time)?;
         }
-        if ends {
-            rows.without_restitution();
-        }
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;
-        let u_minus = rows.velocities(&qd);
-        let mut outcome =
-            self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), (sim.several, &ACCURACY), None)?;
-        let residual = outcome.residual;
+        Ok((rows, responses, approach))
+    }
+
+    /// The jump by the impulses of these touches, with its event and its loss of energy.
+    fn strike(
+        &mut self,
+        together: &[usize],
+        (rows, responses): (&Closures, &Rows),
+        (outcome, residual): (&Solved, f64),
+    ) -> Result<(), SimError> {
+        let before = self.y.clone();
+        let (energy, nq) = (self.motion.energy(&before)?, self.motion.sim.chain.nq());
         self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
-        if residual > UNSOLVED && !ends {
-            // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
-            rows.without_restitution();
-            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (sim.several, &ACCURACY), None)?;
-        }
-        push(&mut self.y[nq..], &responses, &outcome.impulse);
+        push(&mut self.y[nq..], responses, &outcome.impulse);
         together.iter().for_each(|&touch| self.motion.count_impact(touch));
         let kind = EventKind::Several { touches: together.to_vec(), residual, flags: outcome.flags };
         self.note(kind, &before, rows.impulses(&outcome.impulse));
         self.lost += energy - self.motion.energy(&self.y)?;
-        let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let struck: Vec<Struck> =
-            together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
-        // Separation velocities of the size of the solver's error count as zero.
-        self.after(&struck, scale * 1e-9, &before)
+        Ok(())
     }
 }
 

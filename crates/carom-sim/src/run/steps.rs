@@ -185,7 +185,7 @@ impl<A: Space> Run<'_, '_, A> {
     fn resumes(&mut self, step: f64) -> Result<bool, SimError> {
         let sim = self.motion.sim;
         let before = self.y.clone();
-        let energy = self.motion.energy(&before)?;
+        let (energy, lost) = (self.motion.energy(&before)?, self.lost);
         self.put_back(0.0)?;
         self.measure();
         let gravity = sim.gravity.norm().max(1.0);
@@ -208,12 +208,12 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.project(&normals, self.time, &mut self.y)?;
         let clear = points && self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
-            self.y = before;
+            (self.y, self.lost) = (before, lost);
             self.motion.lasting.retain(|own| !own.is_rigid());
             return Ok(false);
         }
         self.motion.stepping = false;
-        self.lost += energy - self.motion.energy(&self.y)?;
+        self.lost = lost + energy - self.motion.energy(&self.y)?;
         if !hits.is_empty() {
             self.collide(&hits, &closed)?;
         } else if closed.is_empty() {
@@ -230,7 +230,7 @@ impl<A: Space> Run<'_, '_, A> {
         if self.choose(closed)?.is_some() {
             return Ok(false);
         }
-        match self.motion.in_mode(self.time, &self.y) {
+        match self.motion.accelerations(self.time, &self.y) {
             Err(SimError::Jam { .. }) => Ok(false),
             held => held.map(|_| true),
         }

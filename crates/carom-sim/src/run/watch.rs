@@ -44,6 +44,8 @@ pub(crate) enum Watch {
     Branches,
 }
 
+/// A force counts as inside its friction cone if its distance from the border is above this share of the normal force.
+const INSIDE: f64 = 1e-9;
 /// Share of the slowest slip by which velocities are moved for difference quotients.
 const FINE: f64 = 1e-3;
 
@@ -88,6 +90,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                 }
             }
         }
+        motion.redundant = false;
         if motion.lasting.iter().any(Lasting::is_rigid) {
             let held = motion.in_mode(time, y)?;
             let loads = |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_));
@@ -95,7 +98,8 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                 Watch::NormalForce(i) => held.contacts[*i].normal_force >= 0.0,
                 Watch::Cone(i) => {
                     let mu = sim.touches[motion.lasting[*i].touch].contact.law.friction();
-                    held.contacts[*i].cone(mu) >= 0.0
+                    // On the border the convention decides nothing: the mode has been chosen there, perhaps with other forces.
+                    held.contacts[*i].cone(mu) >= INSIDE * held.contacts[*i].normal_force
                 }
                 _ => true,
             });

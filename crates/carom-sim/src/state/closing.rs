@@ -86,7 +86,7 @@ impl<A: Space> View<'_, A> {
         let accelerated = match dynamics {
             Some((qd, tau, gravity, qdd)) => {
                 let gravity = A::project(self.model, gravity);
-                self.kin.accelerate_and_respond((qd, tau, gravity), qdd, &all, &mut answers)?;
+                self.kin.accelerate_and_respond((qd, tau, gravity), &[], qdd, &all, &mut answers)?;
                 Some((qd, qdd))
             }
             None => {

@@ -216,10 +216,12 @@ impl<'a, A: Space> View<'a, A> {
         Ok(self.kin.respond(rows, responses)?)
     }
 
-    /// [`View::respond`], with q̈ under joint forces and gravity alone.
+    /// [`View::respond`], with q̈ under joint forces and gravity alone, and with inertia added to each coordinate of a chain without
+    /// loops: see [`Kinematics::accelerate_and_respond`].
     pub fn accelerate_and_respond(
         &mut self,
         (qd, tau, gravity): (&[f64], &[f64], Vector3<f64>),
+        added: &[f64],
         qdd: &mut [f64],
         rows: &Rows,
         responses: &mut Rows,
@@ -228,7 +230,7 @@ impl<'a, A: Space> View<'a, A> {
             return self.respond_in_loops(Some((qd, tau, gravity, qdd)), rows, responses);
         }
         let gravity = A::project(self.model, gravity);
-        Ok(self.kin.accelerate_and_respond((qd, tau, gravity), qdd, rows, responses)?)
+        Ok(self.kin.accelerate_and_respond((qd, tau, gravity), added, qdd, rows, responses)?)
     }
 
     /// q̈ under joint forces and gravity alone.

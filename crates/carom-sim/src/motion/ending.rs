@@ -1,0 +1,105 @@
+//! Contacts and joints with dry friction whose slip is about to end.
+//!
+//! Where the slip u turns in space it does so at the rate |u̇|/|u|: towards its end the steps of the integration become shorter in
+//! proportion to what is left of it. What is left for less than a quarter t of the [Zeno time](crate::Simulation::zeno_time) is left out:
+//! the contact sticks at once, by the impulse that ends its slip ([`Motion::shut`]). By the end of this time both motions have had the
+//! same impulses up to terms of second order in t, as both have no slip then. Slip along a line needs no such steps, and is followed
+//! to its end. Of the joints with dry friction an impact sets many in motion that stop as soon: they stop at once, too.
+//!
+//! This is done where a mode is chosen, not at the end of a slip that has lasted.
+
+use super::assembled::ConstraintForces;
+use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::smooth::Motion;
+use crate::error::SimError;
+use crate::model::Simulation;
+use crate::state::{Space, View};
+use nalgebra::Vector3;
+
+/// The time t as a share of the Zeno time: the change of the motion is quadratic in it, and with the whole of it larger than the error of
+/// the integration.
+const SHARE: f64 = 0.25;
+
+impl Lasting {
+    /// Whether it slides in space with friction, so that its slip may turn.
+    fn may_turn<A: Space>(&self, sim: &Simulation) -> bool {
+        let touch = &sim.touches[self.touch];
+        A::LINEAR == 3
+            && matches!(self.hold, Hold::Slides { .. })
+            && touch.link().is_some()
+            && touch.contact.law.friction() > 0.0
+    }
+
+    /// Whether its slip turns, and ends within this time: u² < −t u·u̇. `held`: the accelerations, with the drift of this contact.
+    fn ends_within<A: Space>(
+        &self,
+        within: f64,
+        sim: &Simulation,
+        view: &View<A>,
+        (held, own): (&ConstraintForces, usize),
+        (q, qd, time): (&[f64], &[f64], f64),
+    ) -> Result<bool, SimError> {
+        let touch = &sim.touches[self.touch];
+        let Some(place) = touch.at(view, q, time).surface else { return Ok(false) };
+        let along_surface = |v: Vector3<f64>| v - place.normal * place.normal.dot(&v);
+        let u = along_surface(touch.u(&place, view, qd, time)?);
+        let a = along_surface(place.velocity(view, held.qdd.as_slice())? + held.contacts[own].drift);
+        let slows = -u.dot(&a);
+        let turns = u.cross(&a).norm() > sim.tolerance.sqrt() * slows.abs();
+        Ok(turns && u.norm_squared() < within * slows)
+    }
+}
+
+impl<A: Space> Motion<'_, A> {
+    /// What comes to rest soon in the present mode: slips that turn, and joints with dry friction.
+    pub fn ending(&mut self, time: f64, y: &[f64]) -> Result<Ending, SimError> {
+        let sim = self.sim;
+        let brakes = |joint: &DryJoint| joint.state != Dry::Holds;
+        let mut ending = Ending::default();
+        if !self.lasting.iter().any(|own| own.may_turn::<A>(sim)) && !self.dry.iter().any(brakes) {
+            return Ok(ending);
+        }
+        let held = match self.accelerations(time, y) {
+            Err(SimError::Jam { .. }) => return Ok(ending),
+            held => held?,
+        };
+        let (lasting, (q, qd)) = (self.lasting.clone(), self.split(y));
+        let within = SHARE * sim.zeno_time;
+        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| brakes(joint)) {
+            let (rate, slows) = (qd[joint.v].abs(), -held.qdd[joint.v] * qd[joint.v].signum());
+            if slows > 0.0 && rate <= within * slows {
+                ending.joints.push(k);
+            }
+        }
+        let view = self.view(q)?;
+        for (i, own) in lasting.iter().enumerate().filter(|(_, own)| own.may_turn::<A>(sim)) {
+            if own.ends_within(within, sim, &view, (&held, i), (q, qd, time))? {
+                ending.touches.push(own.touch);
+            }
+        }
+        Ok(ending)
+    }
+
+    /// Takes away what does not rest in the present mode; returns whether there was any.
+    pub fn is_moving(&self, ending: &mut Ending) -> bool {
+        let all = ending.touches.len() + ending.joints.len();
+        let sticks = |touch: &usize| self.lasting.iter().any(|own| own.touch == *touch && own.hold == Hold::Sticks);
+        ending.touches.retain(sticks);
+        ending.joints.retain(|k| self.dry[*k].state == Dry::Holds);
+        ending.touches.len() + ending.joints.len() < all
+    }
+}
+
+/// What comes to rest soon.
+#[derive(Debug, Default)]
+pub(crate) struct Ending {
+    pub touches: Vec<usize>,
+    /// Indices into `dry`.
+    pub joints: Vec<usize>,
+}
+
+impl Ending {
+    pub fn is_empty(&self) -> bool {
+        self.touches.is_empty() && self.joints.is_empty()
+    }
+}
