@@ -151,7 +151,7 @@ fn the_slow_approach_of_a_corner_beside_another_is_an_impact() {
     let sim = Simulation { gravity, tolerance, ..Simulation::new(chain, touches) };
     let (s, c) = (0.7 * alpha).sin_cos();
     let start = [s * h - c * b, c * h + s * b, 0.7 * alpha, 0.0];
-    let run = sim.run(&start, &[0.0, 0.0, 0.0, 100.0], 0.2).unwrap();
+    let run = sim.run(&start, &[0.0, 0.0, 0.0, 100.0], 0.25).unwrap();
     let hit = run.events.iter().find(|event| event.qd_minus != event.qd_plus).expect("the other corner strikes");
     let (before, after) = (hit.qd_minus[2], hit.qd_plus[2]);
     assert!(before < -0.1, "{hit:?}");
