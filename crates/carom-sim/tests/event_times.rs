@@ -5,7 +5,7 @@ use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
 use carom_sim::{ContactRule, Integrator, Simulation, Surface, Touch};
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 const RADIUS: f64 = 0.1;
 
@@ -143,7 +143,8 @@ fn the_slow_approach_of_a_corner_beside_another_is_an_impact() {
     ];
     let chain = Chain::from_urdf_str(&text.concat(), &LoadOptions::default()).unwrap();
     let contact = ContactRule::new(Newton { restitution: 0.0, friction: 5.0 });
-    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    // Corners on the face of a body: contacts of one pair.
+    let floor = Obstacle::cuboid(Isometry3::translation(0.0, 0.0, -0.1), Vector3::new(1.0, 1.0, 0.2)).unwrap();
     let floor = Surface { name: "floor".into(), obstacle: floor, contact, motion: None };
     let mut touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
     touches.retain(|touch| touch.link().is_some());
