@@ -108,6 +108,9 @@ fn a_gap_that_closes_while_impacts_accumulate_is_not_missed() {
     assert!((last.q[0] - RADIUS).abs() < 1e-15 && (last.q[1] + end - hit).abs() < 1e-12, "{last:?}");
     // What is left of the impacts is that of hops by less than g·left²/8.
     assert!(run.summary.energy.error().abs() < 1e-12, "{:?}", run.summary.energy);
+    // With the slider at rest nothing else ends the jump of a run that ends within it.
+    let end = rest - 0.75 * left;
+    assert_eq!(sim.run(&q, &[0.0; 2], end).unwrap().summary.last.time, end);
 }
 
 /// A block of two millimetres' half-width rocks from one corner to the other: the approach of the second corner is slow, 0.6 mm/s, since

@@ -112,3 +112,46 @@ fn a_joint_that_dry_friction_stops_at_once_passes_its_momentum_on() {
         assert!(run.summary.energy.error().abs() < tolerance, "{:?}", run.summary.energy);
     }
 }
+
+/// A tripod turns about one of its feet, which slips by little, while the two others slide. With a short Zeno time this slip is followed
+/// to its end; with a long one it ends at once, by impulses of all three feet along the directions of their forces. Both motions agree up
+/// to terms of second order in the time of the slip.
+#[test]
+fn a_foot_whose_slip_ends_at_once_moves_its_body_as_one_whose_slip_is_followed() {
+    let feet = [[0.05, 0.0], [-0.1, 0.15], [-0.1, -0.15]];
+    let foot = |[x, y]: [f64; 2]| {
+        format!("<collision><origin xyz='{x} {y} -0.2'/><geometry><sphere radius='0.03'/></geometry></collision>")
+    };
+    let text = format!(
+        "<robot name='tripod'><link name='body'><inertial><mass value='2'/>
+         <inertia ixx='0.02' ixy='0' ixz='0' iyy='0.03' iyz='0' izz='0.04'/></inertial>{}</link></robot>",
+        feet.map(foot).concat()
+    );
+    let options = LoadOptions { floating_base: true, ..Default::default() };
+    let chain = Chain::from_urdf_str(&text, &options).unwrap();
+    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    let (gravity, tolerance) = (Vector3::new(0.0, 0.0, -G), 1e-10);
+    let (turn, slip) = (1.0, [1.5e-4, 1e-4]);
+    let run = |zeno_time: f64| {
+        let sim = Simulation { gravity, tolerance, zeno_time, ..Simulation::new(chain.clone(), touches.clone()) };
+        // The first foot moves with `slip`, and the body turns about the vertical.
+        let qd = [slip[0], slip[1] - turn * feet[0][0], 0.0, 0.0, 0.0, turn];
+        sim.run(&[0.0, 0.0, 0.23, 0.0, 0.0, 0.0, 1.0], &qd, 0.01).unwrap()
+    };
+    let (at_once, followed) = (run(1e-3), run(1e-7));
+    let sticks = |run: &carom_sim::Trajectory| {
+        run.events.iter().find(|event| event.kind.name() == "sticking").map(|event| event.time)
+    };
+    assert_eq!(sticks(&at_once), Some(0.0));
+    assert!(sticks(&followed) > Some(0.0), "{:?}", sticks(&followed));
+    let (one, other) = (&at_once.summary.last, &followed.summary.last);
+    let off = one.qd.iter().zip(&other.qd).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // A quarter of the Zeno time squared, and changes of the accelerations at a rate of some tens of 1/s³ in that time.
+    assert!(off < 10.0 * (1e-3_f64 / 4.0).powi(2), "{off:e}: {:?} {:?}", one.qd, other.qd);
+    for run in [&at_once, &followed] {
+        assert!(run.summary.energy.error().abs() < 1e-9, "{:?}", run.summary.energy);
+    }
+}

@@ -29,8 +29,6 @@ pub(crate) struct Force {
     pub normal_force: f64,
     /// Rate of the bristle's deflection, world, m/s.
     pub bends: Vector3<f64>,
-    /// u̇ at q̈ = 0 of a rigid contact, world, m/s².
-    pub drift: Vector3<f64>,
 }
 
 impl Force {
@@ -118,6 +116,11 @@ impl Assembled {
     /// K.
     pub fn delassus(&self) -> DMatrix<f64> {
         self.constraints.rows.times(&self.responses)
+    }
+
+    /// The sum of the sizes of the terms of Kᵢᵢ, of which its rounding is a share.
+    pub fn terms(&self, i: usize) -> f64 {
+        self.constraints.rows.row(i).iter().zip(self.responses.row(i)).map(|(r, x)| (r * x).abs()).sum()
     }
 
     /// R q̈₀ + drift.

@@ -36,7 +36,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(Vec::new());
         }
         let held = self.in_mode(time, y)?;
-        let (lasting, flags) = (self.lasting.clone(), self.flags(time, y)?);
+        let (lasting, flags) = (self.lasting.clone(), self.flags());
         let sim = self.sim;
         let (q, _) = self.split(y);
         let view = self.view(q)?;

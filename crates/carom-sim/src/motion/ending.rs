@@ -8,8 +8,8 @@
 //!
 //! This is done where a mode is chosen, not at the end of a slip that has lasted.
 
-use super::assembled::ConstraintForces;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::model::Simulation;
@@ -30,20 +30,20 @@ impl Lasting {
             && touch.contact.law.friction() > 0.0
     }
 
-    /// Whether its slip turns, and ends within this time: u² < −t u·u̇. `held`: the accelerations, with the drift of this contact.
+    /// Whether its slip turns, and ends within this time: u² < −t u·u̇. `own`: the contact among the constraints.
     fn ends_within<A: Space>(
         &self,
         within: f64,
         sim: &Simulation,
         view: &View<A>,
-        (held, own): (&ConstraintForces, usize),
-        (q, qd, time): (&[f64], &[f64], f64),
+        (qdd, own): (&[f64], &Contact),
+        (q, time): (&[f64], f64),
     ) -> Result<bool, SimError> {
         let touch = &sim.touches[self.touch];
         let Some(place) = touch.at(view, q, time).surface else { return Ok(false) };
-        let along_surface = |v: Vector3<f64>| v - place.normal * place.normal.dot(&v);
-        let u = along_surface(touch.u(&place, view, qd, time)?);
-        let a = along_surface(place.velocity(view, held.qdd.as_slice())? + held.contacts[own].drift);
+        let along_surface = |v: Vector3<f64>| v - own.normal * own.normal.dot(&v);
+        let u = along_surface(own.velocity - own.surface);
+        let a = along_surface(place.velocity(view, qdd)? + own.drift);
         let slows = -u.dot(&a);
         let turns = u.cross(&a).norm() > sim.tolerance.sqrt() * slows.abs();
         Ok(turns && u.norm_squared() < within * slows)
@@ -63,7 +63,7 @@ impl<A: Space> Motion<'_, A> {
             Err(SimError::Jam { .. }) => return Ok(ending),
             held => held?,
         };
-        let (lasting, (q, qd)) = (self.lasting.clone(), self.split(y));
+        let (q, qd) = self.split(y);
         let within = SHARE * sim.zeno_time;
         for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| brakes(joint)) {
             let (rate, slows) = (qd[joint.v].abs(), -held.qdd[joint.v] * qd[joint.v].signum());
@@ -71,9 +71,11 @@ impl<A: Space> Motion<'_, A> {
                 ending.joints.push(k);
             }
         }
+        let (lasting, contacts) = (self.lasting.clone(), self.assembled.constraints.contacts.clone());
         let view = self.view(q)?;
-        for (i, own) in lasting.iter().enumerate().filter(|(_, own)| own.may_turn::<A>(sim)) {
-            if own.ends_within(within, sim, &view, (&held, i), (q, qd, time))? {
+        let rigid = lasting.iter().filter(|own| own.is_rigid());
+        for (own, contact) in rigid.zip(&contacts).filter(|(own, _)| own.may_turn::<A>(sim)) {
+            if own.ends_within(within, sim, &view, (held.qdd.as_slice(), contact), (q, time))? {
                 ending.touches.push(own.touch);
             }
         }

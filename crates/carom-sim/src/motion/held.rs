@@ -49,12 +49,9 @@ impl Detail {
 
 /// K⁻¹ where every row is clearly independent of the others, and sliding consistent: a unit force along each row moves it against the
 /// others, by more than a share of the terms of its own response.
-fn clearly_independent(found: &Assembled, k: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let inverse = k.clone().try_inverse()?;
-    let Assembled { constraints, responses, .. } = found;
-    let terms =
-        |i: usize| constraints.rows.row(i).iter().zip(responses.row(i)).map(|(r, x)| (r * x).abs()).sum::<f64>();
-    (0..k.nrows()).all(|i| 1.0 / inverse[(i, i)] > INDEPENDENT * terms(i)).then_some(inverse)
+fn clearly_independent(found: &Assembled) -> Option<DMatrix<f64>> {
+    let inverse = found.delassus().try_inverse()?;
+    (0..inverse.nrows()).all(|i| 1.0 / inverse[(i, i)] > INDEPENDENT * found.terms(i)).then_some(inverse)
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -135,8 +132,7 @@ impl<A: Space> Motion<'_, A> {
                     found.tau.iter_mut().zip(&found.scratch).for_each(|(tau, f)| *tau += f);
                     found.power[1] += found.scratch.iter().zip(qd).map(|(f, v)| f * v).sum::<f64>();
                     let normal_force = normal.dot(&force);
-                    let (bends, drift) = (pressed.bends, Vector3::zeros());
-                    found.pressed.push(Force { force, normal, normal_force, bends, drift });
+                    found.pressed.push(Force { force, normal, normal_force, bends: pressed.bends });
                 }
                 _ => {
                     let drift = match touch.drift(&at, &view, drifts, qd, time) {
@@ -250,7 +246,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(found.constraints.rows.dot(0, qdd.as_slice()) + found.constraints.drifts[0])
     }
 
-    /// `None` if the responses of the rows R are needed.
+    /// Accelerations and forces; `None` if the responses of the rows R are needed.
     fn solve(
         &self,
         time: f64,
@@ -258,15 +254,16 @@ impl<A: Space> Motion<'_, A> {
         found: &mut Assembled,
     ) -> Result<Option<ConstraintForces>, SimError> {
         let m = found.constraints.rows.len();
-        let lambda = if m == 0 {
-            Some(DVector::zeros(0))
-        } else if found.constraints.starts.is_empty() {
-            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
+        found.lambda = if m == 0 {
+            DVector::zeros(0)
+        } else if !found.constraints.starts.is_empty() {
+            self.starting_forces(time, lasting, found)?
+        } else if found.constraints.skew && m > 1 && found.own_responses.is_empty() {
+            let Some(inverse) = clearly_independent(found) else { return Ok(None) };
+            -(inverse * found.offset())
         } else {
-            Some(self.starting_forces(time, lasting, found)?)
+            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
         };
-        let Some(lambda) = lambda else { return Ok(None) };
-        found.lambda = lambda;
         let Assembled { constraints, responses, free, power, lambda, .. } = &*found;
         let mut held = ConstraintForces {
             qdd: free.clone(),
@@ -284,8 +281,7 @@ impl<A: Space> Motion<'_, A> {
                 let force = contact.force(lambda.as_slice());
                 held.power[1] += force.dot(&contact.velocity);
                 let normal_force = contact.rows.clone().last().map_or(0.0, |last| lambda[last]);
-                let (normal, bends, drift) = (contact.normal, Vector3::zeros(), contact.drift);
-                Force { force, normal, normal_force, bends, drift }
+                Force { force, normal: contact.normal, normal_force, bends: Vector3::zeros() }
             } else {
                 pressed.next().copied().unwrap_or_default()
             };
@@ -298,7 +294,7 @@ impl<A: Space> Motion<'_, A> {
         Ok(Some(held))
     }
 
-    /// λ; `None` if the responses of the rows R are needed.
+    /// λ. Of several rows with F ≠ R the responses of the rows R are needed.
     pub fn forces(
         &self,
         time: f64,
@@ -306,7 +302,7 @@ impl<A: Space> Motion<'_, A> {
         found: &Assembled,
         k: &DMatrix<f64>,
         wanted: &DVector<f64>,
-    ) -> Result<Option<DVector<f64>>, SimError> {
+    ) -> Result<DVector<f64>, SimError> {
         let Assembled { constraints, own_responses, .. } = found;
         let m = wanted.len();
         let jam = |contact: usize| {
@@ -315,8 +311,8 @@ impl<A: Space> Motion<'_, A> {
         };
         if m == 1 {
             // A unit force must open the gap; NaN does not.
-            let opens = k[(0, 0)] > 0.0 && (!constraints.skew || self.yields(found, k[(0, 0)])?);
-            return if opens || constraints.contacts.is_empty() { Ok(Some(wanted / k[(0, 0)])) } else { Err(jam(0)) };
+            let opens = k[(0, 0)] > 0.0 && (!constraints.skew || k[(0, 0)] > 1e-12 * found.terms(0));
+            return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
         }
         // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
         if !constraints.skew
@@ -324,11 +320,8 @@ impl<A: Space> Motion<'_, A> {
         {
             let l = factor.l_dirty();
             if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
-                return Ok(Some(factor.solve(wanted)));
+                return Ok(factor.solve(wanted));
             }
-        }
-        if constraints.skew && own_responses.is_empty() {
-            return Ok(clearly_independent(found, k).map(|inverse| inverse * wanted));
         }
         let own = constraints.skew.then(|| constraints.rows.times(own_responses));
         let gram = own.as_ref().unwrap_or(k);
@@ -349,21 +342,14 @@ impl<A: Space> Motion<'_, A> {
                     return Err(jam(c));
                 }
             }
-            return Ok(Some(inverse * wanted));
+            return Ok(inverse * wanted);
         }
         // λ = X η; the rows B of K X η = wanted.
         let spread = basis.spread(gram);
         let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
         let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
         let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };
-        Ok(Some(spread * eta))
-    }
-
-    /// Whether the response of a single sliding contact is above the rounding of its terms.
-    fn yields(&self, found: &Assembled, k: f64) -> Result<bool, SimError> {
-        let along = found.constraints.rows.row(0).iter().zip(found.responses.row(0));
-        let terms: f64 = along.map(|(r, x)| (r * x).abs()).sum();
-        Ok(k > 1e-12 * terms)
+        Ok(spread * eta)
     }
 }
 

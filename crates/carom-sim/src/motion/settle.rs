@@ -118,7 +118,7 @@ impl<A: Space> Motion<'_, A> {
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
             let excess = DVector::from_vec(found.constraints.excess(qd));
             let impulses = self.forces(time, &entries, &found, &found.delassus(), &-excess)?;
-            for (response, impulse) in found.responses.iter().zip(impulses.iter().flatten()) {
+            for (response, impulse) in found.responses.iter().zip(impulses.iter()) {
                 qd.iter_mut().zip(response).for_each(|(v, x)| *v += impulse * x);
             }
             Ok(())

@@ -48,12 +48,7 @@ impl<A: Space> Motion<'_, A> {
         for step in 0.. {
             self.push_along(found);
             let k = found.delassus();
-            // The responses of the rows R are there where slip begins.
-            let forces = |found: &Assembled, wanted: &DVector<f64>| {
-                let lambda = self.forces(time, lasting, found, &k, wanted)?;
-                lambda.ok_or_else(|| self.no_direction(time, found))
-            };
-            let lambda = forces(found, &wanted)?;
+            let lambda = self.forces(time, lasting, found, &k, &wanted)?;
             let mut qdd = found.free.clone();
             add(&mut qdd, found, &lambda);
             let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
@@ -73,7 +68,7 @@ impl<A: Space> Motion<'_, A> {
                 let held: DVector<f64> =
                     found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
                 let mut change = turned;
-                add(&mut change, found, &forces(found, &-held)?);
+                add(&mut change, found, &self.forces(time, lasting, found, &k, &-held)?);
                 for i in 0..count {
                     let moved = found.tangents(i, change.as_slice());
                     slope[(i, j)] = moved.dot(&across(starts[i].along));

@@ -15,7 +15,6 @@
 //! contacts push to one side, as those of a body that lies on a floor.
 
 use super::assembled::Assembled;
-use super::held::Detail;
 use super::lasting::{Hold, Lasting};
 use super::select::Solution;
 use super::smooth::Motion;
@@ -59,8 +58,8 @@ impl Assembled {
     pub fn undetermined(&self) -> Vec<bool> {
         let constraints = &self.constraints;
         let none = vec![false; constraints.contacts.len()];
-        // Contacts whose slip begins are independent.
-        if !constraints.skew || constraints.rows.len() < 2 || !constraints.starts.is_empty() {
+        // Contacts whose slip begins are independent, and so are rows whose own responses were not needed.
+        if !constraints.skew || self.own_responses.is_empty() || !constraints.starts.is_empty() {
             return none;
         }
         let own = constraints.rows.times(&self.own_responses);
@@ -73,19 +72,14 @@ impl Assembled {
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// The flags of the lasting contacts in the present mode, in their order.
-    pub fn flags(&mut self, time: f64, y: &[f64]) -> Result<Vec<Flags>, SimError> {
-        let lasting = std::mem::take(&mut self.lasting);
-        let mut found = std::mem::take(&mut self.assembled);
-        let assembled = self.assemble((time, y), &lasting, Detail::ROWS, &mut found);
-        (self.lasting, self.assembled) = (lasting, found);
-        assembled?;
+    /// The flags of the lasting contacts in the present mode, in their order, after [`Motion::accelerations`].
+    pub fn flags(&self) -> Vec<Flags> {
         let mut rigid = self.assembled.undetermined().into_iter();
         let flag = |own: &Lasting| {
             let open = own.is_rigid() && rigid.next().unwrap_or_default();
             if open { Flags::NON_UNIQUE } else { Flags::NONE }
         };
-        Ok(self.lasting.iter().map(flag).collect())
+        self.lasting.iter().map(flag).collect()
     }
 
     /// The touches whose forces leave the motion open in the present mode, with the reason.
@@ -96,7 +90,11 @@ impl<A: Space> Motion<'_, A> {
         if self.lasting.iter().filter(|own| own.is_rigid()).count() < 2 {
             return Ok(None);
         }
-        let flags = self.flags(time, y)?;
+        match self.accelerations(time, y) {
+            Err(SimError::Jam { .. }) => return Ok(None),
+            held => held?,
+        };
+        let flags = self.flags();
         let open = self.lasting.iter().zip(&flags).filter(|(_, flags)| flags.contains(Flags::NON_UNIQUE));
         let touches: Vec<usize> = open.map(|(own, _)| own.touch).collect();
         Ok((!touches.is_empty()).then_some((NonUnique::Distribution, touches)))

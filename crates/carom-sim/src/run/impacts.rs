@@ -336,12 +336,15 @@ impl<A: Space> Run<'_, '_, A> {
         if let Some(reason) = self.choose(touches)? {
             return Ok(Err(reason));
         }
+        if self.time + left > self.end {
+            return Ok(Ok(0.0));
+        }
         let closed = self.y.clone();
         match self.motion.pass(left, self.time, &mut self.y) {
             Err(SimError::Jam { .. }) => return Ok(Err(StepReason::NoMode)),
             done => done?,
         }
-        if self.time + left > self.end || self.is_crossed(touches)? {
+        if self.is_crossed(touches)? {
             self.y = closed;
             return Ok(Ok(0.0));
         }

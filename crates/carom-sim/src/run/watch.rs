@@ -90,7 +90,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                 }
             }
         }
-        motion.redundant = false;
+        (motion.redundant, motion.margin_forces) = (false, None);
         if motion.lasting.iter().any(Lasting::is_rigid) {
             let held = motion.in_mode(time, y)?;
             let loads = |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_));
