@@ -107,6 +107,18 @@ fn free_motion_begins_ten_full_time_steps_after_the_last_contact() {
     assert!((run.summary.statistics.step_error / late - 1.0).abs() < 1e-6, "{:?}", run.summary.statistics);
 }
 
+/// A step of half the rounding of times moves none on: what is left of a run after its last step may be as short.
+#[test]
+fn time_steps_end_one_rounding_before_the_end_of_the_run() {
+    let mut sim = over(body(r#"<box size="0.2 0.2 0.02"/>"#), plateau(), 0.0);
+    sim.gravity = Vector3::new(0.0, 0.0, -G);
+    sim.contact_step = 2.0_f64.powi(-10);
+    let end = 2.0_f64.powi(-7).next_up();
+    let run = sim.run(&[-1.0, -1.5, 0.01, 0.0, 0.0, 0.0, 1.0], &[0.8, 0.0, 0.0, 0.0, 0.0, 0.0], end).unwrap();
+    assert_eq!(run.summary.last.time, end);
+    assert_eq!(run.summary.statistics.contact_steps, 16);
+}
+
 /// A box that slides on a mesh stops after v²/(2 μ g), within the estimated error of the time steps, which falls with the square
 /// root of the tolerance.
 #[test]

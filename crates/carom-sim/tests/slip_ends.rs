@@ -3,8 +3,8 @@
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
-use carom_impact::Newton;
-use carom_sim::{ContactRule, Simulation, Surface, Touch};
+use carom_impact::{Energetic, Newton};
+use carom_sim::{ContactRule, Drive, Simulation, Surface, Touch};
 use nalgebra::Vector3;
 
 const G: f64 = 9.81;
@@ -17,8 +17,8 @@ fn chain(text: &str) -> Chain {
     Chain::from_urdf_str(text, &LoadOptions::default()).unwrap()
 }
 
-/// A mass on a floor that is inclined along x.
-fn mass_on_incline(tolerance: f64) -> Simulation {
+/// A mass on three prismatic joints over a floor, with a flywheel about the vertical.
+fn mass_over_floor(contact: ContactRule, tolerance: f64) -> Simulation {
     let joint = |name: &str, parent: &str, child: &str, axis: &str| {
         format!(
             "<joint name='{name}' type='prismatic'><parent link='{parent}'/><child link='{child}'/><axis xyz='{axis}'/>
@@ -27,43 +27,143 @@ fn mass_on_incline(tolerance: f64) -> Simulation {
     };
     let text = [
         "<robot name='mass'><link name='base'/><link name='a'/><link name='b'/>",
-        "<link name='c'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>",
+        "<link name='c'><inertial><mass value='0.7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>",
         "<collision><geometry><sphere radius='0.1'/></geometry></collision></link>",
+        "<link name='d'><inertial><mass value='0.3'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>",
         &joint("x", "base", "a", "1 0 0"),
         &joint("y", "a", "b", "0 1 0"),
         &joint("z", "b", "c", "0 0 1"),
+        "<joint name='spin' type='continuous'><parent link='c'/><child link='d'/><axis xyz='0 0 1'/></joint>",
         "</robot>",
     ];
     let chain = chain(&text.concat());
-    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
     let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
     let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
     let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
-    let (gravity, zeno_time) = (Vector3::new(DOWN, 0.0, -G), Simulation::zeno_time_for(tolerance));
+    let (gravity, zeno_time) = (Vector3::new(0.0, 0.0, -G), Simulation::zeno_time_for(tolerance));
     Simulation { gravity, tolerance, zeno_time, ..Simulation::new(chain, touches) }
 }
 
-/// A mass that starts across an incline stops at a known place. With φ the angle between its velocity u and the line of greatest slope,
-/// k = μ g/a and t = tan φ/2: u = u₀ t^k/sin φ, and dx = −u² cos φ dφ/(a sin φ), dy = −u² dφ/a. Near the end the slip turns by an
-/// angle of size one in every time in which it halves.
+/// A mass that starts across an incline, of which `down` is the acceleration along it, stops at a known place and time. With φ the angle
+/// between its velocity u and the line of greatest slope, k = μ g/a and t = tan φ/2: u = u₀ t^k/sin φ, dx = −u² cos φ dφ/(a sin φ),
+/// dy = −u² dφ/a and dt = −u dφ/(a sin φ).
 #[test]
 fn a_mass_that_starts_across_an_incline_stops_at_a_known_place() {
-    let k = FRICTION * G / DOWN;
-    for tolerance in TOLERANCES {
-        let sim = mass_on_incline(tolerance);
+    for (down, tolerance) in [2.0, 0.5].into_iter().flat_map(|down| TOLERANCES.map(|tolerance| (down, tolerance))) {
+        let k = FRICTION * G / down;
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+        let gravity = Vector3::new(down, 0.0, -G);
+        let sim = Simulation { gravity, ..mass_over_floor(contact, tolerance) };
         // The second slip ends at once.
         for slip in [1.0, 0.1 * FRICTION * G * sim.zeno_time] {
-            let run = sim.run(&[0.0, 0.0, 0.1], &[0.0, slip, 0.0], 1.0).unwrap();
-            let size = slip * slip / DOWN;
+            let run = sim.run(&[0.0, 0.0, 0.1, 0.0], &[0.0, slip, 0.0, 0.0], 1.0).unwrap();
+            let size = slip * slip / down;
             let x = size / 4.0 * (1.0 / (2.0 * k - 2.0) - 1.0 / (2.0 * k + 2.0));
             let y = size / 2.0 * (1.0 / (2.0 * k - 1.0) + 1.0 / (2.0 * k + 1.0));
+            let stops = slip / down * k / (k * k - 1.0);
             let last = &run.summary.last;
             let off = (last.q[0] - x).abs().max((last.q[1] - y).abs());
             assert!(off < tolerance, "{off:e} at {tolerance:e} from {slip}");
-            assert_eq!(last.qd, [0.0; 3]);
+            assert_eq!(last.qd, [0.0; 4]);
             assert!(run.summary.energy.error().abs() < tolerance, "{:?}", run.summary.energy);
+            // On the shallow one slip turns by more than the root of the tolerance while it halves, and ends by an event.
+            if down < 1.0 && slip == 1.0 {
+                let sticks = run.events.iter().find(|event| event.kind.name() == "sticking").unwrap().time;
+                assert!(((stops - sticks) * 64.0 / sim.zeno_time - 1.0).abs() < 0.01, "{sticks} of {stops}");
+            }
         }
     }
+}
+
+/// Slow slip on a smooth floor is not taken for rest while another joint is fast: it stops after v²/(2 μ g).
+#[test]
+fn slow_slip_beside_a_fast_joint_goes_as_far_as_friction_lets_it() {
+    let (mu, v) = (1e-3, 2e-3);
+    let far = v * v / (2.0 * mu * G);
+    for tolerance in TOLERANCES {
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: mu });
+        let run = mass_over_floor(contact, tolerance).run(&[0.0, 0.0, 0.1, 0.0], &[v, 0.0, 0.0, 10.0], 0.5).unwrap();
+        let off = run.summary.last.q[0] - far;
+        assert!(off.abs() < tolerance * far, "{off:e} of {far:e} at {tolerance:e}");
+    }
+}
+
+/// A mass bounces to rest while it slides, and its slip ends within the jump over its last impacts: it stops where friction of μ m g since
+/// the start stops it, and does not move back.
+#[test]
+fn slip_that_ends_while_impacts_accumulate_does_not_turn_back() {
+    let (mu, e, fall) = (0.3, 0.5, 0.1);
+    // It strikes the floor with the speed `fall`, and the impacts accumulate until `ends`; the jump begins after the second one.
+    let ends = 2.0 * fall * e / (G * (1.0 - e));
+    for stops in [0.6 * ends, 0.8 * ends, 0.95 * ends] {
+        // All of the downward momentum passes through the floor.
+        let v = mu * (fall + G * stops);
+        let run = |zeno_time: f64| {
+            let contact = ContactRule::new(Energetic { restitution: e, friction: mu });
+            let sim = Simulation { zeno_time, ..mass_over_floor(contact, 1e-9) };
+            sim.run(&[0.0, 0.0, 0.1, 0.0], &[v, 0.0, -fall, 0.0], 0.1).unwrap()
+        };
+        let (jumped, followed) = (run(0.9 * ends), run(1e-6));
+        for event in &jumped.events {
+            // Rounding of v.
+            assert!(event.qd_plus[0] >= -1e-15, "{} at {}: {:?}", event.kind.name(), event.time, event.qd_plus);
+        }
+        assert_eq!(jumped.summary.last.qd, [0.0; 4]);
+        // During one bounce slip differs by the friction of its impact.
+        let off = jumped.summary.last.q[0] - followed.summary.last.q[0];
+        assert!(off.abs() < mu * G * (0.5 * ends).powi(2), "{off:e}");
+    }
+}
+
+/// Without gravity a mass slides on along a rough floor that bears nothing.
+#[test]
+fn a_contact_without_load_brakes_nothing() {
+    let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+    let sim = Simulation { gravity: Vector3::zeros(), ..mass_over_floor(contact, 1e-9) };
+    let run = sim.run(&[0.0, 0.0, 0.1, 0.0], &[0.3, 0.4, 0.0, 0.0], 1.0).unwrap();
+    let last = &run.summary.last;
+    assert!((last.q[0] - 0.3).abs() < 1e-12 && (last.q[1] - 0.4).abs() < 1e-12, "{last:?}");
+    assert_eq!(last.qd, [0.3, 0.4, 0.0, 0.0]);
+}
+
+/// A bar falls flat on two balls, with a torque that lifts one end of it in flight, but not while the other end stands: as the impacts of
+/// that one accumulate, so do those of the end that it holds down, and both come to rest by one event.
+#[test]
+fn an_end_that_another_one_holds_down_comes_to_rest_with_it() {
+    let (mass, half, inertia) = (1.0, 0.5, 1.0 / 12.0);
+    let ball =
+        |x: f64| format!("<collision><origin xyz='{x} 0 0'/><geometry><sphere radius='0.1'/></geometry></collision>");
+    let text = format!(
+        "<robot name='bar'><link name='base'/><link name='a'/><link name='bar'><inertial><mass value='{mass}'/>
+         <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>{}{}</link>
+         <joint name='z' type='prismatic'><parent link='base'/><child link='a'/><axis xyz='0 0 1'/>
+         <limit lower='-9' upper='9' effort='99' velocity='99'/></joint>
+         <joint name='turn' type='continuous'><parent link='a'/><child link='bar'/><axis xyz='0 1 0'/></joint></robot>",
+        ball(-half),
+        ball(half),
+    );
+    let chain = chain(&text);
+    let contact = ContactRule::new(Newton { restitution: 0.4, friction: 0.0 });
+    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+    // It presses the end at +x. In flight the other end rises if it is above m g I/(m half), about the first one if above m g half.
+    let torque = 0.6 * mass * G * half;
+    let (tolerance, zeno_time) = (1e-8, Simulation::zeno_time_for(1e-8));
+    let sim = Simulation {
+        gravity: Vector3::new(0.0, 0.0, -G),
+        tolerance,
+        zeno_time,
+        drive: Drive::Constant(vec![0.0, torque]),
+        ..Simulation::new(chain, touches)
+    };
+    let run = sim.run(&[0.1, 0.0], &[-0.1 * G * zeno_time, 0.0], 0.1).unwrap();
+    let kinds: Vec<_> = run.events.iter().map(|event| event.kind.name()).collect();
+    assert_eq!(kinds, ["several", "zeno", "zeno", "sliding", "sliding", "rest"]);
+    assert_eq!(run.events[1].time, run.events[2].time);
+    let last = &run.summary.last;
+    // It moved for less than the Zeno time.
+    assert!((last.q[0] - 0.1).abs() < G * zeno_time.powi(2) && last.qd == [0.0; 2], "{last:?}");
 }
 
 /// Two arms on a hinge without friction, and a hinge between them that dry friction stops within a quarter of the Zeno time: afterwards both turn as

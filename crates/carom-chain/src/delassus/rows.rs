@@ -92,17 +92,16 @@ impl Rows {
 
     /// The products of all rows (first index) with all rows of `others`: for the responses of rows F, R M⁻¹Fᵀ.
     pub fn times(&self, others: &Rows) -> DMatrix<f64> {
-        let mut product = DMatrix::zeros(self.len(), others.len());
-        // A row of a contact has entries for the joints between the contact and the world only.
-        let mut own = Vec::with_capacity(self.nv);
-        for (i, row) in self.iter().enumerate() {
-            own.clear();
-            own.extend(row.iter().copied().enumerate().filter(|(_, r)| *r != 0.0));
-            for (j, other) in others.iter().enumerate() {
-                product[(i, j)] = own.iter().map(|(v, r)| r * other[*v]).sum();
+        // One coordinate of all `others` side by side. A row of a contact has entries for the joints between the contact and the world
+        // only.
+        let columns = DMatrix::from_fn(others.len(), self.nv, |j, v| others.row(j)[v]);
+        let mut product = DMatrix::zeros(others.len(), self.len());
+        for (row, mut products) in self.iter().zip(product.column_iter_mut()) {
+            for (r, column) in row.iter().zip(columns.column_iter()).filter(|(r, _)| **r != 0.0) {
+                products.axpy(*r, &column, 1.0);
             }
         }
-        product
+        product.transpose()
     }
 }
 

@@ -90,25 +90,25 @@ impl Assembled {
         own: bool,
     ) -> Result<(), SimError> {
         let Self { constraints, free, tau, locked, stacked, answers, .. } = self;
-        let Constraints { rows, forces, tangents, skew, starts, .. } = constraints;
+        let Constraints { rows, forces, tangents, skewed, starts, .. } = constraints;
         let dynamics = (qd, tau.as_slice(), gravity);
-        if !*skew || (starts.is_empty() && (!own || rows.len() == 1)) {
+        if skewed.is_empty() || (starts.is_empty() && (!own || rows.len() == 1)) {
             self.own_responses.clear();
             return view.accelerate_and_respond(dynamics, locked, free.as_mut_slice(), forces, &mut self.responses);
         }
         stacked.clear();
-        for row in forces.iter().chain(rows.iter()).chain(tangents.iter()) {
+        // Only where they are skewed do the rows of the forces have other responses.
+        let own = skewed.iter().map(|&i| rows.row(i));
+        for row in forces.iter().chain(own).chain(tangents.iter()) {
             stacked.add().copy_from_slice(row);
         }
         view.accelerate_and_respond(dynamics, locked, free.as_mut_slice(), stacked, answers)?;
-        let mut answers = answers.iter();
-        let counted =
-            [(&mut self.responses, forces), (&mut self.own_responses, rows), (&mut self.tangent_responses, tangents)];
-        for (responses, rows) in counted {
-            responses.clear();
-            for answer in answers.by_ref().take(rows.len()) {
-                responses.add().copy_from_slice(answer);
-            }
+        self.tangent_responses = answers.split_off(forces.len() + skewed.len());
+        let own = answers.split_off(forces.len());
+        self.responses.clone_from(answers);
+        self.own_responses.clone_from(answers);
+        for (&i, own) in skewed.iter().zip(own.iter()) {
+            self.own_responses.iter_mut().nth(i).into_iter().for_each(|response| response.copy_from_slice(own));
         }
         Ok(())
     }
@@ -116,6 +116,17 @@ impl Assembled {
     /// K.
     pub fn delassus(&self) -> DMatrix<f64> {
         self.constraints.rows.times(&self.responses)
+    }
+
+    /// R M⁻¹Rᵀ, by K, of several rows; where F ≠ R, with the responses of the rows R.
+    pub fn gram(&self, delassus: &DMatrix<f64>) -> DMatrix<f64> {
+        let Self { constraints: Constraints { rows, skewed, .. }, own_responses, .. } = self;
+        let mut gram = delassus.clone();
+        for &j in skewed {
+            let own = own_responses.row(j);
+            gram.column_mut(j).iter_mut().enumerate().for_each(|(i, g)| *g = rows.dot(i, own));
+        }
+        gram
     }
 
     /// The sum of the sizes of the terms of Kᵢᵢ, of which its rounding is a share.

@@ -50,20 +50,14 @@ impl<A: Space> Motion<'_, A> {
         let Some(Contact { directions: Some(axes), normal, position, rows, .. }) = contacts.pop() else {
             return Ok(None);
         };
-        if constraints.skew {
+        if !constraints.skewed.is_empty() {
             return Ok(None);
         }
         let m = rows.start;
         let all = constraints.rows.times(&responses);
         let gram = all.view((0, 0), (m, m)).into_owned();
         let across = all.view((0, m), (m, 3)).into_owned();
-        let basis = Basis::of(&gram);
-        let spread = basis.spread(&gram);
-        let (r, b) = (basis.rows.len(), &basis.rows);
-        let folded = DMatrix::from_fn(r, r, |i, j| gram.row(b[i]).tr_dot(&spread.column(j)));
-        let wanted = DMatrix::from_fn(r, 3, |i, j| across[(b[i], j)]);
-        let Some(eta) = folded.lu().solve(&wanted) else { return Ok(None) };
-        let passed = spread * eta;
+        let Some(passed) = Basis::of(&gram).solve(&gram, &gram, &across) else { return Ok(None) };
         let whole: Matrix3<f64> = all.fixed_view::<3, 3>(m, m).into_owned();
         let taken = across.transpose() * &passed;
         let delassus = whole - taken.fixed_view::<3, 3>(0, 0);

@@ -6,7 +6,8 @@
 //! same impulses up to terms of second order in t, as both have no slip then. Slip along a line needs no such steps, and is followed
 //! to its end. Of the joints with dry friction an impact sets many in motion that stop as soon: they stop at once, too.
 //!
-//! This is done where a mode is chosen, not at the end of a slip that has lasted.
+//! This is done where a mode is chosen. A slip that has lasted is followed to a sixteenth of t before its end. For derivatives of the motion,
+//! whose error would be of first order in t, all slips are followed to their end.
 
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::Contact;
@@ -14,11 +15,13 @@ use super::smooth::Motion;
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::{Space, View};
-use nalgebra::Vector3;
+use nalgebra::{DVector, Vector3};
 
 /// The time t as a share of the Zeno time: the change of the motion is quadratic in it, and with the whole of it larger than the error of
 /// the integration.
 const SHARE: f64 = 0.25;
+/// What is left of a slip that has lasted, as a share of t, when it ends: slips that end together then end by one event.
+const LASTED: f64 = 1.0 / 16.0;
 
 impl Lasting {
     /// Whether it slides in space with friction, so that its slip may turn.
@@ -30,23 +33,24 @@ impl Lasting {
             && touch.contact.law.friction() > 0.0
     }
 
-    /// Whether its slip turns, and ends within this time: u² < −t u·u̇. `own`: the contact among the constraints.
-    fn ends_within<A: Space>(
+    /// u² + t u·u̇, where its slip u turns and becomes slower; else u². It is negative where the slip ends within the time t = `within`.
+    /// `own`: the contact among the constraints.
+    fn slip_left<A: Space>(
         &self,
         within: f64,
         sim: &Simulation,
         view: &View<A>,
         (qdd, own): (&[f64], &Contact),
         (q, time): (&[f64], f64),
-    ) -> Result<bool, SimError> {
+    ) -> Result<f64, SimError> {
         let touch = &sim.touches[self.touch];
-        let Some(place) = touch.at(view, q, time).surface else { return Ok(false) };
+        let Some(place) = touch.at(view, q, time).surface else { return Ok(f64::MAX) };
         let along_surface = |v: Vector3<f64>| v - own.normal * own.normal.dot(&v);
         let u = along_surface(own.velocity - own.surface);
         let a = along_surface(place.velocity(view, qdd)? + own.drift);
         let slows = -u.dot(&a);
-        let turns = u.cross(&a).norm() > sim.tolerance.sqrt() * slows.abs();
-        Ok(turns && u.norm_squared() < within * slows)
+        let turns = slows > 0.0 && u.cross(&a).norm() > sim.tolerance.sqrt() * slows;
+        Ok(u.norm_squared() - if turns { within * slows } else { 0.0 })
     }
 }
 
@@ -56,14 +60,14 @@ impl<A: Space> Motion<'_, A> {
         let sim = self.sim;
         let brakes = |joint: &DryJoint| joint.state != Dry::Holds;
         let mut ending = Ending::default();
-        if !self.lasting.iter().any(|own| own.may_turn::<A>(sim)) && !self.dry.iter().any(brakes) {
+        if !self.may_turn() && !self.dry.iter().any(brakes) {
             return Ok(ending);
         }
         let held = match self.accelerations(time, y) {
             Err(SimError::Jam { .. }) => return Ok(ending),
             held => held?,
         };
-        let (q, qd) = self.split(y);
+        let (_, qd) = self.split(y);
         let within = SHARE * sim.zeno_time;
         for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| brakes(joint)) {
             let (rate, slows) = (qd[joint.v].abs(), -held.qdd[joint.v] * qd[joint.v].signum());
@@ -71,15 +75,42 @@ impl<A: Space> Motion<'_, A> {
                 ending.joints.push(k);
             }
         }
-        let (lasting, contacts) = (self.lasting.clone(), self.assembled.constraints.contacts.clone());
-        let view = self.view(q)?;
-        let rigid = lasting.iter().filter(|own| own.is_rigid());
-        for (own, contact) in rigid.zip(&contacts).filter(|(own, _)| own.may_turn::<A>(sim)) {
-            if own.ends_within(within, sim, &view, (held.qdd.as_slice(), contact), (q, time))? {
-                ending.touches.push(own.touch);
+        self.slips_left(within, &held.qdd, (time, y), |touch, left| {
+            if left < 0.0 {
+                ending.touches.push(touch);
             }
-        }
+        })?;
         Ok(ending)
+    }
+
+    /// Passes what is left of each slip that may turn to `see`, with its touch, at these accelerations, which are the last ones computed.
+    fn slips_left(
+        &mut self,
+        within: f64,
+        qdd: &DVector<f64>,
+        (time, y): (f64, &[f64]),
+        mut see: impl FnMut(usize, f64),
+    ) -> Result<(), SimError> {
+        let (q, _) = self.split(y);
+        let view = View::<A>::new(self.model, &mut self.workspace, q)?;
+        let rigid = self.lasting.iter().filter(|own| own.is_rigid());
+        let contacts = rigid.zip(&self.assembled.constraints.contacts);
+        for (own, contact) in contacts.filter(|(own, _)| own.may_turn::<A>(self.sim)) {
+            see(own.touch, own.slip_left(within, self.sim, &view, (qdd.as_slice(), contact), (q, time))?);
+        }
+        Ok(())
+    }
+
+    /// Whether a contact slides whose slip may turn.
+    pub fn may_turn(&self) -> bool {
+        self.lasting.iter().any(|own| own.may_turn::<A>(self.sim))
+    }
+
+    /// What is left of the slip that ends first, at these accelerations, which are the last ones computed: negative where it ends soon.
+    pub fn least_slip_left(&mut self, qdd: &DVector<f64>, at: (f64, &[f64])) -> Result<f64, SimError> {
+        let mut least = f64::MAX;
+        self.slips_left(LASTED * SHARE * self.sim.zeno_time, qdd, at, |_, left| least = least.min(left))?;
+        Ok(least)
     }
 
     /// Takes away what does not rest in the present mode; returns whether there was any.

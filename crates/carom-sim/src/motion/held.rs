@@ -215,11 +215,6 @@ impl<A: Space> Motion<'_, A> {
         for (row, force) in constraints.forces.iter().zip(lambda.iter()) {
             without(row, *force);
         }
-        for (i, start) in constraints.starts.iter().enumerate() {
-            for (axis, along) in start.along.iter().enumerate() {
-                without(constraints.tangents.row(2 * i + axis), -start.friction * along * lambda[start.row]);
-            }
-        }
         // A limit bears what pushes against it, and dry friction the rest. With equal shares friction would reach its bound, and the joint
         // would seem to break loose.
         let limits = || self.lasting.iter().map(|own| self.sim.touches[own.touch].stops());
@@ -258,7 +253,7 @@ impl<A: Space> Motion<'_, A> {
             DVector::zeros(0)
         } else if !found.constraints.starts.is_empty() {
             self.starting_forces(time, lasting, found)?
-        } else if found.constraints.skew && m > 1 && found.own_responses.is_empty() {
+        } else if !found.constraints.skewed.is_empty() && m > 1 && found.own_responses.is_empty() {
             let Some(inverse) = clearly_independent(found) else { return Ok(None) };
             -(inverse * found.offset())
         } else {
@@ -303,53 +298,51 @@ impl<A: Space> Motion<'_, A> {
         k: &DMatrix<f64>,
         wanted: &DVector<f64>,
     ) -> Result<DVector<f64>, SimError> {
-        let Assembled { constraints, own_responses, .. } = found;
-        let m = wanted.len();
+        let constraints = &found.constraints;
+        let (m, skew) = (wanted.len(), !constraints.skewed.is_empty());
         let jam = |contact: usize| {
             let touch = &self.sim.touches[constraints.contacts[contact].touch];
             SimError::Jam { time, touch: touch.name.clone(), friction: touch.contact.law.friction() }
         };
         if m == 1 {
             // A unit force must open the gap; NaN does not.
-            let opens = k[(0, 0)] > 0.0 && (!constraints.skew || k[(0, 0)] > 1e-12 * found.terms(0));
+            let opens = k[(0, 0)] > 0.0 && (!skew || k[(0, 0)] > 1e-12 * found.terms(0));
             return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
         }
         // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
-        if !constraints.skew
-            && let Some(factor) = k.clone().cholesky()
-        {
+        if !skew && let Some(factor) = k.clone().cholesky() {
             let l = factor.l_dirty();
             if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
                 return Ok(factor.solve(wanted));
             }
         }
-        let own = constraints.skew.then(|| constraints.rows.times(own_responses));
+        let own = skew.then(|| found.gram(k));
         let gram = own.as_ref().unwrap_or(k);
         let basis = Basis::of(gram);
         let rank = basis.rows.len();
         if rank == m {
-            let Some(inverse) = k.clone().try_inverse() else { return Err(jam(0)) };
+            let factor = k.clone().lu();
+            let Some(lambda) = factor.solve(wanted) else { return Err(jam(0)) };
             let rigid = lasting.iter().filter(|own| own.is_rigid());
             for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
-                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && constraints.skew;
-                if contact.rows.is_empty() {
-                    continue; // the joint is locked
+                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && skew;
+                if !slides || contact.rows.is_empty() {
+                    continue; // without rows: the joint is locked
                 }
                 // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
                 let row = contact.rows.start;
-                let yields = 1.0 / inverse[(row, row)] > 1e-12 * gram[(row, row)]; // false for NaN
-                if slides && !yields {
+                let mut force = DVector::zeros(m);
+                force[row] = 1.0;
+                let yields = factor.solve_mut(&mut force) && 1.0 / force[row] > 1e-12 * gram[(row, row)]; // false for NaN
+                if !yields {
                     return Err(jam(c));
                 }
             }
-            return Ok(inverse * wanted);
+            return Ok(lambda);
         }
-        // λ = X η; the rows B of K X η = wanted.
-        let spread = basis.spread(gram);
-        let folded = DMatrix::from_fn(rank, rank, |i, j| k.row(basis.rows[i]).tr_dot(&spread.column(j)));
-        let wanted = DVector::from_fn(rank, |i, _| wanted[basis.rows[i]]);
-        let Some(eta) = folded.lu().solve(&wanted) else { return Err(jam(0)) };
-        Ok(spread * eta)
+        let wanted = DMatrix::from_column_slice(m, 1, wanted.as_slice());
+        let found = basis.solve(gram, k, &wanted).ok_or_else(|| jam(0))?;
+        Ok(found.column(0).into_owned())
     }
 }
 

@@ -16,8 +16,8 @@ pub(crate) struct Constraints {
     pub rows: Rows,
     /// F: differs from R where a contact slides with friction.
     pub forces: Rows,
-    /// Whether F differs from R.
-    pub skew: bool,
+    /// The rows that differ in F and R.
+    pub skewed: Vec<usize>,
     pub drifts: Vec<f64>,
     pub contacts: Vec<Contact>,
     /// The contacts whose slip begins, and T: the rows of their slip, two of each.
@@ -52,6 +52,12 @@ impl Contact {
         let own = &lambda[self.rows.clone()];
         let skip = 3 - own.len();
         own.iter().enumerate().map(|(k, x)| directions.column(k + skip) * *x).sum()
+    }
+
+    /// The vector in the tangent plane, world, with these components along the first two rows; zero for a joint limit.
+    pub fn tangential(&self, along: &[f64]) -> Vector3<f64> {
+        let Some(directions) = &self.directions else { return Vector3::zeros() };
+        along.iter().take(2).enumerate().map(|(k, x)| directions.column(k) * *x).sum()
     }
 }
 
@@ -100,7 +106,7 @@ impl Constraints {
     pub fn clear(&mut self) {
         self.rows.clear();
         self.forces.clear();
-        self.skew = false;
+        self.skewed.clear();
         self.drifts.clear();
         self.contacts.clear();
         self.starts.clear();
@@ -152,7 +158,7 @@ impl Constraints {
                 let d = lasting_direction(u, normal, toward, noise);
                 directions.set_column(2, &(normal - d * mu));
                 place.row_into(view, directions.column(2).into(), self.forces.add())?;
-                self.skew = true;
+                self.skewed.push(first);
             } else {
                 self.forces.add().copy_from_slice(self.rows.row(first));
             }
@@ -169,7 +175,7 @@ impl Constraints {
             let (row, contact, axes) = (first, self.contacts.len(), directions);
             let (drift, toward) = (along(&u_drift), along(&toward).normalize());
             self.starts.push(Start { contact, row, friction, axes, along: toward, drift });
-            self.skew = true;
+            self.skewed.push(first);
         } else {
             for axis in directions.column_iter() {
                 place.row_into(view, axis.into(), self.rows.add())?;

@@ -36,9 +36,12 @@ const TIE: f64 = 1e-9;
 /// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
 const AHEAD: f64 = 1e-6;
 
-/// Tolerances below this do not refine the direction of slip that begins: on the way out of the friction cone it relaxes at a
-/// rate of the friction acceleration over the slip, and an explicit integrator would have to resolve it.
-const FINEST: f64 = 1e-9;
+/// [`Motion::noise`] as a share of the tolerance. After every step the state is projected onto its constraints, so that slip is far more
+/// exact than the tolerance.
+const NOISE: f64 = 1e-2;
+/// Tolerances below this do not refine the direction of slip: where slip is slow its direction relaxes at a rate of the friction
+/// acceleration over the slip, and an explicit integrator would have to resolve it.
+const FINEST: f64 = 1e-6;
 
 /// A closed contact before its mode is decided.
 #[derive(Debug, Clone, Copy)]
@@ -62,7 +65,7 @@ pub(super) struct Solution {
 }
 
 impl<A: Space> Motion<'_, A> {
-    /// Velocities below this count as zero, m/s, rad/s: a multiple of the integration error. A velocity of this size stops
+    /// Velocities below this count as zero, m/s, rad/s: a multiple of their error. A velocity of this size stops
     /// within a time t of the same size, so setting it to zero changes positions by its square.
     pub fn rest(&self) -> f64 {
         10.0 * self.noise()
@@ -74,10 +77,10 @@ impl<A: Space> Motion<'_, A> {
         0.01 * self.rest()
     }
 
-    /// The error of velocities by the integration, m/s, rad/s: slip below it has no direction of its own.
+    /// The error of velocities along constraints, m/s, rad/s: slip below it has no direction of its own.
     pub fn noise(&self) -> f64 {
         let tolerance = self.sim.tolerance;
-        (10.0 * tolerance.max(FINEST) * self.speed).max(0.01 * tolerance)
+        NOISE * (tolerance.max(FINEST) * self.speed).max(tolerance)
     }
 
     /// Gaps below this count as closed where the contact has no normal velocity, m.
@@ -274,17 +277,13 @@ impl<A: Space> Motion<'_, A> {
         // The forces of redundant contacts are a convention, from which no directions follow; in the plane the direction is given.
         let constraints = &found.constraints;
         let redundant = OnceCell::new();
-        let is_redundant = || {
-            *redundant.get_or_init(|| {
-                let gram =
-                    constraints.rows.times(if constraints.skew { &found.own_responses } else { &found.responses });
-                Basis::of(&gram).rows.len() < constraints.rows.len()
-            })
-        };
+        let rows = constraints.rows.len();
+        // A single row has no responses of its own.
+        let is_redundant =
+            || *redundant.get_or_init(|| rows > 1 && Basis::of(&found.gram(&found.delassus())).rows.len() < rows);
         // A contact that the others support could carry load as well.
-        let is_supported = |contact: &Range<usize>| {
-            solution.acceleration.rows_range(contact.clone()).amax() <= accelerations && is_redundant()
-        };
+        let is_supported =
+            |contact: &Range<usize>| solution.acceleration[contact.end - 1].abs() <= accelerations && is_redundant();
         self.lasting.clear();
         for own in entries {
             if !own.is_rigid() {
@@ -298,14 +297,15 @@ impl<A: Space> Motion<'_, A> {
                 Hold::Latched => Hold::Latched,
                 _ if !loaded && !is_supported(&contact.rows) => continue,
                 Hold::Sticks | Hold::Starts { .. } => {
-                    let force = contact.force(solution.force.as_slice());
-                    let normal = contact.normal;
-                    let tangential = force - normal * solution.force[last];
                     let a = solution.acceleration.rows(contact.rows.start, 2);
                     if own.hold != Hold::Sticks || a.norm() > accelerations {
-                        // Slip begins against the friction force.
-                        match (-tangential).try_normalize(0.0) {
-                            Some(toward) if A::LINEAR == 3 && !is_redundant() => Hold::Starts { toward },
+                        // Slip begins along its acceleration, and against the friction force where that is not large enough to tell.
+                        let first = contact.rows.start;
+                        let along = |of: &DVector<f64>| contact.tangential(&of.as_slice()[first..]);
+                        let moves = a.norm() > accelerations;
+                        let toward = if moves { along(&solution.acceleration) } else { -along(&solution.force) };
+                        match toward.try_normalize(0.0) {
+                            Some(toward) if A::LINEAR == 3 => Hold::Starts { toward },
                             toward => Hold::Slides { toward: toward.unwrap_or_else(Vector3::zeros) },
                         }
                     } else {

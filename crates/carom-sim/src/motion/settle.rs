@@ -3,7 +3,7 @@
 
 use super::assembled::Assembled;
 use super::held::Detail;
-use super::lasting::{Dry, Hold, Lasting};
+use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
@@ -252,6 +252,26 @@ impl<A: Space> Motion<'_, A> {
         let qdd = self.accelerations(time + span / 2.0, &middle)?.qdd;
         self.advance(span, &qdd, y)?;
         self.settle(time + span, y).map(|_| ())
+    }
+
+    /// Whether a contact that slides, or a joint that brakes, moves against the direction in which it did: it came to rest before.
+    pub fn moves_back(&mut self, time: f64, y: &[f64]) -> Result<bool, SimError> {
+        let ((q, qd), sim) = (self.split(y), self.sim);
+        let back = |joint: &DryJoint| matches!(joint.state, Dry::Brakes(direction) if qd[joint.v] * direction < 0.0);
+        if self.dry.iter().any(back) {
+            return Ok(true);
+        }
+        let lasting = std::mem::take(&mut self.lasting);
+        let view = self.view(q)?;
+        let moves_back = |own: &Lasting| -> Result<bool, SimError> {
+            let Hold::Slides { toward } = own.hold else { return Ok(false) };
+            let touch = &sim.touches[own.touch];
+            let Some(place) = touch.at(&view, q, time).surface else { return Ok(false) };
+            Ok(touch.u(&place, &view, qd, time)?.dot(&toward) < 0.0)
+        };
+        let found = lasting.iter().map(moves_back).find(|it| !matches!(it, Ok(false)));
+        self.lasting = lasting;
+        found.unwrap_or(Ok(false))
     }
 
     /// Moves a state on by `span` seconds with constant accelerations.

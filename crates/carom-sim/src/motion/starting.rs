@@ -15,6 +15,7 @@
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
+use super::rows::Constraints;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::Space;
@@ -22,6 +23,8 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Newton's method converges in two or three steps from the direction of the evaluation before.
 const MOST_STEPS: usize = 20;
+/// Singular values of their equations below this share of the largest count as zero.
+const DEPENDENT: f64 = 1e-9;
 /// Directions are solved to this share of the friction accelerations.
 const SOLVED: f64 = 1e-13;
 
@@ -75,7 +78,11 @@ impl<A: Space> Motion<'_, A> {
                 }
                 slope[(j, j)] -= slips[j].dot(&starts[j].along);
             }
-            let Some(turn) = slope.lu().solve(&left) else { return Err(self.no_direction(time, found)) };
+            // Several contacts may have the same slip: two wheels on one axle.
+            let least = DEPENDENT * slope.amax();
+            let Ok(turn) = slope.svd(true, true).solve(&left, least) else {
+                return Err(self.no_direction(time, found));
+            };
             for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
                 // Far from the solution the step may be of any size.
                 let angle = -turn.clamp(-0.5, 0.5);
@@ -95,15 +102,21 @@ impl<A: Space> Motion<'_, A> {
     /// The responses and force directions of contacts whose slip begins, along n − μ d.
     fn push_along(&self, found: &mut Assembled) {
         let Assembled { constraints, responses, own_responses, tangent_responses, .. } = found;
-        for (i, start) in constraints.starts.iter().enumerate() {
+        let Constraints { rows, forces, tangents, starts, contacts, .. } = constraints;
+        for (i, start) in starts.iter().enumerate() {
             let force = -start.friction * start.along;
+            let (normal, [first, second]) = (rows.row(start.row), [0, 1].map(|axis| tangents.row(2 * i + axis)));
+            let target = forces.iter_mut().nth(start.row).into_iter().flatten();
+            for (k, f) in target.enumerate() {
+                *f = normal[k] + force.x * first[k] + force.y * second[k];
+            }
             let (first, second) = (tangent_responses.row(2 * i), tangent_responses.row(2 * i + 1));
             let normal = own_responses.row(start.row);
             let target = responses.iter_mut().nth(start.row).into_iter().flatten();
             for (k, x) in target.enumerate() {
                 *x = normal[k] + force.x * first[k] + force.y * second[k];
             }
-            let contact = &mut constraints.contacts[start.contact];
+            let contact = &mut contacts[start.contact];
             if let Some(directions) = &mut contact.directions {
                 directions.set_column(2, &(contact.normal - start.toward() * start.friction));
             }
@@ -147,7 +160,9 @@ impl Assembled {
     fn slip_acceleration(&self, i: usize, qdd: &DVector<f64>) -> (Vector2<f64>, f64) {
         let drift = self.constraints.starts[i].drift;
         let rows = &self.constraints.tangents;
-        let terms = |k: usize| rows.row(k).iter().zip(qdd.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        // Before slip begins all accelerations may cancel, of which each is of the size of those without constraint forces.
+        let accelerations = || qdd.iter().zip(self.free.iter()).map(|(a, free)| a.abs().max(free.abs()));
+        let terms = |k: usize| rows.row(k).iter().zip(accelerations()).map(|(r, a)| r.abs() * a).sum::<f64>();
         let size = terms(2 * i).max(terms(2 * i + 1)) + drift.amax();
         (self.tangents(i, qdd.as_slice()) + drift, size)
     }

@@ -58,15 +58,15 @@ impl Assembled {
     pub fn undetermined(&self) -> Vec<bool> {
         let constraints = &self.constraints;
         let none = vec![false; constraints.contacts.len()];
-        // Contacts whose slip begins are independent, and so are rows whose own responses were not needed.
-        if !constraints.skew || self.own_responses.is_empty() || !constraints.starts.is_empty() {
+        // Rows whose own responses were not needed are independent.
+        if constraints.skewed.is_empty() || self.own_responses.is_empty() {
             return none;
         }
-        let own = constraints.rows.times(&self.own_responses);
-        if Basis::of(&own).rows.len() == constraints.rows.len() {
+        let delassus = self.delassus();
+        if Basis::of(&self.gram(&delassus)).rows.len() == constraints.rows.len() {
             return none;
         }
-        let forces = undetermined(&self.delassus(), &constraints.forces.times(&self.responses));
+        let forces = undetermined(&delassus, &constraints.forces.times(&self.responses));
         constraints.contacts.iter().map(|contact| forces[contact.rows.clone()].contains(&true)).collect()
     }
 }
@@ -162,7 +162,7 @@ impl<A: Space> Motion<'_, A> {
         if !constraints.joints.is_empty() || rigid.iter().any(|own| own.hold == Hold::Latched) {
             return false;
         }
-        let own = if constraints.skew { &found.own_responses } else { &found.responses };
+        let own = if constraints.skewed.is_empty() { &found.responses } else { &found.own_responses };
         let (gram, forces): (DMatrix<f64>, DMatrix<f64>) = (constraints.rows.times(own), constraints.forces.times(own));
         let m = gram.nrows();
         // v = M⁻¹Rᵀ c; u = F v.

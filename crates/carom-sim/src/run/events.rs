@@ -100,8 +100,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
-        if until - self.time <= 1e-13 * (1.0 + until) {
-            self.time = until; // shorter than any integration step
+        if is_reached(until, self.time) {
+            self.time = until;
             return Ok(Ending::Passed);
         }
         self.measure();
@@ -110,6 +110,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
         };
+        if std::mem::take(&mut self.memory.slip_goes_on) || self.memory.follows_slips {
+            flow.watches.retain(|watch| *watch != Watch::SlipEnds);
+        }
         let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
         let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         // Far too long a step may reach states that are none.
@@ -122,7 +125,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             && until - self.time > NEAREST
         {
             until = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
-            if until - self.time <= 1e-13 * (1.0 + until) {
+            if is_reached(until, self.time) {
                 break;
             }
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
@@ -298,7 +301,11 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 let nq = self.motion.sim.chain.nq();
                 self.y[nq + self.motion.dry[k].v] = 0.0;
             }
-            Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_) | Watch::Admissible => {}
+            Watch::NormalForce(_)
+            | Watch::Cone(_)
+            | Watch::JointBreaksLoose(_)
+            | Watch::Admissible
+            | Watch::SlipEnds => {}
         }
         let events = self.memory.events;
         let old = self.motion.lasting.clone();
@@ -319,6 +326,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     }
                 }
                 Watch::JointStops(k) | Watch::JointBreaksLoose(k) => self.note_joint(k, &before),
+                Watch::SlipEnds => self.memory.slip_goes_on = true,
                 _ => {}
             }
         }
@@ -470,6 +478,11 @@ const TURNS: u32 = 20;
 const TURNING: f64 = 0.1;
 /// The factor by which the time is longer in which it is integrated implicitly next.
 const LONGER: f64 = 8.0;
+
+/// Whether what is left to this time is shorter than any step.
+pub(crate) fn is_reached(until: f64, time: f64) -> bool {
+    until - time <= 1e-13 * (1.0 + until)
+}
 
 /// The unit of a touch's gap.
 fn unit(sim: &Simulation, touch: &Touch) -> &'static str {

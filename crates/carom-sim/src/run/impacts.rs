@@ -282,33 +282,28 @@ impl<A: Space> Run<'_, '_, A> {
         let (mut still, mut leaving) = (Vec::new(), Vec::new());
         for one in struck {
             let (_, rebound) = self.gap(one.touch)?;
-            if rebound <= slack { still.push(one.touch) } else { leaving.push((one, rebound)) }
+            if rebound <= slack { still.push(one.touch) } else { leaving.push(one) }
         }
         if let Some(reason) = self.choose(&still)? {
             return self.no_mode(reason);
         }
-        let mut left = 0.0_f64;
-        let mut ending = Vec::new();
-        for (one, rebound) in leaving {
-            let toward = -self.motion.gap_acceleration(one.touch, self.time, &self.y)?;
-            // A contact that lasted has an approach velocity of the size of rounding, of either sign.
-            let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
-            let remaining = 2.0 * rebound / (toward * (1.0 - share));
-            if toward > 0.0 && share < 1.0 && remaining < self.motion.sim.zeno_time {
-                left = left.max(remaining);
-                ending.push(one.touch);
+        let (start, energy, lost) = (self.y.clone(), self.motion.energy(&self.y)?, self.lost);
+        let (mut left, mut ending) = (0.0_f64, Vec::new());
+        // Another contact that closes may push one back that was opening.
+        while let Some((remaining, touches)) = self.accumulating(&mut leaving)? {
+            left = left.max(remaining);
+            still.extend(&touches);
+            ending.extend(touches);
+            self.close(&still)?;
+            if let Some(reason) = self.choose(&still)? {
+                self.lost = lost + energy - self.motion.energy(&self.y)?;
+                return self.no_mode(reason);
             }
         }
         if !ending.is_empty() {
-            let start = self.y.clone();
-            still.extend(&ending);
-            let (energy, lost) = (self.motion.energy(&self.y)?, self.lost);
-            let jumped = self.jump(&still, left)?;
+            let passed = self.pass(&still, left)?;
             self.lost = lost + energy - self.motion.energy(&self.y)?;
-            let left = match jumped {
-                Ok(left) => left,
-                Err(reason) => return self.no_mode(reason),
-            };
+            let Some(left) = passed else { return self.no_mode(StepReason::NoMode) };
             let (from, y) = (self.time, self.y.clone());
             self.time += left;
             let told = match self.motion.contact_states(self.time, &y) {
@@ -328,27 +323,41 @@ impl<A: Space> Run<'_, '_, A> {
         self.rest()
     }
 
-    /// Closes these touches, whose impacts accumulate, and moves the state on by the time `left` that their accumulation takes, or by
-    /// none where the run ends or another gap closes within it: the next leg finds it. Returns the time by which it is moved; `Err`: no
-    /// mode is consistent.
-    fn jump(&mut self, touches: &[usize], left: f64) -> Result<Result<f64, StepReason>, SimError> {
-        self.close(touches)?;
-        if let Some(reason) = self.choose(touches)? {
-            return Ok(Err(reason));
+    /// Takes those of the touches that are `leaving` away whose impacts accumulate soon in the present mode, and returns them with the
+    /// longest time that this takes; `None`: there are none.
+    fn accumulating(&mut self, leaving: &mut Vec<&Struck>) -> Result<Option<(f64, Vec<usize>)>, SimError> {
+        let (mut left, mut ending) = (0.0_f64, Vec::new());
+        for k in (0..leaving.len()).rev() {
+            let one = leaving[k];
+            let (_, rebound) = self.gap(one.touch)?;
+            let toward = -self.motion.gap_acceleration(one.touch, self.time, &self.y)?;
+            // A contact that lasted has an approach velocity of the size of rounding, of either sign.
+            let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
+            let remaining = 2.0 * rebound / (toward * (1.0 - share));
+            if toward > 0.0 && share < 1.0 && remaining < self.motion.sim.zeno_time {
+                left = left.max(remaining);
+                ending.push(leaving.swap_remove(k).touch);
+            }
         }
+        Ok((!ending.is_empty()).then_some((left, ending)))
+    }
+
+    /// Moves the state on by the time `left` that the accumulation of these touches takes, or by none where the run ends, another gap
+    /// closes or a slip ends within it: the next leg finds it. Returns the time by which it is moved; `None`: sliding jams.
+    fn pass(&mut self, touches: &[usize], left: f64) -> Result<Option<f64>, SimError> {
         if self.time + left > self.end {
-            return Ok(Ok(0.0));
+            return Ok(Some(0.0));
         }
         let closed = self.y.clone();
         match self.motion.pass(left, self.time, &mut self.y) {
-            Err(SimError::Jam { .. }) => return Ok(Err(StepReason::NoMode)),
+            Err(SimError::Jam { .. }) => return Ok(None),
             done => done?,
         }
-        if self.is_crossed(touches)? {
+        if self.is_crossed(touches)? || self.motion.moves_back(self.time + left, &self.y)? {
             self.y = closed;
-            return Ok(Ok(0.0));
+            return Ok(Some(0.0));
         }
-        Ok(Ok(left))
+        Ok(Some(left))
     }
 
     /// Whether the gap of a touch that neither lasts nor is one of these has closed: it did within the jump to this state.

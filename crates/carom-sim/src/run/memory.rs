@@ -12,6 +12,10 @@ pub(crate) struct Memory {
     recent: VecDeque<f64>,
     /// Time of the last zero of a normal force after which its contact was chosen again with the same mode.
     pub kept: Option<f64>,
+    /// Whether a slip that seemed to end goes on: the next leg does not look for its end.
+    pub slip_goes_on: bool,
+    /// Whether all slips are followed to their exact end.
+    pub follows_slips: bool,
     /// Times of the last impacts, to detect their accumulation.
     pub impact_times: VecDeque<f64>,
     /// Why the motion in the present mode is not unique, with its contacts.

@@ -6,7 +6,7 @@
 //! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
 //! is detected. Of a gap that closes at its rate within a step, and whose parts do not face each other at its end, some times within
 //! the step are examined. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
-//! velocity is the error of its integration. A gap or a velocity that is not armed and falls by more than its hysteresis fires
+//! velocity is its error. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
 //! **Gaps that jump.** Parts of two bodies that begin to face each other with an overlap have a gap that jumps from [`APART`] to

@@ -244,7 +244,7 @@ impl<A: Space> Follow<'_, '_, A> {
     /// The whole run.
     fn whole(&mut self, end: f64, events: &mut Vec<EventTime>) -> Result<(), Stop> {
         let time = self.run.time;
-        self.run.end = end;
+        (self.run.end, self.run.memory.follows_slips) = (end, true);
         self.run.begin()?;
         if self.kinds.borrow().iter().any(|kind| IMPACTS.contains(kind)) {
             return self.broken(time, "it begins with an impact, and neighbouring starts begin before or after it");

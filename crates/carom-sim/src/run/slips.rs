@@ -8,6 +8,9 @@ use crate::state::Space;
 impl<A: Space> Run<'_, '_, A> {
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
     pub fn end_slips(&mut self, candidates: &[Candidate]) -> Result<(), SimError> {
+        if self.memory.follows_slips {
+            return Ok(());
+        }
         let mut ending = self.motion.ending(self.time, &self.y)?;
         if ending.is_empty() {
             return Ok(());

@@ -23,7 +23,7 @@
 //! none, or if the events that follow end soon at the next inconsistency, the next stretch of steps is twice as long. So the number of
 //! stretches in a time is bounded, and most of it is covered by events where that is possible.
 
-use super::events::{Run, TOUCHING};
+use super::events::{Run, TOUCHING, is_reached};
 use super::memory::Memory;
 use super::several::{Closures, push, solved};
 use super::trajectory::{EventKind, StepReason};
@@ -86,7 +86,12 @@ impl<A: Space> Run<'_, '_, A> {
         let mut length = sim.contact_step.min(self.memory.wait);
         while self.time < self.end {
             let start = self.time;
-            let longest = (self.end - start).min(sim.next_kink(&self.motion.moving, start) - start);
+            let until = self.end.min(sim.next_kink(&self.motion.moving, start));
+            if is_reached(until, start) {
+                self.time = until;
+                continue;
+            }
+            let longest = until - start;
             let done = if sim.stepping {
                 self.time_step(sim.contact_step.min(longest))?
             } else {

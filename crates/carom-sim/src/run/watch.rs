@@ -25,6 +25,8 @@ pub(crate) enum Watch {
     NormalForce(usize),
     /// The slip velocity becomes zero.
     SlipStops(usize),
+    /// A slip that turns ends soon: see `motion/ending.rs`.
+    SlipEnds,
     /// Slip from rest is so fast that its direction follows from it.
     SlipGrows(usize),
     /// The contact force leaves the friction cone.
@@ -58,6 +60,7 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
 }
 
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
+    /// For the present mode from this time to the next `kink`.
     pub fn new(motion: &'m mut Motion<'a, A>, (time, kink): (f64, f64), y: &[f64]) -> Result<Self, SimError> {
         let sim = motion.sim;
         let watched = motion.gaps.to_watch(&motion.lasting);
@@ -89,6 +92,9 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                     }
                 }
             }
+        }
+        if motion.may_turn() {
+            watches.push(Watch::SlipEnds);
         }
         (motion.redundant, motion.margin_forces) = (false, None);
         if motion.lasting.iter().any(Lasting::is_rigid) {
@@ -122,7 +128,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
 impl Watch {
     /// Whether it depends on constraint forces, not only on positions and velocities.
     fn needs_forces(self) -> bool {
-        matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_))
+        matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_) | Self::SlipEnds)
     }
 }
 
@@ -190,12 +196,24 @@ pub(crate) fn look<A: Space>(
     mut see: impl FnMut(Witness),
 ) -> Result<(), SimError> {
     let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
+    let slip_left = match &held {
+        Some(held) if watches.contains(&Watch::SlipEnds) => motion.least_slip_left(&held.qdd, (time, y))?,
+        _ => 0.0,
+    };
     let admissible = if watches.contains(&Watch::Admissible) { motion.margin(time, y)? } else { 0.0 };
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
     let regular = if watches.contains(&Watch::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
-    let now =
-        Now { regular, lasting: &motion.lasting, dry: &motion.dry, held: held.as_ref(), admissible, noise, starts };
+    let now = Now {
+        regular,
+        lasting: &motion.lasting,
+        dry: &motion.dry,
+        held: held.as_ref(),
+        admissible,
+        slip_left,
+        noise,
+        starts,
+    };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for watch in watches {
@@ -214,6 +232,8 @@ struct Now<'a> {
     held: Option<&'a ConstraintForces>,
     /// Computed if it is watched.
     admissible: f64,
+    /// Computed if it is watched.
+    slip_left: f64,
     /// Error of velocities.
     noise: f64,
     /// Slip up to which it begins.
@@ -280,6 +300,7 @@ impl Watch {
                 let Dry::Brakes(direction) = state else { return Ok(Witness::default()) };
                 Witness::velocity(qd[v] * direction, now.noise)
             }
+            (Self::SlipEnds, _) => Witness::margin(now.slip_left),
             (Self::Branches, _) => Witness::margin(now.regular),
             (Self::Admissible, _) => Witness::margin(now.admissible),
             (Self::NormalForce(i), Some(held)) => Witness::margin(held.contacts[i].normal_force),

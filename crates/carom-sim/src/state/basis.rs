@@ -57,14 +57,22 @@ impl Basis {
         Self { rows, least, left: rest }
     }
 
-    /// X with R = X R_B, for the matrix R M⁻¹ Rᵀ.
-    pub fn spread(&self, gram: &DMatrix<f64>) -> DMatrix<f64> {
-        let r = self.rows.len();
-        let own = DMatrix::from_fn(r, r, |i, j| gram[(self.rows[i], self.rows[j])]);
-        let across = DMatrix::from_fn(r, gram.nrows(), |i, j| gram[(self.rows[i], j)]);
-        match own.cholesky() {
-            Some(factor) => factor.solve(&across).transpose(),
-            None => DMatrix::zeros(gram.nrows(), r),
-        }
+    /// λ = X η of the matrix K, where R = X R_B, with the rows B of K λ = `wanted` (one or more columns); `None` where they have no
+    /// solution. X is the identity for the rows B.
+    pub fn solve(&self, gram: &DMatrix<f64>, k: &DMatrix<f64>, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let (m, basis) = (gram.nrows(), &self.rows);
+        let others: Vec<usize> = (0..m).filter(|i| !basis.contains(i)).collect();
+        let part = |of: &DMatrix<f64>, columns: &[usize]| {
+            DMatrix::from_fn(basis.len(), columns.len(), |i, j| of[(basis[i], columns[j])])
+        };
+        let own = part(gram, basis).cholesky()?;
+        let spread = own.solve(&part(gram, &others)).transpose();
+        let folded = part(k, basis) + part(k, &others) * &spread;
+        let eta = folded.lu().solve(&DMatrix::from_fn(basis.len(), wanted.ncols(), |i, j| wanted[(basis[i], j)]))?;
+        let mut found = DMatrix::zeros(m, wanted.ncols());
+        let rest = spread * &eta;
+        basis.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&eta.row(i)));
+        others.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&rest.row(i)));
+        Some(found)
     }
 }
