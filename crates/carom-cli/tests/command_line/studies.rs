@@ -58,7 +58,7 @@ fn a_chart_contains_every_method_and_the_peers() {
     desk.write("wall.toml", SCENE);
     desk.write("peers.jsonl", PEERS);
     std::fs::create_dir(desk.0.join("c")).unwrap();
-    let ran = desk.run("chart wall.toml --out c/wall.svg --peers peers.jsonl --budget 0.01 --json");
+    let ran = desk.run("chart wall.toml --out c/wall.svg --peers peers.jsonl --budget 0.1 --json");
     assert_eq!((ran.code, ran.err.as_str()), (Some(0), ""));
     let chart: Value = serde_json::from_str(&ran.out).unwrap();
     let runs = chart["runs"].as_array().unwrap();
