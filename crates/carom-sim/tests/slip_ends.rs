@@ -9,8 +9,6 @@ use nalgebra::Vector3;
 
 const G: f64 = 9.81;
 const FRICTION: f64 = 0.5;
-/// Acceleration along the incline, m/s².
-const DOWN: f64 = 2.0;
 const TOLERANCES: [f64; 4] = [1e-4, 1e-6, 1e-8, 1e-10];
 
 fn chain(text: &str) -> Chain {
