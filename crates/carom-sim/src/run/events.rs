@@ -131,11 +131,10 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
-        // integrator, for a while. A compliant contact may also oscillate fast without being
-        // stiff, and at a kink of its force the implicit integrator may fail: both take turns, each with growing patience.
+        // integrator, for a while. It may fail at a kink of a force, or of the motion: both take turns, each with growing patience.
         let mut next = implicit.map(|span| LONGER * span);
         let mut turn = 0;
-        let turns = if presses { TURNS } else { 1 };
+        let turns = if presses { TURNS } else { 2 };
         let mut integrator = integrator;
         while let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (patience.is_some() && turn < turns, &ended) {
             let moved = *time > self.time;
@@ -144,14 +143,14 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 return Ok(Ending::Passed); // the explicit integrator is tried again
             }
             integrator = match integrator {
-                Integrator::Radau if presses => Integrator::DormandPrince,
-                _ => Integrator::Radau,
+                Integrator::Radau => Integrator::DormandPrince,
+                Integrator::DormandPrince => Integrator::Radau,
             };
             turn += 1;
             let patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
             let accuracy = Accuracy { integrator, patience, ..accuracy };
             let until = if presses { until } else { until.min(self.time + TURNING * max_step) };
-            next = Some(LONGER * TURNING * max_step);
+            next = (integrator == Integrator::Radau).then_some(LONGER * TURNING * max_step);
             ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
         }
         let watches = flow.watches;

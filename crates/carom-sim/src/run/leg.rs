@@ -18,7 +18,8 @@ use ivp::methods::{DOP853, RADAU};
 
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
-/// Number of steps after which a leg with a fallback is first examined for stiffness: slow slip that stays slow needs hundreds.
+/// Number of steps after which a leg with a fallback is first examined for stiffness, at its first attempt: slow slip that stays slow needs
+/// hundreds. It grows with the square of [`Accuracy::patience`].
 const STIFF_TEST: usize = 50;
 /// [`Accuracy::patience`] of the first attempt.
 pub(crate) const PATIENCE: usize = 60;
@@ -169,7 +170,7 @@ fn integrate(
                 .max_step(longest)
                 .maybe_first_step(first)
                 .dense_output(observer.sampler.is_some())
-                .stiff_test(if accuracy.patience.is_some() { STIFF_TEST } else { usize::MAX })
+                .stiff_test(accuracy.patience.map_or(usize::MAX, |steps| STIFF_TEST * (steps / PATIENCE).pow(2)))
                 .max_steps(max_steps)
                 .build();
             method.solve(system, start, y, end, relative, absolute, Some(observer))
