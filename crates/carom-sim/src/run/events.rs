@@ -134,7 +134,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // integrator, for a while. It may fail at a kink of a force, or of the motion: both take turns, each with growing patience.
         let mut next = implicit.map(|span| LONGER * span);
         let mut turn = 0;
-        let turns = if presses { TURNS } else { 2 };
+        let turns = if presses { TURNS } else { FEW_TURNS };
         let mut integrator = integrator;
         while let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (patience.is_some() && turn < turns, &ended) {
             let moved = *time > self.time;
@@ -473,6 +473,8 @@ pub(crate) const TOUCHING: f64 = 1e-9;
 const NEAREST: f64 = 1e-9;
 /// The explicit and the implicit integrator take turns at most so often in one leg with compliant contacts.
 const TURNS: u32 = 20;
+/// The same for legs without compliant contacts, which time steps can go on with.
+const FEW_TURNS: u32 = 4;
 /// Share of the longest step for which a stiff mode is integrated implicitly first.
 const TURNING: f64 = 0.1;
 /// The factor by which the time is longer in which it is integrated implicitly next.
