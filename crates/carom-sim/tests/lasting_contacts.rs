@@ -255,3 +255,31 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
     // Gaps are closed to 1e-9, and single precision has the height of the corners exactly.
     assert!((run.summary.last.q[2] - 0.125).abs() < 1e-8, "{:?}", run.summary.last.q);
 }
+
+/// A probe that slides over the border of a table's face, whose gap has another curvature on either side. With the mean of both for its
+/// acceleration it opened, and closed by the motion every 6e-8 s, until time steps were taken.
+#[test]
+fn a_probe_that_slides_over_the_border_of_a_face_takes_no_time_steps() {
+    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/table.toml")).unwrap();
+    let plan = scene.plan().unwrap();
+    let q = [
+        -0.255450273531467,
+        0.7253344719666563,
+        0.2532613232406475,
+        0.802944542789956,
+        -0.005468107454990889,
+        0.65205574235964,
+        -0.15459553461385286,
+    ];
+    let qd = [
+        -0.40809898112556975,
+        -0.20775739240410018,
+        -0.003306518425865157,
+        -0.43594539589391434,
+        0.4377400651292773,
+        -0.3450594681704363,
+        -0.39526114786828126,
+    ];
+    let cost = plan.simulation.run(&q, &qd, 0.8).unwrap().summary.statistics;
+    assert_eq!(cost.contact_steps, 0, "{cost:?}");
+}
