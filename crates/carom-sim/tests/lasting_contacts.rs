@@ -256,12 +256,65 @@ fn a_hull_of_many_corners_lands_flat_and_rests() {
     assert!((run.summary.last.q[2] - 0.125).abs() < 1e-8, "{:?}", run.summary.last.q);
 }
 
+/// Number of time steps in a run of a scene of the repository from this state.
+fn time_steps(scene: &str, q: &[f64], qd: &[f64], duration: f64) -> usize {
+    let path = format!("{}/../../scenes/{scene}.toml", env!("CARGO_MANIFEST_DIR"));
+    let simulation = Scene::from_file(path).unwrap().plan().unwrap().simulation;
+    simulation.run(q, qd, duration).unwrap().summary.statistics.contact_steps
+}
+
+/// Slip that stays slow after it began, of a foot of a quadruped that falls tilted: a stiff equation, which the implicit integrator does not
+/// follow beyond a kink. The explicit one does with more steps, and no time steps are needed.
+#[test]
+fn slow_slip_that_the_implicit_integrator_does_not_follow_takes_no_time_steps() {
+    let q = [
+        -0.03356946104196515,
+        0.018720311594836538,
+        0.4567796438430465,
+        0.14154446188702502,
+        0.07181361113006499,
+        -0.0710085037169554,
+        0.9847668571623699,
+        0.2994967395006248,
+        0.429203983339598,
+        -1.3031097072378772,
+        -0.1446217412266666,
+        0.4268997664273185,
+        -1.6196173089764183,
+        -0.21285385652991384,
+        0.9266428098480659,
+        -1.3096139268933142,
+        0.18845329267556024,
+        0.8730129438512846,
+        -1.1967173671794986,
+    ];
+    let qd = [
+        0.20453249359533932,
+        0.16680742441743746,
+        -0.11216966787406035,
+        -0.09816210792877955,
+        -0.9293711919589503,
+        -0.7198387506247635,
+        0.8310612048782484,
+        0.40939245603937047,
+        -0.9499171004169229,
+        -0.46529500870503604,
+        0.5361128194987816,
+        -0.4102416009237033,
+        -0.0593427802196731,
+        0.22787514350279414,
+        -0.8435360001431319,
+        -0.6378755041552109,
+        -0.41585794107336727,
+        0.8291163984669598,
+    ];
+    assert_eq!(time_steps("quadruped", &q, &qd, 0.5), 0);
+}
+
 /// A probe that slides over the border of a table's face, whose gap has another curvature on either side. With the mean of both for its
 /// acceleration it opened, and closed by the motion every 6e-8 s, until time steps were taken.
 #[test]
 fn a_probe_that_slides_over_the_border_of_a_face_takes_no_time_steps() {
-    let scene = Scene::from_file(concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/table.toml")).unwrap();
-    let plan = scene.plan().unwrap();
     let q = [
         -0.255450273531467,
         0.7253344719666563,
@@ -280,6 +333,5 @@ fn a_probe_that_slides_over_the_border_of_a_face_takes_no_time_steps() {
         -0.3450594681704363,
         -0.39526114786828126,
     ];
-    let cost = plan.simulation.run(&q, &qd, 0.8).unwrap().summary.statistics;
-    assert_eq!(cost.contact_steps, 0, "{cost:?}");
+    assert_eq!(time_steps("table", &q, &qd, 0.8), 0);
 }

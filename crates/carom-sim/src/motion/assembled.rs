@@ -97,7 +97,7 @@ impl Assembled {
             return view.accelerate_and_respond(dynamics, locked, free.as_mut_slice(), forces, &mut self.responses);
         }
         stacked.clear();
-        // Only where they are skewed do the rows of the forces have other responses.
+        // The other rows of R are those of F, with the same responses.
         let own = skewed.iter().map(|&i| rows.row(i));
         for row in forces.iter().chain(own).chain(tangents.iter()) {
             stacked.add().copy_from_slice(row);

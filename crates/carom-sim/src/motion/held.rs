@@ -56,8 +56,8 @@ fn clearly_independent(found: &Assembled) -> Option<DMatrix<f64>> {
 
 impl<A: Space> Motion<'_, A> {
     /// dġ/dt and du/dt at q̈ = 0, from the curvature of paths and surfaces, by central differences of fourth order along the
-    /// motion, with steps of 1e-4 over the largest joint velocity: their relative error is about 1e-12, and they reach across the border of a
-    /// face only where that is next. For touches without a closed form.
+    /// motion, with steps of 1e-4 over the largest joint velocity: their relative error is about 1e-12. Longer steps reach across borders of
+    /// faces, beyond which the curvature is another one. For touches without a closed form.
     fn numerical_drift(
         &mut self,
         touch: usize,

@@ -299,7 +299,7 @@ impl<A: Space> Motion<'_, A> {
                 Hold::Sticks | Hold::Starts { .. } => {
                     let a = solution.acceleration.rows(contact.rows.start, 2);
                     if own.hold != Hold::Sticks || a.norm() > accelerations {
-                        // Slip begins along its acceleration, and against the friction force where that is not large enough to tell.
+                        // Slip begins along its acceleration, or against the friction force where the acceleration is rounding.
                         let first = contact.rows.start;
                         let along = |of: &DVector<f64>| contact.tangential(&of.as_slice()[first..]);
                         let moves = a.norm() > accelerations;

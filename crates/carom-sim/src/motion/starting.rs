@@ -160,7 +160,7 @@ impl Assembled {
     fn slip_acceleration(&self, i: usize, qdd: &DVector<f64>) -> (Vector2<f64>, f64) {
         let drift = self.constraints.starts[i].drift;
         let rows = &self.constraints.tangents;
-        // Before slip begins all accelerations may cancel, of which each is of the size of those without constraint forces.
+        // Before slip begins the accelerations without constraint forces and those by them may cancel: rounding is a share of each.
         let accelerations = || qdd.iter().zip(self.free.iter()).map(|(a, free)| a.abs().max(free.abs()));
         let terms = |k: usize| rows.row(k).iter().zip(accelerations()).map(|(r, a)| r.abs() * a).sum::<f64>();
         let size = terms(2 * i).max(terms(2 * i + 1)) + drift.amax();
