@@ -118,15 +118,10 @@ impl Assembled {
         self.constraints.rows.times(&self.responses)
     }
 
-    /// R M⁻¹Rᵀ, by K, of several rows; where F ≠ R, with the responses of the rows R.
-    pub fn gram(&self, delassus: &DMatrix<f64>) -> DMatrix<f64> {
-        let Self { constraints: Constraints { rows, skewed, .. }, own_responses, .. } = self;
-        let mut gram = delassus.clone();
-        for &j in skewed {
-            let own = own_responses.row(j);
-            gram.column_mut(j).iter_mut().enumerate().for_each(|(i, g)| *g = rows.dot(i, own));
-        }
-        gram
+    /// R M⁻¹Rᵀ; where F ≠ R, with the responses of the rows R.
+    pub fn gram(&self) -> DMatrix<f64> {
+        let own = if self.own_responses.is_empty() { &self.responses } else { &self.own_responses };
+        self.constraints.rows.times(own)
     }
 
     /// The sum of the sizes of the terms of Kᵢᵢ, of which its rounding is a share.

@@ -22,16 +22,14 @@
 //! different directions: a spinning box. Its motion is that of the convention, and flagged (`unique.rs`).
 
 use super::assembled::{Assembled, ConstraintForces, Force};
+use super::equations::Equations;
 use super::lasting::{Dry, Hold, Lasting};
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::Space;
 use carom_chain::urdf::JointType;
-use nalgebra::{DMatrix, DVector, Vector3};
-
-/// Pivots of K above this share of its diagonal belong to independent rows: far above the share of [`Basis`] that decides.
-const INDEPENDENT: f64 = 1e-6;
+use nalgebra::{DVector, Vector3};
 
 /// What is computed of the constraints at a state.
 #[derive(Debug, Clone, Copy)]
@@ -45,13 +43,6 @@ pub(crate) struct Detail {
 impl Detail {
     /// All rows and their responses.
     pub const ROWS: Self = Self { locks: false, own: true };
-}
-
-/// K⁻¹ where every row is clearly independent of the others, and sliding consistent: a unit force along each row moves it against the
-/// others, by more than a share of the terms of its own response.
-fn clearly_independent(found: &Assembled) -> Option<DMatrix<f64>> {
-    let inverse = found.delassus().try_inverse()?;
-    (0..inverse.nrows()).all(|i| 1.0 / inverse[(i, i)] > INDEPENDENT * found.terms(i)).then_some(inverse)
 }
 
 impl<A: Space> Motion<'_, A> {
@@ -253,11 +244,9 @@ impl<A: Space> Motion<'_, A> {
             DVector::zeros(0)
         } else if !found.constraints.starts.is_empty() {
             self.starting_forces(time, lasting, found)?
-        } else if !found.constraints.skewed.is_empty() && m > 1 && found.own_responses.is_empty() {
-            let Some(inverse) = clearly_independent(found) else { return Ok(None) };
-            -(inverse * found.offset())
         } else {
-            self.forces(time, lasting, found, &found.delassus(), &-found.offset())?
+            let Some(equations) = self.equations(time, lasting, found)? else { return Ok(None) };
+            equations.solve(&-found.offset()).ok_or_else(|| self.jam(time, found, 0))?
         };
         let Assembled { constraints, responses, free, power, lambda, .. } = &*found;
         let mut held = ConstraintForces {
@@ -289,60 +278,18 @@ impl<A: Space> Motion<'_, A> {
         Ok(Some(held))
     }
 
-    /// λ. Of several rows with F ≠ R the responses of the rows R are needed.
-    pub fn forces(
-        &self,
-        time: f64,
-        lasting: &[Lasting],
-        found: &Assembled,
-        k: &DMatrix<f64>,
-        wanted: &DVector<f64>,
-    ) -> Result<DVector<f64>, SimError> {
-        let constraints = &found.constraints;
-        let (m, skew) = (wanted.len(), !constraints.skewed.is_empty());
-        let jam = |contact: usize| {
-            let touch = &self.sim.touches[constraints.contacts[contact].touch];
-            SimError::Jam { time, touch: touch.name.clone(), friction: touch.contact.law.friction() }
-        };
-        if m == 1 {
-            // A unit force must open the gap; NaN does not.
-            let opens = k[(0, 0)] > 0.0 && (!skew || k[(0, 0)] > 1e-12 * found.terms(0));
-            return if opens || constraints.contacts.is_empty() { Ok(wanted / k[(0, 0)]) } else { Err(jam(0)) };
-        }
-        // The usual case: rows that are clearly independent, whose forces act along them. A factorisation decides and solves.
-        if !skew && let Some(factor) = k.clone().cholesky() {
-            let l = factor.l_dirty();
-            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * k[(i, i)]) {
-                return Ok(factor.solve(wanted));
-            }
-        }
-        let own = skew.then(|| found.gram(k));
-        let gram = own.as_ref().unwrap_or(k);
-        let basis = Basis::of(gram);
-        let rank = basis.rows.len();
-        if rank == m {
-            let factor = k.clone().lu();
-            let Some(lambda) = factor.solve(wanted) else { return Err(jam(0)) };
-            let rigid = lasting.iter().filter(|own| own.is_rigid());
-            for (c, (contact, own)) in constraints.contacts.iter().zip(rigid).enumerate() {
-                let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && skew;
-                if !slides || contact.rows.is_empty() {
-                    continue; // without rows: the joint is locked
-                }
-                // Sliding is consistent if a unit force, with the other constraints held, opens the gap.
-                let row = contact.rows.start;
-                let mut force = DVector::zeros(m);
-                force[row] = 1.0;
-                let yields = factor.solve_mut(&mut force) && 1.0 / force[row] > 1e-12 * gram[(row, row)]; // false for NaN
-                if !yields {
-                    return Err(jam(c));
-                }
-            }
-            return Ok(lambda);
-        }
-        let wanted = DMatrix::from_column_slice(m, 1, wanted.as_slice());
-        let found = basis.solve(gram, k, &wanted).ok_or_else(|| jam(0))?;
-        Ok(found.column(0).into_owned())
+    /// The equations of the constraint forces; `None` if the responses of the rows R are needed.
+    pub fn equations(&self, time: f64, lasting: &[Lasting], found: &Assembled) -> Result<Option<Equations>, SimError> {
+        Equations::of(found, lasting).map_err(|row| self.jam(time, found, row))
+    }
+
+    /// No force along this row of the constraints opens the gap.
+    pub fn jam(&self, time: f64, found: &Assembled, row: usize) -> SimError {
+        let contacts = &found.constraints.contacts;
+        let contact = contacts.iter().find(|contact| contact.rows.contains(&row)).or(contacts.first());
+        let touch = contact.map(|contact| &self.sim.touches[contact.touch]);
+        let friction = touch.map_or(0.0, |touch| touch.contact.law.friction());
+        SimError::Jam { time, touch: touch.map(|touch| touch.name.clone()).unwrap_or_default(), friction }
     }
 }
 

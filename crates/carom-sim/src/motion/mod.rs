@@ -4,6 +4,7 @@ mod assembled;
 mod beside;
 mod contact_states;
 mod ending;
+mod equations;
 mod free_motion;
 mod groups;
 mod held;

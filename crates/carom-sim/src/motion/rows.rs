@@ -93,7 +93,11 @@ pub(crate) fn direction_of_slip(u: Vector3<f64>, n: Vector3<f64>, least: f64) ->
 fn lasting_direction(u: Vector3<f64>, n: Vector3<f64>, toward: Vector3<f64>, noise: f64) -> Vector3<f64> {
     let u = u - n * n.dot(&u);
     let u = if u.dot(&toward) < 0.0 { -u } else { u };
-    let weight = (-u.norm_squared() / (noise * noise)).exp();
+    let ratio = u.norm_squared() / (noise * noise);
+    if ratio > 800.0 {
+        return u.normalize(); // the weight is below the least number
+    }
+    let weight = (-ratio).exp();
     let along = toward - n * n.dot(&toward);
     (u + along * (noise * weight)).try_normalize(0.0).unwrap_or(toward)
 }

@@ -279,8 +279,7 @@ impl<A: Space> Motion<'_, A> {
         let redundant = OnceCell::new();
         let rows = constraints.rows.len();
         // A single row has no responses of its own.
-        let is_redundant =
-            || *redundant.get_or_init(|| rows > 1 && Basis::of(&found.gram(&found.delassus())).rows.len() < rows);
+        let is_redundant = || *redundant.get_or_init(|| rows > 1 && Basis::of(&found.gram()).rows.len() < rows);
         // A contact that the others support could carry load as well.
         let is_supported =
             |contact: &Range<usize>| solution.acceleration[contact.end - 1].abs() <= accelerations && is_redundant();

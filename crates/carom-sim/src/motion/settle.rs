@@ -117,7 +117,8 @@ impl<A: Space> Motion<'_, A> {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
             let excess = DVector::from_vec(found.constraints.excess(qd));
-            let impulses = self.forces(time, &entries, &found, &found.delassus(), &-excess)?;
+            let equations = self.equations(time, &entries, &found)?;
+            let impulses = equations.and_then(|it| it.solve(&-excess)).ok_or_else(|| self.jam(time, &found, 0))?;
             for (response, impulse) in found.responses.iter().zip(impulses.iter()) {
                 qd.iter_mut().zip(response).for_each(|(v, x)| *v += impulse * x);
             }
@@ -288,17 +289,12 @@ impl<A: Space> Motion<'_, A> {
 
 /// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
 fn least(rows: &Rows, responses: &Rows, errors: &[f64]) -> DVector<f64> {
-    let gram = rows.times(responses);
-    let basis = Basis::of(&gram).rows;
-    let r = basis.len();
-    let own = DMatrix::from_fn(r, r, |i, j| gram[(basis[i], basis[j])]);
-    let wanted = DVector::from_fn(r, |i, _| errors[basis[i]]);
+    let basis = Basis::of(&rows.times(responses));
+    let wanted = DMatrix::from_fn(basis.rows.len(), 1, |i, _| errors[basis.rows[i]]);
     let nv = responses.iter().next().map_or(0, <[f64]>::len);
     let mut x = DVector::zeros(nv);
-    if let Some(factor) = own.cholesky() {
-        for (i, force) in basis.iter().zip(factor.solve(&wanted).iter()) {
-            x.iter_mut().zip(responses.row(*i)).for_each(|(x, response)| *x += force * response);
-        }
+    for (i, force) in basis.rows.iter().zip(basis.solve(&wanted).unwrap_or_default().iter()) {
+        x.iter_mut().zip(responses.row(*i)).for_each(|(x, response)| *x += force * response);
     }
     x
 }

@@ -4,7 +4,7 @@
 //! State vectors are (q, qd, work of the drive, work of dissipative forces): the terms of the energy balance are integrated
 //! with the motion. The deflections of the bristles (world, m) of compliant contacts that have one are appended.
 
-use super::assembled::Assembled;
+use super::assembled::{Assembled, ConstraintForces};
 use super::groups::{Gaps, Near};
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
 use crate::contact::{ContactMode, Moving, Touch};
@@ -332,8 +332,14 @@ impl<'a, A: Space> Motion<'a, A> {
         power
     }
 
-    /// The rate of the whole state in the present mode.
-    pub fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+    /// The rate of the whole state in the present mode; `held`: its accelerations, unless it [moves freely](Self::moves_freely).
+    pub fn rate(
+        &mut self,
+        time: f64,
+        y: &[f64],
+        held: Option<&ConstraintForces>,
+        out: &mut [f64],
+    ) -> Result<(), SimError> {
         let (q, qd) = self.split(y);
         let (nq, nv) = (q.len(), qd.len());
         if nq == nv {
@@ -344,10 +350,7 @@ impl<'a, A: Space> Motion<'a, A> {
         let (qdd, rest) = out[nq..].split_at_mut(nv);
         let (power, bends) = rest.split_at_mut(2);
         bends.fill(0.0);
-        if self.moves_freely() {
-            power.copy_from_slice(&self.accelerate(time, y, qdd)?);
-        } else {
-            let held = self.accelerations(time, y)?;
+        if let Some(held) = held {
             qdd.copy_from_slice(held.qdd.as_slice());
             power.copy_from_slice(&held.power);
             for (own, force) in self.lasting.iter().zip(&held.contacts) {
@@ -355,6 +358,8 @@ impl<'a, A: Space> Motion<'a, A> {
                     bends[3 * slot..3 * slot + 3].copy_from_slice(force.bends.as_slice());
                 }
             }
+        } else {
+            power.copy_from_slice(&self.accelerate(time, y, qdd)?);
         }
         Ok(())
     }

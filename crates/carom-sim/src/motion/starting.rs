@@ -50,8 +50,12 @@ impl<A: Space> Motion<'_, A> {
         let count = found.constraints.starts.len();
         for step in 0.. {
             self.push_along(found);
-            let k = found.delassus();
-            let lambda = self.forces(time, lasting, found, &k, &wanted)?;
+            let equations = self.equations(time, lasting, found)?;
+            let forces = |wanted: &DVector<f64>| {
+                let solved = equations.as_ref().and_then(|equations| equations.solve(wanted));
+                solved.ok_or_else(|| self.jam(time, found, 0))
+            };
+            let lambda = forces(&wanted)?;
             let mut qdd = found.free.clone();
             add(&mut qdd, found, &lambda);
             let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
@@ -61,8 +65,10 @@ impl<A: Space> Motion<'_, A> {
             if solved {
                 return Ok(lambda);
             }
+            // No directions of slip are consistent with the accelerations.
+            let no_direction = || self.jam(time, found, starts[0].row);
             if step == MOST_STEPS {
-                return Err(self.no_direction(time, found));
+                return Err(no_direction());
             }
             // r changes with the angles by the turn of d and by the friction that turns with it.
             let mut slope = DMatrix::zeros(count, count);
@@ -71,7 +77,7 @@ impl<A: Space> Motion<'_, A> {
                 let held: DVector<f64> =
                     found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
                 let mut change = turned;
-                add(&mut change, found, &self.forces(time, lasting, found, &k, &-held)?);
+                add(&mut change, found, &forces(&-held)?);
                 for i in 0..count {
                     let moved = found.tangents(i, change.as_slice());
                     slope[(i, j)] = moved.dot(&across(starts[i].along));
@@ -81,7 +87,7 @@ impl<A: Space> Motion<'_, A> {
             // Several contacts may have the same slip: two wheels on one axle.
             let least = DEPENDENT * slope.amax();
             let Ok(turn) = slope.svd(true, true).solve(&left, least) else {
-                return Err(self.no_direction(time, found));
+                return Err(no_direction());
             };
             for (start, turn) in found.constraints.starts.iter_mut().zip(turn.iter()) {
                 // Far from the solution the step may be of any size.
@@ -90,13 +96,6 @@ impl<A: Space> Motion<'_, A> {
             }
         }
         unreachable!("the last step returns")
-    }
-
-    /// No directions of slip are consistent with the accelerations.
-    fn no_direction(&self, time: f64, found: &Assembled) -> SimError {
-        let start = &found.constraints.starts[0];
-        let touch = &self.sim.touches[found.constraints.contacts[start.contact].touch];
-        SimError::Jam { time, touch: touch.name.clone(), friction: start.friction }
     }
 
     /// The responses and force directions of contacts whose slip begins, along n − μ d.

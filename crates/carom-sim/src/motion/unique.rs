@@ -21,7 +21,7 @@ use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 /// Steps of the perceptron.
 const STEPS: usize = 64;
@@ -62,11 +62,10 @@ impl Assembled {
         if constraints.skewed.is_empty() || self.own_responses.is_empty() {
             return none;
         }
-        let delassus = self.delassus();
-        if Basis::of(&self.gram(&delassus)).rows.len() == constraints.rows.len() {
+        if Basis::of(&self.gram()).rows.len() == constraints.rows.len() {
             return none;
         }
-        let forces = undetermined(&delassus, &constraints.forces.times(&self.responses));
+        let forces = undetermined(&self.delassus(), &constraints.forces.times(&self.responses));
         constraints.contacts.iter().map(|contact| forces[contact.rows.clone()].contains(&true)).collect()
     }
 }
@@ -163,7 +162,7 @@ impl<A: Space> Motion<'_, A> {
             return false;
         }
         let own = if constraints.skewed.is_empty() { &found.responses } else { &found.own_responses };
-        let (gram, forces): (DMatrix<f64>, DMatrix<f64>) = (constraints.rows.times(own), constraints.forces.times(own));
+        let (gram, forces) = (found.gram(), constraints.forces.times(own));
         let m = gram.nrows();
         // v = M⁻¹Rᵀ c; u = F v.
         let mut u = DVector::<f64>::zeros(m);

@@ -4,6 +4,7 @@
 use super::events::{Ending, Run};
 use super::memory::Memory;
 use super::watch::{Watch, look};
+use super::witness::Witness;
 use crate::error::SimError;
 use crate::motion::Kept;
 use crate::state::Space;
@@ -38,10 +39,11 @@ pub(crate) struct After {
 }
 
 /// A witness function.
-pub(crate) fn value<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<f64, SimError> {
+pub(crate) fn witness<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<Witness, SimError> {
     let y = run.y_of(x);
-    let mut found = 0.0;
-    look(&mut run.motion, &[watch], time, &y, |witness| found = witness.value)?;
+    let held = if watch.needs_forces() { Some(run.motion.in_mode(time, &y)?) } else { None };
+    let mut found = Witness::default();
+    look(&mut run.motion, &[watch], (time, &y), held.as_ref(), |witness| found = witness)?;
     Ok(found)
 }
 
@@ -52,15 +54,14 @@ pub(crate) fn rate<A: Space>(
     (time, x): (f64, &[f64]),
     (f, h): (&DVector<f64>, f64),
 ) -> Result<f64, SimError> {
-    let y = run.y_of(x);
-    let mut own = None;
-    look(&mut run.motion, &[watch], time, &y, |witness| own = witness.rate)?;
-    if let Some(own) = own {
+    if let Some(own) = witness(run, watch, time, x)?.rate {
         return Ok(own);
     }
-    let at = |times: f64| DVector::from_column_slice(x) + f * (times * h);
-    Ok((value(run, watch, time + h, at(1.0).as_slice())? - value(run, watch, time - h, at(-1.0).as_slice())?)
-        / (2.0 * h))
+    let mut at = |times: f64| {
+        let x = DVector::from_column_slice(x) + f * (times * h);
+        witness(run, watch, time + times * h, x.as_slice()).map(|witness| witness.value)
+    };
+    Ok((at(1.0)? - at(-1.0)?) / (2.0 * h))
 }
 
 /// ∂w/|∂w|² of a gap, by the displacements; `None` where none of them changes it.
@@ -75,7 +76,8 @@ pub(crate) fn normal<A: Space>(
     let here = DVector::from_column_slice(x);
     let mut slope = DVector::zeros(nv);
     for j in 0..nv {
-        let mut at = |h: f64| value(probe, watch, time, (&here + tangent.column(j) * h).as_slice());
+        let mut at =
+            |h: f64| witness(probe, watch, time, (&here + tangent.column(j) * h).as_slice()).map(|it| it.value);
         slope[j] = (at(WIDE)? - at(-WIDE)?) / (2.0 * WIDE);
     }
     let size = slope.norm_squared();
@@ -103,7 +105,7 @@ pub(crate) fn outcome<A: Space>(
     if let Some(watch) = before.watch {
         for _ in 0..3 {
             let x = run.x_of(&y, remembered);
-            let beyond = value(run, watch, time, &x)?;
+            let beyond = witness(run, watch, time, &x)?.value;
             let moved = if let Some(normal) = &before.normal {
                 DVector::from_vec(x) - normal * beyond
             } else {

@@ -46,6 +46,16 @@ impl<'a> System<'a> {
             T::default()
         })
     }
+
+    /// The state after a short time, by the midpoint rule.
+    pub fn midpoint(&self, (time, y): (f64, &[f64]), span: f64) -> Vec<f64> {
+        let mut rate = vec![0.0; y.len()];
+        let moved = |rate: &[f64], span: f64| y.iter().zip(rate).map(|(y, rate)| y + rate * span).collect::<Vec<_>>();
+        self.derivative(time, y, &mut rate);
+        let middle = moved(&rate, span / 2.0);
+        self.derivative(time + span / 2.0, &middle, &mut rate);
+        moved(&rate, span)
+    }
 }
 
 impl FirstOrderSystem for System<'_> {

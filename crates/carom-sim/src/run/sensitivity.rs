@@ -23,7 +23,7 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::crossing::{After, Before, WIDE, normal, outcome, rate, value};
+use super::crossing::{After, Before, WIDE, normal, outcome, rate, witness};
 use super::events::{Ending, Run};
 use super::sampler::Step;
 use super::trajectory::{Sampling, Seen};
@@ -373,11 +373,11 @@ impl<A: Space> Follow<'_, '_, A> {
         for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
             self.probe.motion.keep(before.kept.clone());
             let beside = &before.x + &own * (times * wide);
-            slope += weight / wide * value(&mut self.probe, watch, before.time, beside.as_slice())?;
+            slope += weight / wide * witness(&mut self.probe, watch, before.time, beside.as_slice())?.value;
             if let Some(p) = parameter {
                 let (runs, by) = &mut self.changed[p];
                 runs[k].motion.keep(before.kept.clone());
-                slope += weight / *by * value(&mut runs[k], watch, before.time, before.x.as_slice())?;
+                slope += weight / *by * witness(&mut runs[k], watch, before.time, before.x.as_slice())?.value;
             }
         }
         Ok(-slope / before.rate)

@@ -84,7 +84,8 @@ impl<A: Space> Run<'_, '_, A> {
         let n = self.motion.sim.chain.nq() + self.motion.sim.chain.nv();
         let y = self.y_of(x);
         let mut rate = vec![0.0; y.len()];
-        self.motion.rate(time, &y, &mut rate)?;
+        let held = if self.motion.moves_freely() { None } else { Some(self.motion.accelerations(time, &y)?) };
+        self.motion.rate(time, &y, held.as_ref(), &mut rate)?;
         let mut f = DVector::zeros(x.len());
         f.rows_mut(0, n).copy_from_slice(&rate[..n]);
         f.rows_mut(n, rate.len() - n - 2).copy_from_slice(&rate[n + 2..]);

@@ -9,6 +9,7 @@ use crate::model::Simulation;
 use crate::motion::{ConstraintForces, ContactState, Dry, DryJoint, Gaps, Hold, Lasting, Motion};
 use crate::state::{Space, View};
 use carom_contact::Met;
+use std::ops::Range;
 
 /// The kinds of witness functions; those of lasting contacts have their index into the list.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,6 +58,16 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
     pub watches: Vec<Watch>,
     /// The latest time before the next jump of forces or surfaces: what the leg sees at its end is the limit from before.
     latest: f64,
+    known: Option<Known>,
+}
+
+/// The forces at the latest state at which they were computed. Integrator and witness functions ask for those of the same state.
+struct Known {
+    time: f64,
+    y: Vec<f64>,
+    held: ConstraintForces,
+    /// Whether they contain those on joints that are locked.
+    on_joints: bool,
 }
 
 impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
@@ -97,6 +108,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
             watches.push(Watch::SlipEnds);
         }
         (motion.redundant, motion.margin_forces) = (false, None);
+        let mut known = None;
         if motion.lasting.iter().any(Lasting::is_rigid) {
             let held = motion.in_mode(time, y)?;
             let loads = |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_));
@@ -113,6 +125,7 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                 watches.retain(|watch| !loads(watch));
                 watches.push(Watch::Admissible);
             }
+            known = Some(Known { time, y: y.to_vec(), held, on_joints: true });
         }
         watches.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
             Dry::Holds => Watch::JointBreaksLoose(k),
@@ -121,20 +134,52 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
         if !motion.couplings.is_empty() {
             watches.push(Watch::Branches);
         }
-        Ok(Self { motion, watches, latest: kink.next_down() })
+        Ok(Self { motion, watches, latest: kink.next_down(), known })
+    }
+
+    /// Computes the accelerations at a state, unless they are known; `on_joints`: with the forces on joints that are locked.
+    fn know(&mut self, (time, y): (f64, &[f64]), on_joints: bool) -> Result<(), SimError> {
+        let same = |known: &Known| known.time == time && known.y == y && (known.on_joints || !on_joints);
+        if self.known.as_ref().is_some_and(same) {
+            return Ok(());
+        }
+        let mut memory = self.known.take().map_or_else(Vec::new, |known| known.y);
+        let held = if on_joints { self.motion.in_mode(time, y)? } else { self.motion.accelerations(time, y)? };
+        memory.clear();
+        memory.extend_from_slice(y);
+        let on_joints = on_joints || self.motion.assembled.locked.is_empty();
+        self.known = Some(Known { time, y: memory, held, on_joints });
+        Ok(())
+    }
+
+    /// Passes the values of these witness functions to `see`.
+    fn look(&mut self, which: Range<usize>, time: f64, y: &[f64], see: impl FnMut(Witness)) -> Result<(), SimError> {
+        let time = time.min(self.latest);
+        let needs_forces = self.watches[which.clone()].iter().any(|watch| watch.needs_forces());
+        if needs_forces {
+            self.know((time, y), true)?;
+        }
+        let held = self.known.as_ref().filter(|_| needs_forces).map(|known| &known.held);
+        look(self.motion, &self.watches[which], (time, y), held, see)
     }
 }
 
 impl Watch {
     /// Whether it depends on constraint forces, not only on positions and velocities.
-    fn needs_forces(self) -> bool {
+    pub fn needs_forces(self) -> bool {
         matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_) | Self::SlipEnds)
     }
 }
 
 impl<A: Space> Flow for Watched<'_, '_, A> {
     fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
-        self.motion.rate(time.min(self.latest), y, out)
+        let time = time.min(self.latest);
+        let free = self.motion.moves_freely();
+        if !free {
+            self.know((time, y), false)?;
+        }
+        let held = self.known.as_ref().filter(|_| !free).map(|known| &known.held);
+        self.motion.rate(time, y, held, out)
     }
 
     fn steps(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
@@ -152,21 +197,19 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     }
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
-        let time = time.min(self.latest);
         out.clear();
-        look(self.motion, &self.watches, time, y, |witness| out.push(witness))
+        self.look(0..self.watches.len(), time, y, |witness| out.push(witness))
     }
 
     fn witness(&mut self, k: usize, time: f64, y: &[f64]) -> Result<Witness, SimError> {
-        let time = time.min(self.latest);
         let mut found = Witness::default();
-        look(self.motion, &self.watches[k..=k], time, y, |witness| found = witness)?;
+        self.look(k..k + 1, time, y, |witness| found = witness)?;
         Ok(found)
     }
 
     fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
-        let time = time.min(self.latest);
-        self.motion.contact_states(time, y)
+        self.known = None; // the scratch memory of the motion is that of other states afterwards
+        self.motion.contact_states(time.min(self.latest), y)
     }
 
     fn close(&mut self, y: &mut [f64]) -> Result<(), SimError> {
@@ -179,6 +222,7 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
 
     fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let time = time.min(self.latest);
+        self.known = None; // directions of slip may change
         let motion = &mut *self.motion;
         let changed = motion.sim.normalise(y);
         let moved = motion.settle(time, y)?;
@@ -187,16 +231,15 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     }
 }
 
-/// Passes the values of witness functions at a state to `see`.
+/// Passes the values of witness functions at a state to `see`. `held`: its accelerations, if one of them needs forces.
 pub(crate) fn look<A: Space>(
     motion: &mut Motion<A>,
     watches: &[Watch],
-    time: f64,
-    y: &[f64],
+    (time, y): (f64, &[f64]),
+    held: Option<&ConstraintForces>,
     mut see: impl FnMut(Witness),
 ) -> Result<(), SimError> {
-    let held = if watches.iter().any(|w| w.needs_forces()) { Some(motion.in_mode(time, y)?) } else { None };
-    let slip_left = match &held {
+    let slip_left = match held {
         Some(held) if watches.contains(&Watch::SlipEnds) => motion.least_slip_left(&held.qdd, (time, y))?,
         _ => 0.0,
     };
@@ -204,16 +247,7 @@ pub(crate) fn look<A: Space>(
     let (noise, starts) = (motion.noise(), motion.starts());
     let (q, qd) = motion.split(y);
     let regular = if watches.contains(&Watch::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
-    let now = Now {
-        regular,
-        lasting: &motion.lasting,
-        dry: &motion.dry,
-        held: held.as_ref(),
-        admissible,
-        slip_left,
-        noise,
-        starts,
-    };
+    let now = Now { regular, lasting: &motion.lasting, dry: &motion.dry, held, admissible, slip_left, noise, starts };
     let view = View::new(motion.model, &mut motion.workspace, q)?;
     let mut last = None;
     for watch in watches {

@@ -1,6 +1,6 @@
 //! The independent rows among constraints.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Dyn, LU};
 
 /// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
 /// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
@@ -14,6 +14,18 @@ pub(crate) struct Basis {
     pub least: f64,
     /// The largest share of the rows that are left; 0 if there are none.
     pub left: f64,
+    /// All rows of the factor L, one column for each of `rows`.
+    factor: DMatrix<f64>,
+}
+
+/// The equations K λ = b with λ = X η, R = X R_B, factored. X is the identity for the rows B.
+pub(crate) struct Spread {
+    basis: Vec<usize>,
+    others: Vec<usize>,
+    /// The rows of X that are not in the basis.
+    spread: DMatrix<f64>,
+    /// The rows B of K X.
+    folded: LU<f64, Dyn, Dyn>,
 }
 
 impl Basis {
@@ -54,25 +66,37 @@ impl Basis {
                 }
             }
         }
-        Self { rows, least, left: rest }
+        factor.resize_horizontally_mut(rows.len(), 0.0);
+        Self { rows, least, left: rest, factor }
     }
 
-    /// λ = X η of the matrix K, where R = X R_B, with the rows B of K λ = `wanted` (one or more columns); `None` where they have no
-    /// solution. X is the identity for the rows B.
-    pub fn solve(&self, gram: &DMatrix<f64>, k: &DMatrix<f64>, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let (m, basis) = (gram.nrows(), &self.rows);
-        let others: Vec<usize> = (0..m).filter(|i| !basis.contains(i)).collect();
-        let part = |of: &DMatrix<f64>, columns: &[usize]| {
-            DMatrix::from_fn(basis.len(), columns.len(), |i, j| of[(basis[i], columns[j])])
-        };
-        let own = part(gram, basis).cholesky()?;
-        let spread = own.solve(&part(gram, &others)).transpose();
-        let folded = part(k, basis) + part(k, &others) * &spread;
-        let eta = folded.lu().solve(&DMatrix::from_fn(basis.len(), wanted.ncols(), |i, j| wanted[(basis[i], j)]))?;
-        let mut found = DMatrix::zeros(m, wanted.ncols());
-        let rest = spread * &eta;
-        basis.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&eta.row(i)));
-        others.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&rest.row(i)));
+    /// The solution x of R_B M⁻¹ R_Bᵀ x = `wanted` on the rows B, for one or more columns.
+    pub fn solve(&self, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let lower = self.factor.select_rows(&self.rows);
+        lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(wanted)?)
+    }
+
+    /// The equations of the matrix K with these rows.
+    pub fn spread(self, k: &DMatrix<f64>) -> Option<Spread> {
+        let Self { rows: basis, factor, .. } = self;
+        let others: Vec<usize> = (0..k.nrows()).filter(|i| !basis.contains(i)).collect();
+        // The rows of L that are left are X L_B.
+        let left = factor.select_rows(&others).transpose();
+        let spread = factor.select_rows(&basis).tr_solve_lower_triangular(&left)?.transpose();
+        let own = k.select_rows(&basis);
+        let folded = (own.select_columns(&basis) + own.select_columns(&others) * &spread).lu();
+        Some(Spread { basis, others, spread, folded })
+    }
+}
+
+impl Spread {
+    /// λ, for one or more columns b; `None` where they have no solution.
+    pub fn solve(&self, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let eta = self.folded.solve(&wanted.select_rows(&self.basis))?;
+        let rest = &self.spread * &eta;
+        let mut found = DMatrix::zeros(wanted.nrows(), wanted.ncols());
+        self.basis.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&eta.row(i)));
+        self.others.iter().enumerate().for_each(|(i, row)| found.row_mut(*row).copy_from(&rest.row(i)));
         Some(found)
     }
 }

@@ -16,7 +16,7 @@
 use super::basis::Basis;
 use carom_chain::algebra::Algebra;
 use carom_chain::{Point, Rows};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::sync::Arc;
 
 /// Two points that stay together.
@@ -40,7 +40,6 @@ pub(crate) struct Loops {
     /// M⁻¹Lᵀ, all rows.
     responses: Rows,
     basis: Basis,
-    factor: Cholesky<f64, Dyn>,
 }
 
 impl Loops {
@@ -51,17 +50,15 @@ impl Loops {
         let sizes = gram.diagonal();
         let sizes = DVector::from_fn(rows.len(), |i, _| sizes.rows(i - i % each, each).sum().max(f64::MIN_POSITIVE));
         let basis = Basis::among(&gram, &sizes);
-        let r = basis.rows.len();
-        let factor = DMatrix::from_fn(r, r, |i, j| gram[(basis.rows[i], basis.rows[j])]).cholesky()?;
-        (r > 0).then_some(Self { rows, responses, basis, factor })
+        (!basis.rows.is_empty()).then_some(Self { rows, responses, basis })
     }
 
     /// Changes x by X η, so that L x becomes `wanted` (zero without it) on the independent rows.
     pub fn bind(&self, x: &mut [f64], wanted: Option<&[f64]>) {
         let rows = &self.basis.rows;
         let missing = |row: usize| wanted.map_or(0.0, |wanted| wanted[row]) - self.rows.dot(row, x);
-        let missing = DVector::from_fn(rows.len(), |i, _| missing(rows[i]));
-        for (row, force) in rows.iter().zip(self.factor.solve(&missing).iter()) {
+        let missing = DMatrix::from_fn(rows.len(), 1, |i, _| missing(rows[i]));
+        for (row, force) in rows.iter().zip(self.basis.solve(&missing).unwrap_or_default().iter()) {
             x.iter_mut().zip(self.responses.row(*row)).for_each(|(x, response)| *x += force * response);
         }
     }
@@ -79,7 +76,7 @@ impl Loops {
     /// The sine of the angle, in the metric of M⁻¹, between the one of `rank` rows that depends most on the others and these:
     /// small near a pose at which the mechanism could branch.
     pub fn regularity(&self, rank: usize) -> f64 {
-        let Basis { rows, least, left } = &self.basis;
+        let Basis { rows, least, left, .. } = &self.basis;
         if rows.len() < rank { left.sqrt() } else { least.sqrt() }
     }
 }

@@ -9,7 +9,7 @@ mod profile;
 mod reach;
 mod space;
 
-pub(crate) use basis::Basis;
+pub(crate) use basis::{Basis, Spread};
 pub(crate) use closing::close_loops;
 pub use contact_impulse::ContactImpulse;
 pub(crate) use coupling::{Coupling, Loops};
