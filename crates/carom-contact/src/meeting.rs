@@ -26,7 +26,8 @@
 //! the ends of the edges. The points move on the bodies, and n turns, with rates that follow from ω, ω′ and u where g = 0
 //! and ġ = 0: for instance, a point on a face has ṅ = ω′ × n.
 //!
-//! A rim meets an edge at up to two points, for instance where its cap lies on the edge: they are two contacts.
+//! A rim meets an edge at up to two points, for instance where its cap lies on the edge: they are two contacts. The two rims of a
+//! cylinder that lies along an edge touch it at one point each.
 //!
 //! Not included: a rim against a round side or another rim. [`crate::gap`] sees these, too.
 
@@ -447,15 +448,18 @@ impl RimCrossing {
         let flat = |v: Vector3<f64>| v - axis * axis.dot(&v);
         let (along, from) = (flat(e), flat(middle - centre));
         let square = along.norm_squared();
-        if square.sqrt() <= PARALLEL {
-            return None;
-        }
-        let half = along.dot(&from) / square;
-        let beside = from - along * half;
-        // Where the projection misses the rim, the crossings have merged.
-        let root = ((rim.radius * rim.radius - beside.norm_squared()) / square).max(0.0).sqrt();
-        let s = if upper { root - half } else { -root - half };
-        let start = (from + along * s).try_normalize(0.0)?;
+        // An edge along the axis has one crossing.
+        let perpendicular = square.sqrt() <= PARALLEL;
+        let toward = if perpendicular {
+            Some(from).filter(|_| !upper)?
+        } else {
+            let half = along.dot(&from) / square;
+            let beside = from - along * half;
+            // Where the projection misses the rim, the crossings have merged.
+            let root = ((rim.radius * rim.radius - beside.norm_squared()) / square).max(0.0).sqrt();
+            from + along * if upper { root - half } else { -root - half }
+        };
+        let start = toward.try_normalize(0.0)?;
         let side = axis.cross(&start);
         // The distance of the rim's point from the edge is stationary: w ⟂ t, with w ⟂ e′ by the choice of s.
         let mut angle = 0.0_f64;
@@ -476,7 +480,8 @@ impl RimCrossing {
                 let sine = across.norm();
                 let below = edge.beside.map_or(w, |[p, q]| -(place.rotation * (p.inward + q.inward)));
                 let sine = if across.dot(&below) < 0.0 { -sine } else { sine };
-                let to_middle = if upper { point - centre } else { centre - point }.dot(&along) / square.sqrt();
+                let beyond = if upper { point - centre } else { centre - point };
+                let to_middle = if perpendicular { rim.radius } else { beyond.dot(&along) / square.sqrt() };
                 return (sine.abs() > PARALLEL).then(|| Self {
                     n: across / sine,
                     sine,

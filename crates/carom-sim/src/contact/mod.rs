@@ -19,7 +19,7 @@ pub(crate) use gap::{At, BallOnPlane};
 pub use law::ContactLaw;
 pub(crate) use links::{are_disabled, robot_of};
 pub use mode::ContactMode;
-pub(crate) use pair::{APART, Pair, Placed};
+pub(crate) use pair::{APART, Pair, Passing, Placed};
 pub use rule::ContactRule;
 pub use several_law::SeveralLaw;
 pub(crate) use several_law::Solved;

@@ -33,6 +33,31 @@ pub(crate) struct Placed {
     plane: Option<(Vector3<f64>, f64)>,
 }
 
+/// How two bodies move past each other at one state: velocity of the first relative to the second at its centre, m/s, angular
+/// velocity, rad/s, and radius about the centre, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Passing {
+    velocity: Vector3<f64>,
+    turning: Vector3<f64>,
+    size: f64,
+}
+
+impl Passing {
+    /// Relative angular speed, rad/s.
+    pub fn turning(&self) -> f64 {
+        self.turning.norm()
+    }
+
+    /// Bounds of the rate and of the curvature of the gap between two states of this distance in time, m/s and m/s². The velocities in
+    /// between are at most [`BEYOND`] times as large as at both ends.
+    pub fn bounds(&self, other: &Self, span: f64) -> [f64; 2] {
+        let most = |of: fn(&Self) -> f64| BEYOND * of(self).max(of(other));
+        let turning = most(|it| it.turning.norm());
+        let change = (self.velocity - other.velocity).norm() / span;
+        [most(|it| it.velocity.norm()) + turning * self.size, BEYOND * change + turning * turning * self.size]
+    }
+}
+
 /// The second body of a pair.
 #[derive(Debug, Clone)]
 pub(crate) enum Against {
@@ -46,6 +71,8 @@ pub(crate) const APART: f64 = 1.0;
 const MANY: usize = 2000;
 /// A gap that exceeds its lower bound by less is equal to it, m.
 const EQUAL: f64 = 1e-12;
+/// Velocities within a step as a multiple of those at its ends.
+const BEYOND: f64 = 1.5;
 /// Share of a body's bounding sphere: bodies further apart than this are not examined.
 const FAR: f64 = 0.25;
 
@@ -186,6 +213,24 @@ impl Pair {
         let met = meeting.at((one, own), (two, other));
         // A contact beyond the ends of its faces and edges is none, whatever its gap.
         met.counts() && met.gap.distance - Separation::along(met.gap.normal, (one, own), (two, other)) <= EQUAL
+    }
+
+    /// The separation of the bodies along the normal of a contact of parts, m.
+    pub fn along(&self, meeting: Meeting, placed: &Placed) -> Option<f64> {
+        let (one, two) = self.parts.as_ref()?;
+        let [own, other] = &placed.poses;
+        let met = meeting.at((one, own), (two, other));
+        Some(Separation::along(met.gap.normal, (one, own), (two, other)))
+    }
+
+    /// How the bodies move past each other.
+    pub fn passing(&self, placed: &Placed) -> Passing {
+        let (centre, size) = self.shape.solid().bounding_sphere();
+        let centre = placed.poses[0].point(self.shape.origin().point(centre));
+        let at = |[v, w]: [Vector3<f64>; 2], pose: &Pose<Spatial<f64>>| v + w.cross(&(centre - pose.translation));
+        let [own, other] = &placed.poses;
+        let velocity = at(placed.own, own) - at(placed.other, other);
+        Passing { velocity, turning: placed.own[1] - placed.other[1], size }
     }
 
     /// Radius of a sphere about the first body, m.

@@ -1,7 +1,7 @@
 //! The touches of one pair of bodies as a group: while none of them lasts, the gap of the two bodies stands for all of them.
 
 use super::lasting::Lasting;
-use crate::contact::{APART, BallOnPlane, Pair, Placed, Touch, TouchKind};
+use crate::contact::{APART, BallOnPlane, Pair, Passing, Placed, Touch, TouchKind};
 use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::{Space, View};
@@ -219,6 +219,39 @@ impl<'a, A: Space> Gaps<'a, A> {
     pub fn rest(&self, group: usize, lasting: &[Lasting], view: &View<A>, qd: &[f64], time: f64) -> Look {
         let placed = self.placed(group, view, qd, time)?;
         Ok(self.least(group, &placed, |part| !lasting.iter().any(|own| own.touch == part)).0)
+    }
+
+    /// How the bodies of a pair move past each other; `None` for other touches.
+    pub fn passing(&self, touch: usize, view: &View<A>, qd: &[f64], time: f64) -> Result<Option<Passing>, SimError> {
+        let touch = &self.sim.touches[touch];
+        let TouchKind::Pair { pair, .. } = &touch.kind else { return Ok(None) };
+        Ok(Some(pair.passing(&pair.placed(view, touch.shift(time), qd)?)))
+    }
+
+    /// The groups of bodies with faces, edges and rims, of which contacts last.
+    pub fn touching(&self, lasting: &[Lasting]) -> Vec<usize> {
+        let groups = 0..self.groups.len();
+        groups.filter(|&g| self.lasts(g, lasting) && !self.groups[g].pair.is_on_plane()).collect()
+    }
+
+    /// The separation of the bodies of a group, m: the greatest along the normals of faces and of contacts of parts, or the first of
+    /// them that is not below `enough`.
+    pub fn separated(&self, group: usize, view: &View<A>, qd: &[f64], time: f64, enough: f64) -> Result<f64, SimError> {
+        let placed = self.placed(group, view, qd, time)?;
+        let Group { pair, meetings, .. } = &self.groups[group];
+        let mut most = pair.separation(&placed).map_or(f64::NEG_INFINITY, |(gap, _)| gap);
+        for meeting in meetings {
+            if most >= enough {
+                break;
+            }
+            most = most.max(pair.along(*meeting, &placed).unwrap_or(f64::INFINITY));
+        }
+        Ok(most)
+    }
+
+    /// A touch of a group.
+    pub fn first(&self, group: usize) -> usize {
+        self.groups[group].parts[0]
     }
 
     /// Gap and gap rate of a group; lower bounds where the bodies are far apart.

@@ -9,6 +9,10 @@
 //! velocity is its error. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
+//! **Bodies.** The gap of two bodies is the least of those of their parts, and may close and open in several places within a step: the
+//! step is divided where the velocities of the bodies allow a contact ([`Passing`](crate::contact::Passing)). Parts of bodies that touch
+//! at others may begin to face each other below zero: an overlap of the bodies tells that one of them has closed.
+//!
 //! **Gaps that jump.** Parts of two bodies that begin to face each other with an overlap have a gap that jumps from [`APART`] to
 //! below zero: other parts of these bodies touched before, and passed each other within the step. The least of all gaps goes through
 //! zero where they did.
@@ -22,6 +26,14 @@ use crate::contact::APART;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
 
+/// The gap of two bodies is examined in up to 2 to this power parts of a step.
+const HALVINGS: usize = 6;
+/// The same where it is closed at the end, to find whether it closes before.
+const FEW_HALVINGS: usize = 2;
+/// Bodies that touch are examined for an overlap whenever they have turned by this relative to each other, rad, and so many times in
+/// a step at most.
+const TURN: f64 = 0.05;
+const MOST_PARTS: f64 = 32.0;
 /// Times within a step at which a gap is examined whose parts have passed each other at its end.
 const PROBES: usize = 16;
 /// A gap that is below zero by more than this at its root on the dense output has jumped, m.
@@ -72,9 +84,10 @@ impl SolOut for Observer<'_, '_, '_> {
         // The number of witnesses is constant within a leg. If their evaluation fails, the list is empty and the error is
         // stored.
         let first = (after.iter().enumerate())
-            .filter_map(|(k, after)| Some((self.root(k, start, end, *after, dense)?, k)))
+            .filter_map(|(k, after)| Some((self.first(k, (start, end), *after, dense)?, k)))
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let first = first.map(|first| self.unless_jump(first, start, dense));
+        let first = self.overlap((start, first.map_or(end, |((time, _), _)| time)), dense).or(first);
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
             let (buffer, system) = (&mut self.buffer, self.system);
@@ -126,6 +139,33 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         Self { system, before, levels, y_before, reached: start, after: Vec::new(), buffer, found: None, sampler }
     }
 
+    /// The first time in a part of the step at which bodies that touch begin to overlap, and the contact of their parts that was missed,
+    /// because its parts did not face each other before, or do not at the end.
+    fn overlap(&mut self, (start, end): (f64, f64), dense: &StepInterpolant) -> Option<((f64, f64), usize)> {
+        let at = |it: &mut Self, time: f64| {
+            dense.interpolate(time, &mut it.buffer);
+            it.system.ask(|flow| flow.separated(time, &it.buffer))
+        };
+        let [mut before, turning] = at(self, start)?;
+        if before <= 0.0 {
+            return None; // they did so before
+        }
+        let parts = (turning * (end - start) / TURN).ceil().clamp(1.0, MOST_PARTS);
+        let mut from = start;
+        for part in 1..=parts as usize {
+            let to = if part as f64 == parts { end } else { start + (end - start) * part as f64 / parts };
+            let [after, _] = at(self, to)?;
+            if after <= 0.0 {
+                let time = descent((from, before), (to, after), |time| at(self, time).map_or(1.0, |[gap, _]| gap));
+                dense.interpolate(time, &mut self.buffer);
+                let k = self.system.ask(|flow| flow.closed_last(time, &self.buffer))?;
+                return Some(((time, 0.0), k));
+            }
+            (from, before) = (to, after);
+        }
+        None
+    }
+
     /// The witness that fires first; if it is a gap that jumps, that with the least gap where the least gap goes through zero before.
     fn unless_jump(
         &mut self,
@@ -151,10 +191,52 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         ((zero, 0.0), least(self, zero).1)
     }
 
-    /// The first time in the step at which a witness fires, and the level at which it does.
-    fn root(&mut self, k: usize, start: f64, end: f64, after: Witness, dense: &StepInterpolant) -> Option<(f64, f64)> {
-        let level = self.levels[k]?;
-        let before = self.before[k];
+    /// The first time in the step at which a witness fires, and the level at which it does. A gap of two bodies is a minimum of many
+    /// functions, and may close and open again within a step in several places: the step is divided as long as the velocities of the
+    /// bodies allow it, [`HALVINGS`] times at most.
+    fn first(
+        &mut self,
+        k: usize,
+        (start, end): (f64, f64),
+        after: Witness,
+        dense: &StepInterpolant,
+    ) -> Option<(f64, f64)> {
+        let (before, level) = (self.before[k], self.levels[k]?);
+        let bounds = before.passing.zip(after.passing).map(|(own, other)| own.bounds(&other, end - start));
+        self.within((k, level), (start, before), (end, after), (bounds, HALVINGS), dense)
+    }
+
+    /// [`Self::first`] in a part of the step. `bounds`: of the rate and the curvature of the gap.
+    fn within(
+        &mut self,
+        (k, level): (usize, f64),
+        (start, before): (f64, Witness),
+        (end, after): (f64, Witness),
+        (bounds, halvings): (Option<[f64; 2]>, usize),
+        dense: &StepInterpolant,
+    ) -> Option<(f64, f64)> {
+        let (Some(bound), true) = (bounds, halvings > 0 && before.value > level) else {
+            return self.root((k, level), (start, before), (end, after), dense);
+        };
+        if after.value > level && stays_above(level, &before, &after, bound, end - start) {
+            return None;
+        }
+        let middle = 0.5 * (start + end);
+        let between = self.at(k, middle, dense);
+        let rest = (bounds, if after.value > level { halvings - 1 } else { (halvings - 1).min(FEW_HALVINGS) });
+        let first = self.within((k, level), (start, before), (middle, between), rest, dense);
+        let level = if between.value > between.least() { 0.0 } else { level };
+        first.or_else(|| self.within((k, level), (middle, between), (end, after), rest, dense))
+    }
+
+    /// The first time in a part of the step at which a witness fires, by its values and rates at both ends.
+    fn root(
+        &mut self,
+        (k, level): (usize, f64),
+        (start, before): (f64, Witness),
+        (end, after): (f64, Witness),
+        dense: &StepInterpolant,
+    ) -> Option<(f64, f64)> {
         let rates = before.rate.zip(after.rate);
         if let Some((a, b)) = rates.filter(|(a, b)| level < 0.0 && after.value <= 0.0 && *a > 0.0 && *b < 0.0) {
             // The gap opened and closed again within this step.
@@ -168,7 +250,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         }
         let (reached, value) = if after.value <= level {
             (end, after.value)
-        } else if let Some(within) = self.passed(k, (start, end), after, dense) {
+        } else if let Some(within) = self.passed((k, level), (start, before), (end, after), dense) {
             within
         } else {
             let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
@@ -190,13 +272,12 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     /// have passed each other.
     fn passed(
         &mut self,
-        k: usize,
-        (start, end): (f64, f64),
-        after: Witness,
+        (k, level): (usize, f64),
+        (start, before): (f64, Witness),
+        (end, after): (f64, Witness),
         dense: &StepInterpolant,
     ) -> Option<(f64, f64)> {
-        let level = self.levels[k]?;
-        let closing = self.before[k].rate.is_some_and(|rate| self.before[k].value + rate * (end - start) < level);
+        let closing = before.rate.is_some_and(|rate| before.value + rate * (end - start) < level);
         if after.value < APART || !closing {
             return None;
         }
@@ -209,4 +290,22 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         dense.interpolate(time, &mut self.buffer);
         self.system.ask(|flow| flow.witness(k, time, &self.buffer))
     }
+}
+
+/// Whether a gap stays above a level between two times, by [bounds](Passing::bounds) of its rate and its curvature: the gap of convex
+/// bodies that do not turn is a convex function of their distance, and so above its tangents; turning and accelerations take at most the
+/// bound of the curvature times the square of the time over eight from that.
+fn stays_above(level: f64, before: &Witness, after: &Witness, [rate, curvature]: [f64; 2], span: f64) -> bool {
+    let (first, last) = (before.value - level, after.value - level);
+    if first + last > rate * span {
+        return true;
+    }
+    let (Some(a), Some(b)) = (before.rate, after.rate) else { return false };
+    let least = if a < 0.0 && b > 0.0 {
+        let crossing = ((last - first - b * span) / (a - b)).clamp(0.0, span);
+        (first + a * crossing).min(last - b * (span - crossing))
+    } else {
+        first.min(last)
+    };
+    least > 0.125 * curvature * span * span
 }

@@ -49,6 +49,8 @@ pub(crate) enum Watch {
 
 /// A force counts as inside its friction cone if its distance from the border is above this share of the normal force.
 const INSIDE: f64 = 1e-9;
+/// Parts whose gap is at most this many times the least overlap may have caused it.
+const FEW: f64 = 100.0;
 /// Share of the slowest slip by which velocities are moved for difference quotients.
 const FINE: f64 = 1e-3;
 
@@ -59,6 +61,8 @@ pub(crate) struct Watched<'m, 'a, A: Space> {
     /// The latest time before the next jump of forces or surfaces: what the leg sees at its end is the limit from before.
     latest: f64,
     known: Option<Known>,
+    /// The groups of bodies that touch at some of their parts.
+    touching: Vec<usize>,
 }
 
 /// The forces at the latest state at which they were computed. Integrator and witness functions ask for those of the same state.
@@ -134,7 +138,8 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
         if !motion.couplings.is_empty() {
             watches.push(Watch::Branches);
         }
-        Ok(Self { motion, watches, latest: kink.next_down(), known })
+        let touching = motion.gaps.touching(&motion.lasting);
+        Ok(Self { motion, watches, latest: kink.next_down(), known, touching })
     }
 
     /// Computes the accelerations at a state, unless they are known; `on_joints`: with the forces on joints that are locked.
@@ -167,7 +172,8 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
 impl Watch {
     /// Whether it depends on constraint forces, not only on positions and velocities.
     pub fn needs_forces(self) -> bool {
-        matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_) | Self::SlipEnds)
+        let joint = matches!(self, Self::JointBreaksLoose(_) | Self::JointStops(_));
+        joint || matches!(self, Self::NormalForce(_) | Self::Cone(_) | Self::SlipEnds)
     }
 }
 
@@ -198,13 +204,43 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
 
     fn witnesses(&mut self, time: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
         out.clear();
-        self.look(0..self.watches.len(), time, y, |witness| out.push(witness))
+        self.look(0..self.watches.len(), time, y, |witness| out.push(witness))?;
+        passing(self.motion, &self.watches, (time.min(self.latest), y), out)
     }
 
     fn witness(&mut self, k: usize, time: f64, y: &[f64]) -> Result<Witness, SimError> {
         let mut found = Witness::default();
         self.look(k..k + 1, time, y, |witness| found = witness)?;
         Ok(found)
+    }
+
+    fn separated(&mut self, time: f64, y: &[f64]) -> Result<Option<[f64; 2]>, SimError> {
+        let (motion, time) = (&mut *self.motion, time.min(self.latest));
+        let slack = motion.overlaps();
+        let (q, qd) = motion.split(y);
+        let view = View::new(motion.model, &mut motion.workspace, q)?;
+        let (mut least, mut turning) = (f64::INFINITY, 0.0_f64);
+        for &group in &self.touching {
+            least = least.min(slack + motion.gaps.separated(group, &view, qd, time, -slack)?);
+            let passing = motion.gaps.passing(motion.gaps.first(group), &view, qd, time)?;
+            turning = turning.max(passing.map_or(0.0, |passing| passing.turning()));
+        }
+        Ok((!self.touching.is_empty()).then_some([least, turning]))
+    }
+
+    fn closed_last(&mut self, time: f64, y: &[f64]) -> Result<Option<usize>, SimError> {
+        let slack = self.motion.overlaps();
+        let mut found = Vec::new();
+        self.look(0..self.watches.len(), time, y, |witness| found.push(witness))?;
+        let of_parts = |watch: &Watch| match watch {
+            Watch::Gap(touch) => self.motion.sim.touches[*touch].is_part(),
+            _ => false,
+        };
+        let closed =
+            |witness: &Witness| witness.value.abs() <= FEW * slack && witness.rate.is_some_and(|rate| rate < 0.0);
+        let parts =
+            self.watches.iter().zip(&found).enumerate().filter(|(_, (watch, gap))| of_parts(watch) && closed(gap));
+        Ok(parts.min_by(|a, b| a.1.1.value.abs().total_cmp(&b.1.1.value.abs())).map(|(k, _)| k))
     }
 
     fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
@@ -252,6 +288,26 @@ pub(crate) fn look<A: Space>(
     let mut last = None;
     for watch in watches {
         see(watch.at((motion.sim, &motion.gaps), &now, &view, (q, qd), time, &mut last)?);
+    }
+    Ok(())
+}
+
+/// How the bodies of each watched gap move past each other at a state; `None` for other witnesses and for contacts of parts.
+fn passing<A: Space>(
+    motion: &mut Motion<A>,
+    watches: &[Watch],
+    (time, y): (f64, &[f64]),
+    out: &mut [Witness],
+) -> Result<(), SimError> {
+    let (q, qd) = motion.split(y);
+    let view = View::new(motion.model, &mut motion.workspace, q)?;
+    for (watch, witness) in watches.iter().zip(out) {
+        let touch = match *watch {
+            Watch::Gap(touch) if !motion.sim.touches[touch].is_part() => touch,
+            Watch::Pair(group) | Watch::Rest(group) => motion.gaps.first(group),
+            _ => continue,
+        };
+        witness.passing = motion.gaps.passing(touch, &view, qd, time)?;
     }
     Ok(())
 }
@@ -329,10 +385,12 @@ impl Watch {
                 let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
                 Witness::margin(now.starts - slip.unwrap_or_default())
             }
-            (Self::JointStops(k), _) => {
+            (Self::JointStops(k), Some(held)) => {
                 let DryJoint { v, state, .. } = now.dry[k];
                 let Dry::Brakes(direction) = state else { return Ok(Witness::default()) };
-                Witness::velocity(qd[v] * direction, now.noise)
+                // With its rate the time is exact: near a dead point of a loop a velocity that is almost zero is not one that can be stopped.
+                let rate = Some(held.qdd[v] * direction);
+                Witness { rate, ..Witness::velocity(qd[v] * direction, now.noise) }
             }
             (Self::SlipEnds, _) => Witness::margin(now.slip_left),
             (Self::Branches, _) => Witness::margin(now.regular),
