@@ -256,3 +256,48 @@ fn impact_invariant_feedback_is_continuous_at_an_impact() {
     let (invariant, ordinary) = (jump(Drive::ImpactInvariant(controller)), jump(pd));
     assert!(ordinary > 1e-2 && invariant < 1e-3 * ordinary, "{invariant} against {ordinary} N m");
 }
+
+/// Damping, dry friction and limits of a joint that follows another one with the ratio −1.7 act as those of the other one with the
+/// damping 1.7² d, the friction 1.7 f and the limits at the same places.
+#[test]
+fn damping_friction_and_limits_of_a_mimic_joint_act() {
+    let link = |name: &str| {
+        format!(
+            "<link name='{name}'><inertial><origin xyz='0.25 0 0.02'/><mass value='0.9'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02'
+             iyz='0' izz='0.02'/></inertial></link>"
+        )
+    };
+    let chain = |own: &str, follower: &str| {
+        let text = format!(
+            "<robot name='pair'><link name='base'/>{}{}
+             <joint name='j' type='revolute'><parent link='base'/><child link='a'/><axis xyz='0 -1 0'/>{own}</joint>
+             <joint name='k' type='revolute'><parent link='a'/><child link='b'/><origin xyz='0.5 0 0'/><axis xyz='0 -1 0'/>
+             <mimic joint='j' multiplier='-1.7' offset='0.2'/>{follower}</joint></robot>",
+            link("a"),
+            link("b")
+        );
+        Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap()
+    };
+    let wide = "<limit lower='-50' upper='50' effort='9' velocity='9'/>";
+    // k in [-2, 0.5] is j in [(0.5 - 0.2)/-1.7, (-2 - 0.2)/-1.7].
+    let narrow = format!("<limit lower='{}' upper='{}' effort='9' velocity='9'/>", 0.3 / -1.7, 2.2 / 1.7);
+    let cases = [
+        (format!("{wide}<dynamics damping='0.3'/>"), format!("{wide}<dynamics damping='{}'/>", 0.3 * 1.7 * 1.7), 0),
+        (format!("{wide}<dynamics friction='0.3'/>"), format!("{wide}<dynamics friction='{}'/>", 0.3 * 1.7), 1),
+        ("<limit lower='-2' upper='0.5' effort='9' velocity='9'/>".to_owned(), narrow, 1),
+    ];
+    for (follower, leader, least) in cases {
+        let run = |chain: Chain| {
+            let touches = Touch::all(&chain, &[], 0.4).unwrap().touches;
+            let gravity = Vector3::new(0.0, 0.0, -G);
+            let sim = Simulation { gravity, tolerance: 1e-10, ..Simulation::new(chain, touches) };
+            sim.run(&[0.4], &[2.0], 2.0).unwrap()
+        };
+        let (own, other) = (run(chain(wide, &follower)), run(chain(&leader, wide)));
+        assert_energy_balance(&own);
+        assert!(own.events.len() >= least, "{} events", own.events.len());
+        assert_eq!(own.events.len(), other.events.len());
+        let (a, b) = (&own.summary.last, &other.summary.last);
+        assert!((a.q[0] - b.q[0]).abs() < 1e-8 && (a.qd[0] - b.qd[0]).abs() < 1e-8, "{follower}: {a:?} {b:?}");
+    }
+}

@@ -3,8 +3,9 @@
 //!
 //! Only [`weld`] merges bodies; loading a URDF and [locking](crate::Chain::lock) joints both call it.
 
+use crate::about::{About, Coordinates, JointInfo, LinkInfo};
 use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, Symmetric3, z_onto};
-use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
+use crate::chain::{Body, Chain, Frame};
 use crate::error::ChainError;
 use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
 use nalgebra::{Isometry3, Matrix3, Vector3};

@@ -12,16 +12,16 @@
 //! are numbered depth first. A mimic joint is a body that shares the coordinate of the joint it mimics: position =
 //! ratio · q + shift. Every joint of the recursions therefore has one degree of freedom. Without mimic joints n = nv.
 
+use crate::about::{About, Coordinates, JointCoordinate, JointInfo, LinkInfo};
 use crate::algebra::{Algebra, Inertia, Pose, Real, Spatial};
 use crate::delassus::Structure;
 use crate::error::ChainError;
 use crate::join::Member;
 use crate::planarize::PlanarChain;
 use crate::prepare::PreparedBody;
-use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual, suggestion};
+use crate::urdf::{LoadReport, suggestion};
 use nalgebra::Vector3;
 use num_traits::Zero;
-use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 /// One body and the joint that connects it to its parent, in a frame aligned with the joint's axis. For two hinges in a row the
@@ -103,75 +103,6 @@ pub struct Point<A: Algebra> {
     pub body: Option<usize>,
     /// Its position relative to the body's origin, body axes, m.
     pub position: A::Vector,
-}
-
-/// Which entries of q and qd belong to a joint.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Coordinates {
-    /// Its own entries of q and of qd.
-    Own {
-        /// Entries of q.
-        q: Range<usize>,
-        /// Entries of qd.
-        v: Range<usize>,
-    },
-    /// A mimic joint: position = `multiplier` · (position of the other joint) + `offset`.
-    Follows {
-        /// Name of the joint that it mimics.
-        joint: String,
-        /// Ratio of the positions.
-        multiplier: f64,
-        /// Position while the other joint is at zero, rad or m.
-        offset: f64,
-    },
-    /// No coordinates: the joint is fixed in the file, locked or pruned.
-    None,
-}
-
-/// A joint of the file.
-#[derive(Debug, Clone, PartialEq)]
-pub struct JointInfo {
-    /// Its name.
-    pub name: String,
-    /// Its type in the file.
-    pub kind: JointType,
-    /// Name of the parent link.
-    pub parent: String,
-    /// Name of the child link.
-    pub child: String,
-    /// Limits of position, speed and effort.
-    pub limits: Limits,
-    /// Viscous damping, N m s/rad or N s/m.
-    pub damping: f64,
-    /// Static friction, N m or N.
-    pub friction: f64,
-    /// Its entries of q and qd.
-    pub coordinates: Coordinates,
-}
-
-/// A link of the file with its geometry. This crate stores the geometry and does not use it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LinkInfo {
-    /// Its name.
-    pub name: String,
-    /// Collision shapes, in link axes.
-    pub collisions: Vec<Collision>,
-    /// Visual shapes, in link axes.
-    pub visuals: Vec<Visual>,
-}
-
-/// The part of the model that does not depend on the algebra.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct About {
-    pub name: String,
-    pub joints: Vec<JointInfo>,
-    pub links: Vec<LinkInfo>,
-    pub total_mass: f64,
-    pub report: LoadReport,
-    /// Pairs of links that make no contact.
-    pub disabled_pairs: Vec<[String; 2]>,
-    /// The robots of a joined chain.
-    pub members: Vec<Member>,
 }
 
 /// A kinematic chain (a tree of bodies): immutable, `Send + Sync`, shared by reference.
@@ -305,6 +236,21 @@ impl<A: Algebra> Chain<A> {
             name: name.into(),
             hint: suggestion(name, &self.about.joints.iter().map(|j| j.name.as_str()).collect::<Vec<_>>()),
         })
+    }
+
+    /// The coordinate with which a joint moves, its own or that of the joint which it mimics; `None` for fixed joints and for those with
+    /// several coordinates.
+    pub fn coordinate_of(&self, joint: &JointInfo) -> Option<JointCoordinate> {
+        match &joint.coordinates {
+            Coordinates::Own { q, v } if v.len() == 1 => {
+                Some(JointCoordinate { q: q.start, v: v.start, multiplier: 1.0, offset: 0.0 })
+            }
+            Coordinates::Follows { joint, multiplier, offset } => {
+                let leader = self.joint(joint).ok()?;
+                Some(JointCoordinate { multiplier: *multiplier, offset: *offset, ..self.coordinate_of(leader)? })
+            }
+            _ => None,
+        }
     }
 
     /// The joint of a velocity coordinate (index into qd); `None` for an index of [`Chain::nv`] or more.

@@ -3,9 +3,10 @@
 //! M of the joined chain is block diagonal, one block for each robot, and an impulse on one robot moves no other. The
 //! factorisation of M, the recursions and H use the tree, so the zeros cost nothing.
 
+use crate::about::{About, Coordinates, JointInfo, LinkInfo};
 use crate::algebra::{Pose, Spatial};
 use crate::assemble::pose_of;
-use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, LinkInfo};
+use crate::chain::{Body, Chain, Frame};
 use crate::error::ChainError;
 use crate::urdf::{LoadReport, Repair};
 use nalgebra::Isometry3;

@@ -15,6 +15,7 @@
 //! exported as one array. `gravity` is the acceleration of free fall in world axes, m/s², for example (0, 0, −9.81).
 
 mod aba;
+mod about;
 pub mod algebra;
 mod assemble;
 mod chain;
@@ -37,8 +38,9 @@ mod state;
 pub mod urdf;
 
 pub use aba::Articulation;
+pub use about::{Coordinates, JointCoordinate, JointInfo, LinkInfo};
 pub use algebra::{Planar, Spatial};
-pub use chain::{Body, Chain, Coordinates, Frame, FrameId, FramePoint, JointInfo, LinkInfo, Point};
+pub use chain::{Body, Chain, Frame, FrameId, FramePoint, Point};
 pub use contact_inertia::ContactInertia;
 pub use delassus::{ContactPoint, Keep, Kept, PointResponse, ResponseMemory, Rows, Visit};
 pub use error::ChainError;

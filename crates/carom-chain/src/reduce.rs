@@ -4,9 +4,10 @@
 //! no impact at a given point can change: those that a different joint connects to the fixed base, because an impulse on
 //! the fixed base moves nothing. The third reduction, to the plane, is [`Chain::to_planar`].
 
+use crate::about::{About, Coordinates, JointInfo};
 use crate::algebra::{Algebra, Pose};
 use crate::assemble::{MovingJoint, Node, weld};
-use crate::chain::{About, Body, Chain, Coordinates, Frame, JointInfo, Point};
+use crate::chain::{Body, Chain, Frame, Point};
 use crate::error::ChainError;
 use crate::join::Member;
 use std::ops::Range;

@@ -25,8 +25,9 @@
 //! }
 //! ```
 
+use crate::about::{Coordinates, JointInfo};
 use crate::algebra::{Algebra, SpatialJoint};
-use crate::chain::{Chain, Coordinates, JointInfo};
+use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::JointType;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};

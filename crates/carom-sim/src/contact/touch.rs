@@ -13,7 +13,7 @@ use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::SimError;
-use carom_chain::{Chain, Coordinates, Reduced, Spatial};
+use carom_chain::{Chain, JointCoordinate, Reduced, Spatial};
 use carom_contact::{
     LeftOut, LinkShape, Meeting, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
 };
@@ -206,16 +206,32 @@ impl Touch {
         divided
     }
 
+    /// The limits of every coordinate: its own and those of the joints that follow it, of which the nearer one counts.
     fn limits(chain: &Chain, restitution: f64) -> Vec<Self> {
-        let mut touches = Vec::new();
+        let mut touches: Vec<Self> = Vec::new();
         for joint in chain.joints() {
-            let Coordinates::Own { q, v } = &joint.coordinates else { continue };
-            for (bound, upper, side) in [(joint.limits.lower, false, "lower"), (joint.limits.upper, true, "upper")] {
-                let Some(bound) = bound else { continue };
-                let kind = TouchKind::Limit { joint: joint.name.clone(), q: q.start, v: v.start, bound, upper };
-                let contact = ContactRule::new(Frictionless { restitution });
+            let Some(JointCoordinate { q, v, multiplier, offset }) = chain.coordinate_of(joint) else { continue };
+            if multiplier == 0.0 {
+                continue;
+            }
+            for (bound, side) in [(joint.limits.lower, "lower"), (joint.limits.upper, "upper")] {
+                let Some(bound) = bound.map(|bound| (bound - offset) / multiplier) else { continue };
+                let upper = (side == "upper") == (multiplier > 0.0);
+                let kind = TouchKind::Limit { joint: joint.name.clone(), q, v, bound, upper };
                 let name = format!("{side} limit of {}", joint.name);
-                touches.push(Self { name, contact, kind, surface: None, motion: None });
+                let contact = ContactRule::new(Frictionless { restitution });
+                let new = Self { name, contact, kind, surface: None, motion: None };
+                let known = touches.iter_mut().find_map(|touch| match touch.kind {
+                    TouchKind::Limit { q: own, upper: side, bound, .. } if own == q && side == upper => {
+                        Some((touch, bound))
+                    }
+                    _ => None,
+                });
+                match known {
+                    Some((touch, known)) if (upper && bound < known) || (!upper && bound > known) => *touch = new,
+                    Some(_) => {}
+                    None => touches.push(new),
+                }
             }
         }
         touches

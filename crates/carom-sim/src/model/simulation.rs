@@ -282,12 +282,15 @@ impl Simulation {
         Ok((Moment { time: self.start_time, q: own, qd: rates }, most))
     }
 
-    /// Viscous damping of every velocity coordinate, from the URDF.
+    /// Viscous damping of every velocity coordinate, from the URDF, with that of the joints which follow it.
     pub(crate) fn damping(&self) -> Vec<f64> {
         let mut damping = vec![0.0; self.chain.nv()];
         for joint in self.chain.joints() {
-            if let Coordinates::Own { v, .. } = &joint.coordinates {
-                damping[v.clone()].fill(joint.damping);
+            // The power of a joint that follows is −d (multiplier · q̇)².
+            match (self.chain.coordinate_of(joint), &joint.coordinates) {
+                (Some(moves), _) => damping[moves.v] += moves.multiplier.powi(2) * joint.damping,
+                (None, Coordinates::Own { v, .. }) => damping[v.clone()].fill(joint.damping),
+                _ => {}
             }
         }
         damping

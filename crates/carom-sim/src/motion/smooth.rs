@@ -116,14 +116,17 @@ fn mode(lasting: &[Lasting], stepping: bool) -> ContactMode {
 impl<'a, A: Space> Motion<'a, A> {
     /// Free motion of a simulation's chain.
     pub fn new(sim: &'a Simulation, model: &'a A::Model) -> Self {
-        let mut dry = Vec::new();
+        // Joints that follow a coordinate slip together with it.
+        let mut friction = vec![0.0; sim.chain.nv()];
         for joint in sim.chain.joints() {
-            if let Coordinates::Own { v, .. } = &joint.coordinates
-                && joint.friction > 0.0
-            {
-                dry.extend(v.clone().map(|v| DryJoint { v, friction: joint.friction, state: Dry::Holds }));
+            match (sim.chain.coordinate_of(joint), &joint.coordinates) {
+                (Some(moves), _) => friction[moves.v] += moves.multiplier.abs() * joint.friction,
+                (None, Coordinates::Own { v, .. }) => friction[v.clone()].fill(joint.friction),
+                _ => {}
             }
         }
+        let rough = friction.into_iter().enumerate().filter(|(_, friction)| *friction > 0.0);
+        let dry = rough.map(|(v, friction)| DryJoint { v, friction, state: Dry::Holds }).collect();
         Self {
             sim,
             model,

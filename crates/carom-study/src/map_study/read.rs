@@ -427,14 +427,8 @@ fn limits_of(joint: &JointInfo) -> (f64, f64) {
 fn ranges(chain: &Chain) -> Vec<(usize, f64, f64, f64, f64)> {
     let range = |joint: &JointInfo| {
         let (lower, upper) = limits_of(joint);
-        match &joint.coordinates {
-            Coordinates::Own { q, .. } => Some((q.start, 1.0, 0.0, lower, upper)),
-            Coordinates::Follows { joint, multiplier, offset } => match &chain.joint(joint).ok()?.coordinates {
-                Coordinates::Own { q, .. } => Some((q.start, *multiplier, *offset, lower, upper)),
-                _ => None,
-            },
-            Coordinates::None => None,
-        }
+        let moves = chain.coordinate_of(joint)?;
+        Some((moves.q, moves.multiplier, moves.offset, lower, upper))
     };
     let limited = chain.joints().iter().filter_map(range);
     limited.filter(|(.., lower, upper)| lower.is_finite() || upper.is_finite()).collect()
@@ -444,15 +438,8 @@ fn ranges(chain: &Chain) -> Vec<(usize, f64, f64, f64, f64)> {
 fn velocity_limits(chain: &Chain) -> (Vec<String>, Vec<Limit>) {
     let limit = |joint: &JointInfo| {
         let velocity = joint.limits.velocity.filter(|limit| *limit > 0.0)?;
-        let (v, ratio) = match &joint.coordinates {
-            Coordinates::Own { v, .. } => (v.start, 1.0),
-            Coordinates::Follows { joint, multiplier, .. } => match &chain.joint(joint).ok()?.coordinates {
-                Coordinates::Own { v, .. } => (v.start, *multiplier),
-                _ => return None,
-            },
-            Coordinates::None => return None,
-        };
-        Some((joint.name.clone(), Limit { v, ratio, velocity }))
+        let moves = chain.coordinate_of(joint)?;
+        Some((joint.name.clone(), Limit { v: moves.v, ratio: moves.multiplier, velocity }))
     };
     chain.joints().iter().filter_map(limit).unzip()
 }
