@@ -3,9 +3,10 @@
 mod mechanisms;
 
 use carom::Chain;
-use carom::sim::{Loop, LoopJoint, Moment, Sampling, Seen, SimError, Simulation, Spring, Summary};
-use mechanisms::{Cut, FourBar, G, n_four_bar, pin, turned};
+use carom::sim::{Loop, LoopFrame, LoopJoint, Moment, Sampling, Seen, SimError, Simulation, Spring, Summary};
+use mechanisms::{Cut, FourBar, G, Rod, n_four_bar, pin, turned};
 use nalgebra::Vector3;
+use std::f64::consts::PI;
 
 fn simulation(chain: Chain, loops: Vec<Loop>) -> Simulation {
     let gravity = Vector3::new(0.0, -G, 0.0);
@@ -264,5 +265,44 @@ fn a_session_goes_on_within_the_leap_over_a_flat_pose() {
         again.restore(state).unwrap();
         again.advance(2.0 - again.time()).unwrap();
         assert!(near(&again.moment()) < 1e-7, "{:?} {whole:?}", again.moment());
+    }
+}
+
+/// A slider-crank with dry friction f in its slider, in the horizontal plane: the slider's velocity passes through zero at both dead
+/// points, where its friction only changes its direction. The loss of kinetic energy is f times the path of the slider.
+#[test]
+fn dry_friction_changes_its_direction_at_the_dead_points_of_a_slider() {
+    let (r, l, f, mass) = (0.3_f64, 0.8, 0.7, 1.5);
+    let slider = format!(
+        r#"<link name="slider"><inertial><mass value="{mass}"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/>
+        </inertial></link><joint name="slide" type="prismatic"><parent link="ground"/><child link="slider"/><axis xyz="1 0 0"/>
+        <limit lower="-9" upper="9" effort="9" velocity="9"/><dynamics friction="{f}"/></joint>"#
+    );
+    let chain = mechanisms::chain_and(&[Rod::new("crank", "ground", 0.0, r), Rod::new("rod", "crank", r, l)], &slider);
+    let frame = |link, x| LoopFrame::new(Some(link), [x, 0.0, 0.0], [0.0; 3]);
+    let joint = LoopJoint::Pin { axis: Vector3::z() };
+    let loops = vec![Loop { name: "pin".into(), joint, frames: [frame("rod", l), frame("slider", 0.0)] }];
+    let place = |angle: f64| r * angle.cos() + (l * l - (r * angle.sin()).powi(2)).sqrt();
+    let lean = |angle: f64| -(r / l * angle.sin()).asin();
+    for tolerance in [1e-3, 1e-4, 1e-6, 1e-8, 1e-10] {
+        let sim = Simulation { loops: loops.clone(), tolerance, ..Simulation::new(chain.clone(), Vec::new()) };
+        let (angle, speed) = (1.0_f64, 12.0);
+        let q = [angle, lean(angle) - angle, place(angle)];
+        // The rates by differences: closed by the simulation.
+        let h = 1e-6;
+        let rate = |of: &dyn Fn(f64) -> f64| (of(angle + h) - of(angle - h)) / (2.0 * h) * speed;
+        let qd = [speed, rate(&lean) - speed, rate(&place)];
+        let (closed, _) = sim.close_loops(&q, &qd).unwrap();
+        let run = sim.run(&closed.q, &closed.qd, 2.0).unwrap();
+        let end = run.summary.last.q[0];
+        assert!(end > angle + 2.0 * PI, "the crank turns by {}", end - angle);
+        let turns: Vec<f64> = (1..100).map(|k| f64::from(k) * PI).filter(|turn| *turn < end).collect();
+        let stations: Vec<f64> = [angle].into_iter().chain(turns).chain([end]).map(place).collect();
+        let path: f64 = stations.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
+        let balance = run.summary.energy;
+        let lost = balance.start - balance.end;
+        let allowed = 20.0 * tolerance * balance.start;
+        assert!((lost - f * path).abs() < allowed, "{tolerance}: {lost} J lost, {} J of friction", f * path);
+        assert!(balance.error().abs() < allowed, "{tolerance}: {}", balance.error());
     }
 }

@@ -272,3 +272,21 @@ fn a_parameter_that_changes_the_contacts_is_refused() {
     let refused = sim.sensitivity(&[0.6], &[0.0], 0.5, &[bad]).unwrap_err().to_string();
     assert!(refused.contains("number of possible contacts"), "{refused}");
 }
+
+/// A slider that dry friction stops: with the deceleration a the place is q + v²/2a and the time v/a, whatever follows.
+#[test]
+fn a_slider_that_friction_stops_has_the_derivatives_of_its_closed_form() {
+    let text = "<robot name='slider'><link name='world'/><link name='block'><inertial><mass value='2'/>
+        <inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' izz='0.01'/></inertial></link>
+        <joint name='slide' type='prismatic'><parent link='world'/><child link='block'/><axis xyz='1 0 0'/>
+        <limit lower='-9' upper='9' effort='0' velocity='9'/><dynamics friction='3'/></joint></robot>";
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let sim = Simulation { tolerance: 1e-10, ..Simulation::new(chain, Vec::new()) };
+    let (v, a) = (1.2, 3.0 / 2.0);
+    let found = sim.sensitivity(&[0.1], &[v], 1.0 + v / a, &[]).unwrap();
+    assert!((found.last.q[0] - 0.1 - v * v / (2.0 * a)).abs() < 1e-9);
+    let by = found.last_by.expect("derivatives of the end");
+    let expected = DMatrix::from_row_slice(2, 2, &[1.0, v / a, 0.0, 0.0]);
+    assert!((&by - &expected).amax() < 1e-7, "{by} {expected}");
+    assert!((found.events[0].time_by[1] - 1.0 / a).abs() < 1e-7, "{:?}", found.events);
+}

@@ -69,7 +69,9 @@ impl<A: Space> Motion<'_, A> {
         };
         let (_, qd) = self.split(y);
         let within = SHARE * sim.zeno_time;
-        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| brakes(joint)) {
+        // In loops a joint that becomes slow may pass a dead point.
+        let tree = self.couplings.is_empty();
+        for (k, joint) in self.dry.iter().enumerate().filter(|(_, joint)| tree && brakes(joint)) {
             let (rate, slows) = (qd[joint.v].abs(), -held.qdd[joint.v] * qd[joint.v].signum());
             if slows > 0.0 && rate <= within * slows {
                 ending.joints.push(k);

@@ -21,6 +21,7 @@ use super::rows::direction_of_slip;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
+use carom_chain::Rows;
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
@@ -33,6 +34,10 @@ pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iteration
 pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
 const TIE: f64 = 1e-9;
+/// A joint whose inverse inertia in its loops is below this share of that without them is at a dead point.
+const DEAD: f64 = 1e-12;
+/// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
+const MORE: f64 = 100.0;
 /// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
 const AHEAD: f64 = 1e-6;
 
@@ -88,6 +93,11 @@ impl<A: Space> Motion<'_, A> {
         self.sim.tolerance.min(1e-9)
     }
 
+    /// Bodies that touch overlap by more than this only where another contact of their parts was missed, m.
+    pub fn overlaps(&self) -> f64 {
+        10.0 * self.sim.tolerance.max(1e-9)
+    }
+
     /// The candidate of a touch at its present slip.
     pub fn candidate(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<Candidate, SimError> {
         let (q, qd) = self.split(y);
@@ -112,9 +122,14 @@ impl<A: Space> Motion<'_, A> {
     pub fn select(&mut self, candidates: &[Candidate], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
         let nq = self.sim.chain.nq();
         let rest = self.rest();
-        for joint in &mut self.dry {
-            let rate = y[nq + joint.v];
-            joint.state = if rate.abs() > rest { Dry::Brakes(rate.signum()) } else { Dry::Holds };
+        self.close_loops(y)?;
+        for k in 0..self.dry.len() {
+            let rate = y[nq + self.dry[k].v];
+            self.dry[k].state = if rate.abs() > rest {
+                Dry::Brakes(rate.signum())
+            } else {
+                self.passing_dead_point(self.dry[k].v, time, y)?.map_or(Dry::Holds, Dry::Brakes)
+            };
         }
         let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
         self.other_mode = None;
@@ -133,6 +148,29 @@ impl<A: Space> Motion<'_, A> {
         let (found, solution) = ahead.unwrap_or((found, now));
         self.take(&entries, &found, &solution);
         Ok(true)
+    }
+
+    /// The direction in which a joint begins to move at a dead point of a loop; `None` elsewhere. No force on the joint stops the loop
+    /// there: its velocity passes through zero whatever its friction, and setting it to zero would change others by far more.
+    fn passing_dead_point(&mut self, v: usize, time: f64, y: &[f64]) -> Result<Option<f64>, SimError> {
+        if self.couplings.is_empty() {
+            return Ok(None);
+        }
+        let (most, (q, qd)) = (MORE * self.rest(), self.split(y));
+        let nv = qd.len();
+        let (mut row, mut alone, mut in_loops) = (Rows::new(nv), Rows::new(nv), Rows::new(nv));
+        row.add()[v] = 1.0;
+        let mut view = self.view(q)?;
+        view.kin.respond(&row, &mut alone)?;
+        view.respond(&row, &mut in_loops)?;
+        let (response, yields) = (in_loops.row(0), in_loops.row(0)[v]);
+        let change = response.iter().fold(0.0_f64, |m, x| m.max(x.abs())) * qd[v].abs();
+        if yields > DEAD * alone.row(0)[v] && change <= most * yields {
+            return Ok(None);
+        }
+        let mut qdd = vec![0.0; nv];
+        self.accelerate(time, y, &mut qdd)?;
+        Ok(Some(qdd[v].signum()))
     }
 
     /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed

@@ -236,6 +236,9 @@ impl<A: Space> Motion<'_, A> {
         let impulses: Vec<&[f64]> = held.iter().chain(responses.iter()).collect();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let k = DMatrix::from_fn(rows.len(), rows.len(), |i, j| dot(rows[i], impulses[j]));
+        if rows.is_empty() || k.iter().any(|entry| !entry.is_finite()) {
+            return Ok(());
+        }
         let least = 1e-12 * k.amax();
         // Constraints may depend on each other: the solution of least squares.
         let found = k.svd(true, true).solve(&DVector::from_vec(errors), least).unwrap_or_default();

@@ -50,12 +50,9 @@ impl<A: Space> Motion<'_, A> {
         let count = found.constraints.starts.len();
         for step in 0.. {
             self.push_along(found);
-            let equations = self.equations(time, lasting, found)?;
-            let forces = |wanted: &DVector<f64>| {
-                let solved = equations.as_ref().and_then(|equations| equations.solve(wanted));
-                solved.ok_or_else(|| self.jam(time, found, 0))
-            };
-            let lambda = forces(&wanted)?;
+            let mut equations = self.equations(time, lasting, found)?;
+            let lambda =
+                equations.as_mut().and_then(|it| it.forces(&wanted)).ok_or_else(|| self.jam(time, found, 0))?;
             let mut qdd = found.free.clone();
             add(&mut qdd, found, &lambda);
             let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
@@ -77,7 +74,8 @@ impl<A: Space> Motion<'_, A> {
                 let held: DVector<f64> =
                     found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
                 let mut change = turned;
-                add(&mut change, found, &forces(&-held)?);
+                let forces = equations.as_ref().and_then(|it| it.solve(&-held));
+                add(&mut change, found, &forces.ok_or_else(|| self.jam(time, found, 0))?);
                 for i in 0..count {
                     let moved = found.tangents(i, change.as_slice());
                     slope[(i, j)] = moved.dot(&across(starts[i].along));
@@ -86,6 +84,9 @@ impl<A: Space> Motion<'_, A> {
             }
             // Several contacts may have the same slip: two wheels on one axle.
             let least = DEPENDENT * slope.amax();
+            if slope.iter().any(|entry| !entry.is_finite()) {
+                return Err(no_direction());
+            }
             let Ok(turn) = slope.svd(true, true).solve(&left, least) else {
                 return Err(no_direction());
             };

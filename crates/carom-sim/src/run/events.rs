@@ -258,7 +258,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
         self.memory.add(self.time);
-        if self.memory.is_crowded(self.time, self.motion.sim.contact_step) {
+        if self.memory.is_crowded(self.time, watch, self.motion.sim) {
             return self.step_on(StepReason::Crowd);
         }
         let before = self.y.clone();
@@ -296,18 +296,18 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                     return Ok(());
                 }
             }
-            Watch::JointStops(k) => {
-                let nq = self.motion.sim.chain.nq();
-                self.y[nq + self.motion.dry[k].v] = 0.0;
+            Watch::JointStops(k) if self.motion.couplings.is_empty() => {
+                self.y[self.motion.sim.chain.nq() + self.motion.dry[k].v] = 0.0;
             }
             Watch::NormalForce(_)
             | Watch::Cone(_)
             | Watch::JointBreaksLoose(_)
+            | Watch::JointStops(_)
             | Watch::Admissible
             | Watch::SlipEnds => {}
         }
         let events = self.memory.events;
-        let old = self.motion.lasting.clone();
+        let (old, joints) = (self.motion.lasting.clone(), self.motion.dry.clone());
         self.resettle(&[], &before)?;
         // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
         if self.memory.events == events {
@@ -324,7 +324,9 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                         self.note(EventKind::Mode { mode }, &before, Vec::new());
                     }
                 }
-                Watch::JointStops(k) | Watch::JointBreaksLoose(k) => self.note_joint(k, &before),
+                Watch::JointStops(k) | Watch::JointBreaksLoose(k) if self.motion.dry[k].state != joints[k].state => {
+                    self.note_joint(k, &before);
+                }
                 Watch::SlipEnds => self.memory.slip_goes_on = true,
                 _ => {}
             }

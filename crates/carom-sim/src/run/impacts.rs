@@ -9,12 +9,13 @@
 //!
 //! - u⁺ > 0 and no accumulation: it opens.
 //! - a > 0, r < 1 and remaining time 2u⁺/(a(1−r)) below [`Simulation::zeno_time`](crate::Simulation::zeno_time): the infinitely
-//!   many impacts within that time are replaced by their limit (`zeno`), after which the contact lasts. For a pendulum that
-//!   hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
+//!   many impacts within that time are replaced by their limit (`zeno`), after which the contact lasts. So are bounces of less than
+//!   [`LOWEST`]. For a pendulum that hits a wall at its lowest point a = 0: its impacts never accumulate, and all are computed.
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
 use super::events::{Run, TOUCHING};
 use super::trajectory::{EventKind, StepReason};
+use super::witness::HYSTERESIS;
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
@@ -24,6 +25,8 @@ use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 
+/// Least height of a bounce, m.
+const LOWEST: f64 = 10.0 * HYSTERESIS;
 /// With this number of impacts within the Zeno time their rest is replaced by one impact without restitution.
 const SWARM: usize = 6;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
@@ -334,8 +337,10 @@ impl<A: Space> Run<'_, '_, A> {
             // A contact that lasted has an approach velocity of the size of rounding, of either sign.
             let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
             let remaining = 2.0 * rebound / (toward * (1.0 - share));
-            if toward > 0.0 && share < 1.0 && remaining < self.motion.sim.zeno_time {
-                left = left.max(remaining);
+            // Bounces that are not higher than what counts as closed cannot be told from rounding.
+            let (longest, flat) = (self.motion.sim.zeno_time, rebound * rebound < 2.0 * toward * LOWEST);
+            if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
+                left = left.max(remaining.min(longest));
                 ending.push(leaving.swap_remove(k).touch);
             }
         }

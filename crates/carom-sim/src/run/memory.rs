@@ -1,5 +1,7 @@
 //! What a run remembers of its last events.
 
+use super::watch::Watch;
+use crate::model::Simulation;
 use crate::motion::NonUnique;
 use std::collections::VecDeque;
 
@@ -38,6 +40,8 @@ pub(crate) struct Memory {
 const JAMS: usize = 8;
 /// So many ends of legs within one time step are too many.
 const CROWD: usize = 300;
+/// Too many impacts within this number of Zeno times do not accumulate.
+const TAIL: f64 = 10.0;
 
 impl Memory {
     /// A leg has ended at a zero of a witness function.
@@ -55,8 +59,11 @@ impl Memory {
         self.jammed.1 <= JAMS
     }
 
-    /// Whether there were too many of them within this time.
-    pub fn is_crowded(&self, time: f64, within: f64) -> bool {
+    /// Whether there were too many of them within a time step; where gaps close, within some Zeno times, because hundreds of impacts of
+    /// one ball lie within a time step before they accumulate.
+    pub fn is_crowded(&self, time: f64, watch: Watch, sim: &Simulation) -> bool {
+        let closes = matches!(watch, Watch::Gap(_) | Watch::Pair(_) | Watch::Rest(_));
+        let within = if closes { sim.contact_step.min(TAIL * sim.zeno_time) } else { sim.contact_step };
         self.recent.len() == CROWD && time - self.recent[0] < within
     }
 }
