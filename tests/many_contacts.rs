@@ -134,60 +134,89 @@ fn a_ladder_leaves_its_wall_at_two_thirds_of_its_height() {
 }
 
 /// A box that slides and spins on four corners, against the equations of its plane motion with loads that are affine in the
-/// position of the corner: Σ N = m g, Σ N r = friction's moment about the centre at the height h. Integrated by the classical
-/// method of Runge and Kutta.
-#[test]
-fn a_spinning_box_has_loads_that_are_affine_in_the_position_of_its_corners() {
-    let (size, mass, mu) = ([0.3, 0.2, 0.1], 2.0, 0.25);
-    let h = size[2] / 2.0;
-    let inertia = mass * (size[0] * size[0] + size[1] * size[1]) / 12.0;
-    let corner = |k: usize, turn: f64| {
-        let (x, y) = (if k & 1 == 0 { 0.15 } else { -0.15 }, if k & 2 == 0 { 0.1 } else { -0.1 });
-        let (s, c) = turn.sin_cos();
-        Vector2::new(c * x - s * y, s * x + c * y)
-    };
-    // Loads N = α + β·r with friction −μ N d: a linear system of three equations.
-    let rate = |y: [f64; 6]| {
-        let [_, _, turn, vx, vy, w] = y;
-        let at: Vec<Vector2<f64>> = (0..4).map(|k| corner(k, turn)).collect();
-        let d: Vec<Vector2<f64>> = at.iter().map(|r| Vector2::new(vx - w * r.y, vy + w * r.x).normalize()).collect();
-        let mut a = nalgebra::Matrix3::zeros();
-        for (r, d) in at.iter().zip(&d) {
-            let shape = Vector3::new(1.0, r.x, r.y);
-            // Moments about the horizontal axes: Σ N r − h Σ (force) = 0, as the friction acts at the height −h.
-            let moments = Vector3::new(1.0, r.x - mu * h * d.x, r.y - mu * h * d.y);
-            a += moments * shape.transpose();
-        }
-        let shape = a.lu().solve(&Vector3::new(mass * G, 0.0, 0.0)).unwrap();
-        let (mut force, mut torque) = (Vector2::zeros(), 0.0);
-        for (r, d) in at.iter().zip(&d) {
-            let load = shape.x + shape.y * r.x + shape.z * r.y;
-            let f = -d * (mu * load);
-            force += f;
-            torque += r.x * f.y - r.y * f.x;
-        }
-        [vx, vy, w, force.x / mass, force.y / mass, torque / inertia]
-    };
-    let mut y = [0.0, 0.0, 0.0, 0.8, 0.1, 3.0];
-    let (steps, end) = (2000, 0.2);
-    let step = end / f64::from(steps);
-    let add = |y: [f64; 6], k: [f64; 6], s: f64| std::array::from_fn(|i| y[i] + s * k[i]);
-    for _ in 0..steps {
-        let k1 = rate(y);
-        let k2 = rate(add(y, k1, step / 2.0));
-        let k3 = rate(add(y, k2, step / 2.0));
-        let k4 = rate(add(y, k3, step));
-        y = std::array::from_fn(|i| y[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+/// position of the corner: Σ N = m g, Σ N r = friction's moment about the centre at the height h. Where a corner would pull, the
+/// three others bear the load.
+fn loads_of_corners(at: &[Vector2<f64>], d: &[Vector2<f64>], (weight, lever): (f64, f64)) -> Vec<f64> {
+    // Moments about the horizontal axes: Σ N r − h Σ (force) = 0, as the friction acts at the height −h.
+    let moments = |k: usize| Vector3::new(1.0, at[k].x - lever * d[k].x, at[k].y - lever * d[k].y);
+    let shape = |k: usize| Vector3::new(1.0, at[k].x, at[k].y);
+    let mut affine = nalgebra::Matrix3::zeros();
+    (0..4).for_each(|k| affine += moments(k) * shape(k).transpose());
+    let whole = Vector3::new(weight, 0.0, 0.0);
+    let factors = affine.lu().solve(&whole).unwrap();
+    let mut loads: Vec<f64> = (0..4).map(|k| factors.dot(&shape(k))).collect();
+    if let Some(pulling) = (0..4).find(|&k| loads[k] < 0.0) {
+        let others: Vec<usize> = (0..4).filter(|&k| k != pulling).collect();
+        let three = nalgebra::Matrix3::from_fn(|i, j| moments(others[j])[i]);
+        let found = three.lu().solve(&whole).unwrap();
+        loads[pulling] = 0.0;
+        others.iter().zip(found.iter()).for_each(|(&k, load)| loads[k] = *load);
     }
-    let sim = simulation(floating_box(size, mass), &[("floor", Vector3::z())], mu);
-    let run = sim.run(&[0.0, 0.0, h, 0.0, 0.0, 0.0, 1.0], &[0.8, 0.1, 0.0, 0.0, 0.0, 3.0], end).unwrap();
-    assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
-    assert_eq!(run.summary.contacts.len(), 4);
-    let q = &run.summary.last.q;
-    let turn = 2.0 * q[5].atan2(q[6]);
-    for (found, expected) in [q[0], q[1], turn].into_iter().zip(y) {
-        // Runge–Kutta's error is of the order of step⁴ = 1e-16.
-        assert!((found - expected).abs() < 1e-9, "{found} for {expected}");
+    loads
+}
+
+/// [`loads_of_corners`], integrated by the classical method of Runge and Kutta.
+#[test]
+fn a_spinning_box_is_borne_by_corners_that_push() {
+    for (size, mass, mu, start, end, pulls) in [
+        ([0.3, 0.2, 0.1], 2.0, 0.25, [0.8, 0.1, 3.0], 0.2, false),
+        ([0.3, 0.2, 0.24], 1.0, 0.8, [0.6, 0.9, 3.0], 0.1, true),
+    ] {
+        let h = size[2] / 2.0;
+        let inertia = mass * (size[0] * size[0] + size[1] * size[1]) / 12.0;
+        let corner = |k: usize, turn: f64| {
+            let (x, y) = (if k & 1 == 0 { 0.15 } else { -0.15 }, if k & 2 == 0 { 0.1 } else { -0.1 });
+            let (s, c) = turn.sin_cos();
+            Vector2::new(c * x - s * y, s * x + c * y)
+        };
+        let loaded = |y: [f64; 6]| {
+            let [_, _, turn, vx, vy, w] = y;
+            let at: Vec<Vector2<f64>> = (0..4).map(|k| corner(k, turn)).collect();
+            let d: Vec<Vector2<f64>> =
+                at.iter().map(|r| Vector2::new(vx - w * r.y, vy + w * r.x).normalize()).collect();
+            let loads = loads_of_corners(&at, &d, (mass * G, mu * h));
+            (at, d, loads)
+        };
+        let rate = |y: [f64; 6]| {
+            let (at, d, loads) = loaded(y);
+            let (mut force, mut torque) = (Vector2::zeros(), 0.0);
+            for ((r, d), load) in at.iter().zip(&d).zip(&loads) {
+                let f = -d * (mu * load);
+                force += f;
+                torque += r.x * f.y - r.y * f.x;
+            }
+            [y[3], y[4], y[5], force.x / mass, force.y / mass, torque / inertia]
+        };
+        let [vx, vy, w] = start;
+        let mut y = [0.0, 0.0, 0.0, vx, vy, w];
+        let steps = 2000;
+        let step = end / f64::from(steps);
+        let add = |y: [f64; 6], k: [f64; 6], s: f64| std::array::from_fn(|i| y[i] + s * k[i]);
+        for _ in 0..steps {
+            let k1 = rate(y);
+            let k2 = rate(add(y, k1, step / 2.0));
+            let k3 = rate(add(y, k2, step / 2.0));
+            let k4 = rate(add(y, k3, step));
+            y = std::array::from_fn(|i| y[i] + step / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+        let (_, _, mut loads) = loaded(y);
+        assert_eq!(loads.contains(&0.0), pulls);
+        let sim = simulation(floating_box(size, mass), &[("floor", Vector3::z())], mu);
+        let run = sim.run(&[0.0, 0.0, h, 0.0, 0.0, 0.0, 1.0], &[vx, vy, 0.0, 0.0, 0.0, w], end).unwrap();
+        assert_eq!(run.summary.statistics.contact_steps, 0, "{:?}", names(&run));
+        let q = &run.summary.last.q;
+        let turn = 2.0 * q[5].atan2(q[6]);
+        for (found, expected) in [q[0], q[1], turn].into_iter().zip(y) {
+            // Runge–Kutta's error is of the order of step⁴ = 1e-16.
+            assert!((found - expected).abs() < 1e-9, "{found} for {expected}");
+        }
+        let mut found: Vec<f64> = run.summary.contacts.iter().map(|contact| contact.normal_force).collect();
+        loads.sort_by(f64::total_cmp);
+        found.sort_by(f64::total_cmp);
+        assert_eq!(found.len(), 4);
+        for (found, expected) in found.iter().zip(&loads) {
+            assert!((found - expected).abs() < 1e-6 * mass * G, "{found} N for {expected} N");
+        }
     }
 }
 

@@ -331,3 +331,67 @@ fn a_stiff_controller_selects_the_implicit_integrator() {
         assert!((q - (target + (start - target) * share)).abs() < 1e-3 * 0.03, "{q}");
     }
 }
+
+/// A planar robot whose tip sticks to the floor, or is latched to it, moves in space as in its plane: the row of the contact across the
+/// plane, which no joint moves, is rounding. As the robot turns about the point of its tip, its work is that of its weight.
+#[test]
+fn a_planar_robot_sticks_in_space_as_in_its_plane() {
+    let link = |name: &str, shape: &str| {
+        format!(
+            "<link name='{name}'><inertial><origin xyz='0.2 0 0'/><mass value='0.8'/><inertia ixx='0.02' ixy='0' ixz='0' iyy='0.02' iyz='0'
+             izz='0.02'/></inertial>{shape}</link>"
+        )
+    };
+    let joint = |name: &str, kind: &str, parent: &str, place: &str, axis: &str| {
+        format!(
+            "<joint name='j{name}' type='{kind}'><parent link='{parent}'/><child link='{name}'/><origin xyz='{place}'/><axis xyz='{axis}'/>
+             <limit lower='-9' upper='9' effort='9' velocity='9'/></joint>"
+        )
+    };
+    let tip = "<collision><origin xyz='0.4 0 0'/><geometry><sphere radius='0.03'/></geometry></collision>";
+    let robot = [
+        "<robot name='cart'><link name='base'/>",
+        &link("a", ""),
+        &link("b", ""),
+        &link("c", tip),
+        &joint("a", "prismatic", "base", "0 0 0.6", "1 0 0"),
+        &joint("b", "continuous", "a", "0 0 0", "0 -1 0"),
+        &joint("c", "continuous", "b", "0.4 0 0", "0 -1 0"),
+        "</robot>",
+    ]
+    .concat();
+    // The tip's lowest point is on the floor: 0.6 − 0.4 sin(a) − 0.4 sin(a + b) = 0.03.
+    let first = -0.46288903843013474_f64;
+    let second = -((0.57 + 0.4 * first.sin()) / 0.4).asin() - first;
+    for (friction, latch) in [(2.0, false), (0.0, true)] {
+        let text = |model: &str| {
+            format!(
+                "[robot]\nurdf = 'robot.urdf'\nq = [0, {first}, {second}]\nqd = [0, 0, 0]\n[[surface]]\nname = 'floor'\n\
+                 shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n[contact]\nlaw = 'newton'\nrestitution = 0\n\
+                 friction = {friction}\nlatch = {latch}\n[run]\nduration = 0.15\ngravity = [0, 0, -9.81]\ntolerance = 1e-10\n{model}"
+            )
+        };
+        let run = |model: &str| {
+            let scene = scene("sticks", &robot, &text(model));
+            let plan = scene.plan().unwrap();
+            let mut forces = Vec::new();
+            let sampling = carom::sim::Sampling { every: Some(0.01), ..Default::default() };
+            let mut see = |seen: carom::sim::Seen| {
+                if let carom::sim::Seen::Contacts(_, contacts) = seen {
+                    forces.extend(contacts.iter().map(|contact| contact.force));
+                }
+            };
+            (plan.stream(scene.duration, sampling, &mut see).unwrap().last, forces)
+        };
+        let ((flat, pushed), (space, also)) = (run(""), run("model = 'full'"));
+        assert!(pushed.len() >= 10 && pushed.len() == also.len(), "{} {}", pushed.len(), also.len());
+        let moved = (flat.q[2] - second).abs();
+        assert!(moved > 0.01, "moved by {moved} rad");
+        for (a, b) in flat.q.iter().chain(&flat.qd).zip(space.q.iter().chain(&space.qd)) {
+            assert!((a - b).abs() < 1e-9, "{flat:?} {space:?}");
+        }
+        for (a, b) in pushed.iter().zip(&also) {
+            assert!((a - b).norm() < 1e-7 * a.norm(), "{a} {b}");
+        }
+    }
+}

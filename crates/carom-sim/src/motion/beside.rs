@@ -57,7 +57,7 @@ impl<A: Space> Motion<'_, A> {
         let all = constraints.rows.times(&responses);
         let gram = all.view((0, 0), (m, m)).into_owned();
         let across = all.view((0, m), (m, 3)).into_owned();
-        let Some(passed) = Basis::of(&gram).spread(&gram).and_then(|equations| equations.solve(&across)) else {
+        let Some(passed) = Basis::of(&gram).spread(&gram, &[]).and_then(|equations| equations.solve(&across)) else {
             return Ok(None);
         };
         let whole: Matrix3<f64> = all.fixed_view::<3, 3>(m, m).into_owned();

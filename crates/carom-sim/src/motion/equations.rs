@@ -3,16 +3,23 @@
 //! Symbols as in `held.rs`. Most rows are clearly independent, and this shows in the symmetric part S = ½ (K + Kᵀ): where it is positive
 //! definite, xᵀK x = xᵀS x > 0 for every x ≠ 0. So K is regular, and with x = K⁻¹eᵢ a unit force along row i, the others held, moves
 //! this row with it: (K⁻¹)ᵢᵢ > 0, which makes sliding consistent. Otherwise R M⁻¹ Rᵀ tells which rows are independent.
+//!
+//! Where the motion depends on how forces are distributed (F ≠ R), contacts that would pull by the convention have no force, one after
+//! another, as long as the rows of the others determine the motion.
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
+use super::rows::Contact;
 use crate::state::{Basis, Spread};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};
+use std::ops::Range;
 
 /// Pivots of S above this share of the terms of their row belong to independent rows: far above the share of [`Basis`] that decides.
 const INDEPENDENT: f64 = 1e-6;
 /// A force moves its row, the others held, by more than this share of what a force along R moves it alone.
 const YIELDS: f64 = 1e-12;
+/// Forces below this share of the largest are rounding.
+const ROUNDING: f64 = 1e-12;
 
 /// Factored equations.
 pub(crate) enum Equations {
@@ -20,7 +27,48 @@ pub(crate) enum Equations {
     Symmetric(Cholesky<f64, Dyn>),
     Regular(LU<f64, Dyn, Dyn>),
     /// Rows depend on others.
-    Redundant(Spread),
+    Redundant(Box<Redundant>),
+}
+
+/// Equations of rows that depend on others.
+pub(crate) struct Redundant {
+    spread: Spread,
+    /// Number of independent rows.
+    rank: usize,
+    /// K and R M⁻¹ Rᵀ.
+    matrices: [DMatrix<f64>; 2],
+    /// The rows of contacts that push and do not pull, where F ≠ R.
+    pushing: Vec<Range<usize>>,
+}
+
+impl Redundant {
+    /// The equations with forces of the rows that are not among these, and λ; `None` if the others depend on them.
+    fn without(&self, left_out: &[Range<usize>], wanted: &DMatrix<f64>) -> Option<(Spread, DMatrix<f64>)> {
+        let [k, gram] = &self.matrices;
+        let basis = Basis::without(gram, left_out);
+        let spread = (basis.rows.len() == self.rank).then(|| basis.spread(k, left_out))??;
+        let found = spread.solve(wanted)?;
+        Some((spread, found))
+    }
+
+    /// λ where no contact pulls, by leaving out those that pull most, one after another; the equations are those of the others from
+    /// then on. Where this leads to no solution λ is that of the convention.
+    fn push(&mut self, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let convention = self.spread.solve(wanted)?;
+        let (mut found, mut left_out, mut changed) = (convention.clone(), Vec::new(), None);
+        loop {
+            let normal = |rows: &&Range<usize>| found[(rows.end - 1, 0)];
+            let pulls = self.pushing.iter().filter(|rows| normal(rows) < -ROUNDING * found.amax());
+            let Some(worst) = pulls.min_by(|a, b| normal(a).total_cmp(&normal(b))) else { break };
+            left_out.push(worst.clone());
+            let Some((spread, forces)) = self.without(&left_out, wanted) else { return Some(convention) };
+            (found, changed) = (forces, Some(spread));
+        }
+        if let Some(spread) = changed {
+            self.spread = spread;
+        }
+        Some(found)
+    }
 }
 
 impl Equations {
@@ -40,7 +88,8 @@ impl Equations {
         let symmetric = if skew { (&k + k.transpose()) * 0.5 } else { k.clone() };
         if let Some(factor) = symmetric.cholesky() {
             let l = factor.l_dirty();
-            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * found.terms(i)) {
+            let least = Basis::least(&k);
+            if (0..m).all(|i| l[(i, i)] * l[(i, i)] > INDEPENDENT * found.terms(i).max(least)) {
                 return Ok(Some(if skew { Self::Regular(k.lu()) } else { Self::Symmetric(factor) }));
             }
         }
@@ -50,7 +99,14 @@ impl Equations {
         let gram = found.gram();
         let basis = Basis::of(&gram);
         if basis.rows.len() < m {
-            return basis.spread(&k).map(|spread| Some(Self::Redundant(spread))).ok_or(0);
+            let rank = basis.rows.len();
+            let spread = basis.spread(&k, &[]).ok_or(0_usize)?;
+            let unilateral = |(contact, own): (&Contact, &Lasting)| {
+                (skew && own.hold != Hold::Latched && !contact.rows.is_empty()).then(|| contact.rows.clone())
+            };
+            let rigid = lasting.iter().filter(|own| own.is_rigid());
+            let pushing = constraints.contacts.iter().zip(rigid).filter_map(unilateral).collect();
+            return Ok(Some(Self::Redundant(Box::new(Redundant { spread, rank, matrices: [k, gram], pushing }))));
         }
         let factor = k.lu();
         let rigid = lasting.iter().filter(|own| own.is_rigid());
@@ -70,15 +126,23 @@ impl Equations {
         Ok(Some(Self::Regular(factor)))
     }
 
+    /// λ of the motion: as [`Self::solve`], but of redundant contacts with F ≠ R, whose motion depends on the distribution, none pulls if
+    /// this is possible. Further solutions are of the same contacts.
+    pub fn forces(&mut self, wanted: &DVector<f64>) -> Option<DVector<f64>> {
+        let Self::Redundant(redundant) = self else { return self.solve(wanted) };
+        Some(redundant.push(&column(wanted))?.column(0).into_owned())
+    }
+
     /// λ; `None` if the equations have no solution.
     pub fn solve(&self, wanted: &DVector<f64>) -> Option<DVector<f64>> {
         match self {
             Self::Symmetric(factor) => Some(factor.solve(wanted)),
             Self::Regular(factor) => factor.solve(wanted),
-            Self::Redundant(spread) => {
-                let wanted = DMatrix::from_column_slice(wanted.len(), 1, wanted.as_slice());
-                Some(spread.solve(&wanted)?.column(0).into_owned())
-            }
+            Self::Redundant(redundant) => Some(redundant.spread.solve(&column(wanted))?.column(0).into_owned()),
         }
     }
+}
+
+fn column(numbers: &DVector<f64>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(numbers.len(), 1, numbers.as_slice())
 }

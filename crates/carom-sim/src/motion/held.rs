@@ -245,8 +245,8 @@ impl<A: Space> Motion<'_, A> {
         } else if !found.constraints.starts.is_empty() {
             self.starting_forces(time, lasting, found)?
         } else {
-            let Some(equations) = self.equations(time, lasting, found)? else { return Ok(None) };
-            equations.solve(&-found.offset()).ok_or_else(|| self.jam(time, found, 0))?
+            let Some(mut equations) = self.equations(time, lasting, found)? else { return Ok(None) };
+            equations.forces(&-found.offset()).ok_or_else(|| self.jam(time, found, 0))?
         };
         let Assembled { constraints, responses, free, power, lambda, .. } = &*found;
         let mut held = ConstraintForces {

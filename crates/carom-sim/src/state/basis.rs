@@ -1,6 +1,7 @@
 //! The independent rows among constraints.
 
 use nalgebra::{DMatrix, DVector, Dyn, LU};
+use std::ops::Range;
 
 /// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
 /// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
@@ -22,7 +23,7 @@ pub(crate) struct Basis {
 pub(crate) struct Spread {
     basis: Vec<usize>,
     others: Vec<usize>,
-    /// The rows of X that are not in the basis.
+    /// The rows of X that are not in the basis and not left out.
     spread: DMatrix<f64>,
     /// The rows B of K X.
     folded: LU<f64, Dyn, Dyn>,
@@ -30,8 +31,21 @@ pub(crate) struct Spread {
 
 impl Basis {
     pub fn of(gram: &DMatrix<f64>) -> Self {
-        let most = gram.diagonal().amax();
-        Self::among(gram, &gram.diagonal().map(|own| own.max(most * DEPENDENT)))
+        let least = Self::least(gram);
+        Self::among(gram, &gram.diagonal().map(|own| own.max(least)))
+    }
+
+    /// [`Self::of`] without these rows.
+    pub fn without(gram: &DMatrix<f64>, left_out: &[Range<usize>]) -> Self {
+        let least = Self::least(gram);
+        let mut sizes = gram.diagonal().map(|own| own.max(least));
+        left_out.iter().cloned().flatten().for_each(|row| sizes[row] = f64::INFINITY);
+        Self::among(gram, &sizes)
+    }
+
+    /// The size of rows that are rounding: those of a planar robot across its plane.
+    pub fn least(gram: &DMatrix<f64>) -> f64 {
+        gram.diagonal().amax() * DEPENDENT
     }
 
     /// The rows whose pivots are not small compared with these sizes.
@@ -76,10 +90,11 @@ impl Basis {
         lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(wanted)?)
     }
 
-    /// The equations of the matrix K with these rows.
-    pub fn spread(self, k: &DMatrix<f64>) -> Option<Spread> {
+    /// The equations of the matrix K with these rows; those that are left out have no force.
+    pub fn spread(self, k: &DMatrix<f64>, left_out: &[Range<usize>]) -> Option<Spread> {
         let Self { rows: basis, factor, .. } = self;
-        let others: Vec<usize> = (0..k.nrows()).filter(|i| !basis.contains(i)).collect();
+        let is_other = |i: &usize| !basis.contains(i) && !left_out.iter().any(|rows| rows.contains(i));
+        let others: Vec<usize> = (0..k.nrows()).filter(is_other).collect();
         // The rows of L that are left are X L_B.
         let left = factor.select_rows(&others).transpose();
         let spread = factor.select_rows(&basis).tr_solve_lower_triangular(&left)?.transpose();
