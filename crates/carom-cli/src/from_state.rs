@@ -1,6 +1,9 @@
 //! `carom simulate --from-state`: the start of a scene from a file.
+//!
+//! A state is q, q̇ and a time. What a run remembers besides, as which robots an impact has hit, is not part of it.
 
 use crate::error::CliError;
+use crate::output::say;
 use carom_chain::Coordinates;
 use carom_sim::Scene;
 use serde::Deserialize;
@@ -21,7 +24,8 @@ struct State {
     qd: Vec<f64>,
 }
 
-/// Replaces the start of a scene, and its time if the file gives one.
+/// Replaces the start of a scene, and its time if the file gives one, and warns where the end of a run does not determine how it goes
+/// on.
 pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
     let refuse = |why: String| CliError::Option(format!("--from-state {}: {why}", path.display()));
     let text = std::fs::read_to_string(path)
@@ -57,6 +61,20 @@ pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
     chain.check_state(&q, &qd).map_err(|e| refuse(e.to_string()))?;
     if let Some(time) = time.filter(|time| !time.is_finite()) {
         return Err(refuse(format!("time is {time}: it must be finite")));
+    }
+    let simulation = &scene.simulation;
+    let file = path.display();
+    if simulation.after_impact.is_some() {
+        say(&format!(
+            "warning: --from-state {file}: after_impact acts from the first impact after this state on, whether or not there was one \
+             before: make it the controller to go on after an impact"
+        ));
+    }
+    if simulation.touches.iter().any(|touch| touch.contact.compliance.is_some()) {
+        say(&format!(
+            "warning: --from-state {file}: compliant contacts that press begin anew, with the damping of their present approach and \
+             without deflection of bristles"
+        ));
     }
     let start = time.unwrap_or(0.0);
     scene.simulation.start_time = start;
