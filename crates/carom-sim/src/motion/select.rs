@@ -15,6 +15,7 @@
 //! the problem is solved again at a state a short time ahead.
 
 use super::assembled::Assembled;
+use super::equations::Equations;
 use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
@@ -34,6 +35,8 @@ pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iteration
 pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
 const TIE: f64 = 1e-9;
+/// Forces outside their cones by this share of the largest are still a start for the solver.
+const NEARLY: f64 = 1e-6;
 /// A joint whose inverse inertia in its loops is below this share of that without them is at a dead point.
 const DEAD: f64 = 1e-12;
 /// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
@@ -235,7 +238,9 @@ impl<A: Space> Motion<'_, A> {
             constraints.push(Constraint::Dry { bound: self.dry[k].friction });
         }
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
-        let outcome = problem.simultaneous(&ACCURACY, start.filter(|start| start.len() == free.len()))?;
+        let held = if start.is_none() { self.all_held(&entries, found, &free) } else { None };
+        let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());
+        let outcome = problem.simultaneous(&ACCURACY, start)?;
         let solved = outcome.residual <= UNSOLVED;
         if !solved {
             return Ok(None);
@@ -256,6 +261,24 @@ impl<A: Space> Motion<'_, A> {
         let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);
         let scale = [largest, outcome.impulse.amax().max(largest / mobility)];
         Ok(Some(Solution { force: outcome.impulse, acceleration, qdd, scale, problem }))
+    }
+
+    /// The forces by the convention while all contacts last, those at rest stick and joints hold, if they are admissible up to
+    /// [`NEARLY`]: of the solutions with redundant contacts that in which the smooth motion goes on, or begins to slide, is near.
+    fn all_held(&self, entries: &[Lasting], found: &Assembled, free: &DVector<f64>) -> Option<DVector<f64>> {
+        let forces = Equations::of(found, entries).ok()??.forces(&-free)?;
+        let nearly = NEARLY * forces.amax();
+        let rigid = entries.iter().filter(|own| own.is_rigid());
+        let pushes = found.constraints.contacts.iter().zip(rigid).all(|(contact, own)| {
+            let own_forces = &forces.as_slice()[contact.rows.clone()];
+            let Some((normal, along)) = own_forces.split_last() else { return true };
+            let friction = self.sim.touches[own.touch].contact.law.friction() * normal;
+            let inside = along.iter().map(|x| x * x).sum::<f64>().sqrt() <= friction + nearly;
+            own.hold == Hold::Latched || (*normal >= -nearly && inside)
+        });
+        let first = forces.len() - found.constraints.joints.len();
+        let mut joints = found.constraints.joints.iter().zip(forces.iter().skip(first));
+        (pushes && joints.all(|(k, force)| force.abs() <= self.dry[*k].friction + nearly)).then_some(forces)
     }
 
     /// Whether a contact is undecided: neither loaded nor opening, or at rest on the border of its cone.
