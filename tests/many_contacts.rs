@@ -237,3 +237,72 @@ fn duplicated_contacts_do_not_change_the_motion() {
         }
     }
 }
+
+/// Two flat fingers squeeze a box of mass m with the force F each while it falls at the speed v: friction 2 μ F on eight corners stops it
+/// after the time v/a and the distance v²/2a with a = 2 μ F/m − g, without a turn, and it stays there.
+#[test]
+fn a_gripper_stops_a_box_without_turning_it() {
+    let body = |name: &str, mass: f64, inertia: f64, size: &str| {
+        format!(
+            r#"<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{inertia}" ixy="0" ixz="0" iyy="{inertia}" iyz="0"
+            izz="{inertia}"/></inertial><collision><geometry><box size="{size}"/></geometry></collision></link>"#
+        )
+    };
+    let finger = |name: &str, axis: &str| {
+        let joint = format!(
+            r#"<joint name="{name}j" type="prismatic"><parent link="base"/><child link="{name}"/><axis xyz="{axis}"/>
+            <limit lower="-1" upper="1" effort="100" velocity="9"/></joint>"#
+        );
+        body(name, 0.3, 0.001, "0.02 0.06 0.05") + &joint
+    };
+    let gripper = format!(
+        r#"<robot name="gripper"><link name="base"/>{}{}</robot>"#,
+        finger("left", "1 0 0"),
+        finger("right", "-1 0 0")
+    );
+    let object = format!(r#"<robot name="object">{}</robot>"#, body("object", 0.5, 0.002, "0.1 0.1 0.3"));
+    let folder = std::env::temp_dir().join(format!("carom-gripper-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("gripper.urdf"), gripper).unwrap();
+    std::fs::write(folder.join("object.urdf"), object).unwrap();
+    let (squeeze, mu, mass, speed) = (12.0, 0.4, 0.5, 0.3);
+    let text = format!(
+        r#"
+        [[robot]]
+        name = "gripper"
+        urdf = "gripper.urdf"
+        q = [-0.06, -0.06]
+        controller = "constant"
+        torque = [{squeeze}, {squeeze}]
+        [[robot]]
+        name = "object"
+        urdf = "object.urdf"
+        floating = true
+        position = [0, 0, 0]
+        qd = [0, 0, -{speed}, 0, 0, 0]
+        [contact]
+        law = "newton"
+        restitution = 0
+        friction = {mu}
+        [run]
+        duration = 0.2
+        gravity = [0, 0, -{G}]
+        tolerance = 1e-10
+        "#
+    );
+    let scene = carom::Scene::from_toml(&text, &folder).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let run = scene.plan().unwrap().run(scene.duration).unwrap();
+    let slows = 2.0 * mu * squeeze / mass - G;
+    let stop = run.events.iter().find(|event| event.kind.name() == "sticking").expect("the box stops");
+    assert!((stop.time - speed / slows).abs() < 1e-9, "{} s for {} s", stop.time, speed / slows);
+    // Eight contacts begin to slide and stop, once.
+    assert!(run.events.len() < 24, "{:?}", names(&run));
+    assert_eq!(run.summary.statistics.contact_steps, 0);
+    let (place, rest) = (&run.summary.last.q[2..], &run.summary.last.qd);
+    let expected = [0.0, 0.0, -speed * speed / (2.0 * slows), 0.0, 0.0, 0.0, 1.0];
+    for (found, expected) in place.iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{place:?}");
+    }
+    assert!(rest.iter().all(|v| v.abs() < 1e-9), "{rest:?}");
+}
