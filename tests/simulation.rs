@@ -77,6 +77,28 @@ fn bouncing_ball_has_closed_form_heights_and_zeno_time() {
     }
 }
 
+/// Impacts accumulate where bounces are lower than 1e-13 m, which rounding hides, before their time is short; and where hundreds of them
+/// lie within one time step. With e = 0.99, 450 impacts lie within the last millisecond.
+#[test]
+fn bounces_end_where_rounding_begins() {
+    for (e, tolerance) in [(0.9, 1e-12), (0.99, 1e-9)] {
+        let zeno_time = Simulation::zeno_time_for(tolerance);
+        let sim = simulation(ball("prismatic"), level(), rule("newton", e, 0.0));
+        let sim = Simulation { tolerance, zeno_time, max_events: 5000, ..sim };
+        let h = 0.01;
+        let zeno = (2.0 * h / G).sqrt() * (1.0 + e) / (1.0 - e);
+        let run = sim.run(&[0.1 + h], &[0.0], zeno + 0.1).unwrap();
+        assert_eq!(run.summary.statistics.contact_steps, 0, "e {e}");
+        let ends: Vec<f64> =
+            run.events.iter().filter(|e| matches!(e.kind, EventKind::Zeno { .. })).map(|e| e.time).collect();
+        assert_eq!(ends.len(), 1, "e {e}: {ends:?}");
+        // The bounces that are left out last for 2u/(g (1 − e)), with a height u²/2g of 1e-13 m.
+        let left = 2.0 * (2e-13 * G).sqrt() / (G * (1.0 - e));
+        assert!((ends[0] - zeno).abs() < left, "e {e}: {} for {zeno}", ends[0]);
+        assert!(run.summary.last.qd[0] == 0.0 && (run.summary.last.q[0] - 0.1).abs() < 1e-12);
+    }
+}
+
 /// No event is lost or reported twice in ten thousand bounces with e = 1, one every 2√(2h/g).
 #[test]
 fn ten_thousand_elastic_bounces_are_each_reported_once() {
