@@ -235,16 +235,30 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// The separation of the bodies of a group, m: the greatest along the normals of faces and of contacts of parts, or the first of
-    /// them that is not below `enough`.
-    pub fn separated(&self, group: usize, view: &View<A>, qd: &[f64], time: f64, enough: f64) -> Result<f64, SimError> {
+    /// them that is not below `enough`. It is mostly that along a contact that lasts.
+    pub fn separated(
+        &self,
+        group: usize,
+        lasting: &[Lasting],
+        view: &View<A>,
+        (qd, time): (&[f64], f64),
+        enough: f64,
+    ) -> Result<f64, SimError> {
         let placed = self.placed(group, view, qd, time)?;
-        let Group { pair, meetings, .. } = &self.groups[group];
-        let mut most = pair.separation(&placed).map_or(f64::NEG_INFINITY, |(gap, _)| gap);
-        for meeting in meetings {
+        let Group { pair, parts, meetings, .. } = &self.groups[group];
+        let lasts = |k: usize| lasting.iter().any(|own| own.touch == parts[k]);
+        let (first, others): (Vec<usize>, Vec<usize>) = (0..parts.len()).partition(|&k| lasts(k));
+        let faces = || pair.separation(&placed).map_or(f64::NEG_INFINITY, |(gap, _)| gap);
+        let along = |k: usize| pair.along(meetings[k], &placed).unwrap_or(f64::INFINITY);
+        let mut most = first.into_iter().map(along).fold(f64::NEG_INFINITY, f64::max);
+        if most < enough {
+            most = most.max(faces());
+        }
+        for k in others {
             if most >= enough {
                 break;
             }
-            most = most.max(pair.along(*meeting, &placed).unwrap_or(f64::INFINITY));
+            most = most.max(along(k));
         }
         Ok(most)
     }

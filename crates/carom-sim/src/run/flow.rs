@@ -57,13 +57,13 @@ impl<'a> System<'a> {
     }
 
     /// The state after a short time, by the midpoint rule.
-    pub fn midpoint(&self, (time, y): (f64, &[f64]), span: f64) -> Vec<f64> {
+    pub fn midpoint(&self, (time, y): (f64, &[f64]), span: f64) -> Result<Vec<f64>, SimError> {
         let mut rate = vec![0.0; y.len()];
         let moved = |rate: &[f64], span: f64| y.iter().zip(rate).map(|(y, rate)| y + rate * span).collect::<Vec<_>>();
         self.derivative(time, y, &mut rate);
         let middle = moved(&rate, span / 2.0);
         self.derivative(time + span / 2.0, &middle, &mut rate);
-        moved(&rate, span)
+        self.0.borrow_mut().error.take().map_or_else(|| Ok(moved(&rate, span)), Err)
     }
 }
 

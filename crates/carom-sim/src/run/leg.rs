@@ -105,7 +105,7 @@ fn refine(
         if time - start > 1e-14 * time.abs() {
             if correction.abs() <= SHORT * (time - start) {
                 statistics.evaluations += 2;
-                exact = system.midpoint((time - correction, &exact), correction);
+                exact = system.midpoint((time - correction, &exact), correction)?;
             } else {
                 exact = last(system, (start, &y), time, accuracy, statistics)?;
             }

@@ -221,7 +221,7 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
         let view = View::new(motion.model, &mut motion.workspace, q)?;
         let (mut least, mut turning) = (f64::INFINITY, 0.0_f64);
         for &group in &self.touching {
-            least = least.min(slack + motion.gaps.separated(group, &view, qd, time, -slack)?);
+            least = least.min(slack + motion.gaps.separated(group, &motion.lasting, &view, (qd, time), -slack)?);
             let passing = motion.gaps.passing(motion.gaps.first(group), &view, qd, time)?;
             turning = turning.max(passing.map_or(0.0, |passing| passing.turning()));
         }
