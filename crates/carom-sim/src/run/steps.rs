@@ -220,7 +220,15 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.stepping = false;
         self.lost = lost + energy - self.motion.energy(&self.y)?;
         if !hits.is_empty() {
-            self.collide(&hits, &closed)?;
+            match self.collide(&hits, &closed) {
+                // After the impact friction jams: the steps go on.
+                Err(SimError::Jam { .. }) => {
+                    self.motion.stepping = true;
+                    self.motion.lasting.retain(|own| !own.is_rigid());
+                    return Ok(false);
+                }
+                done => done?,
+            }
         } else if closed.is_empty() {
             self.note(EventKind::Mode { mode: ContactMode::Free }, &before, Vec::new());
         } else {
