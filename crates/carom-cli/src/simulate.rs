@@ -70,8 +70,8 @@ pub struct Simulate {
     ///
     /// A JSON file: {"q": […], "qd": […]} and, if wanted, "time" (s), at which tables and moving
     /// surfaces begin; or the answer of `carom simulate --json`, whose `final` state and time are
-    /// taken. The duration counts from there. Impacts before it, which start an `after_impact`, and
-    /// what compliant contacts remember are not part of a state.
+    /// taken. The duration counts from there. Impacts before it, after which `after_impact` acts,
+    /// and what compliant contacts remember are not part of a state.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     from_state: Option<PathBuf>,
     /// Run N times from starts that `[run] perturb` disturbs; the table has a row for each run

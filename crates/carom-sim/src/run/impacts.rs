@@ -27,6 +27,8 @@ use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 
 /// Least height of a bounce, m.
 const LOWEST: f64 = 10.0 * HYSTERESIS;
+/// Longest time for which lower ones are passed, s: the error of this step is of third order.
+const LONGEST: f64 = 1e-4;
 /// With this number of impacts within the Zeno time their rest is replaced by one impact without restitution.
 const SWARM: usize = 6;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
@@ -340,7 +342,7 @@ impl<A: Space> Run<'_, '_, A> {
             // Bounces that are not higher than what counts as closed cannot be told from rounding.
             let (longest, flat) = (self.motion.sim.zeno_time, rebound * rebound < 2.0 * toward * LOWEST);
             if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
-                left = left.max(remaining.min(longest));
+                left = left.max(remaining.min(longest.max(LONGEST)));
                 ending.push(leaving.swap_remove(k).touch);
             }
         }
