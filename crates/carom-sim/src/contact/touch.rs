@@ -312,6 +312,11 @@ impl Touch {
         matches!(self.kind, TouchKind::Pair { part: Some(_), .. })
     }
 
+    /// Whether it is the contact of two bodies, and not of their parts.
+    pub(crate) fn is_whole(&self) -> bool {
+        matches!(self.kind, TouchKind::Pair { part: None, .. })
+    }
+
     /// Whether every contact of its bodies is a contact at one point, or is divided into such contacts.
     pub(crate) fn is_covered(&self) -> bool {
         match &self.kind {

@@ -67,6 +67,8 @@ pub(crate) struct Observer<'a, 'b, 'c> {
     pub found: Option<Crossing>,
     /// `None`: only the last state is needed.
     pub sampler: Option<&'a mut Sampler<'c>>,
+    /// Whether bodies touch at some of their parts.
+    touching: bool,
 }
 
 impl SolOut for Observer<'_, '_, '_> {
@@ -87,7 +89,8 @@ impl SolOut for Observer<'_, '_, '_> {
             .filter_map(|(k, after)| Some((self.first(k, (start, end), *after, dense)?, k)))
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let first = first.map(|first| self.unless_jump(first, start, dense));
-        let first = self.overlap((start, first.map_or(end, |((time, _), _)| time)), dense).or(first);
+        let until = first.map_or(end, |((time, _), _)| time);
+        let first = if self.touching { self.overlap((start, until), dense).or(first) } else { first };
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
             let (buffer, system) = (&mut self.buffer, self.system);
@@ -135,8 +138,20 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             if w.value > w.least() { Some(0.0) } else { w.band.map(|band| w.value.min(0.0) - band) }
         };
         let levels = before.iter().map(level).collect();
+        let touching = sampler.is_some() && system.ask(|flow| flow.separated(start, y)).is_some();
         let (y_before, buffer) = (y.to_vec(), vec![0.0; y.len()]);
-        Self { system, before, levels, y_before, reached: start, after: Vec::new(), buffer, found: None, sampler }
+        Self {
+            system,
+            before,
+            levels,
+            y_before,
+            reached: start,
+            after: Vec::new(),
+            buffer,
+            found: None,
+            sampler,
+            touching,
+        }
     }
 
     /// The first time in a part of the step at which bodies that touch begin to overlap, and the contact of their parts that was missed,

@@ -215,6 +215,9 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
     }
 
     fn separated(&mut self, time: f64, y: &[f64]) -> Result<Option<[f64; 2]>, SimError> {
+        if self.touching.is_empty() {
+            return Ok(None);
+        }
         let (motion, time) = (&mut *self.motion, time.min(self.latest));
         let slack = motion.overlaps();
         let (q, qd) = motion.split(y);
@@ -225,7 +228,7 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
             let passing = motion.gaps.passing(motion.gaps.first(group), &view, qd, time)?;
             turning = turning.max(passing.map_or(0.0, |passing| passing.turning()));
         }
-        Ok((!self.touching.is_empty()).then_some([least, turning]))
+        Ok(Some([least, turning]))
     }
 
     fn closed_last(&mut self, time: f64, y: &[f64]) -> Result<Option<usize>, SimError> {
@@ -299,15 +302,20 @@ fn passing<A: Space>(
     (time, y): (f64, &[f64]),
     out: &mut [Witness],
 ) -> Result<(), SimError> {
+    let of_bodies = |watch: &Watch| match *watch {
+        Watch::Gap(touch) => motion.sim.touches[touch].is_whole().then_some(touch),
+        Watch::Pair(group) | Watch::Rest(group) => Some(motion.gaps.first(group)),
+        _ => None,
+    };
+    if watches.iter().all(|watch| of_bodies(watch).is_none()) {
+        return Ok(());
+    }
     let (q, qd) = motion.split(y);
     let view = View::new(motion.model, &mut motion.workspace, q)?;
-    for (watch, witness) in watches.iter().zip(out) {
-        let touch = match *watch {
-            Watch::Gap(touch) if !motion.sim.touches[touch].is_part() => touch,
-            Watch::Pair(group) | Watch::Rest(group) => motion.gaps.first(group),
-            _ => continue,
-        };
-        witness.passing = motion.gaps.passing(touch, &view, qd, time)?;
+    for (touch, witness) in watches.iter().map(of_bodies).zip(out) {
+        if let Some(touch) = touch {
+            witness.passing = motion.gaps.passing(touch, &view, qd, time)?;
+        }
     }
     Ok(())
 }
