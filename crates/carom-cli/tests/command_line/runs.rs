@@ -46,6 +46,25 @@ fn parquet_tables_of_runs_hold_their_scene_and_units() {
     }
 }
 
+/// What a run remembers beside its state is not part of one, and this is said: that a robot was hit, and what compliant contacts remember.
+#[test]
+fn a_run_from_a_state_says_what_the_state_lacks() {
+    let desk = Desk::new("from-state-lacks");
+    desk.write("state.json", r#"{"q": [0.7854, -1.5708], "qd": [0.3, -0.9]}"#);
+    let warned = |text: String| {
+        desk.write("s.toml", text);
+        let ran = desk.run("simulate s.toml --from-state state.json");
+        assert_eq!(ran.code, Some(0), "{}", ran.err);
+        ran.err.lines().filter(|line| line.starts_with("warning: --from-state")).map(str::to_owned).collect::<Vec<_>>()
+    };
+    assert!(warned(SCENE.to_owned()).is_empty());
+    let after = warned(SCENE.replace("[run]", "[run]\nafter_impact = \"gravity-compensation\""));
+    assert!(after.len() == 1 && after[0].contains("after_impact"), "{after:?}");
+    let soft = "[contact]\ncompliance = { stiffness = 1e6, exponent = 1 }";
+    let soft = warned(SCENE.replace("[contact]", soft));
+    assert!(soft.len() == 1 && soft[0].contains("compliant contacts"), "{soft:?}");
+}
+
 /// A run from the last state of another one continues it: the end is that of the run in one piece, and so is its time.
 #[test]
 fn a_run_continues_from_the_answer_of_another_one() {

@@ -8,7 +8,7 @@ use super::wrench::Wrench;
 use crate::contact::{Memory, Moving, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::state::{Coupling, Moment, Space, View, close_loops};
-use carom_chain::{Chain, Coordinates, PlanarChain, Spatial};
+use carom_chain::{Chain, Coordinates, JointInfo, PlanarChain, Spatial};
 use nalgebra::Vector3;
 
 /// A chain with its possible contacts and the settings of its simulation.
@@ -282,18 +282,28 @@ impl Simulation {
         Ok((Moment { time: self.start_time, q: own, qd: rates }, most))
     }
 
-    /// Viscous damping of every velocity coordinate, from the URDF, with that of the joints which follow it.
+    /// Viscous damping of every velocity coordinate, from the URDF: the power of a joint that follows is −d (multiplier · q̇)².
     pub(crate) fn damping(&self) -> Vec<f64> {
-        let mut damping = vec![0.0; self.chain.nv()];
+        self.by_coordinate(|joint, multiplier| multiplier.powi(2) * joint.damping)
+    }
+
+    /// Dry friction of every velocity coordinate: joints that follow it slip together with it.
+    pub(crate) fn friction(&self) -> Vec<f64> {
+        self.by_coordinate(|joint, multiplier| multiplier.abs() * joint.friction)
+    }
+
+    /// The sums over the joints that move with each velocity coordinate, of a function of the joint and its multiplier.
+    fn by_coordinate(&self, of: impl Fn(&JointInfo, f64) -> f64) -> Vec<f64> {
+        let mut sums = vec![0.0; self.chain.nv()];
         for joint in self.chain.joints() {
-            // The power of a joint that follows is −d (multiplier · q̇)².
-            match (self.chain.coordinate_of(joint), &joint.coordinates) {
-                (Some(moves), _) => damping[moves.v] += moves.multiplier.powi(2) * joint.damping,
-                (None, Coordinates::Own { v, .. }) => damping[v.clone()].fill(joint.damping),
-                _ => {}
-            }
+            let (v, multiplier) = match (&joint.coordinates, self.chain.coordinate_of(joint)) {
+                (Coordinates::Own { v, .. }, _) => (v.clone(), 1.0),
+                (_, Some(moves)) => (moves.v..moves.v + 1, moves.multiplier),
+                _ => continue,
+            };
+            sums[v].iter_mut().for_each(|sum| *sum += of(joint, multiplier));
         }
-        damping
+        sums
     }
 
     /// The springs at their numbers of q and qd; those that fit the chain, which [`Simulation::check`] asks of all.

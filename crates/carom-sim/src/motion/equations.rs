@@ -33,8 +33,6 @@ pub(crate) enum Equations {
 /// Equations of rows that depend on others.
 pub(crate) struct Redundant {
     spread: Spread,
-    /// Number of independent rows.
-    rank: usize,
     /// K and R M⁻¹ Rᵀ.
     matrices: [DMatrix<f64>; 2],
     /// The rows of contacts that push and do not pull, where F ≠ R.
@@ -42,11 +40,11 @@ pub(crate) struct Redundant {
 }
 
 impl Redundant {
-    /// The equations with forces of the rows that are not among these, and λ; `None` if the others depend on them.
+    /// The equations without forces along these rows, and λ; `None` if the other rows do not determine the motion.
     fn without(&self, left_out: &[Range<usize>], wanted: &DMatrix<f64>) -> Option<(Spread, DMatrix<f64>)> {
         let [k, gram] = &self.matrices;
         let basis = Basis::without(gram, left_out);
-        let spread = (basis.rows.len() == self.rank).then(|| basis.spread(k, left_out))??;
+        let spread = (basis.rows.len() == self.spread.rank()).then(|| basis.spread(k, left_out))??;
         let found = spread.solve(wanted)?;
         Some((spread, found))
     }
@@ -99,14 +97,13 @@ impl Equations {
         let gram = found.gram();
         let basis = Basis::of(&gram);
         if basis.rows.len() < m {
-            let rank = basis.rows.len();
             let spread = basis.spread(&k, &[]).ok_or(0_usize)?;
             let unilateral = |(contact, own): (&Contact, &Lasting)| {
                 (skew && own.hold != Hold::Latched && !contact.rows.is_empty()).then(|| contact.rows.clone())
             };
             let rigid = lasting.iter().filter(|own| own.is_rigid());
             let pushing = constraints.contacts.iter().zip(rigid).filter_map(unilateral).collect();
-            return Ok(Some(Self::Redundant(Box::new(Redundant { spread, rank, matrices: [k, gram], pushing }))));
+            return Ok(Some(Self::Redundant(Box::new(Redundant { spread, matrices: [k, gram], pushing }))));
         }
         let factor = k.lu();
         let rigid = lasting.iter().filter(|own| own.is_rigid());

@@ -235,7 +235,8 @@ impl<'a, A: Space> Gaps<'a, A> {
     }
 
     /// The separation of the bodies of a group, m: the greatest along the normals of faces and of contacts of parts, or the first of
-    /// them that is not below `enough`. It is mostly that along a contact that lasts.
+    /// them that is not below `enough`, mostly that along a contact that lasts; and the angular speed with which they turn relative to each
+    /// other, rad/s.
     pub fn separated(
         &self,
         group: usize,
@@ -243,16 +244,15 @@ impl<'a, A: Space> Gaps<'a, A> {
         view: &View<A>,
         (qd, time): (&[f64], f64),
         enough: f64,
-    ) -> Result<f64, SimError> {
+    ) -> Result<[f64; 2], SimError> {
         let placed = self.placed(group, view, qd, time)?;
         let Group { pair, parts, meetings, .. } = &self.groups[group];
         let lasts = |k: usize| lasting.iter().any(|own| own.touch == parts[k]);
         let (first, others): (Vec<usize>, Vec<usize>) = (0..parts.len()).partition(|&k| lasts(k));
-        let faces = || pair.separation(&placed).map_or(f64::NEG_INFINITY, |(gap, _)| gap);
         let along = |k: usize| pair.along(meetings[k], &placed).unwrap_or(f64::INFINITY);
         let mut most = first.into_iter().map(along).fold(f64::NEG_INFINITY, f64::max);
         if most < enough {
-            most = most.max(faces());
+            most = most.max(pair.separation(&placed).map_or(f64::NEG_INFINITY, |(gap, _)| gap));
         }
         for k in others {
             if most >= enough {
@@ -260,7 +260,7 @@ impl<'a, A: Space> Gaps<'a, A> {
             }
             most = most.max(along(k));
         }
-        Ok(most)
+        Ok([most, pair.passing(&placed).turning()])
     }
 
     /// A touch of a group.

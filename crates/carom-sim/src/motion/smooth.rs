@@ -11,7 +11,7 @@ use crate::contact::{ContactMode, Moving, Touch};
 use crate::error::SimError;
 use crate::model::{Asked, Drive, Motor, Simulation, SpringAt, motors};
 use crate::state::{Coupling, Loops, Space, View, close_loops, reach};
-use carom_chain::{Coordinates, FrameId, PlanarRow, Rows, Workspace};
+use carom_chain::{FrameId, PlanarRow, Rows, Workspace};
 use nalgebra::{DVector, Vector3};
 
 /// A chain in motion.
@@ -116,16 +116,7 @@ fn mode(lasting: &[Lasting], stepping: bool) -> ContactMode {
 impl<'a, A: Space> Motion<'a, A> {
     /// Free motion of a simulation's chain.
     pub fn new(sim: &'a Simulation, model: &'a A::Model) -> Self {
-        // Joints that follow a coordinate slip together with it.
-        let mut friction = vec![0.0; sim.chain.nv()];
-        for joint in sim.chain.joints() {
-            match (sim.chain.coordinate_of(joint), &joint.coordinates) {
-                (Some(moves), _) => friction[moves.v] += moves.multiplier.abs() * joint.friction,
-                (None, Coordinates::Own { v, .. }) => friction[v.clone()].fill(joint.friction),
-                _ => {}
-            }
-        }
-        let rough = friction.into_iter().enumerate().filter(|(_, friction)| *friction > 0.0);
+        let rough = sim.friction().into_iter().enumerate().filter(|(_, friction)| *friction > 0.0);
         let dry = rough.map(|(v, friction)| DryJoint { v, friction, state: Dry::Holds }).collect();
         Self {
             sim,

@@ -18,10 +18,14 @@ pub(crate) trait Flow {
     fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
     /// Witness `k` at (t, y).
     fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
-    /// Of bodies that touch at some of their parts: by how much they are separated beyond what counts as an overlap, m, and the angular
-    /// speed with which they turn relative to each other, rad/s. `None` without such bodies.
-    fn separated(&mut self, _: f64, _: &[f64]) -> Result<Option<[f64; 2]>, SimError> {
-        Ok(None)
+    /// Whether bodies touch at some of their parts.
+    fn touches(&self) -> bool {
+        false
+    }
+    /// By how much such bodies are separated beyond what counts as an overlap, m, and the angular speed with which they turn relative to
+    /// each other, rad/s.
+    fn separated(&mut self, _: f64, _: &[f64]) -> Result<[f64; 2], SimError> {
+        Ok([f64::INFINITY, 0.0])
     }
     /// The gap of parts of such bodies that has closed last, where they have begun to overlap.
     fn closed_last(&mut self, _: f64, _: &[f64]) -> Result<Option<usize>, SimError> {

@@ -52,6 +52,17 @@ pub(crate) struct Crossing {
     pub time: f64,
 }
 
+/// A part of a step, with the witness that is examined, its level, and its values and rates at both ends.
+#[derive(Clone, Copy)]
+struct Part {
+    k: usize,
+    level: f64,
+    start: f64,
+    end: f64,
+    before: Witness,
+    after: Witness,
+}
+
 /// Called after every accepted step: evaluates witnesses and sampler.
 pub(crate) struct Observer<'a, 'b, 'c> {
     pub system: &'a System<'b>,
@@ -67,8 +78,6 @@ pub(crate) struct Observer<'a, 'b, 'c> {
     pub found: Option<Crossing>,
     /// `None`: only the last state is needed.
     pub sampler: Option<&'a mut Sampler<'c>>,
-    /// Whether bodies touch at some of their parts.
-    touching: bool,
 }
 
 impl SolOut for Observer<'_, '_, '_> {
@@ -90,7 +99,8 @@ impl SolOut for Observer<'_, '_, '_> {
             .min_by(|a, b| a.0.0.total_cmp(&b.0.0));
         let first = first.map(|first| self.unless_jump(first, start, dense));
         let until = first.map_or(end, |((time, _), _)| time);
-        let first = if self.touching { self.overlap((start, until), dense).or(first) } else { first };
+        let touches = self.system.0.borrow().flow.touches();
+        let first = if touches { self.overlap((start, until), dense).or(first) } else { first };
         let until = first.map_or(end, |((time, _), _)| time);
         if let Some(sampler) = &mut self.sampler {
             let (buffer, system) = (&mut self.buffer, self.system);
@@ -138,20 +148,8 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             if w.value > w.least() { Some(0.0) } else { w.band.map(|band| w.value.min(0.0) - band) }
         };
         let levels = before.iter().map(level).collect();
-        let touching = sampler.is_some() && system.ask(|flow| flow.separated(start, y)).is_some();
         let (y_before, buffer) = (y.to_vec(), vec![0.0; y.len()]);
-        Self {
-            system,
-            before,
-            levels,
-            y_before,
-            reached: start,
-            after: Vec::new(),
-            buffer,
-            found: None,
-            sampler,
-            touching,
-        }
+        Self { system, before, levels, y_before, reached: start, after: Vec::new(), buffer, found: None, sampler }
     }
 
     /// The first time in a part of the step at which bodies that touch begin to overlap, and the contact of their parts that was missed,
@@ -161,7 +159,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
             dense.interpolate(time, &mut it.buffer);
             it.system.ask(|flow| flow.separated(time, &it.buffer))
         };
-        let [mut before, turning] = at(self, start)?;
+        let [mut before, turning] = at(self, start);
         if before <= 0.0 {
             return None; // they did so before
         }
@@ -169,9 +167,9 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         let mut from = start;
         for part in 1..=parts as usize {
             let to = if part as f64 == parts { end } else { start + (end - start) * part as f64 / parts };
-            let [after, _] = at(self, to)?;
+            let [after, _] = at(self, to);
             if after <= 0.0 {
-                let time = descent((from, before), (to, after), |time| at(self, time).map_or(1.0, |[gap, _]| gap));
+                let time = descent((from, before), (to, after), |time| at(self, time)[0]);
                 dense.interpolate(time, &mut self.buffer);
                 let k = self.system.ask(|flow| flow.closed_last(time, &self.buffer))?;
                 return Some(((time, 0.0), k));
@@ -189,9 +187,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         dense: &StepInterpolant,
     ) -> ((f64, f64), usize) {
         let gaps: Vec<usize> = (0..self.before.len())
-            .filter(|&k| {
-                self.before[k].rate.is_some() && self.before[k].value > HYSTERESIS && self.levels[k] == Some(0.0)
-            })
+            .filter(|&k| self.before[k].is_gap() && self.before[k].value > HYSTERESIS && self.levels[k] == Some(0.0))
             .collect();
         let least = |it: &mut Self, time: f64| {
             let values = gaps.iter().map(|&k| (it.at(k, time, dense).value, k));
@@ -218,46 +214,41 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     ) -> Option<(f64, f64)> {
         let (before, level) = (self.before[k], self.levels[k]?);
         let bounds = before.passing.zip(after.passing).map(|(own, other)| own.bounds(&other, end - start));
-        self.within((k, level), (start, before), (end, after), (bounds, HALVINGS), dense)
+        self.within(Part { k, level, start, end, before, after }, bounds, HALVINGS, dense)
     }
 
     /// [`Self::first`] in a part of the step. `bounds`: of the rate and the curvature of the gap.
     fn within(
         &mut self,
-        (k, level): (usize, f64),
-        (start, before): (f64, Witness),
-        (end, after): (f64, Witness),
-        (bounds, halvings): (Option<[f64; 2]>, usize),
+        part: Part,
+        bounds: Option<[f64; 2]>,
+        halvings: usize,
         dense: &StepInterpolant,
     ) -> Option<(f64, f64)> {
+        let Part { k, level, start, end, before, after } = part;
         let (Some(bound), true) = (bounds, halvings > 0 && before.value > level) else {
-            return self.root((k, level), (start, before), (end, after), dense);
+            return self.root(part, dense);
         };
-        if after.value > level && stays_above(level, &before, &after, bound, end - start) {
+        if after.value > level && stays_above(&part, bound) {
             return None;
         }
         let middle = 0.5 * (start + end);
         let between = self.at(k, middle, dense);
-        let rest = (bounds, if after.value > level { halvings - 1 } else { (halvings - 1).min(FEW_HALVINGS) });
-        let first = self.within((k, level), (start, before), (middle, between), rest, dense);
+        let rest = if after.value > level { halvings - 1 } else { (halvings - 1).min(FEW_HALVINGS) };
+        let first = self.within(Part { end: middle, after: between, ..part }, bounds, rest, dense);
         let level = if between.value > between.least() { 0.0 } else { level };
-        first.or_else(|| self.within((k, level), (middle, between), (end, after), rest, dense))
+        first.or_else(|| self.within(Part { level, start: middle, before: between, ..part }, bounds, rest, dense))
     }
 
     /// The first time in a part of the step at which a witness fires, by its values and rates at both ends.
-    fn root(
-        &mut self,
-        (k, level): (usize, f64),
-        (start, before): (f64, Witness),
-        (end, after): (f64, Witness),
-        dense: &StepInterpolant,
-    ) -> Option<(f64, f64)> {
+    fn root(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
+        let Part { k, level, start, end, before, after } = part;
         let rates = before.rate.zip(after.rate);
         if let Some((a, b)) = rates.filter(|(a, b)| level < 0.0 && after.value <= 0.0 && *a > 0.0 && *b < 0.0) {
             // The gap opened and closed again within this step.
             let highest = descent((start, a), (end, b), |time| self.at(k, time, dense).rate.unwrap_or(0.0));
             let value = self.at(k, highest, dense).value;
-            if value > HYSTERESIS {
+            if value > before.least() {
                 let value_at = |time: f64| self.at(k, time, dense).value;
                 let closed = descent((highest, value), (end, after.value), value_at);
                 return Some((closed, 0.0));
@@ -265,7 +256,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         }
         let (reached, value) = if after.value <= level {
             (end, after.value)
-        } else if let Some(within) = self.passed((k, level), (start, before), (end, after), dense) {
+        } else if let Some(within) = self.passed(part, dense) {
             within
         } else {
             let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
@@ -285,15 +276,10 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
 
     /// The first time in the step, of some, at which a gap is closed whose parts do not face each other at the end, because they
     /// have passed each other.
-    fn passed(
-        &mut self,
-        (k, level): (usize, f64),
-        (start, before): (f64, Witness),
-        (end, after): (f64, Witness),
-        dense: &StepInterpolant,
-    ) -> Option<(f64, f64)> {
+    fn passed(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
+        let Part { k, level, start, end, before, after } = part;
         let closing = before.rate.is_some_and(|rate| before.value + rate * (end - start) < level);
-        if after.value < APART || !closing {
+        if !after.is_gap() || after.value < APART || !closing {
             return None;
         }
         let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);
@@ -307,11 +293,12 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
     }
 }
 
-/// Whether a gap stays above a level between two times, by [bounds](Passing::bounds) of its rate and its curvature: the gap of convex
+/// Whether a gap stays above its level in a part of a step, by [bounds](Passing::bounds) of its rate and its curvature: the gap of convex
 /// bodies that do not turn is a convex function of their distance, and so above its tangents; turning and accelerations take at most the
 /// bound of the curvature times the square of the time over eight from that.
-fn stays_above(level: f64, before: &Witness, after: &Witness, [rate, curvature]: [f64; 2], span: f64) -> bool {
-    let (first, last) = (before.value - level, after.value - level);
+fn stays_above(part: &Part, [rate, curvature]: [f64; 2]) -> bool {
+    let Part { level, start, end, before, after, .. } = part;
+    let (first, last, span) = (before.value - level, after.value - level, end - start);
     if first + last > rate * span {
         return true;
     }

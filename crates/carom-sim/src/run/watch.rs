@@ -214,21 +214,21 @@ impl<A: Space> Flow for Watched<'_, '_, A> {
         Ok(found)
     }
 
-    fn separated(&mut self, time: f64, y: &[f64]) -> Result<Option<[f64; 2]>, SimError> {
-        if self.touching.is_empty() {
-            return Ok(None);
-        }
+    fn touches(&self) -> bool {
+        !self.touching.is_empty()
+    }
+
+    fn separated(&mut self, time: f64, y: &[f64]) -> Result<[f64; 2], SimError> {
         let (motion, time) = (&mut *self.motion, time.min(self.latest));
         let slack = motion.overlaps();
         let (q, qd) = motion.split(y);
         let view = View::new(motion.model, &mut motion.workspace, q)?;
         let (mut least, mut turning) = (f64::INFINITY, 0.0_f64);
         for &group in &self.touching {
-            least = least.min(slack + motion.gaps.separated(group, &motion.lasting, &view, (qd, time), -slack)?);
-            let passing = motion.gaps.passing(motion.gaps.first(group), &view, qd, time)?;
-            turning = turning.max(passing.map_or(0.0, |passing| passing.turning()));
+            let [gap, turns] = motion.gaps.separated(group, &motion.lasting, &view, (qd, time), -slack)?;
+            (least, turning) = (least.min(slack + gap), turning.max(turns));
         }
-        Ok(Some([least, turning]))
+        Ok([least, turning])
     }
 
     fn closed_last(&mut self, time: f64, y: &[f64]) -> Result<Option<usize>, SimError> {

@@ -32,6 +32,11 @@ impl Witness {
         Self { value, ..Self::default() }
     }
 
+    /// Whether it is a gap.
+    pub fn is_gap(&self) -> bool {
+        self.band == Some(HYSTERESIS)
+    }
+
     /// The value above which it is armed.
     pub fn least(&self) -> f64 {
         self.band.unwrap_or(0.0)

@@ -31,8 +31,7 @@ pub(crate) struct Spread {
 
 impl Basis {
     pub fn of(gram: &DMatrix<f64>) -> Self {
-        let least = Self::least(gram);
-        Self::among(gram, &gram.diagonal().map(|own| own.max(least)))
+        Self::without(gram, &[])
     }
 
     /// [`Self::of`] without these rows.
@@ -105,6 +104,11 @@ impl Basis {
 }
 
 impl Spread {
+    /// Number of independent rows.
+    pub fn rank(&self) -> usize {
+        self.basis.len()
+    }
+
     /// λ, for one or more columns b; `None` where they have no solution.
     pub fn solve(&self, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
         let eta = self.folded.solve(&wanted.select_rows(&self.basis))?;
