@@ -1,7 +1,9 @@
 //! Compliant contacts: rebound with the given restitution, a force whose integral is the impulse, and the rigid limit.
 
 use carom::impact::Damping;
-use carom::sim::{Compliance, ContactMode, ContactRule, EventKind, Holding, Simulation, Surface, Touch, Yielding};
+use carom::sim::{
+    Compliance, ContactMode, ContactRule, Drive, EventKind, Holding, Simulation, Surface, Touch, Yielding,
+};
 use carom::{Chain, Energetic, Frictionless, Impacts};
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
@@ -332,4 +334,56 @@ fn a_ball_rests_at_the_static_depth_of_its_compliant_contact() {
     // Started at half that depth, it settles at the same depth.
     let run = sim.run(&[0.1 - 0.5 * depth], &[0.0], 5.0).unwrap();
     assert!((run.summary.last.q[0] - (0.1 - depth)).abs() < 1e-2 * depth, "{:?}", run.summary.last);
+}
+
+/// Under a slowly growing load a bouncing Walton–Braun contact turns again and again a little deeper than before: each turn begins a new
+/// line of unloading. Against small steps of the equation of motion.
+#[test]
+fn walton_braun_contacts_remember_every_deeper_turn() {
+    let (stiffness, restitution, grows, speed, duration) = (7.2e4, 0.9, 0.078, 0.03, 0.5);
+    let text = r#"<robot name="slider"><link name="world"/>
+        <link name="ball"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <joint name="slide" type="prismatic"><parent link="world"/><child link="ball"/><axis xyz="0 0 1"/>
+          <limit lower="-9" upper="9" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
+    let floor = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let compliance = Some(Compliance { normal: Yielding::WaltonBraun, ..Compliance::new(stiffness) });
+    let rule = ContactRule { compliance, ..ContactRule::new(Energetic { restitution, friction: 0.0 }) };
+    let touches = touching(&chain, floor, rule);
+    let times = vec![0.0, duration];
+    let drive = Drive::Table { times, forces: vec![vec![-9.81], vec![-9.81 - grows * duration]] };
+    let sim = Simulation { tolerance: 1e-10, drive, ..Simulation::new(chain, touches) };
+    let run = sim.run(&[0.1], &[-speed], duration).unwrap();
+
+    // d and its rate; a turn is between two steps, within which d changes by less than rounding matters.
+    let (mut d, mut v, mut deepest, mut turns) = (0.0_f64, speed, f64::NEG_INFINITY, 0);
+    let steps = 1_000_000;
+    let h = duration / f64::from(steps);
+    let square = restitution * restitution;
+    for k in 0..steps {
+        let time = f64::from(k) * h;
+        let pull = |d: f64, deepest: f64| {
+            let yields = if d >= deepest { stiffness * d } else { stiffness / square * (d - (1.0 - square) * deepest) };
+            yields.max(0.0)
+        };
+        let a = |s: f64, d: f64| 9.81 + grows * (time + s) - pull(d, deepest);
+        // The classical method of Runge and Kutta for a second derivative that depends on position and time.
+        let k1 = a(0.0, d);
+        let k2 = a(0.5 * h, d + 0.5 * h * v);
+        let k3 = a(0.5 * h, d + 0.5 * h * v + 0.25 * h * h * k1);
+        let k4 = a(h, d + h * v + 0.5 * h * h * k2);
+        let (before, step) = (v, h / 6.0);
+        d += h * v + h * step * (k1 + k2 + k3);
+        v += step * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+        if before > 0.0 && v <= 0.0 && d > deepest {
+            deepest = d;
+            turns += 1;
+        }
+    }
+    assert!(turns > 15, "{turns} turns");
+    let (q, w) = (run.summary.last.q[0] - 0.1, run.summary.last.qd[0]);
+    let (size, fast) = (9.81 / stiffness, 9.81 / stiffness.sqrt());
+    assert!((q + d).abs() < 1e-5 * size, "{q} for {}", -d);
+    assert!((w + v).abs() < 1e-5 * fast, "{w} for {}", -v);
 }

@@ -301,3 +301,28 @@ fn damping_friction_and_limits_of_a_mimic_joint_act() {
         assert!((a.q[0] - b.q[0]).abs() < 1e-8 && (a.qd[0] - b.qd[0]).abs() < 1e-8, "{follower}: {a:?} {b:?}");
     }
 }
+
+/// A joint is pushed against its limit, and a motor with a falling force takes it off: the limit bears no pull, and dry friction no more
+/// than its bound, although both act along one coordinate. The joint leaves where the force is minus the friction.
+#[test]
+fn a_joint_with_dry_friction_leaves_its_limit_where_no_admissible_force_holds_it() {
+    for at_limit in [false, true] {
+        let chain = slider(r#"<dynamics friction="3"/>"#);
+        let mut sim = free(chain);
+        let surface = Obstacle::half_space(Vector3::new(0.0, 0.0, -0.1), Vector3::z()).unwrap();
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.0 });
+        let floor = Surface { name: "floor".into(), obstacle: surface, contact, motion: None };
+        sim.touches = Touch::all(&sim.chain, &[floor], 0.0).unwrap().touches;
+        // At its upper limit the joint is pushed up, on the floor it is pressed down.
+        let (q, sign) = if at_limit { (1000.0, 1.0) } else { (0.0, -1.0) };
+        sim.drive = Drive::Table { times: vec![0.0, 1.0], forces: vec![vec![6.0 * sign], vec![-6.0 * sign]] };
+        let run = sim.run(&[q], &[0.0], 1.0).unwrap();
+        let leaves = run.events.iter().find(|event| event.kind.name() == "lift-off").expect("it leaves");
+        // Accelerations below 1e-8 of the largest do not tell that it leaves.
+        assert!((leaves.time - 0.75).abs() < 1e-8, "{leaves:?}");
+        // m v̇ = 12 (t − ¾) away from the stop, with m = 2 kg: v = 3 (t − ¾)², and its integral (t − ¾)³.
+        let (moved, v) = (run.summary.last.q[0] - q, run.summary.last.qd[0]);
+        assert!((moved + sign * 0.25_f64.powi(3)).abs() < 1e-9, "{moved}");
+        assert!((v + sign * 3.0 * 0.25_f64.powi(2)).abs() < 1e-9, "{v}");
+    }
+}

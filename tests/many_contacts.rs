@@ -3,7 +3,8 @@
 use carom::Chain;
 use carom::impact::{Coefficients, Newton};
 use carom::sim::{
-    ContactLaw, ContactRule, ContactState, EventKind, Sampling, Seen, Simulation, Surface, Touch, Trajectory,
+    ContactLaw, ContactRule, ContactState, Drive, EventKind, Gains, Sampling, Seen, Simulation, Surface, Touch,
+    Trajectory,
 };
 use carom_contact::Obstacle;
 use nalgebra::{Vector2, Vector3};
@@ -305,4 +306,62 @@ fn a_gripper_stops_a_box_without_turning_it() {
         assert!((found - expected).abs() < 1e-9, "{place:?}");
     }
     assert!(rest.iter().all(|v| v.abs() < 1e-9), "{rest:?}");
+}
+
+/// A slender box stands on a slope and leans over a corner: the forces of equal springs would pull there. Those that are told balance its
+/// weight, push, and are inside their friction cones.
+#[test]
+fn the_forces_of_a_leaning_box_are_admissible() {
+    let (half, mu) = (Vector3::new(0.05, 0.05, 0.2), 0.3);
+    let mut sim = simulation(floating_box([0.1, 0.1, 0.4], 1.0), &[("floor", Vector3::z())], mu);
+    for tilt in [[0.15, 0.15], [0.2, -0.19], [0.0, 0.24], [-0.2, 0.1], [0.12, 0.05]] {
+        sim.gravity = Vector3::new(tilt[0], tilt[1], -1.0) * G;
+        let contacts = told(&sim, &[0.0, 0.0, half.z, 0.0, 0.0, 0.0, 1.0], &[0.0; 6], 0.1, 0.05).pop().unwrap().1;
+        let (mut force, mut moment, mut least) = (sim.gravity, Vector3::zeros(), f64::INFINITY);
+        for contact in &contacts {
+            force += contact.force;
+            moment += (contact.point - Vector3::new(0.0, 0.0, half.z)).cross(&contact.force);
+            let along = contact.force.xy().norm();
+            least = least.min(contact.normal_force).min(mu * contact.normal_force - along);
+        }
+        assert!(contacts.len() == 4 && force.norm() < 1e-8 && moment.norm() < 1e-9, "{tilt:?}: {force} {moment}");
+        assert!(least > -1e-8, "{tilt:?}: {least} N outside, {contacts:?}");
+    }
+}
+
+/// A mass on a spring oscillates on a block that stands on the floor. Its amplitude is a little more than the one at which the block would
+/// lift off: the load is negative for some thousandths of the period only, well within a step of the integrator.
+#[test]
+fn a_lift_off_within_a_step_is_seen() {
+    let text = r#"<robot name="hopper"><link name="world"/>
+        <link name="block"><inertial><mass value="1.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+          <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+        <link name="mass"><inertial><mass value="0.5"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+        <joint name="lift" type="prismatic"><parent link="world"/><child link="block"/><axis xyz="0 0 1"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint>
+        <joint name="spring" type="prismatic"><parent link="block"/><child link="mass"/><axis xyz="0 0 1"/>
+          <limit lower="-100" upper="100" effort="0" velocity="0"/></joint></robot>"#;
+    let chain = Chain::from_urdf_str(text, &carom_chain::urdf::LoadOptions::default()).unwrap();
+    let (stiffness, mass, whole) = (80.0_f64, 0.5, 2.0);
+    let frequency = (stiffness / mass).sqrt();
+    for (excess, tolerance) in [(1e-3, 1e-6), (1e-4, 1e-6), (1e-4, 1e-9), (1e-5, 1e-9)] {
+        let mut sim = simulation(chain.clone(), &[("floor", Vector3::z())], 0.0);
+        sim.tolerance = tolerance;
+        let gains = |k: f64| Gains::from(vec![0.0, k]);
+        sim.drive = Drive::Pd { kp: gains(stiffness), kd: gains(0.0), target: vec![0.0; 2] };
+        let amplitude = (1.0 + excess) * whole * G / stiffness;
+        // From 0.3 rad after the highest point, through the lowest one.
+        let phase = std::f64::consts::PI + 0.3;
+        let place = -mass * G / stiffness - amplitude * phase.cos();
+        let run = sim.run(&[0.1, place], &[0.0, amplitude * frequency * phase.sin()], 6.5 / frequency).unwrap();
+        let leaves = run
+            .events
+            .iter()
+            .find(|event| event.kind.name() == "lift-off")
+            .unwrap_or_else(|| panic!("{excess} {tolerance}: {:?} {:?}", names(&run), run.summary.statistics));
+        let expected = (3.0 * std::f64::consts::PI - (1.0 / (1.0 + excess)).acos() - phase) / frequency;
+        // The load is zero at a small angle: an error of it is one of the time by 1/√(2 excess).
+        let allowed = 10.0 * tolerance / (2.0 * excess).sqrt();
+        assert!((leaves.time - expected).abs() < allowed, "{} s for {expected} s, {excess} {tolerance}", leaves.time);
+    }
 }

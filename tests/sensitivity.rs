@@ -181,6 +181,43 @@ fn the_final_height_of_a_bouncing_ball_has_its_closed_form_gradient() {
     assert!((found.events[0].time - v / g).abs() < 1e-12 && (found.events[0].time_by[0] - 1.0 / v).abs() < 1e-9);
 }
 
+/// A ball that does not roll slides over the floor z = 0, and a force turns its slip by more than 90° before an event ends the leg.
+#[test]
+fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {
+    let slide = |name: &str, parent: &str, axis: &str| {
+        format!(
+            r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="of {name}"/><axis xyz="{axis}"/>
+              <limit lower="-1000" upper="1000" effort="0" velocity="0"/></joint>"#
+        )
+    };
+    let text = format!(
+        r#"<robot name="ball"><link name="world"/><link name="of x"/><link name="of y"/>
+          <link name="of z"><inertial><mass value="1"/>
+            <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.004" iyz="0" izz="0.004"/></inertial>
+            <collision><geometry><sphere radius="0.1"/></geometry></collision></link>{}{}{}</robot>"#,
+        slide("x", "world", "1 0 0"),
+        slide("y", "of x", "0 1 0"),
+        slide("z", "of y", "0 0 1")
+    );
+    let chain = Chain::from_urdf_str(&text, &LoadOptions::default()).unwrap();
+    let contact = ContactRule::new(Newton { restitution: 0.0, friction: 0.3 });
+    let obstacle = Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap();
+    let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
+    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+    let sim =
+        Simulation { gravity: Vector3::new(-5.0, 0.0, -10.0), tolerance: 1e-10, ..Simulation::new(chain, touches) };
+    let parameters = [Parameter::friction()];
+    for (start, duration) in [([1.0, 1.0, 0.0], 0.5), ([1.0, 0.03, 0.0], 1.0)] {
+        let found = sim.sensitivity(&[0.0, 0.0, 0.1], &start, duration, &parameters).unwrap();
+        let end = &found.last.qd;
+        assert!(end[0] * start[0] + end[1] * start[1] < 0.0 && found.events.is_empty(), "{end:?} {:?}", found.events);
+        let columns = [0, 1, 3, 4, 6];
+        let own = found.last_by.unwrap().select_columns(&columns);
+        let other = differences(&sim, (&[0.0, 0.0, 0.1], &start), duration, &parameters, (&columns, 1e-5));
+        assert!((&own - &other).amax() < 1e-6 * other.amax(), "{own} against {other}");
+    }
+}
+
 /// Two equal balls on a line exchange their velocities: the final velocity of each is the initial one of the other.
 #[test]
 fn an_elastic_pair_exchanges_its_gradients() {
@@ -273,15 +310,20 @@ fn a_parameter_that_changes_the_contacts_is_refused() {
     assert!(refused.contains("number of possible contacts"), "{refused}");
 }
 
-/// A slider that dry friction stops: with the deceleration a the place is q + v²/2a and the time v/a, whatever follows.
-#[test]
-fn a_slider_that_friction_stops_has_the_derivatives_of_its_closed_form() {
+/// A block of 2 kg on a slider with dry friction of 3 N.
+fn slider() -> Simulation {
     let text = "<robot name='slider'><link name='world'/><link name='block'><inertial><mass value='2'/>
         <inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' izz='0.01'/></inertial></link>
         <joint name='slide' type='prismatic'><parent link='world'/><child link='block'/><axis xyz='1 0 0'/>
         <limit lower='-9' upper='9' effort='0' velocity='9'/><dynamics friction='3'/></joint></robot>";
     let chain = Chain::from_urdf_str(text, &LoadOptions::default()).unwrap();
-    let sim = Simulation { tolerance: 1e-10, ..Simulation::new(chain, Vec::new()) };
+    Simulation { tolerance: 1e-10, ..Simulation::new(chain, Vec::new()) }
+}
+
+/// A slider that dry friction stops: with the deceleration a the place is q + v²/2a and the time v/a, whatever follows.
+#[test]
+fn a_slider_that_friction_stops_has_the_derivatives_of_its_closed_form() {
+    let sim = slider();
     let (v, a) = (1.2, 3.0 / 2.0);
     let found = sim.sensitivity(&[0.1], &[v], 1.0 + v / a, &[]).unwrap();
     assert!((found.last.q[0] - 0.1 - v * v / (2.0 * a)).abs() < 1e-9);
@@ -289,4 +331,19 @@ fn a_slider_that_friction_stops_has_the_derivatives_of_its_closed_form() {
     let expected = DMatrix::from_row_slice(2, 2, &[1.0, v / a, 0.0, 0.0]);
     assert!((&by - &expected).amax() < 1e-7, "{by} {expected}");
     assert!((found.events[0].time_by[1] - 1.0 / a).abs() < 1e-7, "{:?}", found.events);
+}
+
+/// A slider at rest that the force F moves against dry friction f has the derivatives of starts in its direction; those in the other
+/// one are braked first, and end with the slope (F − f)/(F + f) by their velocity.
+#[test]
+fn a_slider_that_begins_to_move_at_the_start_has_the_derivatives_of_the_side_of_its_motion() {
+    let sim = Simulation { gravity: Vector3::new(2.5, 0.0, 0.0), ..slider() };
+    let (f, force, end, h) = (3.0, 5.0, 0.5, 1e-4);
+    let by = sim.sensitivity(&[0.1], &[0.0], end, &[]).unwrap().last_by.unwrap();
+    let expected = DMatrix::from_row_slice(2, 2, &[1.0, end, 0.0, 1.0]);
+    assert!((&by - &expected).amax() < 1e-7, "{by} {expected}");
+    let speed = |start: f64| sim.run(&[0.1], &[start], end).unwrap().summary.last.qd[0];
+    for (start, slope) in [(h, 1.0), (-h, (force - f) / (force + f))] {
+        assert!(((speed(start) - speed(0.0)) / start - slope).abs() < 1e-7, "{start}");
+    }
 }

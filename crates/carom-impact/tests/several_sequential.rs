@@ -69,6 +69,22 @@ fn rod_end_that_strikes_first_rebounds_faster() {
     }
 }
 
+/// Both ends of a rod approach at the same velocity: the order is open, also where they differ by rounding. Equal approaches of bodies that
+/// do not act on each other leave nothing open.
+#[test]
+fn an_order_that_equal_approaches_leave_open_is_flagged() {
+    let flagged = |h: DMatrix<f64>, u: DVector<f64>| {
+        let found = run(&problem(h, u, vec![stop(0.5); 2]), Order::MostApproaching);
+        (found.flags.contains(Flags::NON_UNIQUE), found.u_plus)
+    };
+    let rod = dmatrix![4.0, -2.0; -2.0, 4.0];
+    let (first, second) =
+        (flagged(rod.clone(), dvector![-1.0, -1.0]), flagged(rod.clone(), dvector![-1.0, -1.0 - 1e-13]));
+    assert!(first.0 && second.0 && (first.1 - second.1).amax() < 1e-12);
+    assert!(!flagged(rod, dvector![-1.0, -1.0 - 1e-6]).0);
+    assert!(!flagged(dmatrix![4.0, 0.0; 0.0, 4.0], dvector![-1.0, -1.0]).0);
+}
+
 /// The k-th sub-impact leaves an approach of 1.5·2¹⁻ᵏ at the other end: the 42nd is the first to leave less than 1e-12.
 #[test]
 fn rod_without_restitution_needs_42_sub_impacts() {

@@ -201,6 +201,19 @@ pub enum SimError {
         /// Coefficient of friction.
         friction: f64,
     },
+    /// Surfaces that move close in on the robot, which can't give way.
+    #[error(
+        "at t = {time} s {touches} squeeze the robot: no motion of it keeps them all from penetrating, and they still approach at {speed} \
+         m/s (or rad/s); change the motion of the surface, or make a contact compliant"
+    )]
+    Squeezed {
+        /// Time, s.
+        time: f64,
+        /// Names of the touches.
+        touches: String,
+        /// The fastest approach that is left, m/s or rad/s.
+        speed: f64,
+    },
     /// Derivatives of impacts with locked or impedance-weighted joints are not implemented.
     #[error(
         "derivatives of an impact with locked or impedance-weighted joints are not implemented: leave the joints free"

@@ -5,7 +5,8 @@ use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::Newton;
 use carom_sim::{
-    Belt, ContactLaw, ContactRule, Oscillation, Profile, Sampling, Seen, Simulation, Surface, SurfaceMotion, Touch,
+    Belt, ContactLaw, ContactRule, Oscillation, Profile, Sampling, Seen, SimError, Simulation, Surface, SurfaceMotion,
+    Touch,
 };
 use nalgebra::Vector3;
 
@@ -151,5 +152,28 @@ fn the_force_on_a_lift_jumps_with_its_acceleration() {
             // Numerical differences are exact to 1e-12 of the speeds over their step.
             assert!(near || (force - 2.0 * (G + a)).abs() < 1e-7, "{force} at {time}, a = {a}");
         }
+    }
+}
+
+/// A wall pushes a body against another one, or against the limit of its joint: no motion of the body is possible when it has got there.
+#[test]
+fn a_body_that_is_squeezed_is_refused() {
+    let motion = SurfaceMotion::Translation(Profile::new(&[0.0, 10.0], &[[0.5, 0.0, 0.0]; 2]).unwrap());
+    let wall = |x: f64, way: f64, motion: Option<SurfaceMotion>| Surface {
+        name: if motion.is_some() { "piston" } else { "wall" }.into(),
+        obstacle: Obstacle::half_space(Vector3::new(x, 0.0, 0.0), Vector3::x() * way).unwrap(),
+        contact: ContactRule::new(Newton { restitution: 0.0, friction: 0.0 }),
+        motion,
+    };
+    for start in [0.0, 99.9] {
+        let chain = glider(&["1 0 0"]);
+        let surfaces = [wall(start - 0.1, 1.0, Some(motion.clone())), wall(0.15, -1.0, None)];
+        let count = if start == 0.0 { 2 } else { 1 };
+        let touches = Touch::all(&chain, &surfaces[..count], 0.0).unwrap().touches;
+        let sim = Simulation { tolerance: 1e-11, ..Simulation::new(chain, touches) };
+        // The piston meets the body after 0.1 s, and the body the wall or its limit after 0.1 m at 0.5 m/s.
+        let refused = sim.run(&[start], &[0.0], 1.0).unwrap_err();
+        let SimError::Squeezed { time, touches, speed } = &refused else { panic!("{refused}") };
+        assert!((time - 0.3).abs() < 1e-9 && touches.contains("piston") && *speed > 0.1, "{refused}");
     }
 }

@@ -10,6 +10,8 @@ use crate::Flags;
 
 /// Eigenvalues and inverse masses below this share of their scale count as zero.
 const RANK: f64 = 1e-12;
+/// Approach velocities that differ by less than this share are equal.
+const TIE: f64 = 1e-9;
 
 /// The rule that selects the next constraint.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,7 +20,8 @@ pub enum Order {
     /// contains indices of constraints, each one that is not `Held` at least once (repetitions are allowed); `Held`
     /// ones may be left out.
     Cycle(Vec<usize>),
-    /// The constraint with the largest approach velocity, in the unit of its row; the first of equal ones.
+    /// The constraint with the largest approach velocity, in the unit of its row; the first of those that are equal up to rounding,
+    /// with [`Flags::NON_UNIQUE`] if one of these changes the velocity of another.
     MostApproaching,
 }
 
@@ -59,7 +62,8 @@ pub struct SequentialOutcome {
     pub residual: f64,
     /// `½ pᵀ(u⁻ + u⁺)` (J), as in [`SeveralOutcome`](crate::SeveralOutcome).
     pub energy_change: f64,
-    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero; `non-unique` if equal approach velocities
+    /// left the order open.
     pub flags: Flags,
 }
 
@@ -132,7 +136,7 @@ impl SeveralProblem {
         let speed = self.u_minus.amax().max(self.u_free.amax());
         let enough = accuracy.tolerance * speed;
         let mut state = State { reduced, impulse: DVector::zeros(self.u_minus.len()), u: reduced.u_free.clone() };
-        let (mut sub_impacts, mut idle, mut turn) = (0, 0, 0);
+        let (mut sub_impacts, mut idle, mut turn, mut open) = (0, 0, 0, false);
         while sub_impacts < accuracy.max_iterations {
             let next = match order {
                 Order::Cycle(list) if idle < list.len() => {
@@ -140,14 +144,15 @@ impl SeveralProblem {
                     Some(list[(turn - 1) % list.len()])
                 }
                 Order::Cycle(_) => None,
-                Order::MostApproaching => (0..reduced.blocks.len())
-                    .map(|k| (k, state.left(k)))
-                    .filter(|&(k, left)| left > enough && reduced.mobile[k])
-                    .fold(None, |best, new| match best {
-                        Some((_, most)) if most >= new.1 => best,
-                        _ => Some(new),
-                    })
-                    .map(|(k, _)| k),
+                Order::MostApproaching => {
+                    let left = |k: usize| if reduced.mobile[k] { state.left(k) } else { 0.0 };
+                    let most = (0..reduced.blocks.len()).fold(0.0_f64, |most, k| most.max(left(k)));
+                    let mut equal =
+                        (0..reduced.blocks.len()).filter(|&k| most > enough && left(k) >= (1.0 - TIE) * most);
+                    let first = equal.next();
+                    open |= first.is_some_and(|first| equal.any(|k| reduced.are_coupled(first, k)));
+                    first
+                }
             };
             let Some(k) = next else { break };
             if state.left(k) > enough && reduced.mobile[k] {
@@ -163,7 +168,10 @@ impl SeveralProblem {
         let held = self.rows().filter(|(_, constraint)| **constraint == Constraint::Held);
         let worst = held.fold(left, |worst, (row, _)| worst.max(u_plus[row].abs()));
         let residual = if worst == 0.0 { 0.0 } else { worst / speed };
-        let (energy_change, flags) = self.energy(&impulse, &u_plus, 0.0);
+        let (energy_change, mut flags) = self.energy(&impulse, &u_plus, 0.0);
+        if open {
+            flags |= Flags::NON_UNIQUE;
+        }
         let finished = residual <= accuracy.tolerance.max(RANK);
         SequentialOutcome { impulse, u_plus, sub_impacts, finished, residual, energy_change, flags }
     }
@@ -185,6 +193,13 @@ pub(super) struct Reduced {
 }
 
 impl Reduced {
+    /// Whether an impulse at one constraint changes the velocity of the other.
+    fn are_coupled(&self, one: usize, other: usize) -> bool {
+        let (one, other) = (&self.blocks[one], &self.blocks[other]);
+        let sizes = (one.constraint.rows(), other.constraint.rows());
+        self.delassus.view((one.row, other.row), sizes).amax() > RANK * (one.scale * other.scale).sqrt()
+    }
+
     pub fn new(problem: &SeveralProblem) -> Self {
         let h = &problem.delassus;
         let held: Vec<usize> = problem.rows().filter(|(_, c)| **c == Constraint::Held).map(|(row, _)| row).collect();

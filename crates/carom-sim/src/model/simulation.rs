@@ -64,7 +64,8 @@ pub struct Simulation {
 /// Integrators of smooth motion, both with dense output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Integrator {
-    /// Dormand & Prince's explicit method of order 8 with error estimates of orders 5 and 3.
+    /// Dormand & Prince's explicit methods: that of order 8 with error estimates of orders 5 and 3 (DOP853), and that of order 5
+    /// with an error estimate of order 4 (DOPRI5) where events follow each other after few steps.
     #[default]
     DormandPrince,
     /// Radau IIA of order 5, implicit: for stiff controllers and damping.

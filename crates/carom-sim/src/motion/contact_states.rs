@@ -23,7 +23,7 @@ pub struct ContactState {
     /// Force on the robot, world axes, N; zero for a joint limit. In a time step the mean over the step.
     pub force: Vector3<f64>,
     /// Its normal component, N; for a joint limit the force or torque on the joint, N or N m. Forces of redundant contacts
-    /// are those of equal springs under all of them.
+    /// are those of equal springs under all of them, or, where these are not admissible, the admissible ones of least norm.
     pub normal_force: f64,
     /// `non-unique` if the motion depends on how this force and those of other contacts are distributed.
     pub flags: Flags,
@@ -35,8 +35,9 @@ impl<A: Space> Motion<'_, A> {
         if self.lasting.is_empty() {
             return Ok(Vec::new());
         }
-        let held = self.in_mode(time, y)?;
+        let mut held = self.in_mode(time, y)?;
         let (lasting, flags) = (self.lasting.clone(), self.flags());
+        self.distribute((time, y), &mut held)?;
         let sim = self.sim;
         let (q, _) = self.split(y);
         let view = self.view(q)?;

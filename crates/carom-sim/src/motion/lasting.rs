@@ -22,7 +22,7 @@ pub(crate) enum Hold {
     /// A latch: it sticks whatever the force.
     Latched,
     /// A compliant contact with this damping: a force without a constraint. `deepest` is the penetration, m, at which it
-    /// last changed from loading to unloading; −∞ if it did not.
+    /// last changed from loading to unloading; −∞ if it did not, or has become deeper.
     Presses { damping: f64, deepest: f64 },
 }
 

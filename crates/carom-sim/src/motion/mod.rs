@@ -3,6 +3,7 @@
 mod assembled;
 mod beside;
 mod contact_states;
+mod distribution;
 mod ending;
 mod equations;
 mod free_motion;

@@ -405,7 +405,7 @@ impl Plan {
             } else {
                 "not stiff: no controller gains, no damping".to_owned()
             };
-            self.keep("integrator", format!("Dormand–Prince 8(5,3), tolerance {tolerance}"), why);
+            self.keep("integrator", format!("Dormand–Prince, orders 8 and 5, tolerance {tolerance}"), why);
         }
         Ok(())
     }

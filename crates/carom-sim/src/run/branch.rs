@@ -64,6 +64,7 @@ impl<A: Space> Run<'_, '_, A> {
             tolerance: sim.tolerance.min(1e-12),
             max_step: sim.max_step,
             integrator: sim.integrator,
+            short: false,
             patience: None,
         };
         let (from, past) = (self.time, PAST * leap);

@@ -96,8 +96,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         // A mode that has turned out to be stiff goes on implicitly, each time for longer.
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let first_step = self.memory.step;
-        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step };
+        let (first_step, short) = (self.memory.step, self.memory.short);
+        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if is_reached(until, self.time) {
@@ -155,12 +155,12 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         let watches = flow.watches;
         match ended {
-            Ok(LegEnd { time, y, fired, stalled, step }) => {
+            Ok(LegEnd { time, y, fired, stalled, step, short }) => {
                 self.memory.step = step.filter(|_| gives_up && integrator == Integrator::DormandPrince);
                 if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
                     self.statistics.non_unique_time += time - start;
                 }
-                (self.time, self.y) = (time, y);
+                (self.time, self.y, self.memory.short) = (time, y, short);
                 self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
                 match (fired, stalled) {
                     (_, Some(_)) if gives_up => Ok(Ending::Stuck(StepReason::Stiff)),
@@ -283,7 +283,13 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             Watch::Turns(i) => {
                 let (gap, _) = self.gap(self.motion.lasting[i].touch)?;
                 if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
-                    *deepest = deepest.max(-gap);
+                    *deepest = -gap;
+                }
+                return Ok(());
+            }
+            Watch::Deepens(i) => {
+                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                    *deepest = f64::NEG_INFINITY;
                 }
                 return Ok(());
             }
@@ -338,18 +344,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     /// a rim whose cap comes to lie on a face.
     fn leave(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
         self.measure();
-        let (mut hits, mut beside) = (Vec::new(), Vec::new());
-        let rest = self.motion.rest();
-        for (other, (gap, rate)) in self.gaps()? {
-            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
-                continue;
-            }
-            if rate < -rest {
-                hits.push(other);
-            } else if rate <= rest {
-                beside.push(other);
-            }
-        }
+        let gaps = self.gaps()?;
+        let [hits, beside] = self.others_closed(touch, &gaps)?;
         if hits.is_empty() { self.resettle_without(Some(touch), &[], before) } else { self.collide(&hits, &beside) }
     }
 

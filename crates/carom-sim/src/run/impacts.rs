@@ -23,8 +23,11 @@ use crate::motion::{Candidate, Hold, Lasting, Near, direction_of_slip};
 use crate::state::{ContactImpulse, Space};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
+use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 
+/// By about this motion, m or rad, the direction of a contact point is told.
+const SHORT: f64 = 1e-7;
 /// Least height of a bounce, m.
 const LOWEST: f64 = 10.0 * HYSTERESIS;
 /// Longest time for which lower ones are passed, s: the error of this step is of third order.
@@ -45,7 +48,6 @@ impl<A: Space> Run<'_, '_, A> {
     /// A touch has closed, alone or together with others.
     pub fn touch(&mut self, touch: usize) -> Result<(), SimError> {
         self.measure();
-        let (mut together, mut beside) = (vec![touch], Vec::new());
         let rest = self.motion.rest();
         let gaps = self.gaps()?;
         let approach = gaps.iter().find(|(k, _)| *k == touch).map_or(0.0, |(_, (_, rate))| *rate);
@@ -55,17 +57,38 @@ impl<A: Space> Run<'_, '_, A> {
             let more = [touch];
             return self.resettle(if approach <= rest { &more } else { &[] }, &before);
         }
-        for (other, (gap, rate)) in gaps {
-            if other == touch || self.motion.lasts(other) || gap > TOUCHING {
+        let [mut together, beside] = self.others_closed(touch, &gaps)?;
+        together.insert(0, touch);
+        self.collide(&together, &beside)
+    }
+
+    /// The other touches that are closed and do not last: those that approach, and those that do not move apart.
+    pub fn others_closed(&mut self, touch: usize, gaps: &[Near]) -> Result<[Vec<usize>; 2], SimError> {
+        let (mut hits, mut beside) = (Vec::new(), Vec::new());
+        let rest = self.motion.rest();
+        for &(other, (gap, rate)) in gaps {
+            if other == touch || self.motion.lasts(other) || gap > TOUCHING || rate > rest || self.moves_off(other)? {
                 continue;
             }
-            if rate < -rest {
-                together.push(other);
-            } else if rate <= rest {
-                beside.push(other);
-            }
+            if rate < -rest { hits.push(other) } else { beside.push(other) }
         }
-        self.collide(&together, &beside)
+        Ok([hits, beside])
+    }
+
+    /// Whether the contact point of a touch is on the border of its face, or at the end of its edge, and moves off it. The bodies open
+    /// there, although the point may pass the plane of the face: a corner that slides off the edge of a table falls beside it. The
+    /// velocity of the point along the face is that since a short time before, when it had not passed.
+    fn moves_off(&mut self, touch: usize) -> Result<bool, SimError> {
+        let sim = self.motion.sim;
+        let one = &sim.touches[touch];
+        let (q, qd) = self.q_qd();
+        let here = one.at(&self.motion.view(&q)?, &q, self.time).margin;
+        if here > 2.0 * Met::OUTSIDE || self.motion.speed == 0.0 {
+            return Ok(false);
+        }
+        let back = SHORT / self.motion.speed;
+        let earlier = sim.chain.integrate(&q, &qd, -back)?;
+        Ok(one.at(&self.motion.view(&earlier)?, &earlier, self.time - back).margin > here)
     }
 
     /// The impact of the touches `hits`, which approach, while those in `beside` are closed.

@@ -5,6 +5,10 @@
 //! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
 //! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
+//!
+//! **Short legs.** The method of order 8 evaluates the motion 12 times in a step and 3 times for its dense output, which allows long
+//! steps; where events end legs after few of them, order 5 with 6 evaluations for both is cheaper. A leg after a short one begins with
+//! order 5, and goes on with order 8 after [`FEW`] steps.
 
 use super::flow::{Flow, System};
 use super::observer::{Crossing, Observer};
@@ -14,7 +18,8 @@ use super::witness::Witness;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
 use ivp::matrix::MatrixStorage;
-use ivp::methods::{DOP853, RADAU};
+use ivp::methods::{DOP853, DOPRI5, RADAU};
+use ivp::status::Status;
 
 /// Legs that need more steps than this fail.
 const MAX_STEPS: usize = 10_000_000;
@@ -23,7 +28,10 @@ const MAX_STEPS: usize = 10_000_000;
 const STIFF_TEST: usize = 50;
 /// Corrections of the time of an event below this share of the step are made by the midpoint rule: its error, of third order, is below
 /// rounding as a share of the change of the state within the step.
-const SHORT: f64 = 1e-5;
+const CLOSE: f64 = 1e-5;
+/// The most steps of order 5 in a leg, and the most steps of order 8 in a short one.
+const FEW: usize = 20;
+const SHORT_LEG: usize = 6;
 /// [`Accuracy::patience`] of the first attempt.
 pub(crate) const PATIENCE: usize = 60;
 
@@ -38,6 +46,8 @@ pub(crate) struct LegEnd {
     pub stalled: Option<String>,
     /// The length of the last step, s, if it succeeded.
     pub step: Option<f64>,
+    /// Whether the leg took so few steps that order 5 is better for one like it.
+    pub short: bool,
 }
 
 /// Settings of the integration.
@@ -52,6 +62,16 @@ pub(crate) struct Accuracy {
     /// Length of the first step, s. Without it the integrator guesses it from the rate of the state at two places, which is too long
     /// by orders of magnitude where slip is slow.
     pub first_step: Option<f64>,
+    /// Whether the explicit integrator begins with order 5.
+    pub short: bool,
+}
+
+/// How an integration ended.
+struct Ended {
+    /// Whether the method of order 5 has taken [`FEW`] steps and stopped before the end.
+    paused: bool,
+    /// The length of the next step, s.
+    step: f64,
 }
 
 /// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires, and calls the sampler.
@@ -68,22 +88,34 @@ pub(crate) fn leg(
     flow.witnesses(start, y, &mut now)?;
     let system = System::new(flow);
     let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
-    let (stalled, step) = match integrate(&system, start, y, end, accuracy, statistics, &mut observer) {
+    let mut accuracy = accuracy;
+    let steps = statistics.steps;
+    let mut ended = integrate(&system, start, y, end, accuracy, statistics, &mut observer);
+    let short = match ended {
+        Ok(Ended { paused: true, step }) => {
+            accuracy = Accuracy { short: false, first_step: Some(step), ..accuracy };
+            let (start, y) = (observer.reached, observer.y_before.clone());
+            ended = integrate(&system, start, &y, end, accuracy, statistics, &mut observer);
+            false
+        }
+        _ => accuracy.short || statistics.steps <= steps + SHORT_LEG,
+    };
+    let (stalled, step) = match ended {
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),
-        done => (None, Some(done?)),
+        done => (None, Some(done?.step)),
     };
     let Observer { found, y_before, reached, .. } = observer;
     let time = if stalled.is_some() { reached } else { end };
     match found {
-        None => Ok(LegEnd { time, y: y_before, fired: None, stalled, step }),
+        None => Ok(LegEnd { time, y: y_before, fired: None, stalled, step, short }),
         Some(found) => {
             let (start, y) = (found.start, found.y.clone());
             match refine(&system, found, accuracy, statistics) {
                 // Forces that grow without bound towards the event.
                 Err(SimError::Integration { reason, .. }) => {
-                    Ok(LegEnd { time: start, y, fired: None, stalled: Some(reason), step: None })
+                    Ok(LegEnd { time: start, y, fired: None, stalled: Some(reason), step: None, short })
                 }
-                done => done.map(|end| LegEnd { step, ..end }),
+                done => done.map(|end| LegEnd { step, short, ..end }),
             }
         }
     }
@@ -103,7 +135,7 @@ fn refine(
     for _ in 0..8 {
         // A step must not be shorter than the rounding of the time.
         if time - start > 1e-14 * time.abs() {
-            if correction.abs() <= SHORT * (time - start) {
+            if correction.abs() <= CLOSE * (time - start) {
                 statistics.evaluations += 2;
                 exact = system.midpoint((time - correction, &exact), correction)?;
             } else {
@@ -123,7 +155,7 @@ fn refine(
         }
         time += correction;
     }
-    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None, step: None })
+    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None, step: None, short: false })
 }
 
 /// The state at `end`, before or after `start`, by a smooth motion without events.
@@ -157,7 +189,7 @@ fn integrate(
     accuracy: Accuracy,
     statistics: &mut Statistics,
     observer: &mut Observer,
-) -> Result<f64, SimError> {
+) -> Result<Ended, SimError> {
     let failed = |reason: String| SimError::Integration { time: start, reason };
     let longest = accuracy.max_step.min((end - start).abs());
     // Legs with a fallback end after few steps: a smooth leg needs some hundreds.
@@ -170,19 +202,23 @@ fn integrate(
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
             // Integration to a known time within an accepted step: a single step, without dense output.
-            let first = if observer.sampler.is_none() {
-                Some(end - start)
-            } else {
-                accuracy.first_step.map(|h| h.min(longest))
-            };
-            let method = DOP853::builder()
-                .max_step(longest)
-                .maybe_first_step(first)
-                .dense_output(observer.sampler.is_some())
-                .stiff_test(accuracy.patience.map_or(usize::MAX, |steps| STIFF_TEST * (steps / PATIENCE).pow(2)))
-                .max_steps(max_steps)
-                .build();
-            method.solve(system, start, y, end, relative, absolute, Some(observer))
+            let dense = observer.sampler.is_some();
+            let first = if dense { accuracy.first_step.map(|h| h.min(longest)) } else { Some(end - start) };
+            macro_rules! solve {
+                ($method:ident, $max_steps:expr) => {
+                    $method::builder()
+                        .max_step(longest)
+                        .maybe_first_step(first)
+                        .dense_output(dense)
+                        .stiff_test(
+                            accuracy.patience.map_or(usize::MAX, |steps| STIFF_TEST * (steps / PATIENCE).pow(2)),
+                        )
+                        .max_steps($max_steps)
+                        .build()
+                        .solve(system, start, y, end, relative, absolute, Some(observer))
+                };
+            }
+            if accuracy.short { solve!(DOPRI5, if dense { FEW } else { max_steps }) } else { solve!(DOP853, max_steps) }
         }
         Integrator::Radau => {
             // Radau of ivp 0.6 compares every step with the end but the first, which is 1e-6 s long by default.
@@ -202,7 +238,11 @@ fn integrate(
     if let Some(error) = system.0.borrow_mut().error.take() {
         return Err(error);
     }
-    if solved.status.is_success() { Ok(solved.h.abs()) } else { Err(failed(ended(solved.status).into())) }
+    let paused = accuracy.short && observer.sampler.is_some() && solved.status == Status::NeedLargerNMax;
+    if paused || solved.status.is_success() {
+        return Ok(Ended { paused, step: solved.h.abs() });
+    }
+    Err(failed(ended(solved.status).into()))
 }
 
 #[cfg(test)]
@@ -254,7 +294,8 @@ mod tests {
 
     fn run_all(gaps: impl Fn(f64) -> Vec<Witness>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gaps, latest: 0.0 };
-        let accuracy = Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None };
+        let accuracy =
+            Accuracy { tolerance: 1e-9, max_step: 1.0, integrator, patience: None, first_step: None, short: false };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
         let mut sampler = Sampler { sampling, sizes: (1, 0), count: 0, until: 0.0, watch: &mut |_| {}, path: None };

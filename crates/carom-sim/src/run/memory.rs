@@ -28,6 +28,8 @@ pub(crate) struct Memory {
     pub implicit: Option<f64>,
     /// The length of the last step of the integration, s.
     pub step: Option<f64>,
+    /// Whether the last leg was short: see `leg.rs`.
+    pub short: bool,
     /// The time after which time steps next look for a consistent mode, s.
     pub wait: f64,
     /// The time at which time steps last ended, s.

@@ -9,6 +9,9 @@
 //! velocity is its error. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
+//! Of a witness without a rate, such as a force, the curvature over this step and the one before tells whether it may be negative within
+//! the step: it is then evaluated at its middle, and at the minima of parabolas through three points.
+//!
 //! **Bodies.** The gap of two bodies is the least of those of their parts, and may close and open in several places within a step: the
 //! step is divided where the velocities of the bodies allow a contact ([`Passing`](crate::contact::Passing)). Parts of bodies that touch
 //! at others may begin to face each other below zero: an overlap of the bodies tells that one of them has closed.
@@ -36,6 +39,14 @@ const TURN: f64 = 0.05;
 const MOST_PARTS: f64 = 32.0;
 /// Times within a step at which a gap is examined whose parts have passed each other at its end.
 const PROBES: usize = 16;
+/// A witness may be below its level within a step where its change by its curvature, times this and the square of the step, reaches down to
+/// it: a parabola falls by an eighth of it below its ends.
+const DIP: f64 = 0.5;
+/// A witness is near its level at the start of a leg if it is below this share of its value after the first step.
+const NEAR: f64 = 0.1;
+/// The error of the minimum of a parabola, as a share of its curvature times the square of the distance of its points.
+const MISS: f64 = 0.02;
+const PARABOLAS: usize = 6;
 /// A gap that is below zero by more than this at its root on the dense output has jumped, m.
 const JUMP: f64 = 1e-10;
 
@@ -72,6 +83,8 @@ pub(crate) struct Observer<'a, 'b, 'c> {
     pub y_before: Vec<f64>,
     /// The time of `y_before`.
     pub reached: f64,
+    /// The length of the step before, and the values of the witnesses at its start.
+    earlier: Option<(f64, Vec<f64>)>,
     /// Scratch memory.
     after: Vec<Witness>,
     buffer: Vec<f64>,
@@ -129,6 +142,10 @@ impl SolOut for Observer<'_, '_, '_> {
                 *level = Some(0.0);
             }
         }
+        let (length, values) = self.earlier.get_or_insert_default();
+        *length = end - start;
+        values.clear();
+        values.extend(self.before.iter().map(|witness| witness.value));
         self.after = std::mem::replace(&mut self.before, after);
         self.y_before.copy_from_slice(y);
         self.reached = end;
@@ -149,7 +166,8 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         };
         let levels = before.iter().map(level).collect();
         let (y_before, buffer) = (y.to_vec(), vec![0.0; y.len()]);
-        Self { system, before, levels, y_before, reached: start, after: Vec::new(), buffer, found: None, sampler }
+        let (after, earlier) = (Vec::new(), None);
+        Self { system, before, levels, y_before, reached: start, earlier, after, buffer, found: None, sampler }
     }
 
     /// The first time in a part of the step at which bodies that touch begin to overlap, and the contact of their parts that was missed,
@@ -256,7 +274,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         }
         let (reached, value) = if after.value <= level {
             (end, after.value)
-        } else if let Some(within) = self.passed(part, dense) {
+        } else if let Some(within) = self.passed(part, dense).or_else(|| self.dips(part, dense)) {
             within
         } else {
             let (a, b) = rates.filter(|(a, b)| *a < 0.0 && *b >= 0.0)?;
@@ -284,6 +302,51 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         }
         let times = (1..PROBES).map(|i| start + (end - start) * i as f64 / PROBES as f64);
         times.map(|time| (time, self.at(k, time, dense).value)).find(|(_, value)| *value <= level)
+    }
+
+    /// A time in the step at which a witness without a rate is at its level, although it is above it at both ends.
+    fn dips(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
+        let Part { k, level, start, end, before, after } = part;
+        if after.rate.is_some() {
+            return None;
+        }
+        let (first, last, span) = (before.value - level, after.value - level, end - start);
+        let may_dip = match &self.earlier {
+            Some((length, values)) => {
+                let bend = 2.0 * ((last - first) / span - (before.value - values[k]) / length) / (span + length);
+                first.min(last) <= DIP * bend * span * span
+            }
+            // In the first step of a leg from near the level, the witness may fall at first.
+            None => first <= NEAR * last,
+        };
+        if !may_dip {
+            return None;
+        }
+        let middle = 0.5 * (start + end);
+        let mut points = [(start, first), (middle, self.at(k, middle, dense).value - level), (end, last)];
+        if points[1].1 <= 0.0 {
+            return Some((middle, points[1].1 + level));
+        }
+        // The minimum of the parabola through three points, again and again.
+        for _ in 0..PARABOLAS {
+            let [(x, f), (y, g), (z, h)] = points;
+            let (slope, next) = ((g - f) / (y - x), (h - g) / (z - y));
+            let curvature = (next - slope) / (z - x);
+            let lowest = 0.5 * (x + y - slope / curvature);
+            let least = f + (lowest - x) * (slope + curvature * (lowest - y));
+            let inside = start < lowest && lowest < end && ![x, y, z].contains(&lowest);
+            if !(curvature > 0.0 && inside && least <= MISS * curvature * (z - x) * (z - x)) {
+                return None;
+            }
+            let value = self.at(k, lowest, dense).value - level;
+            if value <= 0.0 {
+                return Some((lowest, value + level));
+            }
+            let farthest = if lowest - x > z - lowest { 0 } else { 2 };
+            points[farthest] = (lowest, value);
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        }
+        None
     }
 
     /// One witness on the dense output.

@@ -45,8 +45,9 @@ impl Sampler<'_> {
     ) {
         let (nq, nv) = self.sizes;
         if let Some(every) = self.sampling.every {
-            while self.count as f64 * every <= end {
-                let time = self.count as f64 * every;
+            // The last multiple may exceed the end by rounding: 3 × 0.1 > 0.3.
+            while self.count as f64 * every <= end + 2.0 * f64::EPSILON * end {
+                let time = (self.count as f64 * every).min(end);
                 let y = at(time);
                 (self.watch)(Seen::Moment(&Moment { time, q: y[..nq].to_vec(), qd: y[nq..nq + nv].to_vec() }));
                 let states = contacts(time, &y);

@@ -93,7 +93,9 @@ impl Simulation {
     /// state and by these parameters.
     ///
     /// The derivatives are those of the motion that is computed, to about 1e-8 of their size. Those of a start in which contacts
-    /// last compare it with the nearest starts in which they last.
+    /// last, or dry friction holds joints, compare it with the nearest starts in which they do. Where a contact or a joint at rest
+    /// begins to move at the start, the motion has a kink there in its velocity, and the derivatives are those of the side on which it
+    /// has the direction in which it begins to move.
     ///
     /// # Errors
     /// As [`Simulation::run`]; [`SimError::Setting`] for a parameter that changes the chain or the number of possible contacts.

@@ -24,6 +24,8 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
 /// An impact with a larger residual has no solution by its law.
 const UNSOLVED: f64 = 1e-9;
+/// Contacts that still approach, by more than this share of the velocity of the surfaces, squeeze the robot.
+const SQUEEZE: f64 = 1e-6;
 /// The approach velocity of an impact without collision, as a share of the largest velocity of the contacts.
 const VANISHING: f64 = 1e-8;
 /// Such an impact jumps by more than this share; contacts that do not jam, by some multiple of the approach velocity.
@@ -196,11 +198,28 @@ impl<A: Space> Run<'_, '_, A> {
             outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (law, &ACCURACY), None)?;
         }
         self.strike(together, (&rows, &responses), (&outcome, residual))?;
+        self.refuse_squeeze(&rows, outcome.residual, &self.q_qd().1)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let struck: Vec<Struck> =
             together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
         // Separation velocities of the size of the solver's error count as zero.
         self.after(&struck, scale * 1e-9, &before)
+    }
+
+    /// # Errors
+    /// [`SimError::Squeezed`] where no impulses keep surfaces that move from going on into the robot with these velocities.
+    pub fn refuse_squeeze(&self, rows: &Closures, residual: f64, v: &[f64]) -> Result<(), SimError> {
+        let moves = rows.surface.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        if residual <= UNSOLVED || moves == 0.0 {
+            return Ok(());
+        }
+        let u = rows.velocities(v);
+        let fastest = rows.contacts.iter().fold(0.0, |most: f64, closed| most.max(-u[closed.rows.end - 1]));
+        if fastest <= SQUEEZE * moves {
+            return Ok(());
+        }
+        let names = rows.contacts.iter().map(|closed| self.motion.sim.touches[closed.touch].name.clone());
+        Err(SimError::Squeezed { time: self.time, touches: names.collect::<Vec<_>>().join(", "), speed: fastest })
     }
 
     /// An impact without collision of several closed touches (Painlevé): the limit of the law's outcome for vanishing approach velocities.

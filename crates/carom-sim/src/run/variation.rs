@@ -174,6 +174,9 @@ pub(crate) fn over_step<A: Space>(
         let slope = run.slope(time, &x)?;
         let mut push = &slope * s;
         for (p, ([_, less, more, _], by)) in changed.iter_mut().enumerate() {
+            // The direction of slip of this time: friction acts against it.
+            less.motion.lasting.clone_from(&run.motion.lasting);
+            more.motion.lasting.clone_from(&run.motion.lasting);
             let difference = (more.field(time, &x)? - less.field(time, &x)?) / (2.0 * *by);
             let column = push.column(first + p) + difference;
             push.set_column(first + p, &column);

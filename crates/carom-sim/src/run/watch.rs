@@ -36,12 +36,14 @@ pub(crate) enum Watch {
     Depth(usize),
     /// A compliant contact changes from loading to unloading.
     Turns(usize),
+    /// A compliant contact that was unloaded, and loaded again, becomes deeper than before.
+    Deepens(usize),
     /// A joint with dry friction comes to rest (index into `dry`).
     JointStops(usize),
     /// The load of a joint exceeds its dry friction (index into `dry`).
     JointBreaksLoose(usize),
-    /// No admissible forces of redundant contacts are left. It replaces `NormalForce` and `Cone` where the forces by the
-    /// convention are not admissible, but others are.
+    /// No admissible forces of redundant constraints are left. It replaces `NormalForce`, `Cone` and `JointBreaksLoose` where the forces
+    /// by the convention are not admissible, but others are.
     Admissible,
     /// The loops come near a pose at which the mechanism could branch.
     Branches,
@@ -100,14 +102,18 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
                     watches.extend([Watch::NormalForce(i), Watch::SlipStops(i), Watch::SlipGrows(i)]);
                 }
                 Hold::Sticks => watches.extend([Watch::NormalForce(i), Watch::Cone(i)]),
-                Hold::Presses { .. } => {
+                Hold::Presses { deepest, .. } => {
                     watches.push(Watch::Depth(i));
                     if rule.compliance.is_some_and(|it| it.turns()) {
-                        watches.push(Watch::Turns(i));
+                        watches.push(if deepest.is_finite() { Watch::Deepens(i) } else { Watch::Turns(i) });
                     }
                 }
             }
         }
+        watches.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
+            Dry::Holds => Watch::JointBreaksLoose(k),
+            Dry::Brakes(_) => Watch::JointStops(k),
+        }));
         if motion.may_turn() {
             watches.push(Watch::SlipEnds);
         }
@@ -115,14 +121,18 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
         let mut known = None;
         if motion.lasting.iter().any(Lasting::is_rigid) {
             let held = motion.in_mode(time, y)?;
-            let loads = |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_));
+            let loads =
+                |watch: &Watch| matches!(watch, Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_));
+            // On the border the convention decides nothing: the mode has been chosen there, perhaps with other forces.
+            let alone = motion.assembled.constraints.rows.len() == 1;
             let admissible = watches[first..].iter().filter(|watch| loads(watch)).all(|watch| match watch {
-                Watch::NormalForce(i) => held.contacts[*i].normal_force >= 0.0,
+                Watch::NormalForce(i) if alone => held.contacts[*i].normal_force >= 0.0,
+                Watch::NormalForce(i) => held.contacts[*i].normal_force > 0.0,
                 Watch::Cone(i) => {
                     let mu = sim.touches[motion.lasting[*i].touch].contact.law.friction();
-                    // On the border the convention decides nothing: the mode has been chosen there, perhaps with other forces.
                     held.contacts[*i].cone(mu) >= INSIDE * held.contacts[*i].normal_force
                 }
+                Watch::JointBreaksLoose(k) => held.joints[*k].abs() <= (1.0 - INSIDE) * motion.dry[*k].friction,
                 _ => true,
             });
             if !admissible {
@@ -131,10 +141,6 @@ impl<'m, 'a, A: Space> Watched<'m, 'a, A> {
             }
             known = Some(Known { time, y: y.to_vec(), held, on_joints: true });
         }
-        watches.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
-            Dry::Holds => Watch::JointBreaksLoose(k),
-            Dry::Brakes(_) => Watch::JointStops(k),
-        }));
         if !motion.couplings.is_empty() {
             watches.push(Watch::Branches);
         }
@@ -372,12 +378,15 @@ impl Watch {
                 Witness::gap(-gap, -rate)
             }
             (Self::Turns(i), _) => {
+                // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
+                // the band.
+                let (_, rate) = look(now.lasting[i].touch)?;
+                Witness::velocity(-rate, now.noise)
+            }
+            (Self::Deepens(i), _) => {
                 let (gap, rate) = look(now.lasting[i].touch)?;
                 let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(Witness::default()) };
-                // Only changes from loading to unloading deeper than the last one count. The comparison also keeps
-                // rounding of the rate from a second event at the same point. Where several contacts turn at one time, the
-                // others have a rate of rounding at the start of the next leg: they fire by the band.
-                Witness::velocity(if -gap > deepest { -rate } else { 0.0 }, now.noise)
+                Witness::gap(deepest + gap, rate)
             }
             (Self::SlipStops(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];
