@@ -1,11 +1,11 @@
-//! Slip that ends: what is left of it after an event for less than a quarter of the Zeno time is left out.
+//! Slip that ends: what is left of it after an event for less than a quarter of the Zeno time is left out. Slip that passes a dead point.
 
 use carom_chain::Chain;
 use carom_chain::urdf::LoadOptions;
 use carom_contact::Obstacle;
 use carom_impact::{Energetic, Newton};
-use carom_sim::{ContactRule, Drive, Simulation, Surface, Touch};
-use nalgebra::Vector3;
+use carom_sim::{ContactRule, Drive, Loop, LoopFrame, LoopJoint, Simulation, Surface, Touch};
+use nalgebra::{Matrix3, Vector3};
 
 const G: f64 = 9.81;
 const FRICTION: f64 = 0.5;
@@ -251,5 +251,183 @@ fn a_foot_whose_slip_ends_at_once_moves_its_body_as_one_whose_slip_is_followed()
     assert!(off < 10.0 * (1e-3_f64 / 4.0).powi(2), "{off:e}: {:?} {:?}", one.qd, other.qd);
     for run in [&at_once, &followed] {
         assert!(run.summary.energy.error().abs() < 1e-9, "{:?}", run.summary.energy);
+    }
+}
+
+/// A crank on the wall, and a rod on it whose foot, a ball, slides on a floor with friction: in the x–z plane, with the angles α and β of
+/// crank and rod to the floor.
+struct Slider {
+    crank: f64,
+    /// From the crank to the centre of mass, and to that of the ball.
+    rod: [f64; 2],
+    ball: f64,
+    mass: f64,
+    /// About the hinge of the crank, and of the rod about its centre of mass.
+    inertia: [f64; 2],
+    gravity: f64,
+    floor: f64,
+}
+
+impl Slider {
+    const NEW: Self =
+        Self { crank: 0.1, rod: [0.3, 0.5], ball: 0.02, mass: 0.5, inertia: [0.02, 0.005], gravity: 40.0, floor: -0.1 };
+
+    /// β from α, and its rate, as the foot stays on the floor.
+    fn rod_at(&self, (angle, rate): (f64, f64)) -> (f64, f64) {
+        let rod = ((self.floor + self.ball - self.crank * angle.sin()) / self.rod[1]).asin();
+        (rod, -self.crank * angle.cos() * rate / (self.rod[1] * rod.cos()))
+    }
+
+    /// Slip and acceleration of α while friction acts in this direction (1 or −1): the equations of motion of both angles, with the force
+    /// of the floor as third unknown.
+    fn moves(&self, state: [f64; 2], direction: f64) -> (f64, f64) {
+        let Self { crank: r, rod: [c, l], ball, mass, inertia, gravity, .. } = *self;
+        let [a, a_rate] = state;
+        let (b, b_rate) = self.rod_at((a, a_rate));
+        let (normal, along) = ([r * a.cos(), l * b.cos()], [-r * a.sin(), -l * b.sin() + ball]);
+        let force = [0, 1].map(|k| normal[k] + direction * FRICTION * along[k]);
+        let (coupling, turns) = (mass * r * c * (a - b).cos(), mass * r * c * (a - b).sin());
+        let equations = Matrix3::new(
+            inertia[0] + mass * r * r,
+            coupling,
+            -force[0],
+            coupling,
+            inertia[1] + mass * c * c,
+            -force[1],
+            normal[0],
+            normal[1],
+            0.0,
+        );
+        let right = Vector3::new(
+            -turns * b_rate * b_rate - mass * gravity * r * a.cos(),
+            turns * a_rate * a_rate - mass * gravity * c * b.cos(),
+            r * a.sin() * a_rate * a_rate + l * b.sin() * b_rate * b_rate,
+        );
+        let found = equations.lu().solve(&right).unwrap();
+        assert!(found.z > 0.0, "the foot is pressed on the floor");
+        (along[0] * a_rate + along[1] * b_rate, found.x)
+    }
+
+    /// α and its rate after this time, and the times at which the slip passes through zero: by Runge and Kutta's method, whose step is cut
+    /// where the slip vanishes.
+    fn after(&self, mut state: [f64; 2], duration: f64) -> ([f64; 2], Vec<f64>) {
+        let step = |[a, v]: [f64; 2], h: f64, direction: f64| {
+            let rate = |[a, v]: [f64; 2]| [v, self.moves([a, v], direction).1];
+            let k1 = rate([a, v]);
+            let k2 = rate([a + 0.5 * h * k1[0], v + 0.5 * h * k1[1]]);
+            let k3 = rate([a + 0.5 * h * k2[0], v + 0.5 * h * k2[1]]);
+            let k4 = rate([a + h * k3[0], v + h * k3[1]]);
+            let mean = [0, 1].map(|i| (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0);
+            [a + h * mean[0], v + h * mean[1]]
+        };
+        let mut slips = -self.moves(state, 1.0).0.signum();
+        let (mut time, mut turns) = (0.0, Vec::new());
+        while time < duration {
+            let h = f64::min(2e-5, duration - time);
+            let next = step(state, h, slips);
+            if self.moves(next, slips).0 * slips <= 0.0 {
+                (state, time) = (next, time + h);
+                continue;
+            }
+            let (mut before, mut beyond) = (0.0, h);
+            for _ in 0..60 {
+                let middle = 0.5 * (before + beyond);
+                let back = self.moves(step(state, middle, slips), slips).0 * slips <= 0.0;
+                if back { before = middle } else { beyond = middle }
+            }
+            (state, time) = (step(state, beyond, slips), time + beyond);
+            turns.push(time);
+            slips = -slips;
+        }
+        (state, turns)
+    }
+
+    /// Crank and rod as a tree; or with the rod on joints of its own, and a loop as the hinge between them.
+    fn simulation(&self, in_loop: bool) -> Simulation {
+        let Self { crank, rod, ball, mass, inertia, gravity, floor } = *self;
+        let link = |name: &str, x: f64, mass: f64, inertia: f64, shape: &str| {
+            format!(
+                "<link name='{name}'><inertial><origin xyz='{x} 0 0'/><mass value='{mass}'/>
+                 <inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}' iyz='0' izz='{inertia}'/></inertial>{shape}</link>"
+            )
+        };
+        let joint = |name: &str, parent: &str, child: &str, kind: &str, x: f64, axis: &str| {
+            format!(
+                "<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/><origin xyz='{x} 0 0'/>
+                 <axis xyz='{axis}'/><limit lower='-9' upper='9' effort='9' velocity='9'/></joint>"
+            )
+        };
+        let foot = rod[1];
+        let foot =
+            format!("<collision><origin xyz='{foot} 0 0'/><geometry><sphere radius='{ball}'/></geometry></collision>");
+        let turns =
+            |name: &str, parent: &str, child: &str, x: f64| joint(name, parent, child, "continuous", x, "0 -1 0");
+        let slides =
+            |name: &str, parent: &str, child: &str, axis: &str| joint(name, parent, child, "prismatic", 0.0, axis);
+        let hinge = if in_loop {
+            let links = "<link name='a'/><link name='b'/>".to_string();
+            links
+                + &slides("x", "wall", "a", "1 0 0")
+                + &slides("z", "a", "b", "0 0 1")
+                + &turns("two", "b", "rod", 0.0)
+        } else {
+            turns("two", "crank", "rod", crank)
+        };
+        let text = [
+            "<robot name='slider'><link name='wall'/>",
+            &link("crank", 0.0, 1.0, inertia[0], ""),
+            &link("rod", rod[0], mass, inertia[1], &foot),
+            &turns("one", "wall", "crank", 0.0),
+            &hinge,
+            "</robot>",
+        ];
+        let chain = chain(&text.concat());
+        let obstacle = Obstacle::half_space(Vector3::new(0.0, 0.0, floor), Vector3::z()).unwrap();
+        let contact = ContactRule::new(Newton { restitution: 0.0, friction: FRICTION });
+        let surface = Surface { name: "floor".into(), obstacle, contact, motion: None };
+        let touches = Touch::all(&chain, &[surface], 0.0).unwrap().touches;
+        let frame = |link, x| LoopFrame::new(Some(link), [x, 0.0, 0.0], [0.0; 3]);
+        let pin = LoopJoint::Pin { axis: Vector3::y() };
+        let pin = Loop { name: "hinge".into(), joint: pin, frames: [frame("crank", crank), frame("rod", 0.0)] };
+        let loops = if in_loop { vec![pin] } else { Vec::new() };
+        Simulation { loops, gravity: Vector3::new(0.0, 0.0, -gravity), ..Simulation::new(chain, touches) }
+    }
+}
+
+/// The foot of a slider-crank slides back and forth. At its dead points its slip is zero while the crank turns on, and friction only
+/// changes its direction: times and motion are those of the equation of motion of the one angle, as a tree and as a loop.
+#[test]
+fn the_foot_of_a_slider_crank_passes_its_dead_points() {
+    let slider = Slider::NEW;
+    let (start, duration) = ([1.0, 26.0], 0.6);
+    let (wanted, turns) = slider.after(start, duration);
+    assert!(turns.len() > 3 && wanted[1] > 5.0, "{turns:?} {wanted:?}");
+    let (rod, rod_rate) = slider.rod_at((start[0], start[1]));
+    let (r, [a, v]) = (slider.crank, start);
+    let states = [
+        (false, vec![a, rod - a], vec![v, rod_rate - v]),
+        (true, vec![a, r * a.cos(), r * a.sin(), rod], vec![v, -r * a.sin() * v, r * a.cos() * v, rod_rate]),
+    ];
+    for (in_loop, q, qd) in &states {
+        let sim = slider.simulation(*in_loop);
+        for (planar, tolerance) in
+            [true, false].into_iter().flat_map(|planar| (4..=12).map(move |k| (planar, 10_f64.powi(-k))))
+        {
+            let zeno_time = Simulation::zeno_time_for(tolerance);
+            let sim = Simulation { planar, tolerance, zeno_time, ..sim.clone() };
+            let run = sim.run(q, qd, duration).unwrap();
+            let told = format!("{tolerance:e}, loop {in_loop}, planar {planar}");
+            let last = &run.summary.last;
+            let off = [last.q[0] - wanted[0], last.qd[0] - wanted[1]];
+            // Velocities change fast: by some hundred times as much in a second. The reference is rounded, too.
+            let allowed = 20.0 * tolerance + 1e-11;
+            assert!(off[0].abs() < allowed && off[1].abs() < 10.0 * allowed, "{off:?} at {told}");
+            let balance = run.summary.energy;
+            assert!(balance.error().abs() < allowed && balance.impacts.abs() < allowed, "{balance:?} at {told}");
+            let slides = run.events.iter().all(|event| event.kind.name() == "sliding");
+            let times = run.events.iter().map(|event| event.time).skip(1);
+            let on_time = times.zip(&turns).all(|(time, turn)| (time - turn).abs() < allowed);
+            assert!(slides && on_time && run.events.len() == 1 + turns.len(), "{told}: {turns:?} {:?}", run.events);
+        }
     }
 }

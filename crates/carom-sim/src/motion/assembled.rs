@@ -120,8 +120,20 @@ impl Assembled {
 
     /// R M⁻¹Rᵀ; where F ≠ R, with the responses of the rows R.
     pub fn gram(&self) -> DMatrix<f64> {
-        let own = if self.own_responses.is_empty() { &self.responses } else { &self.own_responses };
-        self.constraints.rows.times(own)
+        self.constraints.rows.times(self.own())
+    }
+
+    /// M⁻¹Rᵀ, if it was asked for.
+    pub fn own(&self) -> &Rows {
+        if self.own_responses.is_empty() { &self.responses } else { &self.own_responses }
+    }
+
+    /// The size of the accelerations along the rows: of the terms that cancel where a contact is about to open.
+    pub fn largest(&self) -> f64 {
+        let Self { constraints, free, .. } = self;
+        let rows = constraints.rows.iter().zip(&constraints.drifts);
+        let terms = |row: &[f64]| row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        rows.map(|(row, drift)| terms(row) + drift.abs()).fold(0.0, f64::max)
     }
 
     /// The sum of the sizes of the terms of Kᵢᵢ, of which its rounding is a share.

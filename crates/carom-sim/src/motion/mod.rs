@@ -3,6 +3,7 @@
 mod assembled;
 mod beside;
 mod contact_states;
+mod dead_points;
 mod distribution;
 mod ending;
 mod equations;

@@ -22,7 +22,6 @@ use super::rows::direction_of_slip;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
-use carom_chain::Rows;
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
@@ -34,13 +33,9 @@ pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iteration
 /// Residuals above this are not a solution.
 pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
-const TIE: f64 = 1e-9;
+pub(super) const TIE: f64 = 1e-9;
 /// Forces outside their cones by this share of the largest are still a start for the solver.
 const NEARLY: f64 = 1e-6;
-/// A joint whose inverse inertia in its loops is below this share of that without them is at a dead point.
-const DEAD: f64 = 1e-12;
-/// A velocity counts as zero if setting it to zero changes others by up to this many times [`Motion::rest`].
-const MORE: f64 = 100.0;
 /// Time ahead of the state that decides ties, relative to the time in which the state changes by its own size.
 const AHEAD: f64 = 1e-6;
 
@@ -126,15 +121,13 @@ impl<A: Space> Motion<'_, A> {
         let nq = self.sim.chain.nq();
         let rest = self.rest();
         self.close_loops(y)?;
-        for k in 0..self.dry.len() {
-            let rate = y[nq + self.dry[k].v];
-            self.dry[k].state = if rate.abs() > rest {
-                Dry::Brakes(rate.signum())
-            } else {
-                self.passing_dead_point(self.dry[k].v, time, y)?.map_or(Dry::Holds, Dry::Brakes)
-            };
+        let before = self.dry.clone();
+        for joint in &mut self.dry {
+            let rate = y[nq + joint.v];
+            joint.state = if rate.abs() > rest { Dry::Brakes(rate.signum()) } else { Dry::Holds };
         }
-        let entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+        let mut entries: Vec<Lasting> = candidates.iter().map(|candidate| self.entry(candidate)).collect();
+        self.pass_dead_points(&mut entries, &before, (time, y))?;
         self.other_mode = None;
         self.project(&entries, time, y)?;
         let resting = self.dry.iter().any(|joint| joint.state == Dry::Holds);
@@ -151,29 +144,6 @@ impl<A: Space> Motion<'_, A> {
         let (found, solution) = ahead.unwrap_or((found, now));
         self.take(&entries, &found, &solution);
         Ok(true)
-    }
-
-    /// The direction in which a joint begins to move at a dead point of a loop; `None` elsewhere. No force on the joint stops the loop
-    /// there: its velocity passes through zero whatever its friction, and setting it to zero would change others by far more.
-    fn passing_dead_point(&mut self, v: usize, time: f64, y: &[f64]) -> Result<Option<f64>, SimError> {
-        if self.couplings.is_empty() {
-            return Ok(None);
-        }
-        let (most, (q, qd)) = (MORE * self.rest(), self.split(y));
-        let nv = qd.len();
-        let (mut row, mut alone, mut in_loops) = (Rows::new(nv), Rows::new(nv), Rows::new(nv));
-        row.add()[v] = 1.0;
-        let mut view = self.view(q)?;
-        view.kin.respond(&row, &mut alone)?;
-        view.respond(&row, &mut in_loops)?;
-        let (response, yields) = (in_loops.row(0), in_loops.row(0)[v]);
-        let change = response.iter().fold(0.0_f64, |m, x| m.max(x.abs())) * qd[v].abs();
-        if yields > DEAD * alone.row(0)[v] && change <= most * yields {
-            return Ok(None);
-        }
-        let mut qdd = vec![0.0; nv];
-        self.accelerate(time, y, &mut qdd)?;
-        Ok(Some(qdd[v].signum()))
     }
 
     /// Positive while the present mode has admissible forces: whether the complementarity problem keeps all its contacts closed
@@ -250,14 +220,7 @@ impl<A: Space> Motion<'_, A> {
             qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
         }
         let acceleration = &free + &delassus * &outcome.impulse;
-        // The terms that cancel where a contact is about to open.
-        let Assembled { constraints, free, .. } = &*found;
-        let terms = constraints
-            .rows
-            .iter()
-            .zip(&constraints.drifts)
-            .map(|(row, drift)| row.iter().zip(free.iter()).map(|(r, a)| (r * a).abs()).sum::<f64>() + drift.abs());
-        let largest = terms.fold(0.0, f64::max);
+        let largest = found.largest();
         let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);
         let scale = [largest, outcome.impulse.amax().max(largest / mobility)];
         Ok(Some(Solution { force: outcome.impulse, acceleration, qdd, scale, problem }))

@@ -1,4 +1,4 @@
-//! Slips that end as soon as their mode is chosen: see `motion/ending.rs`.
+//! The choice of the mode, and slips that end as soon as it is chosen: see `motion/ending.rs`.
 
 use super::events::Run;
 use crate::error::SimError;
@@ -6,6 +6,14 @@ use crate::motion::{Candidate, Dry};
 use crate::state::Space;
 
 impl<A: Space> Run<'_, '_, A> {
+    /// [`Motion::select`](crate::motion::Motion::select); the energy of the velocities that it sets to zero is booked.
+    pub fn select(&mut self, candidates: &[Candidate]) -> Result<bool, SimError> {
+        let energy = self.motion.energy(&self.y)?;
+        let found = self.motion.select(candidates, self.time, &mut self.y)?;
+        self.lost += energy - self.motion.energy(&self.y)?;
+        Ok(found)
+    }
+
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
     pub fn end_slips(&mut self, candidates: &[Candidate]) -> Result<(), SimError> {
         if self.memory.follows_slips {

@@ -89,6 +89,12 @@ impl Basis {
         lower.tr_solve_lower_triangular(&lower.solve_lower_triangular(wanted)?)
     }
 
+    /// What is left of x, a line for every row, when the rows B are zero: x − G_B G_BB⁻¹ x_B for the matrix G.
+    pub fn rest(&self, x: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let lower = self.factor.select_rows(&self.rows);
+        Some(x - &self.factor * lower.solve_lower_triangular(&x.select_rows(&self.rows))?)
+    }
+
     /// The equations of the matrix K with these rows; those that are left out have no force.
     pub fn spread(self, k: &DMatrix<f64>, left_out: &[Range<usize>]) -> Option<Spread> {
         let Self { rows: basis, factor, .. } = self;
