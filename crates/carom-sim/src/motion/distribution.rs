@@ -54,7 +54,7 @@ impl Admitted {
                 let n = rows.end - 1;
                 let along = rows.start..n;
                 let (push, size) = (forces[n], forces.rows_range(along.clone()).norm());
-                if size <= mu * push {
+                if push >= 0.0 && size <= mu * push {
                     return;
                 }
                 slope.view_mut((rows.start, rows.start), (rows.len(), rows.len())).fill(0.0);

@@ -333,7 +333,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 Watch::JointStops(k) | Watch::JointBreaksLoose(k) if self.motion.dry[k].state != joints[k].state => {
                     self.note_joint(k, &before);
                 }
-                Watch::SlipEnds => self.memory.slip_goes_on = true,
+                Watch::SlipEnds => self.slips_on(&old, &before),
                 _ => {}
             }
         }

@@ -29,6 +29,8 @@ const STIFF_TEST: usize = 50;
 /// Corrections of the time of an event below this share of the step are made by the midpoint rule: its error, of third order, is below
 /// rounding as a share of the change of the state within the step.
 const CLOSE: f64 = 1e-5;
+/// Order 5 is used at tolerances from this on: its dense output is of order 4.
+const COARSE: f64 = 1e-9;
 /// The most steps of order 5 in a leg, and the most steps of order 8 in a short one.
 const FEW: usize = 20;
 const SHORT_LEG: usize = 6;
@@ -98,7 +100,7 @@ pub(crate) fn leg(
             ended = integrate(&system, start, &y, end, accuracy, statistics, &mut observer);
             false
         }
-        _ => accuracy.short || statistics.steps <= steps + SHORT_LEG,
+        _ => accuracy.tolerance >= COARSE && (accuracy.short || statistics.steps <= steps + SHORT_LEG),
     };
     let (stalled, step) = match ended {
         Err(SimError::Integration { reason, .. }) => (Some(reason), None),

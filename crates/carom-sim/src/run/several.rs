@@ -198,7 +198,7 @@ impl<A: Space> Run<'_, '_, A> {
             outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (law, &ACCURACY), None)?;
         }
         self.strike(together, (&rows, &responses), (&outcome, residual))?;
-        self.refuse_squeeze(&rows, outcome.residual, &self.q_qd().1)?;
+        self.refuse_squeeze((&rows, &responses), outcome.residual, &self.q_qd().1)?;
         let scale = approach.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let struck: Vec<Struck> =
             together.iter().zip(&approach).map(|(&touch, &approach)| Struck { touch, approach }).collect();
@@ -207,15 +207,27 @@ impl<A: Space> Run<'_, '_, A> {
     }
 
     /// # Errors
-    /// [`SimError::Squeezed`] where no impulses keep surfaces that move from going on into the robot with these velocities.
-    pub fn refuse_squeeze(&self, rows: &Closures, residual: f64, v: &[f64]) -> Result<(), SimError> {
-        let moves = rows.surface.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+    /// [`SimError::Squeezed`] where no velocity keeps surfaces that move from going on into the robot. Where there is one, the problem
+    /// without friction, of normal impulses alone, has a solution.
+    pub fn refuse_squeeze(
+        &self,
+        (rows, responses): (&Closures, &Rows),
+        residual: f64,
+        v: &[f64],
+    ) -> Result<(), SimError> {
+        let normals: Vec<usize> = rows.contacts.iter().map(|closed| closed.rows.end - 1).collect();
+        let moves = normals.iter().fold(0.0, |most: f64, &i| most.max(rows.surface[i].abs()));
         if residual <= UNSOLVED || moves == 0.0 {
             return Ok(());
         }
-        let u = rows.velocities(v);
-        let fastest = rows.contacts.iter().fold(0.0, |most: f64, closed| most.max(-u[closed.rows.end - 1]));
-        if fastest <= SQUEEZE * moves {
+        let u = rows.velocities(v).select_rows(&normals);
+        let k = DMatrix::from_fn(normals.len(), normals.len(), |i, j| {
+            rows.rows.dot(normals[i.min(j)], responses.row(normals[i.max(j)]))
+        });
+        let smooth = vec![Constraint::Stop { restitution: 0.0 }; normals.len()];
+        let apart = SeveralProblem::new(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
+        let fastest = -apart.u_plus.min();
+        if apart.residual <= UNSOLVED || fastest <= SQUEEZE * moves {
             return Ok(());
         }
         let names = rows.contacts.iter().map(|closed| self.motion.sim.touches[closed.touch].name.clone());

@@ -1,11 +1,25 @@
 //! The choice of the mode, and slips that end as soon as it is chosen: see `motion/ending.rs`.
 
 use super::events::Run;
+use super::trajectory::EventKind;
 use crate::error::SimError;
-use crate::motion::{Candidate, Dry};
+use crate::motion::{Candidate, Dry, Hold, Lasting};
 use crate::state::Space;
+use nalgebra::Vector3;
 
 impl<A: Space> Run<'_, '_, A> {
+    /// After a slip that seemed to end: it goes on, or has turned back at a dead point, which is an event. `old`: the contacts before.
+    pub fn slips_on(&mut self, old: &[Lasting], before: &[f64]) {
+        let toward = |own: &Lasting| if let Hold::Slides { toward } = own.hold { toward } else { Vector3::zeros() };
+        let pairs = old.iter().zip(&self.motion.lasting);
+        let turned = pairs.filter(|(old, own)| toward(old).dot(&toward(own)) < 0.0).map(|(_, own)| own.mode());
+        let turned: Vec<_> = turned.collect();
+        self.memory.slip_goes_on = turned.is_empty();
+        for mode in turned {
+            self.note(EventKind::Mode { mode }, before, Vec::new());
+        }
+    }
+
     /// [`Motion::select`](crate::motion::Motion::select); the energy of the velocities that it sets to zero is booked.
     pub fn select(&mut self, candidates: &[Candidate]) -> Result<bool, SimError> {
         let energy = self.motion.energy(&self.y)?;

@@ -316,7 +316,7 @@ impl<A: Space> Run<'_, '_, A> {
             let outcome = self.solve(&rows, &responses, u_minus, u_free, (sim.several, &ACCURACY), Some(&guess))?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, &outcome.impulse);
-            self.refuse_squeeze(&rows, outcome.residual, next.as_slice())?;
+            self.refuse_squeeze((&rows, &responses), outcome.residual, next.as_slice())?;
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
             self.statistics.non_unique_time += if open { step } else { 0.0 };
             told = rows.contact_states(&outcome.impulse, step, if open { Flags::NON_UNIQUE } else { Flags::NONE });
