@@ -9,7 +9,7 @@
 //! velocity is its error. A gap or a velocity that is not armed and falls by more than its hysteresis fires
 //! as well, so that no contact penetrates. Forces have none: they are armed when they are positive.
 //!
-//! Of a witness without a rate, such as a force, the curvature over this step and the one before tells whether it may be negative within
+//! Of the margin of a force the curvature over this step and the one before tells whether it may be negative within
 //! the step: it is then evaluated at its middle, and at the minima of parabolas through three points.
 //!
 //! **Bodies.** The gap of two bodies is the least of those of their parts, and may close and open in several places within a step: the
@@ -304,10 +304,10 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         times.map(|time| (time, self.at(k, time, dense).value)).find(|(_, value)| *value <= level)
     }
 
-    /// A time in the step at which a witness without a rate is at its level, although it is above it at both ends.
+    /// A time in the step at which the margin of a force is at its level, although it is above it at both ends.
     fn dips(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
         let Part { k, level, start, end, before, after } = part;
-        if after.rate.is_some() {
+        if !after.dips {
             return None;
         }
         let (first, last, span) = (before.value - level, after.value - level, end - start);

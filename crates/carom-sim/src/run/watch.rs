@@ -400,7 +400,7 @@ impl Watch {
             (Self::SlipGrows(i), _) => {
                 let touch = &sim.touches[now.lasting[i].touch];
                 let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
-                Witness::margin(now.starts - slip.unwrap_or_default())
+                Witness::bound(now.starts - slip.unwrap_or_default())
             }
             (Self::JointStops(k), Some(held)) => {
                 let DryJoint { v, state, .. } = now.dry[k];
@@ -409,8 +409,8 @@ impl Watch {
                 let rate = Some(held.qdd[v] * direction);
                 Witness { rate, ..Witness::velocity(qd[v] * direction, now.noise) }
             }
-            (Self::SlipEnds, _) => Witness::margin(now.slip_left),
-            (Self::Branches, _) => Witness::margin(now.regular),
+            (Self::SlipEnds, _) => Witness::bound(now.slip_left),
+            (Self::Branches, _) => Witness::bound(now.regular),
             (Self::Admissible, _) => Witness::margin(now.admissible),
             (Self::NormalForce(i), Some(held)) => Witness::margin(held.contacts[i].normal_force),
             (Self::Cone(i), Some(held)) => {

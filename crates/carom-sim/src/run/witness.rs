@@ -14,6 +14,8 @@ pub(crate) struct Witness {
     pub passing: Option<Passing>,
     /// Hysteresis: values up to this count as zero. `None`: a witness that is never armed before it is positive, such as a force.
     pub band: Option<f64>,
+    /// Whether it may fall below zero and recover within a step.
+    pub dips: bool,
 }
 
 impl Witness {
@@ -29,6 +31,11 @@ impl Witness {
 
     /// The margin of a force.
     pub fn margin(value: f64) -> Self {
+        Self { value, dips: true, ..Self::default() }
+    }
+
+    /// A quantity that matters only where it stays below zero.
+    pub fn bound(value: f64) -> Self {
         Self { value, ..Self::default() }
     }
 
