@@ -140,7 +140,7 @@ fn a_rod_that_slides_off_a_table_leaves_its_edge_without_an_impact() {
             [y[3], y[4], w, push * sine / mass, push * cosine / mass - 9.81, push * s / inertia]
         };
         let mut y = [start, h, 0.0, speed, 0.0, 0.0];
-        let mut step = |h: f64, y: &mut [f64; 6]| {
+        let step = |h: f64, y: &mut [f64; 6]| {
             let plus = |y: &[f64; 6], k: &[f64; 6], h: f64| std::array::from_fn(|i| y[i] + h * k[i]);
             let a = rate(y);
             let b = rate(&plus(y, &a, 0.5 * h));
