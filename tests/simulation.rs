@@ -292,6 +292,27 @@ fn energy_is_conserved_without_impacts() {
     assert!(run.statistics.steps > 500 && run.events == 0);
 }
 
+/// Multiples of the interval that exceed the duration by rounding, such as 3 × 0.1 s, are samples at its end.
+#[test]
+fn the_last_sample_of_a_run_is_at_its_end() {
+    let chain = carom::uniform_chain(2, 2.0, 2.0).unwrap();
+    let far = Obstacle::half_space(Vector3::new(0.0, 0.0, -100.0), Vector3::z()).unwrap();
+    let sim = simulation(chain, far, rule("frictionless", 0.5, 0.0));
+    for (duration, every, count) in [(0.3, 0.1, 4), (0.7, 0.1, 8), (1.2, 0.1, 13), (0.35, 2e-4, 1751), (0.35, 0.1, 4)] {
+        let mut times = Vec::new();
+        let sampling = Sampling { every: Some(every), dense: false };
+        sim.stream(&[1.0, 0.5], &[0.0, 0.0], duration, sampling, &mut |seen| {
+            if let Seen::Moment(moment) = seen {
+                times.push(moment.time);
+            }
+        })
+        .unwrap();
+        let last = every * f64::from(count - 1);
+        assert_eq!(times.len(), count as usize, "{every} s of {duration} s");
+        assert!(times.iter().all(|time| *time <= duration) && (times[times.len() - 1] - last).abs() < 1e-15);
+    }
+}
+
 /// Reaching a joint limit is an impact: the velocities of all joints jump.
 #[test]
 fn reaching_a_joint_limit_is_an_impact() {

@@ -87,8 +87,8 @@ fn a_rocking_block_rocks_to_rest_as_its_quadratures_say() {
     let mut found = times.iter().enumerate();
     loop {
         if let Some((n, found)) = found.next() {
-            // The last heights are some thousands of the rounding of positions, and each swing adds its own.
-            let rounding = 8.0 * f64::EPSILON / (2.0 * b * (2.0 * k * rise(angle)).sqrt());
+            // The last heights are some thousands of the rounding of positions.
+            let rounding = 4.0 * f64::EPSILON / (2.0 * b * (2.0 * k * rise(angle)).sqrt());
             assert!((found - time).abs() < 1e-9 + rounding, "impact {n}: {found} for {time}, swing from {angle}");
         }
         // (r ω)²/(2 k) = r² (cos(α − θ) − cos α), by the product, so that small angles keep their digits; the next angle by Newton's

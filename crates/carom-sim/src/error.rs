@@ -201,7 +201,7 @@ pub enum SimError {
         /// Coefficient of friction.
         friction: f64,
     },
-    /// Surfaces that move close in on the robot, which can't give way.
+    /// No velocity of the robot keeps surfaces that move from penetrating it.
     #[error(
         "at t = {time} s {touches} squeeze the robot: no motion of it keeps them all from penetrating, and they still approach at {speed} \
          m/s (or rad/s); change the motion of the surface, or make a contact compliant"

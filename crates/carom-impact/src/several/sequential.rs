@@ -137,6 +137,7 @@ impl SeveralProblem {
         let enough = accuracy.tolerance * speed;
         let mut state = State { reduced, impulse: DVector::zeros(self.u_minus.len()), u: reduced.u_free.clone() };
         let (mut sub_impacts, mut idle, mut turn, mut open) = (0, 0, 0, false);
+        let mut left = Vec::with_capacity(reduced.blocks.len());
         while sub_impacts < accuracy.max_iterations {
             let next = match order {
                 Order::Cycle(list) if idle < list.len() => {
@@ -145,10 +146,10 @@ impl SeveralProblem {
                 }
                 Order::Cycle(_) => None,
                 Order::MostApproaching => {
-                    let left = |k: usize| if reduced.mobile[k] { state.left(k) } else { 0.0 };
-                    let most = (0..reduced.blocks.len()).fold(0.0_f64, |most, k| most.max(left(k)));
-                    let mut equal =
-                        (0..reduced.blocks.len()).filter(|&k| most > enough && left(k) >= (1.0 - TIE) * most);
+                    left.clear();
+                    left.extend((0..reduced.blocks.len()).map(|k| if reduced.mobile[k] { state.left(k) } else { 0.0 }));
+                    let most = left.iter().fold(0.0_f64, |most, left| most.max(*left));
+                    let mut equal = (0..left.len()).filter(|&k| most > enough && left[k] >= (1.0 - TIE) * most);
                     let first = equal.next();
                     open |= first.is_some_and(|first| equal.any(|k| reduced.are_coupled(first, k)));
                     first

@@ -13,7 +13,8 @@
 
 use super::assembled::{Assembled, ConstraintForces};
 use super::held::Detail;
-use super::lasting::{Dry, Hold, Lasting};
+use super::lasting::{Dry, DryJoint, Hold, Lasting};
+use super::rows::Contact;
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
@@ -26,24 +27,16 @@ const STEPS: usize = 50;
 
 /// What the forces of some rows may be.
 enum Admitted {
-    Any,
     /// A contact or a stop: tangents first, the normal last.
-    Cone {
-        rows: Range<usize>,
-        friction: f64,
-    },
+    Cone { rows: Range<usize>, friction: f64 },
     /// The friction of a joint.
-    Bound {
-        row: usize,
-        bound: f64,
-    },
+    Bound { row: usize, bound: f64 },
 }
 
 impl Admitted {
     /// Projects these rows of the forces, and sets the columns of the derivative for them.
     fn project(&self, forces: &mut DVector<f64>, slope: &mut DMatrix<f64>) {
         match self {
-            Self::Any => {}
             Self::Bound { row, bound } => {
                 if forces[*row].abs() > *bound {
                     forces[*row] = forces[*row].clamp(-bound, *bound);
@@ -62,15 +55,15 @@ impl Admitted {
                     forces.rows_range_mut(rows.clone()).fill(0.0);
                     return;
                 }
-                // Onto the cone: (μ e, 1) times its component along it.
-                let e = forces.rows_range(along.clone()) / size.max(f64::MIN_POSITIVE);
+                // Onto the cone: (μ e, 1) times its component along it. Here |λ_t| > 0.
+                let e = forces.rows_range(along.clone()) / size;
                 let share = 1.0 / (1.0 + mu * mu);
                 let normal = share * (push + mu * size);
                 let ray = DVector::from_iterator(rows.len(), e.iter().map(|e| mu * e).chain([1.0]));
                 slope
                     .view_mut((rows.start, rows.start), (rows.len(), rows.len()))
                     .copy_from(&(&ray * ray.transpose() * share));
-                let turns = if size > 0.0 { mu * normal / size } else { 0.0 };
+                let turns = mu * normal / size;
                 let mut across = slope.view_mut((rows.start, rows.start), (along.len(), along.len()));
                 across += (DMatrix::identity(along.len(), along.len()) - &e * e.transpose()) * turns;
                 forces.rows_range_mut(rows.clone()).copy_from(&(ray * normal));
@@ -83,8 +76,7 @@ impl Admitted {
 fn least(gram: &DMatrix<f64>, given: &DVector<f64>, admitted: &[Admitted]) -> Option<DVector<f64>> {
     let basis = Basis::of(gram);
     let own = gram.select_rows(&basis.rows);
-    let factor = gram.select_rows(&basis.rows).select_columns(&basis.rows).cholesky()?;
-    let spread = factor.solve(&own).transpose();
+    let spread = basis.solve(&own)?.transpose();
     let wanted = &own * given;
     let at = |eta: &DVector<f64>| {
         let (mut forces, mut slope) = (&spread * eta, DMatrix::identity(given.len(), given.len()));
@@ -115,14 +107,15 @@ fn least(gram: &DMatrix<f64>, given: &DVector<f64>, admitted: &[Admitted]) -> Op
 impl<A: Space> Motion<'_, A> {
     /// Replaces forces of redundant contacts that are not admissible, if others of the same motion are.
     pub fn distribute(&mut self, (time, y): (f64, &[f64]), held: &mut ConstraintForces) -> Result<(), SimError> {
-        let mu = |own: &Lasting| self.sim.touches[own.touch].contact.law.friction();
+        let sim = self.sim;
+        let mu = |own: &Lasting| sim.touches[own.touch].contact.law.friction();
         let largest = held.contacts.iter().fold(0.0, |most: f64, own| most.max(own.normal_force.abs()));
         let admissible = self.lasting.iter().zip(&held.contacts).all(|(own, force)| match own.hold {
             Hold::Latched | Hold::Presses { .. } => true,
             Hold::Sticks => force.normal_force.min(force.cone(mu(own))) >= -ROUNDING * largest,
             Hold::Slides { .. } | Hold::Starts { .. } => force.normal_force >= -ROUNDING * largest,
         });
-        let holds = |(joint, force): (&super::lasting::DryJoint, &f64)| {
+        let holds = |(joint, force): (&DryJoint, &f64)| {
             joint.state != Dry::Holds || force.abs() <= (1.0 + ROUNDING) * joint.friction
         };
         if admissible && self.dry.iter().zip(&held.joints).all(holds) {
@@ -133,23 +126,11 @@ impl<A: Space> Motion<'_, A> {
         self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
         let Some(mut equations) = self.equations(time, &lasting, &found)? else { return Ok(()) };
         let Some(given) = equations.forces(&-found.offset()) else { return Ok(()) };
-        let rigid = || lasting.iter().filter(|own| own.is_rigid());
         let constraints = &found.constraints;
-        let mut admitted: Vec<Admitted> = constraints
-            .contacts
-            .iter()
-            .zip(rigid())
-            .map(|(contact, own)| match own.hold {
-                Hold::Latched => Admitted::Any,
-                _ => {
-                    let rows = contact.rows.clone();
-                    Admitted::Cone {
-                        friction: if rows.len() > 1 { self.sim.touches[own.touch].contact.law.friction() } else { 0.0 },
-                        rows,
-                    }
-                }
-            })
-            .collect();
+        let rigid = lasting.iter().filter(|own| own.is_rigid());
+        let pushes = constraints.contacts.iter().zip(rigid).filter(|(_, own)| own.hold != Hold::Latched);
+        let cone = |(contact, own): (&Contact, _)| Admitted::Cone { rows: contact.rows.clone(), friction: mu(own) };
+        let mut admitted: Vec<Admitted> = pushes.map(cone).collect();
         let first = given.len() - constraints.joints.len();
         let joints = constraints.joints.iter().enumerate();
         admitted.extend(joints.map(|(i, k)| Admitted::Bound { row: first + i, bound: self.dry[*k].friction }));

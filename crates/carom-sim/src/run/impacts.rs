@@ -26,7 +26,7 @@ use carom_chain::algebra::z_onto;
 use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 
-/// By about this motion, m or rad, the direction of a contact point is told.
+/// Motion, m or rad, over which the change of the margin of a contact point is taken.
 const SHORT: f64 = 1e-7;
 /// Least height of a bounce, m.
 const LOWEST: f64 = 10.0 * HYSTERESIS;

@@ -142,10 +142,12 @@ impl SolOut for Observer<'_, '_, '_> {
                 *level = Some(0.0);
             }
         }
-        let (length, values) = self.earlier.get_or_insert_default();
-        *length = end - start;
-        values.clear();
-        values.extend(self.before.iter().map(|witness| witness.value));
+        if self.before.iter().any(|witness| witness.dips) {
+            let (length, values) = self.earlier.get_or_insert_default();
+            *length = end - start;
+            values.clear();
+            values.extend(self.before.iter().map(|witness| witness.value));
+        }
         self.after = std::mem::replace(&mut self.before, after);
         self.y_before.copy_from_slice(y);
         self.reached = end;

@@ -117,6 +117,16 @@ impl Closures {
         }
     }
 
+    /// G, from the responses of the rows.
+    fn delassus(&self, responses: &Rows) -> DMatrix<f64> {
+        let m = self.rows.len();
+        DMatrix::from_fn(m, m, |i, j| {
+            // Both triangles from one product: exactly symmetric.
+            let (i, j) = (i.min(j), i.max(j));
+            self.rows.dot(i, responses.row(j))
+        })
+    }
+
     /// R v − velocity of the surfaces.
     pub fn velocities(&self, v: &[f64]) -> DVector<f64> {
         DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, v) - self.surface[i])
@@ -170,13 +180,8 @@ impl<A: Space> Run<'_, '_, A> {
         (law, accuracy): (SeveralLaw, &Accuracy),
         start: Option<&DVector<f64>>,
     ) -> Result<Solved, SimError> {
-        let m = rows.rows.len();
-        let delassus = DMatrix::from_fn(m, m, |i, j| {
-            // Both triangles from one product: exactly symmetric.
-            let (i, j) = (i.min(j), i.max(j));
-            rows.rows.dot(i, responses.row(j))
-        });
-        let problem = SeveralProblem::new(delassus, u_minus, rows.constraints.clone())?.with_free_velocity(u_free)?;
+        let problem = SeveralProblem::new(rows.delassus(responses), u_minus, rows.constraints.clone())?
+            .with_free_velocity(u_free)?;
         Ok(law.solve(&problem, &rows.stiffnesses, accuracy, start)?)
     }
 
@@ -221,9 +226,7 @@ impl<A: Space> Run<'_, '_, A> {
             return Ok(());
         }
         let u = rows.velocities(v).select_rows(&normals);
-        let k = DMatrix::from_fn(normals.len(), normals.len(), |i, j| {
-            rows.rows.dot(normals[i.min(j)], responses.row(normals[i.max(j)]))
-        });
+        let k = rows.delassus(responses).select_rows(&normals).select_columns(&normals);
         let smooth = vec![Constraint::Stop { restitution: 0.0 }; normals.len()];
         let apart = SeveralProblem::new(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
         let fastest = -apart.u_plus.min();
