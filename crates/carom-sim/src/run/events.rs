@@ -403,7 +403,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
                 candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
             }
         }
-        if !self.select(&candidates)? {
+        if !self.motion.select(&candidates, self.time, &mut self.y)? {
             return Ok(Some(StepReason::NoMode));
         }
         self.end_slips(&candidates)?;

@@ -1,4 +1,4 @@
-//! The choice of the mode, and slips that end as soon as it is chosen: see `motion/ending.rs`.
+//! Slips that end as soon as their mode is chosen: see `motion/ending.rs`.
 
 use super::events::Run;
 use super::trajectory::EventKind;
@@ -18,14 +18,6 @@ impl<A: Space> Run<'_, '_, A> {
         for mode in turned {
             self.note(EventKind::Mode { mode }, before, Vec::new());
         }
-    }
-
-    /// [`Motion::select`](crate::motion::Motion::select); the energy of the velocities that it sets to zero is booked.
-    pub fn select(&mut self, candidates: &[Candidate]) -> Result<bool, SimError> {
-        let energy = self.motion.energy(&self.y)?;
-        let found = self.motion.select(candidates, self.time, &mut self.y)?;
-        self.lost += energy - self.motion.energy(&self.y)?;
-        Ok(found)
     }
 
     /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.

@@ -287,8 +287,7 @@ pub struct EnergyBooks {
     pub drive: f64,
     /// Work of damping, dry friction and lasting contacts: not positive, except with moving surfaces.
     pub resistance: f64,
-    /// Energy lost in impacts, in time steps with several contacts and with velocities that are set to zero where a mode is chosen
-    /// (negative: gained).
+    /// Energy lost in impacts and in time steps with several contacts (negative: gained).
     pub impacts: f64,
 }
 
