@@ -184,10 +184,7 @@ impl<const D: usize> ImpactProblem<f64, D> {
         } else if let Some(found) = law.with(coefficients).turning(&problem)? {
             // The outcome is that of the path along which the derivatives are integrated.
             let Found { impulse, u_plus, account } = found.plain();
-            (
-                ImpactOutcome::of(Law::<f64, D>::name(law), self, impulse, u_plus, &account).if_finite()?,
-                lanes(found.impulse),
-            )
+            (ImpactOutcome::of(Law::<f64, D>::name(law), self, impulse, u_plus, &account)?, lanes(found.impulse))
         } else {
             // Coefficients out of their ranges are errors of `resolve`.
             (law.resolve(self)?, lanes(law.with(coefficients).impulse(&problem)?))

@@ -126,24 +126,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
         let u_plus = u_minus + problem.delassus() * impulse;
         let account = Account::straight(-u_plus[n] / u_minus[n], &impulse, &u_minus, &u_plus);
-        Self::of(law, problem, impulse, u_plus, &account).if_finite()
-    }
-
-    /// Fails if the impulse, the velocity after or an energy is not finite: where energies overflow, so do the works by which a
-    /// law decides.
-    #[inline(always)]
-    pub(crate) fn if_finite(self) -> Result<Self, ImpactError> {
-        // A sum is finite if no term is NaN or infinite.
-        let sum = self.impulse.sum() + self.u_plus.sum() + (self.energy_before + self.energy_after);
-        if sum.is_finite() { Ok(self) } else { self.not_finite() }
-    }
-
-    #[cold]
-    fn not_finite(self) -> Result<Self, ImpactError> {
-        finite("the impulse", &self.impulse)?;
-        finite("the velocity after the impact", &self.u_plus)?;
-        finite("the kinetic energy", &SVector::<T, 2>::new(self.energy_before, self.energy_after))?;
-        Ok(self)
+        Self::of(law, problem, impulse, u_plus, &account)
     }
 
     /// The outcome without an impact: the contact does not approach.
@@ -170,7 +153,8 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
     }
 
-    /// Completes the result of a law with the energies and the flags that follow from them.
+    /// Completes the result of a law with the energies and the flags that follow from them. Fails if the impulse, the velocity
+    /// after or an energy is not finite: where energies overflow, so do the works by which a law decides.
     #[inline(always)]
     pub(crate) fn of(
         law: &'static str,
@@ -178,7 +162,7 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         impulse: SVector<T, D>,
         u_plus: SVector<T, D>,
         account: &Account<T>,
-    ) -> Self {
+    ) -> Result<Self, ImpactError> {
         let energies = problem.kinetic_energies([*problem.u_minus(), u_plus]);
         Self::with_energies(law, problem, (impulse, u_plus), energies, account)
     }
@@ -189,6 +173,24 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         law: &'static str,
         problem: &ImpactProblem<T, D>,
         (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
+        energies: [T; 2],
+        account: &Account<T>,
+    ) -> Result<Self, ImpactError> {
+        // A sum is finite only if no term is NaN or infinite.
+        if !(impulse.sum() + u_plus.sum() + (energies[0] + energies[1])).is_finite() {
+            finite("the impulse", &impulse)?;
+            finite("the velocity after the impact", &u_plus)?;
+            finite("the kinetic energy", &SVector::from(energies))?;
+        }
+        Ok(Self::unchecked(law, problem, (impulse, u_plus), energies, account))
+    }
+
+    /// [`Self::with_energies`] without the check: for a law without choices.
+    #[inline(always)]
+    pub(crate) fn unchecked(
+        law: &'static str,
+        problem: &ImpactProblem<T, D>,
+        (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
         [energy_before, energy_after]: [T; 2],
         account: &Account<T>,
     ) -> Self {
@@ -196,8 +198,8 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         let half: T = convert(0.5);
         let energy_change = impulse.dot(&(u_minus + u_plus)) * half;
         // ½ P·(u⁻ + u⁺) may be a small difference of large terms, which determine its rounding error.
-        let passed = impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
-        let gains = energy_change > (energy_before + passed) * rounding(GAIN);
+        let passed = || impulse.abs().dot(&(u_minus.abs() + u_plus.abs())) * half;
+        let gains = energy_change > T::zero() && energy_change > (energy_before + passed()) * rounding(GAIN);
         let v_n = problem.approach_speed();
         let grazes = v_n * v_n < u_minus.norm_squared() * convert(GRAZING * GRAZING);
         Self {

@@ -51,7 +51,7 @@ pub(crate) struct Routh<T> {
 }
 
 impl<T: RealField + Copy> Routh<T> {
-    #[inline]
+    #[inline(always)]
     pub fn resolve<const D: usize>(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
         if problem.approach_speed() > T::zero() {
             check_restitution(self.restitution)?;
@@ -124,10 +124,10 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
             return Ok(frictionless(law, restitution, problem));
         }
         let Found { impulse, u_plus, account } = in_space()?;
-        return ImpactOutcome::of(law, problem, impulse, u_plus, &account).if_finite();
+        return ImpactOutcome::of(law, problem, impulse, u_plus, &account);
     };
     let answer = in_plane(&plane.contact)?;
-    plane.lift(law, problem, mu, answer).if_finite()
+    plane.lift(law, problem, mu, answer)
 }
 
 /// The further solutions of a law that has several.
@@ -139,10 +139,13 @@ pub(crate) fn others_with_friction<T: RealField + Copy, const D: usize>(
     in_space: impl FnOnce() -> Vec<Found<T, D>>,
 ) -> Vec<ImpactOutcome<T, D>> {
     if let Some(plane) = SlipPlane::of(problem) {
-        return in_plane(&plane.contact).into_iter().map(|answer| plane.lift(law, problem, mu, answer)).collect();
+        return in_plane(&plane.contact)
+            .into_iter()
+            .filter_map(|answer| plane.lift(law, problem, mu, answer).ok())
+            .collect();
     }
     let outcome = |Found { impulse, u_plus, account }| ImpactOutcome::of(law, problem, impulse, u_plus, &account);
-    in_space().into_iter().filter_map(|found| outcome(found).if_finite().ok()).collect()
+    in_space().into_iter().filter_map(|found| outcome(found).ok()).collect()
 }
 
 /// The equivalent planar contact, if the slip stays in a plane.
@@ -165,11 +168,13 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     fn of(problem: &ImpactProblem<T, D>) -> Option<Self> {
         let h = problem.delassus();
         let u = problem.u_minus();
-        if D == 2 {
-            let mut t = SVector::zeros();
-            t[0] = T::one();
-            let delassus = Matrix2::new(h[(0, 0)], h[(1, 0)], h[(1, 0)], h[(1, 1)]);
-            return Some(Self { t, contact: ImpactProblem::trusted(delassus, Vector2::new(u[0], u[1])) });
+        if D < 3 {
+            // One tangent, or none.
+            let (n, zero) = (D - 1, T::zero());
+            let (one, a, b, v_t) =
+                if D == 2 { (T::one(), h[(0, 0)], h[(1, 0)], u[0]) } else { (zero, zero, zero, zero) };
+            let contact = ImpactProblem::trusted(Matrix2::new(a, b, b, h[(n, n)]), Vector2::new(v_t, u[n]));
+            return Some(Self { t: SVector::from_fn(|i, _| if i < n { one } else { zero }), contact });
         }
         let tolerance: T = rounding(PLANE);
         if let Some((t, v_t)) = direction(u) {
@@ -179,22 +184,19 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
                 return plane;
             }
         }
-        Self::from_rest(problem)
+        let (t, v_t) = Self::from_rest(problem);
+        Self::along(problem, t, v_t)
     }
 
-    /// The plane of a contact without slip.
+    /// The direction into which the normal impulse accelerates a contact without slip, zero if there is none; and a slip that is
+    /// zero but for its derivative.
     #[cold]
-    fn from_rest(problem: &ImpactProblem<T, D>) -> Option<Self> {
-        let (h, u) = (problem.delassus(), problem.u_minus());
-        match direction(&h.column(D - 1).into_owned()) {
-            Some((t, drive)) if drive > h.map(value).amax() * rounding(PLANE) => {
-                Self::along(problem, t, rest(t.dot(u)))
+    fn from_rest(problem: &ImpactProblem<T, D>) -> (SVector<T, D>, T) {
+        match direction(&problem.delassus().column(D - 1).into_owned()) {
+            Some((t, drive)) if drive > value(problem.largest_entry()) * rounding(PLANE) => {
+                (t, rest(t.dot(problem.u_minus())))
             }
-            _ => {
-                let (none, c) = (T::zero(), h[(D - 1, D - 1)]);
-                let contact = ImpactProblem::trusted(Matrix2::new(none, none, none, c), Vector2::new(none, u[D - 1]));
-                Some(Self { t: SVector::zeros(), contact })
-            }
+            _ => (SVector::zeros(), T::zero()),
         }
     }
 
@@ -202,13 +204,13 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
     #[inline(always)]
     fn along(problem: &ImpactProblem<T, D>, t: SVector<T, D>, v_t: T) -> Option<Self> {
         let (h, n) = (problem.delassus(), D - 1);
-        let h_t = h * t;
+        let h_t = h.column(0) * t[0] + h.column(1) * t[1];
         let across = |x: T, y: T| value(t[0] * y - t[1] * x).abs();
-        let allowed = h.map(value).amax() * rounding(PLANE);
+        let allowed = value(problem.largest_entry()) * rounding(PLANE);
         if across(h_t[0], h_t[1]) > allowed || across(h[(0, n)], h[(1, n)]) > allowed {
             return None;
         }
-        let (a, b, c) = (t.dot(&h_t), h_t[n], h[(n, n)]);
+        let (a, b, c) = (t[0] * h_t[0] + t[1] * h_t[1], h_t[n], h[(n, n)]);
         let contact = ImpactProblem::trusted(Matrix2::new(a, b, b, c), Vector2::new(v_t, problem.u_minus()[n]));
         Some(Self { t, contact })
     }
@@ -221,7 +223,7 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         problem: &ImpactProblem<T, D>,
         mu: T,
         mut answer: Answer<T>,
-    ) -> ImpactOutcome<T, D> {
+    ) -> Result<ImpactOutcome<T, D>, ImpactError> {
         let contact = &self.contact;
         let (_, b, c) = contact.abc();
         let (v_t, _) = contact.velocity();
@@ -369,6 +371,11 @@ fn exp_divided(mut x: [f64; 3]) -> f64 {
 fn direction<T: RealField + Copy, const D: usize>(x: &SVector<T, D>) -> Option<(SVector<T, D>, T)> {
     let mut tangent = *x;
     tangent[D - 1] = T::zero();
+    // Along a contact axis without a root; derivatives may have a component across it.
+    if D == 3 && (x[0] == T::zero() || x[1] == T::zero()) && !has_derivatives::<T>() {
+        let (slip, length) = (x[0] + x[1], (x[0] + x[1]).abs());
+        return (length > T::zero()).then(|| (tangent.map(|x| if x == T::zero() { x } else { slip.signum() }), length));
+    }
     let (square, least) = (tangent.norm_squared(), T::default_epsilon().powi(4));
     if square > least && square * least < T::one() {
         let length = square.sqrt();

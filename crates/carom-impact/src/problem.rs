@@ -63,9 +63,10 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// [`ImpactError::NotFinite`]: an entry is NaN or infinite.
     #[inline(always)]
     pub fn from_gram(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Result<Self, ImpactError> {
-        // A sum is finite if no term is NaN or infinite; otherwise the entry is found by the checks of `new`.
+        // A sum is finite only if no term is NaN or infinite.
         if !(delassus.sum() + u_minus.sum()).is_finite() {
-            return Self::new(delassus, u_minus);
+            check_delassus(&mut delassus.clone_owned())?;
+            check_velocity("u_minus", u_minus.as_slice())?;
         }
         let mirrored = delassus.transpose();
         Ok(Self::trusted(mirrored + (delassus - mirrored) * convert::<f64, T>(0.5), u_minus))
@@ -141,6 +142,11 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     pub(crate) fn trace_rounding(&self) -> T {
         let tiny: T = rounding(64.0);
         self.delassus.trace() * tiny * tiny
+    }
+
+    /// The largest entry of H, which is on the diagonal, because H is positive semidefinite.
+    pub(crate) fn largest_entry(&self) -> T {
+        (1..D).fold(self.delassus[(0, 0)], |most, i| most.max(self.delassus[(i, i)]))
     }
 
     /// Whether `H_nn` is so small beside the trace that it may be rounding.

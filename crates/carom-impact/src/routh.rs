@@ -172,7 +172,7 @@ pub(crate) fn walk<T: RealField + Copy>(
         // Slip neither stops nor raises v_n: refused above, and impossible for det H > 0.
         let Some(p1) = slip_stops else { return Err(wedged(v_n, first.normal_rate)) };
         let then = after_slip(contact, mu, sign(v_t));
-        let locked = contact.is_locked(then.normal_rate);
+        let (locked, by_rate) = (contact.is_locked(then.normal_rate), T::one() / then.normal_rate);
         if let Some(pc) = slip_peaks.filter(|&pc| p1 >= pc) {
             // C: compression ends, slip stops, restitution goes on.
             down.advance(&first, pc);
@@ -184,7 +184,7 @@ pub(crate) fn walk<T: RealField + Copy>(
             down.advance(&first, p1);
             down.v_t = zero;
             if !locked {
-                down.advance(&then, -down.v_n / then.normal_rate);
+                down.advance(&then, -down.v_n * by_rate);
             } else if down.v_n < (v_n - first.normal_rate.abs() * p1) * rounding(1024.0) {
                 return Err(wedged(down.v_n, then.normal_rate));
             }
@@ -192,7 +192,7 @@ pub(crate) fn walk<T: RealField + Copy>(
             slip_end = Some(Phase::Compression);
         }
         let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
-        up.advance(&then, end.left(up.p, up.v_n, up.normal_work, then.normal_rate, locked));
+        up.advance(&then, end.left(up.p, up.v_n, up.normal_work, [then.normal_rate, by_rate], locked));
         (mode, realised) =
             (then.mode, [-up.v_n / v_n, up.p / down.p, coefficient_of_work(up.normal_work, down.normal_work)]);
     }
@@ -247,17 +247,17 @@ pub(crate) struct End<T> {
 }
 
 impl<T: RealField + Copy> End<T> {
-    /// The normal impulse to the end of restitution at the constant rate `dv_n/dp`, from a state with impulse p,
-    /// velocity v_n and work since the end of compression.
-    pub fn left(&self, p: T, v_n: T, work: T, rate: T, locked: bool) -> T {
+    /// The normal impulse to the end of restitution at the constant rate `dv_n/dp`, given with its inverse, from a state with
+    /// impulse p, velocity v_n and work since the end of compression.
+    pub fn left(&self, p: T, v_n: T, work: T, [rate, by_rate]: [T; 2], locked: bool) -> T {
         let two: T = convert(2.0);
         let Self { e, .. } = *self;
         match self.ending {
             Ending::Impulse => e * self.pc - p,
             // No impulse changes v_n of a locked contact.
             _ if locked => T::zero(),
-            Ending::Velocity => (-e * self.v_n_minus - v_n) / rate,
-            Ending::Work if v_n == T::zero() => e * (-two * self.work / rate).sqrt(),
+            Ending::Velocity => (-e * self.v_n_minus - v_n) * by_rate,
+            Ending::Work if v_n == T::zero() => e * (-two * self.work * by_rate).sqrt(),
             Ending::Work => {
                 // The root x of v_n x + rate x²/2 = left, in the form without cancellation.
                 let left = -e * e * self.work - work;

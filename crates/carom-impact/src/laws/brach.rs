@@ -131,7 +131,7 @@ impl<T: RealField + Copy> Brach<T> {
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
         let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
     }
 }
 

@@ -133,6 +133,6 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
             account.mode = Mode::Slip; // without friction it cannot stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
     }
 }

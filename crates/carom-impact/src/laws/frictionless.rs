@@ -82,5 +82,6 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     if slip(u) && account.mode == Mode::Stick {
         account.mode = Mode::Slip; // without friction it cannot stick
     }
-    ImpactOutcome::of(law, problem, impulse, u_plus, &account)
+    let energies = problem.kinetic_energies([*u, u_plus]);
+    ImpactOutcome::unchecked(law, problem, (impulse, u_plus), energies, &account)
 }

@@ -343,7 +343,8 @@ pub(crate) fn check_impulse_ratio<T: RealField + Copy>(ratio: T) -> Result<(), I
 }
 
 pub(crate) fn check_friction<T: RealField + Copy>(mu: T) -> Result<(), ImpactError> {
-    if mu >= T::zero() && mu.is_finite() {
+    // The difference is NaN if the coefficient is infinite.
+    if mu >= T::zero() && mu - mu == T::zero() {
         return Ok(());
     }
     Err(ImpactError::Friction { value: plain(mu) })

@@ -107,7 +107,7 @@ impl<T: RealField + Copy> Smith<T> {
             account.mode = Mode::Slip; // this law does not stick
         }
         account.flags |= Flags::SINGULAR.when(mu > T::zero() && contact.is_singular());
-        ImpactOutcome::of(name, problem, impulse, u_plus, &account).if_finite()
+        ImpactOutcome::of(name, problem, impulse, u_plus, &account)
     }
 }
 

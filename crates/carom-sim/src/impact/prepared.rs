@@ -134,15 +134,16 @@ impl Aim<'_> {
 
 /// How the contact axes of a pass are placed in space.
 pub(super) trait Place<const D: usize> {
-    /// Applies a law to the problem and sets all of `hit` but joint velocities, energies and drives. Returns the impulse in the
-    /// contact axes of the pass.
-    fn resolve(
+    /// Applies the law to the problem and sets all of the result but energies and drives. `rows` are those of X = M⁻¹Jᵀ. Returns
+    /// the impulse in the axes of the chain.
+    fn resolve<A: Algebra>(
         &self,
-        aim: &Aim,
-        law: &dyn Law<f64, 3>,
+        one: &mut OneImpact<A, Self, D>,
         problem: &ImpactProblem<f64, D>,
-        hit: &mut ChainImpact,
-    ) -> Result<SVector<f64, D>, ImpactError>;
+        rows: &[SVector<f64, D>],
+    ) -> Result<SVector<f64, D>, ImpactError>
+    where
+        Self: Sized;
     /// The derivative of a law, and its outcome in the contact axes in space.
     fn differentiate(
         &self,
@@ -159,15 +160,16 @@ pub(super) struct InSpace;
 
 impl Place<3> for InSpace {
     #[inline(always)]
-    fn resolve(
+    fn resolve<A: Algebra>(
         &self,
-        aim: &Aim,
-        law: &dyn Law<f64, 3>,
+        one: &mut OneImpact<A, Self, 3>,
         problem: &ImpactProblem<f64, 3>,
-        hit: &mut ChainImpact,
+        rows: &[Vector3<f64>],
     ) -> Result<Vector3<f64>, ImpactError> {
-        hit.take(law.resolve(problem)?, &aim.axes);
-        Ok(hit.contact.impulse)
+        let outcome = one.law.resolve(problem)?;
+        let impulse = one.jump(rows, &outcome.impulse);
+        one.hit.take(outcome, &one.aim.axes);
+        Ok(impulse)
     }
 
     fn differentiate(
@@ -200,18 +202,23 @@ pub(super) struct OfPlane {
 
 impl Place<2> for OfPlane {
     #[inline(always)]
-    fn resolve(
+    fn resolve<A: Algebra>(
         &self,
-        aim: &Aim,
-        law: &dyn Law<f64, 3>,
+        one: &mut OneImpact<A, Self, 2>,
         problem: &ImpactProblem<f64, 2>,
-        hit: &mut ChainImpact,
+        rows: &[Vector2<f64>],
     ) -> Result<Vector2<f64>, ImpactError> {
-        let Some(known) = law.known() else {
-            hit.take(law.resolve(&problem.in_space(self.tangent))?, &aim.axes);
-            return Ok(self.project(&hit.contact.impulse));
+        // The law is not moved: a processor waits where it reads as one what it has just written in parts.
+        let known = one.law.known();
+        let Some(known) = &known else {
+            let outcome = one.law.resolve(&problem.in_space(self.tangent))?;
+            let impulse = one.jump(rows, &self.project(&outcome.impulse));
+            one.hit.take(outcome, &one.aim.axes);
+            return Ok(impulse);
         };
         let outcome = known.resolve(problem)?;
+        let impulse = one.jump(rows, &outcome.impulse);
+        let hit = &mut *one.hit;
         for (x, of) in [
             (&mut hit.impulse, &outcome.impulse),
             (&mut hit.u_minus, &outcome.u_minus),
@@ -223,7 +230,7 @@ impl Place<2> for OfPlane {
         }
         (hit.mode, hit.flags) = (outcome.mode, outcome.flags);
         hit.contact = outcome.in_space(self.tangent);
-        Ok(outcome.impulse)
+        Ok(impulse)
     }
 
     fn differentiate(
@@ -289,23 +296,23 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     pub fn resolve_into(
         &mut self,
         aim: &Aim,
-        (q, qd): (&[f64], &[f64]),
+        state: (&[f64], &[f64]),
         law: &dyn Law<f64, 3>,
         hit: &mut ChainImpact,
     ) -> Result<(), SimError> {
         let normal = self.normal();
         let Self { chain, point, axes, place, memory, workspace } = self;
-        let mut one = OneImpact { aim, chain: *chain, axes, place, q, qd, law, hit, done: Ok(()) };
+        let mut one = OneImpact { aim, chain, axes, place, state, law, hit, done: Ok(()) };
         match workspace {
-            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, &mut one)?,
+            None => chain.contact_point(*point)?.visit(state.0, normal, &aim.added, memory, &mut one)?,
             Some(workspace) => {
-                let mut kin = workspace.update(chain, q)?;
+                let mut kin = workspace.update(chain, state.0)?;
                 (&mut one).visit(kin.contact(*point, normal, &aim.added)?);
             }
         }
         one.done?;
         if self.workspace.is_some() {
-            self.account(aim, (q, qd), hit)?;
+            self.account(aim, state, hit)?;
         }
         Ok(())
     }
@@ -384,6 +391,12 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     }
 }
 
+/// The sum of the columns times the entries of x: their product, without a call.
+#[inline(always)]
+fn combine<const D: usize>(columns: &SMatrix<f64, D, D>, x: &SVector<f64, D>) -> SVector<f64, D> {
+    (1..D).fold(columns.column(0) * x[0], |sum, k| sum + columns.column(k) * x[k])
+}
+
 /// H and u of a contact in contact axes.
 #[inline(always)]
 pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
@@ -405,7 +418,10 @@ pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const 
         });
     }
     let delassus = SMatrix::<f64, D, D>::from_fn(|i, k| response.delassus[k][i]);
-    let (mut delassus, mut u) = (axes.transpose() * delassus * axes, axes.transpose() * response.velocity(qd));
+    let along: [_; D] = std::array::from_fn(|k| combine(&delassus, &axes.column(k).into_owned()));
+    let mut delassus = SMatrix::<f64, D, D>::from_fn(|i, k| axes.column(i).dot(&along[k]));
+    let velocity = response.velocity(qd);
+    let mut u = SVector::<f64, D>::from_fn(|i, _| axes.column(i).dot(&velocity));
     // Along a singular tangent J, and with it u, is rounding. An entry that is not small needs no second look.
     let small = delassus.trace() * f64::EPSILON;
     for k in 0..D - 1 {
@@ -462,8 +478,8 @@ pub(super) struct OneImpact<'s, A: Algebra, P, const D: usize> {
     pub chain: &'s Chain<A>,
     pub axes: &'s SMatrix<f64, D, D>,
     pub place: &'s P,
-    pub q: &'s [f64],
-    pub qd: &'s [f64],
+    /// q and q̇.
+    pub state: (&'s [f64], &'s [f64]),
     pub law: &'s dyn Law<f64, 3>,
     pub hit: &'s mut ChainImpact,
     pub done: Result<(), SimError>,
@@ -475,22 +491,33 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
     const KEEPS: Kept = Kept::Nothing;
     #[inline(always)]
     fn visit(&mut self, response: PointResponse<A>) {
-        self.done = self.resolve(&response);
+        if let Err(error) = self.resolve(&response) {
+            self.done = Err(error);
+        }
     }
 }
 
 impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: usize> OneImpact<'_, A, P, D> {
     #[inline(always)]
     pub fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
-        // Slices of the length of the response, so that loops are unrolled where the compiler knows this length.
-        let Self { aim, axes, q, hit, .. } = self;
-        let qd = &self.qd[..response.response.len()];
-        let problem = problem(response, aim, self.chain, axes, (q, qd))?;
-        let impulse = *axes * self.place.resolve(aim, self.law, &problem, hit)?;
-        hit.jump(response.response, &impulse, qd);
+        // A slice of the length of the response, so that loops are unrolled where the compiler knows this length.
+        let qd = &self.state.1[..response.response.len()];
+        let problem = problem(response, self.aim, self.chain, self.axes, (self.state.0, qd))?;
+        let impulse = self.place.resolve(self, &problem, response.response)?;
         if !response.mass_matrix.is_empty() {
-            account(response, &aim.added, &impulse, qd, hit);
+            account(response, &self.aim.added, &impulse, qd, self.hit);
         }
         Ok(())
+    }
+}
+
+impl<A: Algebra, P, const D: usize> OneImpact<'_, A, P, D> {
+    /// Sets q̇⁺ from the impulse in contact axes, which is returned in the axes of the chain. Called before the rest of the result
+    /// is written, so that q̇⁺ has reached the memory when the energies are computed from it.
+    #[inline(always)]
+    fn jump(&mut self, rows: &[SVector<f64, D>], impulse: &SVector<f64, D>) -> SVector<f64, D> {
+        let impulse = combine(self.axes, impulse);
+        self.hit.jump(rows, &impulse, self.state.1);
+        impulse
     }
 }
