@@ -5,8 +5,8 @@ use std::cell::Cell;
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::turn::{CHANGES, Quantity, Start, Turn};
-use super::{Rates, Return, State, Step};
+use super::turn::{CHANGES, Quantity, Turn};
+use super::{Return, State, Step};
 use crate::contact::Contact;
 use crate::plane::{has_derivatives, rest};
 use crate::problem::plain;
@@ -38,17 +38,8 @@ pub(super) struct Resume<T> {
 
 impl<'a, T: RealField + Copy> Curve<'a, T> {
     #[inline]
-    pub fn new(contact: &'a Contact<T>, mu: T, rates: &Rates<T>, state: &State<T>, turn: &'a mut Turn) -> Self {
-        turn.begin(Start {
-            tangents: contact.tangents.map(plain),
-            coupling: contact.coupling.map(plain),
-            normal: plain(contact.normal),
-            mu: plain(mu),
-            scale: plain(rates.scale),
-            heading: state.heading.map(plain),
-            r: plain(state.r),
-            v_n: plain(state.v_n),
-        });
+    pub fn new(contact: &'a Contact<T>, mu: T, state: &State<T>, turn: &'a mut Turn) -> Self {
+        turn.begin(state.heading.map(plain), plain(state.r), plain(state.v_n));
         Self { contact, mu, state: *state, turn, from: 0.0, before: None, event: Cell::new(None) }
     }
 

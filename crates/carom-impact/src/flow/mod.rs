@@ -141,8 +141,6 @@ struct Rates<T> {
     radial: T,
     /// `k_φ` (1/kg).
     turning: T,
-    /// `|h| + μ |A|`, which bounds both (1/kg).
-    scale: T,
 }
 
 /// A piece of the flow.
@@ -180,7 +178,7 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
     let contact = Contact::of(problem);
     let mut flow = Flow::new(&contact, mu);
     let mut state = State::start(&contact);
-    let mut turn = Turn::new();
+    let mut turn = Turn::new(&contact, mu, flow.scale);
     // Without slip: a slip of value 0 with a derivative stops at once if the contact sticks.
     if state.r == zero && flow.departure().heading.amax() == zero {
         state.p_t = -contact.mobility().least_solution(&contact.slip);
@@ -226,6 +224,8 @@ pub(crate) fn follow<T: RealField + Copy, const D: usize>(
 struct Flow<'a, T> {
     contact: &'a Contact<T>,
     mu: T,
+    /// `|h| + μ |A|`, which bounds the rates of slip (1/kg).
+    scale: T,
     /// r below which slip counts as straight until it stops.
     slow: T,
     /// The piece that follows when slip has stopped, once it is needed.
@@ -237,7 +237,8 @@ struct Flow<'a, T> {
 impl<'a, T: RealField + Copy> Flow<'a, T> {
     fn new(contact: &'a Contact<T>, mu: T) -> Self {
         let speed = contact.slip.amax().max(contact.v_n.abs());
-        Self { contact, mu, slow: speed * rounding(SLOW), departure: None, jams: false, pieces: 0 }
+        let scale = length(&contact.coupling) + mu * contact.tangents.norm();
+        Self { contact, mu, scale, slow: speed * rounding(SLOW), departure: None, jams: false, pieces: 0 }
     }
 
     fn departure(&mut self) -> Line<T> {
@@ -247,7 +248,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
     fn rates(&self, u: &Vector2<T>) -> Rates<T> {
         let (a, h) = (&self.contact.tangents, &self.contact.coupling);
         let f = h - a * u * self.mu;
-        Rates { radial: u.dot(&f), turning: u.x * f.y - u.y * f.x, scale: length(h) + self.mu * a.norm() }
+        Rates { radial: u.dot(&f), turning: u.x * f.y - u.y * f.x }
     }
 
     /// The piece that follows this state.
@@ -262,12 +263,12 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
             state.r = T::zero();
             return Piece::Line(self.departure());
         }
-        let straight = rates.turning.abs() <= rates.scale * rounding(STRAIGHT) || self.stops_here(state, &rates);
+        let straight = rates.turning.abs() <= self.scale * rounding(STRAIGHT) || self.stops_here(state, &rates);
         let piece = if straight || state.r <= self.slow || self.pieces > PIECES {
-            let doubt = rates.scale * rounding(1024.0);
+            let doubt = self.scale * rounding(1024.0);
             Piece::Line(Line::slip(self.contact, self.mu, state.heading, rates.radial, doubt))
         } else {
-            Piece::Curve(Curve::new(self.contact, self.mu, &rates, state, turn))
+            Piece::Curve(Curve::new(self.contact, self.mu, state, turn))
         };
         if let Piece::Line(line) = &piece {
             self.jams |= line.normal_rate <= T::zero();
@@ -282,7 +283,7 @@ impl<'a, T: RealField + Copy> Flow<'a, T> {
         let (u, slows) = (&state.heading, -rates.radial);
         let across = Vector2::new(-u.y, u.x);
         let settles = self.mu * across.dot(&(self.contact.tangents * across)) - slows;
-        let (turns, room) = (rates.turning.abs() * rates.scale, settles * slows);
+        let (turns, room) = (rates.turning.abs() * self.scale, settles * slows);
         !has_derivatives::<T>()
             && slows > T::zero()
             && settles > T::zero()

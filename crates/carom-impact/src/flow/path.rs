@@ -217,7 +217,7 @@ impl<'a, const D: usize> Walk<'a, D> {
     fn follow(mut self, mu: f64, normal_impulse: f64) -> Result<ImpulsePath<D>, ImpactError> {
         let mut flow = Flow::new(self.contact, mu);
         let mut compression_end = (self.contact.v_n >= 0.0).then_some(0);
-        let (mut slip_end, mut turn) = (None, Turn::new());
+        let (mut slip_end, mut turn) = (None, Turn::new(self.contact, mu, flow.scale));
         while compression_end.is_none() || self.state.p < normal_impulse {
             let room = compression_end.map(|_| normal_impulse - self.state.p);
             match flow.piece(&mut self.state, &mut turn) {

@@ -71,6 +71,12 @@ pub(super) fn first<S: Simd>(of: &[f64]) -> S::f64s {
     S::as_simd_f64s(&of[..S::F64_LANES]).0[0]
 }
 
+/// `a b + c`, rounded once by processors whose vectors are used: they have such an instruction.
+#[inline(always)]
+pub(super) fn mul_add<S: Simd>(_: S, a: f64, b: f64, c: f64) -> f64 {
+    if S::F64_LANES > 1 { a.mul_add(b, c) } else { a * b + c }
+}
+
 /// A first guess for [`root`]: where the cubic that has these values and slopes at both ends, read as a function of the
 /// value, is zero.
 #[inline(always)]

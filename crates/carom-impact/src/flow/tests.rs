@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2, Matrix3, Rotation3, Vector2, Vector3, matrix, vector};
 
 use super::gauss::{NODES, WEIGHTS};
-use super::turn::{Quantity, Start, Turn};
+use super::turn::{Quantity, Turn};
 use super::{Line, Return, State, follow};
+use crate::contact::Contact;
 use crate::routh::{End, Ending, walk};
 use crate::{ImpactError, ImpactProblem};
 
@@ -126,7 +127,6 @@ fn restitution_that_jams_ends_at_e_squared_of_the_work_or_at_zero_velocity() {
 #[test]
 fn impulses_and_works_of_a_step_are_integrals_of_the_slip() {
     let mut rng = fastrand::Rng::with_seed(41);
-    let mut turn = Turn::new();
     for _ in 0..2_000 {
         let g = Matrix3::from_fn(|_, _| 2.0 * rng.f64() - 1.0);
         let h = g * g.transpose() + Matrix3::identity() * 0.05;
@@ -134,7 +134,9 @@ fn impulses_and_works_of_a_step_are_integrals_of_the_slip() {
         let (tangents, coupling) = (h.fixed_view::<2, 2>(0, 0).into_owned(), vector![h[(0, 2)], h[(1, 2)]]);
         let (heading, r, v_n) = (vector![angle.cos(), angle.sin()], 10.0_f64.powf(2.0 - 4.0 * rng.f64()), -rng.f64());
         let scale = coupling.norm() + mu * tangents.norm();
-        turn.begin(Start { tangents, coupling, normal: h[(2, 2)], mu, scale, heading, r, v_n });
+        let contact = Contact { tangents, coupling, normal: h[(2, 2)], slip: heading * r, v_n };
+        let mut turn = Turn::new(&contact, mu, scale);
+        turn.begin(heading, r, v_n);
         let t = turn.end() * rng.f64();
         let whole = turn.sums(t);
         let (mut p, mut p_t, mut works, mut passed) = (0.0, Vector2::zeros(), Vector2::zeros(), 0.0);

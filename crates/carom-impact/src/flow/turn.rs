@@ -13,17 +13,18 @@
 mod response;
 mod values;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{Matrix2, RealField, Vector2};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
 use super::Return;
-use super::series::{At, Function, MOST_LANES, Series, TERMS, first, root};
-use crate::contact::length;
+use super::series::{At, Function, MOST_LANES, Series, TERMS, first, mul_add, root};
+use crate::contact::{Contact, length};
+use crate::problem::plain;
 pub(super) use response::CHANGES;
 use values::{Above, Evaluate, FindReturn, FindRise, Signed, Sum};
 
 /// Truncation allowed in a step.
-const FINE: f64 = f64::EPSILON / 16.0;
+const FINE: f64 = f64::EPSILON / 2.0;
 
 /// Products that are added side by side.
 const BLOCK: usize = 4;
@@ -53,25 +54,21 @@ const INVERSES_OF_NEXT: Series = {
 /// A smaller coefficient may have underflowed.
 const LEAST: f64 = 8.0 / f64::MAX;
 
-/// The contact and its state at the start of a step.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Start {
-    pub tangents: Matrix2<f64>,
-    pub coupling: Vector2<f64>,
-    pub normal: f64,
-    pub mu: f64,
-    /// κ.
-    pub scale: f64,
-    pub heading: Vector2<f64>,
-    pub r: f64,
-    pub v_n: f64,
-}
-
 /// One step of Taylor's method. The memory is made once for an impact.
 pub(super) struct Turn {
-    start: Start,
+    /// A, h, C and μ.
+    tangents: Matrix2<f64>,
+    coupling: Vector2<f64>,
+    normal: f64,
+    mu: f64,
     /// `1/κ`.
     by_scale: f64,
+    /// Whether friction can lower v_n: `μ |h| > C`.
+    lowers: bool,
+    /// Direction and speed of slip and normal velocity at the start of the step.
+    heading: Vector2<f64>,
+    r: f64,
+    start_v_n: f64,
     /// v_t/r(0).
     slip: [Series; 2],
     /// r/r(0).
@@ -108,22 +105,20 @@ pub(super) struct Sums {
 }
 
 impl Turn {
-    /// Memory for steps.
-    pub fn new() -> Self {
-        let (none, zero) = (Vector2::zeros(), [0.0; TERMS]);
-        let start = Start {
-            tangents: Matrix2::zeros(),
-            coupling: none,
-            normal: 0.0,
-            mu: 0.0,
-            scale: 1.0,
-            heading: none,
-            r: 0.0,
-            v_n: 0.0,
-        };
+    /// Memory for the steps of an impact with this friction; κ is given.
+    pub fn new<T: RealField + Copy>(contact: &Contact<T>, mu: T, scale: T) -> Self {
+        let (coupling, normal, mu, zero) =
+            (contact.coupling.map(plain), plain(contact.normal), plain(mu), [0.0; TERMS]);
         Self {
-            start,
-            by_scale: 1.0,
+            tangents: contact.tangents.map(plain),
+            coupling,
+            normal,
+            mu,
+            by_scale: 1.0 / plain(scale),
+            lowers: mu * length(&coupling) > normal,
+            heading: Vector2::zeros(),
+            r: 0.0,
+            start_v_n: 0.0,
             slip: [zero; 2],
             speed: zero,
             v_n: zero,
@@ -135,12 +130,12 @@ impl Turn {
         }
     }
 
-    /// Computes the step from this start.
-    pub fn begin(&mut self, start: Start) {
-        (self.start, self.by_scale) = (start, 1.0 / start.scale);
+    /// Computes the step from a slip in this direction, at speed r, and a normal velocity.
+    pub fn begin(&mut self, heading: Vector2<f64>, r: f64, v_n: f64) {
+        (self.heading, self.r, self.start_v_n) = (heading, r, v_n);
         Arch::new().dispatch(Expand(self));
         (self.cuts[0], self.intervals) = (self.length(), 1);
-        if start.mu * length(&start.coupling) > start.normal {
+        if self.lowers {
             self.cut();
         }
     }
@@ -155,8 +150,8 @@ impl Turn {
     /// are added up before a block of coefficients begins.
     #[inline(always)]
     fn expand<S: Simd>(&mut self, simd: S) {
-        let Start { tangents, coupling, normal, mu, heading: u, r: r_0, v_n: v_0, .. } = self.start;
-        let (drive, hold) = (coupling * self.by_scale, tangents * (mu * self.by_scale));
+        let (mu, u, r_0) = (self.mu, self.heading, self.r);
+        let (drive, hold) = (self.coupling * self.by_scale, self.tangents * (mu * self.by_scale));
         // v_0·v_k = (along r_{k-1} - across·v_{k-1})/k.
         let (along, across) = (u.dot(&drive), hold * u);
         let zero = [u.x, u.y, 1.0];
@@ -170,32 +165,44 @@ impl Turn {
             let [a, b, d] = [hold_by[0][from][l], hold_by[1][from][l], hold_by[2][from][l]];
             let (v_x, v_y) = (drive_by[0][from][l] * r - (a * x + b * y), drive_by[1][from][l] * r - (b * x + d * y));
             let rest = (x_1 - across_by[0][from][l]) * x + (y_1 - across_by[1][from][l]) * y;
-            [v_x, v_y, ((drive_by[2][from][l] - r_1) * r + sum) + rest]
+            [v_x, v_y, mul_add(simd, drive_by[2][from][l] - r_1, r, sum) + rest]
         };
+        let product = |a, b| product(simd, a, b);
         let two = next(2, one, one.map(|x| 0.5 * x), 0.0);
         let three = next(3, two, one, 0.0);
         let four = next(4, three, one, 0.5 * product(two, two));
         let five = next(5, four, one, product(two, three));
         let six = next(6, five, one, product(two, four) + 0.5 * product(three, three));
         let seven = next(7, six, one, product(two, five) + product(three, four));
-        self.put(0, [zero, one, two, three]);
+        // The products with the first coefficient are in `next`.
+        self.put(0, [zero, [0.0; 3], two, three]);
         let mut last = [four, five, six, seven];
         self.put(BLOCK, last);
         for from in (2 * BLOCK..TERMS).step_by(BLOCK) {
-            let mut sums = [0.0; BLOCK];
-            // The latest coefficients last: they may not have reached the memory yet.
-            for i in (BLOCK..from / 2).rev() {
-                let [x, y, r] = self.get(i);
-                let [x_j, y_j, r_j] = [&self.slip[0], &self.slip[1], &self.speed].map(|of| block(of, from - i));
+            let [mut along_x, mut along_y, mut fast] = [[0.0; BLOCK]; 3];
+            // Late coefficients one by one with blocks of early ones, which have reached the memory.
+            for j in from / 2 + BLOCK..from - 2 {
+                let [x, y, r] = self.get(j);
+                let [x_i, y_i, r_i] = [&self.slip[0], &self.slip[1], &self.speed].map(|of| block(of, from - j));
                 for l in 0..BLOCK {
-                    sums[l] += x * x_j[l] + (y * y_j[l] - r * r_j[l]);
+                    along_x[l] = mul_add(simd, x, x_i[l], along_x[l]);
+                    along_y[l] = mul_add(simd, y, y_i[l], along_y[l]);
+                    fast[l] = mul_add(simd, r, r_i[l], fast[l]);
                 }
             }
-            let [m, n, o, p] = [0, 1, 2, 3].map(|i| self.get(from / 2 + i));
-            sums[0] += 0.5 * product(m, m) + (product(two, last[2]) + product(three, last[1]));
-            sums[1] += product(m, n) + (product(two, last[3]) + product(three, last[2]));
-            sums[2] += (product(m, o) + 0.5 * product(n, n)) + product(three, last[3]);
-            sums[3] += product(m, p) + product(n, o);
+            let mut sums: [f64; BLOCK] = std::array::from_fn(|l| along_x[l] + (along_y[l] - fast[l]));
+            // Those about the middle, from/2: a block would have them twice.
+            let [a, b, c, d, e, f, g] = std::array::from_fn(|i| self.get(from / 2 - 3 + i));
+            sums[0] += (product(a, g) + product(b, f)) + (product(c, e) + 0.5 * product(d, d));
+            sums[1] += (product(b, g) + product(c, f)) + product(d, e);
+            sums[2] += (product(c, g) + product(d, f)) + 0.5 * product(e, e);
+            sums[3] += product(d, g) + product(e, f);
+            // The last two, without a way through memory; for the first block they are among those about the middle.
+            let [y, z] = if from == 2 * BLOCK { [[0.0; 3]; 2] } else { [last[2], last[3]] };
+            sums[0] += product(two, y);
+            sums[1] += product(three, y) + product(two, z);
+            sums[2] += product(four, y) + product(three, z);
+            sums[3] += product(five, y) + product(four, z);
             let first = next(from, last[3], one, sums[0]);
             let second = next(from + 1, first, one, sums[1]);
             let third = next(from + 2, second, one, sums[2] + product(two, first));
@@ -203,17 +210,17 @@ impl Turn {
             last = [first, second, third, next(from + 3, third, one, sums[3] + rest)];
             self.put(from, last);
         }
+        (self.slip[0][1], self.slip[1][1], self.speed[1]) = (one[0], one[1], one[2]);
         let Self { slip: [x, y], speed: r, path, impulse, work, .. } = self;
-        let (rise, fall) = (normal * self.by_scale * r_0, drive * (mu * r_0));
+        let (rise, fall) = (self.normal * self.by_scale * r_0, drive * (mu * r_0));
+        // Zeros before the coefficients of v_n, for the products below.
+        let mut v_n = [0.0; MOST_LANES + TERMS + 1];
+        v_n[MOST_LANES] = self.start_v_n;
         for k in 0..TERMS {
             let by = INVERSES_OF_NEXT[k];
-            (path[0][k], path[1][k], impulse[k]) = (x[k] * by, y[k] * by, r[k] * by);
-        }
-        // Zeros before the coefficients of v_n, for the products below.
-        let mut v_n = [0.0; MOST_LANES + TERMS];
-        v_n[MOST_LANES] = v_0;
-        for k in 1..TERMS {
-            v_n[MOST_LANES + k] = rise * impulse[k - 1] - (fall.x * path[0][k - 1] + fall.y * path[1][k - 1]);
+            let (along_x, along_y, pushed) = (x[k] * by, y[k] * by, r[k] * by);
+            (path[0][k], path[1][k], impulse[k]) = (along_x, along_y, pushed);
+            v_n[MOST_LANES + k + 1] = rise * pushed - (fall.x * along_x + fall.y * along_y);
         }
         let (blocks, _) = S::as_mut_simd_f64s(work);
         let (inverses, _) = S::as_simd_f64s(&INVERSES_OF_NEXT);
@@ -231,7 +238,7 @@ impl Turn {
             let sum = simd.add_f64s(simd.add_f64s(sums[0], sums[1]), simd.add_f64s(sums[2], sums[3]));
             *block = simd.mul_f64s(sum, *inverses);
         }
-        self.v_n.copy_from_slice(&v_n[MOST_LANES..]);
+        self.v_n.copy_from_slice(&v_n[MOST_LANES..][..TERMS]);
     }
 
     /// (x, y, r) of coefficient k.
@@ -251,8 +258,8 @@ impl Turn {
     /// The τ at which the last two terms of v_t, r and W_n are at rounding.
     #[inline]
     fn length(&self) -> f64 {
-        let Start { coupling, normal, mu, r, v_n, .. } = self.start;
-        let by_speed = 1.0 / (v_n.abs() + (normal + mu * coupling.amax()) * self.by_scale * r);
+        let rate = (self.normal + self.mu * self.coupling.amax()) * self.by_scale;
+        let by_speed = 1.0 / (self.start_v_n.abs() + rate * self.r);
         let reach = |k: usize| {
             let turn = self.slip[0][k].abs().max(self.slip[1][k].abs());
             let work = (self.work[k] * by_speed).abs();
@@ -272,12 +279,12 @@ impl Turn {
     #[inline(never)]
     fn cut(&mut self) {
         let end = self.cuts[0];
-        let (h, c) = (self.start.coupling, self.start.normal);
+        let (h, c) = (self.coupling, self.normal);
         let Self { slip: [x, y], speed, .. } = &*self;
         let (mut aside, mut rise) = ([0.0; TERMS], [0.0; TERMS]);
         for k in 0..TERMS {
             aside[k] = x[k] * h.y - y[k] * h.x;
-            rise[k] = c * speed[k] - self.start.mu * (x[k] * h.x + y[k] * h.y);
+            rise[k] = c * speed[k] - self.mu * (x[k] * h.x + y[k] * h.y);
         }
         // A zero between the ends, of either sign change.
         let crossing = |of: &Series, from: f64, to: f64| {
@@ -356,7 +363,7 @@ impl Turn {
 
     /// `W_n''/2` at `v_n = 0`.
     pub fn bend(&self) -> f64 {
-        self.work[1] * self.start.r * self.by_scale
+        self.work[1] * self.r * self.by_scale
     }
 }
 
@@ -379,7 +386,7 @@ fn rough_log2(x: f64) -> f64 {
     x.to_bits() as f64 / UNIT - 1023.0
 }
 
-/// Quotients of a number and each k.
+/// [[f64; BLOCK]; TERMS / BLOCK] of a number and each k.
 #[inline(always)]
 fn by_k(share: f64) -> [[f64; BLOCK]; TERMS / BLOCK] {
     let mut quotients = INVERSES;
@@ -401,6 +408,6 @@ fn block<const N: usize>(of: &[f64; N], from: usize) -> [f64; BLOCK] {
 
 /// `v·w - r s` of coefficients (v, r) and (w, s).
 #[inline(always)]
-fn product([x, y, r]: [f64; 3], [v, w, s]: [f64; 3]) -> f64 {
-    x * v + (y * w - r * s)
+fn product<S: Simd>(simd: S, [x, y, r]: [f64; 3], [v, w, s]: [f64; 3]) -> f64 {
+    mul_add(simd, x, v, mul_add(simd, y, w, -r * s))
 }

@@ -12,7 +12,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::super::gauss::{COUNT, NODES, WEIGHTS, running, whole};
 use super::super::series::TERMS;
-use super::{Start, Turn};
+use super::Turn;
 use crate::contact::length;
 
 /// Parameters of the flow: h, and `μ A` as (1, 1), (1, 2), (2, 2).
@@ -62,7 +62,7 @@ impl Turn {
             }
         }
         let [x, y, v_n] = all;
-        ([x, y].map(|of| of.map(|slip| slip * self.start.r)), v_n)
+        ([x, y].map(|of| of.map(|slip| slip * self.r)), v_n)
     }
 
     pub fn response(&self, t: f64) -> Response {
@@ -71,7 +71,7 @@ impl Turn {
 
     #[inline(always)]
     fn respond(&self, t: f64) -> Response {
-        let Start { tangents, coupling, normal, mu, .. } = self.start;
+        let Self { tangents, coupling, normal, mu, .. } = *self;
         let span = t * self.by_scale;
         let (slip, speed) = self.at_nodes(t);
         let (mut u, mut r, mut dp) = ([Vector2::zeros(); COUNT], [0.0; COUNT], [0.0; COUNT]);

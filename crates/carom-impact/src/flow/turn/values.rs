@@ -35,7 +35,7 @@ impl<S: Simd> Function for Above<'_, S> {
     #[inline(always)]
     fn at(&self, t: f64) -> (f64, f64) {
         let Self { simd, turn, of, aim, sign } = *self;
-        let (at, by) = (At::new(simd, t), turn.by_scale * turn.start.r);
+        let (at, by) = (At::new(simd, t), turn.by_scale * turn.r);
         let (value, slope) = match of {
             Quantity::Velocity => at.with_slope(&turn.v_n),
             Quantity::Impulse => over(at.with_slope(&turn.impulse), t, by),
@@ -129,15 +129,15 @@ impl WithSimd for Sum<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Sums {
         let Self(turn, t) = self;
-        let (start, at) = (&turn.start, At::new(simd, t));
+        let at = At::new(simd, t);
         let slip = Vector2::new(at.value(&turn.slip[0]), at.value(&turn.slip[1]));
-        let by = t * turn.by_scale * start.r;
+        let by = t * turn.by_scale * turn.r;
         let path = Vector2::new(at.value(&turn.path[0]), at.value(&turn.path[1])) * by;
         let (p, normal_work) = (at.value(&turn.impulse) * by, at.value(&turn.work) * by);
-        let p_t = path * -start.mu;
-        let rise = start.normal * p + start.coupling.dot(&p_t);
-        let work = p * (start.v_n + 0.5 * rise) + 0.5 * start.r * p_t.dot(&(start.heading + slip));
+        let p_t = path * -turn.mu;
+        let rise = turn.normal * p + turn.coupling.dot(&p_t);
+        let work = p * (turn.start_v_n + 0.5 * rise) + 0.5 * turn.r * p_t.dot(&(turn.heading + slip));
         let r = length(&slip);
-        Sums { p, p_t, normal_work, friction_work: (work - normal_work).min(0.0), heading: slip / r, r: r * start.r }
+        Sums { p, p_t, normal_work, friction_work: (work - normal_work).min(0.0), heading: slip / r, r: r * turn.r }
     }
 }
