@@ -1,5 +1,9 @@
 //! Gauss's rule on [0, 1], and the integrals up to each node of the polynomial through values at the nodes.
 
+use pulp::Simd;
+
+use super::series::mul_add;
+
 /// Number of nodes. The rule is exact for polynomials of degree 31.
 pub(super) const COUNT: usize = 16;
 
@@ -75,11 +79,11 @@ const RUNNING: [[f64; COUNT]; COUNT] = {
 
 /// The integrals up to each node.
 #[inline(always)]
-pub(super) fn running(values: &[f64; COUNT]) -> [f64; COUNT] {
+pub(super) fn running<S: Simd>(simd: S, values: &[f64; COUNT]) -> [f64; COUNT] {
     let mut sums = [0.0; COUNT];
     for (row, value) in RUNNING.iter().zip(values) {
         for (sum, share) in sums.iter_mut().zip(row) {
-            *sum += share * value;
+            *sum = mul_add(simd, *share, *value, *sum);
         }
     }
     sums
@@ -87,8 +91,16 @@ pub(super) fn running(values: &[f64; COUNT]) -> [f64; COUNT] {
 
 /// The integral.
 #[inline(always)]
-pub(super) fn whole(values: &[f64; COUNT]) -> f64 {
-    values.iter().zip(&WEIGHTS).map(|(value, weight)| value * weight).sum()
+pub(super) fn whole<S: Simd>(simd: S, values: &[f64; COUNT]) -> f64 {
+    dot(simd, values, &WEIGHTS)
+}
+
+/// `Σ x_i y_i`.
+#[inline(always)]
+pub(super) fn dot<S: Simd>(simd: S, x: &[f64; COUNT], y: &[f64; COUNT]) -> f64 {
+    let (x, y) = (S::as_simd_f64s(x).0, S::as_simd_f64s(y).0);
+    let sum = x.iter().zip(y).fold(simd.splat_f64s(0.0), |sum, (x, y)| simd.mul_add_e_f64s(*x, *y, sum));
+    simd.reduce_sum_f64s(sum)
 }
 
 /// P_0 to P_COUNT.
@@ -113,9 +125,13 @@ mod tests {
         for k in 0..2 * COUNT as i32 {
             let exact = |t: f64| t.powi(k + 1) / f64::from(k + 1);
             let powers = NODES.map(|x| x.powi(k));
-            assert!((whole(&powers) - exact(1.0)).abs() < 1e-15, "{k} {}", whole(&powers));
+            assert!((whole(pulp::Scalar, &powers) - exact(1.0)).abs() < 1e-15, "{k} {}", whole(pulp::Scalar, &powers));
             if k < COUNT as i32 {
-                let off = running(&powers).iter().zip(NODES).map(|(sum, x)| (sum - exact(x)).abs()).fold(0.0, f64::max);
+                let off = running(pulp::Scalar, &powers)
+                    .iter()
+                    .zip(NODES)
+                    .map(|(sum, x)| (sum - exact(x)).abs())
+                    .fold(0.0, f64::max);
                 assert!(off < 1e-15, "{k} {off}");
             }
         }

@@ -343,8 +343,8 @@ pub(crate) fn check_impulse_ratio<T: RealField + Copy>(ratio: T) -> Result<(), I
 }
 
 pub(crate) fn check_friction<T: RealField + Copy>(mu: T) -> Result<(), ImpactError> {
-    // The difference is NaN if the coefficient is infinite.
-    if mu >= T::zero() && mu - mu == T::zero() {
+    // The product is NaN if the coefficient is infinite.
+    if mu >= T::zero() && mu * T::zero() == T::zero() {
         return Ok(());
     }
     Err(ImpactError::Friction { value: plain(mu) })

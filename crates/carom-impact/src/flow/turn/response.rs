@@ -10,10 +10,9 @@
 use nalgebra::Vector2;
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::gauss::{COUNT, NODES, WEIGHTS, running, whole};
-use super::super::series::TERMS;
+use super::super::gauss::{COUNT, NODES, WEIGHTS, dot, running, whole};
+use super::super::series::{TERMS, mul_add};
 use super::Turn;
-use crate::contact::length;
 
 /// Parameters of the flow: h, and `μ A` as (1, 1), (1, 2), (2, 2).
 const PARAMETERS: usize = 5;
@@ -36,33 +35,26 @@ pub(in super::super) struct Response {
     pub lever_t: Vector2<f64>,
 }
 
-#[inline(always)]
-fn across(u: Vector2<f64>) -> Vector2<f64> {
-    Vector2::new(-u.y, u.x)
-}
-
 impl Turn {
-    /// `δf` and `δg` for each parameter.
+    /// `δf` and `δg` for each parameter, at a slip in direction (c, s).
     #[inline(always)]
-    fn forcing(u: Vector2<f64>) -> [(f64, f64); PARAMETERS] {
-        let (c, s) = (u.x, u.y);
+    fn forcing(c: f64, s: f64) -> [(f64, f64); PARAMETERS] {
         [(-s, c), (c, s), (s * c, -c * c), (s * s - c * c, -2.0 * s * c), (-s * c, -s * s)]
     }
 
-    /// v_t and v_n at the nodes of Gauss's rule on [0, t].
+    /// v_t/r(0) and v_n at the nodes of Gauss's rule on [0, t].
     #[inline(always)]
-    fn at_nodes(&self, t: f64) -> ([[f64; COUNT]; 2], [f64; COUNT]) {
+    fn at_nodes<S: Simd>(&self, simd: S, t: f64) -> [[f64; COUNT]; 3] {
         let x = NODES.map(|node| t * node);
         let mut all = [[0.0; COUNT]; 3];
         for k in (0..TERMS).rev() {
             for (sum, c) in all.iter_mut().zip([self.slip[0][k], self.slip[1][k], self.v_n[k]]) {
                 for i in 0..COUNT {
-                    sum[i] = sum[i] * x[i] + c;
+                    sum[i] = mul_add(simd, sum[i], x[i], c);
                 }
             }
         }
-        let [x, y, v_n] = all;
-        ([x, y].map(|of| of.map(|slip| slip * self.r)), v_n)
+        all
     }
 
     pub fn response(&self, t: f64) -> Response {
@@ -70,64 +62,68 @@ impl Turn {
     }
 
     #[inline(always)]
-    fn respond(&self, t: f64) -> Response {
+    fn respond<S: Simd>(&self, simd: S, t: f64) -> Response {
         let Self { tangents, coupling, normal, mu, .. } = *self;
         let span = t * self.by_scale;
-        let (slip, speed) = self.at_nodes(t);
-        let (mut u, mut r, mut dp) = ([Vector2::zeros(); COUNT], [0.0; COUNT], [0.0; COUNT]);
-        // f_φ and g_φ, times the length of the step.
-        let (mut bends, mut grows) = ([0.0; COUNT], [0.0; COUNT]);
+        let [x, y, speed] = self.at_nodes(simd, t);
+        let [mut c, mut s, mut r, mut dp] = [[0.0; COUNT]; 4];
+        // f_φ and g_φ, times the length of the step; dv_n/dp, and its derivative with respect to φ.
+        let [mut bends, mut grows, mut rises, mut turns] = [[0.0; COUNT]; 4];
+        let [mut pushes, mut draws] = [[[0.0; COUNT]; PARAMETERS]; 2];
         for i in 0..COUNT {
-            let slip = Vector2::new(slip[0][i], slip[1][i]);
-            r[i] = length(&slip);
-            (u[i], dp[i]) = (slip / r[i], r[i] * span);
-            let n = across(u[i]);
-            let rate = coupling - tangents * u[i] * mu;
+            let length = (x[i] * x[i] + y[i] * y[i]).sqrt();
+            (c[i], s[i], r[i]) = (x[i] / length, y[i] / length, length * self.r);
+            dp[i] = r[i] * span;
+            let (u, n) = (Vector2::new(c[i], s[i]), Vector2::new(-s[i], c[i]));
+            let rate = coupling - tangents * u * mu;
             let hold = tangents * n * mu;
-            bends[i] = -(u[i].dot(&rate) + n.dot(&hold)) * span;
-            grows[i] = (n.dot(&rate) - u[i].dot(&hold)) * span;
+            bends[i] = -(u.dot(&rate) + n.dot(&hold)) * span;
+            grows[i] = (n.dot(&rate) - u.dot(&hold)) * span;
+            (rises[i], turns[i]) = (normal - mu * coupling.dot(&u), -mu * coupling.dot(&n));
+            for (j, (push, draw)) in Self::forcing(c[i], s[i]).into_iter().enumerate() {
+                (pushes[j][i], draws[j][i]) = (push, draw * span);
+            }
         }
-        let decay = running(&bends).map(f64::exp);
-        let decay_end = whole(&bends).exp();
+        let decay = running(simd, &bends).map(f64::exp);
+        let decay_end = whole(simd, &bends).exp();
         let by_decay = decay.map(|decay| span / decay);
-        let (so_far, p_end) = (running(&dp), whole(&dp));
-        let mut out = Response::default();
+        let (so_far, p_end) = (running(simd, &dp), whole(simd, &dp));
         // What δℓ and δφ at a node add to δW_n: ∫ δv_n dp = ∫ (p_end - p) d(δv_n).
-        let (mut longer_works, mut turned_works) = ([0.0; COUNT], [0.0; COUNT]);
+        let [mut left, mut longer_works, mut turned_works] = [[0.0; COUNT]; 3];
         for i in 0..COUNT {
-            let left = p_end - so_far[i];
-            longer_works[i] = speed[i] + left * (normal - mu * coupling.dot(&u[i]));
-            turned_works[i] = -left * mu * coupling.dot(&across(u[i]));
+            let rest = p_end - so_far[i];
+            (longer_works[i], turned_works[i]) = (speed[i] + rest * rises[i], rest * turns[i]);
             dp[i] *= WEIGHTS[i];
-            out.lever += left * dp[i];
-            out.lever_t += u[i] * (left * dp[i]);
+            left[i] = rest * dp[i];
         }
-        let forcing = u.map(Self::forcing);
+        let lever = left.iter().sum();
+        let lever_t = Vector2::new(dot(simd, &left, &c), dot(simd, &left, &s));
+        let mut out = Response { lever, lever_t, ..Response::default() };
         for j in 0..CHANGES {
-            let start = if j == 0 { 1.0 } else { 0.0 };
             // A change of ln r alone changes neither direction nor rates.
             let (mut phi, mut log_r) = ([0.0; COUNT], [1.0; COUNT]);
             (out.phi[j], out.log_r[j]) = (0.0, 1.0);
-            if j != 1 {
-                let own = |i: usize| if j == 0 { (0.0, 0.0) } else { forcing[i][j - 2] };
-                let pushes = std::array::from_fn(|i| own(i).0 * by_decay[i]);
-                let shift = if j == 0 { [start; COUNT] } else { running(&pushes) };
+            if j == 0 {
+                phi = decay;
+                let growth = std::array::from_fn(|i| grows[i] * phi[i]);
+                log_r = running(simd, &growth);
+                (out.phi[j], out.log_r[j]) = (decay_end, whole(simd, &growth));
+            } else if j > 1 {
+                let (push, draw) = (&pushes[j - 2], &draws[j - 2]);
+                let push = std::array::from_fn(|i| push[i] * by_decay[i]);
+                let shift = running(simd, &push);
                 phi = std::array::from_fn(|i| decay[i] * shift[i]);
-                let growth = std::array::from_fn(|i| grows[i] * phi[i] + own(i).1 * span);
-                log_r = running(&growth);
-                out.phi[j] = decay_end * (whole(&pushes) + start);
-                out.log_r[j] = whole(&growth);
+                let growth = std::array::from_fn(|i| grows[i] * phi[i] + draw[i]);
+                log_r = running(simd, &growth);
+                (out.phi[j], out.log_r[j]) = (decay_end * whole(simd, &push), whole(simd, &growth));
             }
-            let (mut p, mut path, mut normal_work, mut friction_work) = (0.0, Vector2::zeros(), 0.0, 0.0);
-            for i in 0..COUNT {
-                let (longer, turned) = (log_r[i] * dp[i], phi[i] * dp[i]);
-                p += longer;
-                path += u[i] * longer + across(u[i]) * turned;
-                normal_work += longer_works[i] * longer + turned_works[i] * turned;
-                friction_work += r[i] * longer;
-            }
-            (out.p[j], out.p_t[0][j], out.p_t[1][j]) = (p, -mu * path.x, -mu * path.y);
-            (out.normal_work[j], out.friction_work[j]) = (normal_work, -2.0 * mu * friction_work);
+            let longer = std::array::from_fn(|i| log_r[i] * dp[i]);
+            let turned = std::array::from_fn(|i| phi[i] * dp[i]);
+            out.p[j] = dot(simd, &log_r, &dp);
+            out.p_t[0][j] = -mu * (dot(simd, &longer, &c) - dot(simd, &turned, &s));
+            out.p_t[1][j] = -mu * (dot(simd, &longer, &s) + dot(simd, &turned, &c));
+            out.normal_work[j] = dot(simd, &longer, &longer_works) + dot(simd, &turned, &turned_works);
+            out.friction_work[j] = -2.0 * mu * dot(simd, &longer, &r);
         }
         out
     }
@@ -140,7 +136,7 @@ impl WithSimd for Respond<'_> {
     type Output = Response;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Response {
-        self.0.respond(self.1)
+    fn with_simd<S: Simd>(self, simd: S) -> Response {
+        self.0.respond(simd, self.1)
     }
 }
