@@ -227,7 +227,7 @@ impl<A: Algebra<Scalar = f64>> ContactPoint<'_, A> {
             // All sines first: computed body by body, each would delay the next body.
             Some([a, b]) if added.is_empty() => {
                 let (sines, cosines) = sin_cos_of_two(a.angle().at(q), b.angle().at(q));
-                let turned = ByBody { sines: &sines, cosines: &cosines };
+                let turned = ByBody { sines: &sines.0, cosines: &cosines.0 };
                 memory.keep(read_two([a, b], self.arm, &turned, normal).response(), visit);
             }
             Some([a, b, c]) if added.is_empty() => {
