@@ -74,7 +74,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             for k in 0..count {
                 read((states.q, &mut q), k);
                 read((states.qd, &mut qd), k);
-                let done = self.resolve_into(aim, (&q, &qd), law, hit);
+                let done = self.resolve_into(aim, &q, &qd, law, hit);
                 each(k, done.map(|()| &*hit));
             }
             return Ok(());
@@ -169,7 +169,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             inverse_d,
         };
         let Pass { chain, axes, place, .. } = pass;
-        let mut one = OneImpact { aim, chain, axes, place, state: (q, qd), law: asked.law, hit, done: Ok(()) };
+        let mut one = OneImpact { aim, chain, axes, place, q, qd, law: asked.law, hit, done: Ok(()) };
         let done = one.resolve(&response);
         each(k, done.map(|()| &**hit));
     }

@@ -103,8 +103,8 @@ impl<'a> PreparedStrike<'a> {
             "this result belongs to another chain: make one with PreparedStrike::outcome"
         );
         match &mut self.pass {
-            Route::Plane(pass) => pass.resolve_into(&self.aim, (q, qd), law, hit),
-            Route::Space(pass) => pass.resolve_into(&self.aim, (q, qd), law, hit),
+            Route::Plane(pass) => pass.resolve_into(&self.aim, q, qd, law, hit),
+            Route::Space(pass) => pass.resolve_into(&self.aim, q, qd, law, hit),
         }
     }
 }
@@ -296,23 +296,24 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     pub fn resolve_into(
         &mut self,
         aim: &Aim,
-        state: (&[f64], &[f64]),
+        q: &[f64],
+        qd: &[f64],
         law: &dyn Law<f64, 3>,
         hit: &mut ChainImpact,
     ) -> Result<(), SimError> {
         let normal = self.normal();
         let Self { chain, point, axes, place, memory, workspace } = self;
-        let mut one = OneImpact { aim, chain, axes, place, state, law, hit, done: Ok(()) };
+        let mut one = OneImpact { aim, chain, axes, place, q, qd, law, hit, done: Ok(()) };
         match workspace {
-            None => chain.contact_point(*point)?.visit(state.0, normal, &aim.added, memory, &mut one)?,
+            None => chain.contact_point(*point)?.visit(q, normal, &aim.added, memory, &mut one)?,
             Some(workspace) => {
-                let mut kin = workspace.update(chain, state.0)?;
+                let mut kin = workspace.update(chain, q)?;
                 (&mut one).visit(kin.contact(*point, normal, &aim.added)?);
             }
         }
         one.done?;
         if self.workspace.is_some() {
-            self.account(aim, state, hit)?;
+            self.account(aim, (q, qd), hit)?;
         }
         Ok(())
     }
@@ -478,8 +479,8 @@ pub(super) struct OneImpact<'s, A: Algebra, P, const D: usize> {
     pub chain: &'s Chain<A>,
     pub axes: &'s SMatrix<f64, D, D>,
     pub place: &'s P,
-    /// q and q̇.
-    pub state: (&'s [f64], &'s [f64]),
+    pub q: &'s [f64],
+    pub qd: &'s [f64],
     pub law: &'s dyn Law<f64, 3>,
     pub hit: &'s mut ChainImpact,
     pub done: Result<(), SimError>,
@@ -501,8 +502,8 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
     #[inline(always)]
     pub fn resolve(&mut self, response: &PointResponse<A>) -> Result<(), SimError> {
         // A slice of the length of the response, so that loops are unrolled where the compiler knows this length.
-        let qd = &self.state.1[..response.response.len()];
-        let problem = problem(response, self.aim, self.chain, self.axes, (self.state.0, qd))?;
+        let qd = &self.qd[..response.response.len()];
+        let problem = problem(response, self.aim, self.chain, self.axes, (self.q, qd))?;
         let impulse = self.place.resolve(self, &problem, response.response)?;
         if !response.mass_matrix.is_empty() {
             account(response, &self.aim.added, &impulse, qd, self.hit);
@@ -517,7 +518,7 @@ impl<A: Algebra, P, const D: usize> OneImpact<'_, A, P, D> {
     #[inline(always)]
     fn jump(&mut self, rows: &[SVector<f64, D>], impulse: &SVector<f64, D>) -> SVector<f64, D> {
         let impulse = combine(self.axes, impulse);
-        self.hit.jump(rows, &impulse, self.state.1);
+        self.hit.jump(rows, &impulse, self.qd);
         impulse
     }
 }
