@@ -226,8 +226,9 @@ impl<A: Algebra<Scalar = f64>> ContactPoint<'_, A> {
         match self.row() {
             // All sines first: computed body by body, each would delay the next body.
             Some([a, b]) if added.is_empty() => {
-                let (sines, cosines) = sin_cos_of_two(a.angle().at(q), b.angle().at(q));
-                let turned = ByBody { sines: &sines.0, cosines: &cosines.0 };
+                let (mut sines, mut cosines) = ([0.0; 2], [0.0; 2]);
+                sin_cos_of_two(a.angle().at(q), b.angle().at(q), &mut sines, &mut cosines);
+                let turned = ByBody { sines: &sines, cosines: &cosines };
                 memory.keep(read_two([a, b], self.arm, &turned, normal).response(), visit);
             }
             Some([a, b, c]) if added.is_empty() => {

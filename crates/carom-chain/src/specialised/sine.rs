@@ -85,18 +85,11 @@ pub(crate) fn sin_cos_by_pairs(angles: &[f64], sin: &mut [f64], cos: &mut [f64])
     }
 }
 
-/// Two numbers that are stored together. Aligned, so that no number of one pair is read together with one of the next, for which
-/// a processor would wait.
-#[repr(align(32))]
-pub(crate) struct Two(pub [f64; 2]);
-
 /// Sines and cosines of two angles. Not inlined, because the compiler vectorises the pair only if it is stored to memory
-/// together.
+/// together; not returned, because the caller would copy parts of both pairs at once, for which a processor waits.
 #[inline(never)]
-pub(crate) fn sin_cos_of_two(a: f64, b: f64) -> (Two, Two) {
-    let (mut sin, mut cos) = (Two([0.0; 2]), Two([0.0; 2]));
-    pair(a, b, &mut sin.0, &mut cos.0);
-    (sin, cos)
+pub(crate) fn sin_cos_of_two(a: f64, b: f64, sin: &mut [f64; 2], cos: &mut [f64; 2]) {
+    pair(a, b, sin, cos);
 }
 
 #[inline(always)]
@@ -165,7 +158,8 @@ mod tests {
             assert_eq!((numbers(&sin), numbers(&cos)), (numbers(&one_sin), numbers(&one_cos)));
             assert!(sin.iter().zip(&one_sin).all(|(a, b)| a.is_nan() == b.is_nan()));
             for pair in angles.chunks_exact(2) {
-                let (Two(sin), Two(cos)) = sin_cos_of_two(pair[0], pair[1]);
+                let (mut sin, mut cos) = ([0.0; 2], [0.0; 2]);
+                sin_cos_of_two(pair[0], pair[1], &mut sin, &mut cos);
                 for (k, &angle) in pair.iter().enumerate().filter(|(_, angle)| angle.is_finite()) {
                     assert_eq!(bits(&[sin[k], cos[k]]), bits(&[sin_cos(angle).0, sin_cos(angle).1]));
                 }
