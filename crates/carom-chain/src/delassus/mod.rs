@@ -340,6 +340,7 @@ impl<A: Algebra> ContactPoint<'_, A> {
 
 impl<A: Algebra> ResponseMemory<A> {
     /// The results of the last evaluation.
+    #[inline(always)]
     pub fn response(&self) -> PointResponse<'_, A> {
         let &Self { position, delassus, mobility, size: n, .. } = self;
         let Self { vectors, numbers, .. } = self;

@@ -386,7 +386,7 @@ fn rough_log2(x: f64) -> f64 {
     x.to_bits() as f64 / UNIT - 1023.0
 }
 
-/// [[f64; BLOCK]; TERMS / BLOCK] of a number and each k.
+/// Quotients of a number and each k.
 #[inline(always)]
 fn by_k(share: f64) -> [[f64; BLOCK]; TERMS / BLOCK] {
     let mut quotients = INVERSES;

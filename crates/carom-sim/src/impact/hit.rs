@@ -2,6 +2,8 @@
 //!
 //! Symbols as in `strike.rs`.
 
+use carom_chain::PointResponse;
+use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
 use nalgebra::{Matrix3, SVector, Vector3};
 
@@ -112,6 +114,40 @@ impl ChainImpact {
         let (after, before) = (&mut self.qd_plus[..n], &qd[..n]);
         for i in 0..n {
             after[i] = before[i] + rows[i].dot(impulse);
+        }
+    }
+
+    /// Sets energies and drives from a response that contains M, and the impulse in its axes. `added`: the diagonal of W, by
+    /// coordinate; empty if the drives do not act.
+    #[inline(always)]
+    pub(super) fn account<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &mut self,
+        response: &PointResponse<A>,
+        added: &[f64],
+        impulse: &SVector<f64, D>,
+        qd: &[f64],
+    ) {
+        self.energy_before = response.kinetic_energy(qd);
+        self.energy_after = response.kinetic_energy(&self.qd_plus[..qd.len()]);
+        if !added.is_empty() {
+            let nv = qd.len();
+            self.drive(added, qd, |k, after| {
+                let column = &response.mass_matrix[k * nv..][..nv];
+                let momentum: f64 =
+                    column.iter().zip(after.iter().zip(qd)).map(|(m, (after, before))| m * (after - before)).sum();
+                momentum - response.jacobian[k].dot(impulse)
+            });
+        }
+    }
+
+    /// Sets impulse and work of the drives; `locked` is the impulse of a locked joint, which follows from M Δq̇ = Jᵀp + j, by
+    /// coordinate and q̇⁺.
+    pub(super) fn drive(&mut self, added: &[f64], qd: &[f64], locked: impl Fn(usize, &[f64]) -> f64) {
+        self.drive_work = 0.0;
+        for (k, w) in added.iter().enumerate() {
+            let jump = self.qd_plus[k] - qd[k];
+            self.drive_impulse[k] = if w.is_finite() { -w * jump } else { locked(k, &self.qd_plus) };
+            self.drive_work += 0.5 * self.drive_impulse[k] * (qd[k] + self.qd_plus[k]);
         }
     }
 }

@@ -133,7 +133,7 @@ impl Aim<'_> {
 }
 
 /// How the contact axes of a pass are placed in space.
-pub(super) trait Place<const D: usize> {
+pub(super) trait Place<const D: usize>: Sized {
     /// Applies the law to the problem and sets all of the result but energies and drives. `rows` are those of X = M⁻¹Jᵀ. Returns
     /// the impulse in the axes of the chain.
     fn resolve<A: Algebra>(
@@ -141,9 +141,7 @@ pub(super) trait Place<const D: usize> {
         one: &mut OneImpact<A, Self, D>,
         problem: &ImpactProblem<f64, D>,
         rows: &[SVector<f64, D>],
-    ) -> Result<SVector<f64, D>, ImpactError>
-    where
-        Self: Sized;
+    ) -> Result<SVector<f64, D>, ImpactError>;
     /// The derivative of a law, and its outcome in the contact axes in space.
     fn differentiate(
         &self,
@@ -374,7 +372,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
     fn account(&mut self, aim: &Aim, (q, qd): (&[f64], &[f64]), hit: &mut ChainImpact) -> Result<(), SimError> {
         let impulse = self.axes * self.place.project(&hit.contact.impulse);
         if !self.response().mass_matrix.is_empty() {
-            account(&self.response(), &aim.added, &impulse, qd, hit);
+            hit.account(&self.response(), &aim.added, &impulse, qd);
             return Ok(());
         }
         let Self { chain, workspace, .. } = self;
@@ -386,7 +384,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
             let jump: Vec<f64> = hit.qd_plus.iter().zip(qd).map(|(after, before)| after - before).collect();
             // M Δq̇: inverse dynamics at rest without gravity.
             let momentum = kin.inverse_dynamics(&vec![0.0; qd.len()], &jump, A::zero())?;
-            drive(hit, &aim.added, qd, |k, _| momentum[k] - jacobian[k].dot(&impulse));
+            hit.drive(&aim.added, qd, |k, _| momentum[k] - jacobian[k].dot(&impulse));
         }
         Ok(())
     }
@@ -440,39 +438,6 @@ fn check_inertia<A: Algebra<Scalar = f64>>(chain: &Chain<A>, q: &[f64], added: &
     Ok(chain.workspace().update(chain, q)?.check_inertia(added)?)
 }
 
-/// Energies and drives, for a response that contains M and the impulse in the axes of the chain.
-#[inline(always)]
-fn account<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
-    response: &PointResponse<A>,
-    added: &[f64],
-    impulse: &SVector<f64, D>,
-    qd: &[f64],
-    hit: &mut ChainImpact,
-) {
-    hit.energy_before = response.kinetic_energy(qd);
-    hit.energy_after = response.kinetic_energy(&hit.qd_plus[..qd.len()]);
-    if !added.is_empty() {
-        let nv = qd.len();
-        drive(hit, added, qd, |k, after| {
-            let column = &response.mass_matrix[k * nv..][..nv];
-            let momentum: f64 =
-                column.iter().zip(after.iter().zip(qd)).map(|(m, (after, before))| m * (after - before)).sum();
-            momentum - response.jacobian[k].dot(impulse)
-        });
-    }
-}
-
-/// Impulse and work of the drives; `locked` is the impulse of a locked joint, which follows from M Δq̇ = Jᵀp + j, by
-/// coordinate and q̇⁺.
-fn drive(hit: &mut ChainImpact, added: &[f64], qd: &[f64], locked: impl Fn(usize, &[f64]) -> f64) {
-    hit.drive_work = 0.0;
-    for (k, w) in added.iter().enumerate() {
-        let jump = hit.qd_plus[k] - qd[k];
-        hit.drive_impulse[k] = if w.is_finite() { -w * jump } else { locked(k, &hit.qd_plus) };
-        hit.drive_work += 0.5 * hit.drive_impulse[k] * (qd[k] + hit.qd_plus[k]);
-    }
-}
-
 /// One impact, computed while the response is in registers.
 pub(super) struct OneImpact<'s, A: Algebra, P, const D: usize> {
     pub aim: &'s Aim<'s>,
@@ -506,7 +471,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
         let problem = problem(response, self.aim, self.chain, self.axes, (self.q, qd))?;
         let impulse = self.place.resolve(self, &problem, response.response)?;
         if !response.mass_matrix.is_empty() {
-            account(response, &self.aim.added, &impulse, qd, self.hit);
+            self.hit.account(response, &self.aim.added, &impulse, qd);
         }
         Ok(())
     }
