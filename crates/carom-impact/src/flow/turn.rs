@@ -264,7 +264,7 @@ impl Turn {
             let turn = self.slip[0][k].abs().max(self.slip[1][k].abs());
             let work = (self.work[k] * by_speed).abs();
             let size = turn.max(self.speed[k].abs()).max(work).max(LEAST);
-            rough_log2(FINE / size) * INVERSES_OF_NEXT[k - 1]
+            (FINE.log2() - rough_log2(size)) * INVERSES_OF_NEXT[k - 1]
         };
         reach(TERMS - 1).min(reach(TERMS - 2)).exp2().min(1e3)
     }

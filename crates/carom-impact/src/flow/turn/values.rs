@@ -6,7 +6,6 @@ use pulp::{Scalar, Simd, WithSimd};
 use super::super::Return;
 use super::super::series::{At, Function, Series, guess, root};
 use super::{Quantity, Sums, Turn};
-use crate::contact::length;
 
 /// A series, or minus it.
 pub(super) struct Signed<'a> {
@@ -137,7 +136,8 @@ impl WithSimd for Sum<'_> {
         let p_t = path * -turn.mu;
         let rise = turn.normal * p + turn.coupling.dot(&p_t);
         let work = p * (turn.start_v_n + 0.5 * rise) + 0.5 * turn.r * p_t.dot(&(turn.heading + slip));
-        let r = length(&slip);
+        // In units of r(0): no square underflows.
+        let r = slip.norm();
         Sums { p, p_t, normal_work, friction_work: (work - normal_work).min(0.0), heading: slip / r, r: r * turn.r }
     }
 }
