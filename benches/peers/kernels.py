@@ -60,13 +60,14 @@ def prepare(folder, carom, urdfs):
             inspected = subprocess.run([carom, "inspect", urdf, "--json"], check=True, capture_output=True, text=True).stdout
             order = [it["name"] for it in json.loads(inspected)["joints"] if it["type"] != "fixed"]
             robot, hinges = symbolic.Robot(urdf), scenes.hinges(urdf)
+            tip = hinges["places"]["tip"]
             place = [order.index(it) for it in robot.names]
             n = len(order)
             # q, q̇, and q̈ (inverse dynamics) or τ (forward dynamics).
             states = [[[chance.uniform(-1, 1) for _ in range(n)] for _ in range(3)] for _ in range(STATES)]
             show = lambda them: " ".join(repr(float(x)) for x in np.ravel(them))
             plain.write(f"{name} {os.path.abspath(urdf)} {n} {STATES}\n{show(states)}\n")
-            full.write(f"{name} {n} {STATES} {place[hinges['tip']['link']]} {show(hinges['tip']['at'])}\n")
+            full.write(f"{name} {n} {STATES} {place[tip['link']]} {show(tip['shift'])}\n")
             for wanted in range(n):
                 it = hinges["links"][place.index(wanted)]
                 parent = place[it["parent"]] if it["parent"] >= 0 else -1
