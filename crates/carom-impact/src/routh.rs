@@ -192,7 +192,7 @@ pub(crate) fn walk<T: RealField + Copy>(
             slip_end = Some(Phase::Compression);
         }
         let end = End { ending, e, v_n_minus: v_n, pc: down.p, work: down.normal_work };
-        up.advance(&then, end.left(up.p, up.v_n, up.normal_work, [then.normal_rate, by_rate], locked));
+        up.advance(&then, end.left(up.p, up.v_n, up.normal_work, then.normal_rate, locked));
         (mode, realised) =
             (then.mode, [-up.v_n / v_n, up.p / down.p, coefficient_of_work(up.normal_work, down.normal_work)]);
     }
@@ -247,10 +247,12 @@ pub(crate) struct End<T> {
 }
 
 impl<T: RealField + Copy> End<T> {
-    /// The normal impulse to the end of restitution at the constant rate `dv_n/dp`, given with its inverse, from a state with
-    /// impulse p, velocity v_n and work since the end of compression.
-    pub fn left(&self, p: T, v_n: T, work: T, [rate, by_rate]: [T; 2], locked: bool) -> T {
-        let two: T = convert(2.0);
+    /// The normal impulse to the end of restitution at the constant rate `dv_n/dp`, from a state with impulse p,
+    /// velocity v_n and work since the end of compression.
+    #[inline(always)]
+    pub fn left(&self, p: T, v_n: T, work: T, rate: T, locked: bool) -> T {
+        // Inverted first: the quotient would wait for the works.
+        let (two, by_rate) = (convert::<f64, T>(2.0), T::one() / rate);
         let Self { e, .. } = *self;
         match self.ending {
             Ending::Impulse => e * self.pc - p,

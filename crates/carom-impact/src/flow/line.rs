@@ -52,15 +52,7 @@ impl<T: RealField + Copy> Line<T> {
 
     pub fn returns(&self, state: &State<T>, end: &End<T>) -> Return<T> {
         let (zero, two) = (T::zero(), convert::<f64, T>(2.0));
-        let left = || {
-            end.left(
-                state.p,
-                state.v_n,
-                state.normal_work,
-                [self.normal_rate, T::one() / self.normal_rate],
-                self.locked,
-            )
-        };
+        let left = || end.left(state.p, state.v_n, state.normal_work, self.normal_rate, self.locked);
         if self.locked || self.normal_rate > zero {
             return self.if_reached(left(), state).map_or(Return::Not, Return::Ends);
         }
