@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files;
 use crate::from_state;
-use crate::output::{answer, short};
+use crate::output::{answer, say, short};
 use crate::plan::moving_joints;
 use crate::record::{Record, Recorder};
 use crate::runs;
@@ -256,6 +256,9 @@ impl Simulate {
             }
         });
         let run = run.map_err(refuse)?;
+        if let Some(warning) = run.energy.warning() {
+            say(&format!("warning: {}: {warning}", self.scene.display()));
+        }
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));
         let derivatives = derivatives.transpose().map_err(refuse)?;
         tables.finish()?;

@@ -86,10 +86,6 @@ impl LinkShape {
     pub fn frame(&self) -> FrameId {
         self.frame
     }
-    /// The same shape with the handle that its link's frame has in another chain, for instance a reduced one.
-    pub fn with_frame(self, frame: FrameId) -> Self {
-        Self { frame, ..self }
-    }
     /// Pose of the body's axes in the link's frame, m.
     pub fn origin(&self) -> &Pose<Spatial<f64>> {
         &self.origin

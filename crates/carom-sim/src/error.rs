@@ -107,6 +107,15 @@ pub enum SimError {
         /// `m`, or `rad` at the limit of a revolute joint.
         unit: &'static str,
     },
+    /// Velocities of time steps have grown beyond all numbers.
+    #[error(
+        "at t = {time} s the energy of the time steps is no longer a finite number: they gain energy without bound, make \
+         contact_step shorter, or choose another law of several contacts"
+    )]
+    Diverged {
+        /// Start of the step, s.
+        time: f64,
+    },
     /// A loop of the mechanism cannot be closed near the start.
     #[error(
         "loop '{name}' stays open by ({}, {}, {}) m, world axes, however the joints move from this start: correct its frames, or \

@@ -71,6 +71,10 @@ pub(crate) struct Structure {
     pub hinges_alone: bool,
     /// Whether they are a row, one after another in the order of their coordinates.
     pub row: bool,
+    /// The longest path along the joints, from the origin of the chain, m.
+    pub reach: f64,
+    /// By coordinate, the sums of the ratios of the hinges that it turns, and of the joints that it slides.
+    pub turns_and_slides: Vec<[f64; 2]>,
     paths: Vec<PathToRoot>,
 }
 
@@ -83,7 +87,15 @@ impl Structure {
             (body.parent, body.v_index, body.q_index) == (i.checked_sub(1), i, i)
         };
         let row = hinges_alone && !prepared.is_empty() && prepared.iter().enumerate().all(follows);
-        Self { hinges_alone, row, paths: PathToRoot::all(prepared) }
+        let mut turns_and_slides = vec![[0.0; 2]; nv];
+        let mut paths = Vec::with_capacity(prepared.len());
+        for body in prepared {
+            turns_and_slides[body.v_index][usize::from(!A::turns(body.joint))] += body.ratio.abs();
+            let length = A::dot(body.translation, body.translation).sqrt();
+            paths.push(length + body.parent.map_or(0.0, |parent| paths[parent]));
+        }
+        let reach = paths.into_iter().fold(0.0, f64::max);
+        Self { hinges_alone, row, reach, turns_and_slides, paths: PathToRoot::all(prepared) }
     }
 }
 

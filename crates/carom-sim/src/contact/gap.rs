@@ -4,9 +4,10 @@ use super::pair::{APART, Against, Pair};
 use super::touch::{Touch, TouchKind};
 use crate::error::SimError;
 use crate::state::{Felt, Space, View};
-use carom_chain::{FrameId, Point};
+use carom_chain::algebra::z_onto;
+use carom_chain::{FrameId, Point, Rows};
 use carom_contact::{Gap, Met};
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, DVector, MatrixXx3, Vector3};
 /// A touch at one state.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct At<A: Space> {
@@ -35,10 +36,14 @@ pub(crate) struct Place<A: Space> {
 }
 
 impl<A: Space> Place<A> {
-    /// Adds nᵀJ to `row`.
+    /// Adds nᵀJ to `row`, without entries that are rounding.
     pub fn row_into(&self, view: &View<A>, n: Vector3<f64>, row: &mut [f64]) -> Result<(), SimError> {
         view.add_row(self.point, n, row)?;
-        self.against.map_or(Ok(()), |other| view.add_row(other, -n, row))
+        if let Some(other) = self.against {
+            view.add_row(other, -n, row)?;
+        }
+        view.kin.clear_rounding(self.position.norm(), n.norm(), row);
+        Ok(())
     }
 
     /// J: 3×nv, world axes.
@@ -61,19 +66,30 @@ impl<A: Space> Place<A> {
 
     /// Delassus matrix and response; `None` if no joint moves the contact point along the normal.
     pub fn inertia(&self, view: &mut View<A>) -> Result<Option<Felt>, SimError> {
-        if self.against.is_none() {
+        let axes = z_onto(self.normal);
+        let mut rows = Rows::new(view.kin.chain().nv());
+        for axis in axes.column_iter() {
+            self.row_into(view, axis.into(), rows.add())?;
+        }
+        if is_zero(rows.row(2)) {
+            return Ok(None);
+        }
+        if self.against.is_none() && view.couplings.is_empty() {
             return view.inertia(self.point, self.normal);
         }
-        let jacobian = self.jacobian(view);
-        let response = view.responses(&jacobian)?;
-        let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let response = response.fixed_columns::<3>(0).into_owned();
-        // Each row of J is a difference, in which common parts cancel up to rounding.
-        let apart = view.jacobian(self.point);
-        let most = (&apart * view.responses(&apart)?).trace();
-        let along = self.normal.dot(&(delassus * self.normal));
-        Ok((along > STUCK * most.max(delassus.trace())).then_some((delassus, response)))
+        let mut responses = Rows::default();
+        view.respond(&rows, &mut responses)?;
+        let columns = [0, 1, 2].map(|k| DVector::from_column_slice(responses.row(k)));
+        let response = MatrixXx3::from_columns(&columns);
+        // H = Xᵀ M X: what loops leave of H may be small beside J M⁻¹ Jᵀ, and so far below its rounding.
+        let delassus = response.tr_mul(&(view.kin.mass_matrix() * &response)).fixed_view::<3, 3>(0, 0).into_owned();
+        Ok((delassus.m33 > 0.0).then(|| (axes * delassus * axes.transpose(), response * axes.transpose())))
     }
+}
+
+/// Whether no joint moves along a row.
+fn is_zero(row: &[f64]) -> bool {
+    row.iter().all(|entry| *entry == 0.0)
 }
 
 /// A ball and a half-space with precomputed constants: g = n·x + h − r − n·s for the centre x. The contact point is the one
@@ -89,9 +105,6 @@ pub(crate) struct BallOnPlane<A: Space> {
     /// r: stored apart from h, so that it is not rounded with h.
     radius: f64,
 }
-
-/// An inverse mass below this share of the largest is rounding.
-const STUCK: f64 = 1e-13;
 
 impl Touch {
     /// Displacement, velocity and acceleration of the surface.
@@ -240,6 +253,21 @@ impl Touch {
             (_, None) => {}
         }
         Ok(())
+    }
+
+    /// Whether some joint moves it along its normal. Otherwise no force of the contact changes the motion, and its gap does not change to
+    /// first order: it has no row. A latch holds along the surface, too.
+    pub(crate) fn moves<A: Space>(&self, at: &At<A>, view: &mut View<A>) -> Result<bool, SimError> {
+        if self.contact.latch {
+            return Ok(true);
+        }
+        let (mut row, mut response) = (Rows::new(view.kin.chain().nv()), Rows::default());
+        self.row_into(at, view, row.add())?;
+        if is_zero(row.row(0)) || view.couplings.is_empty() {
+            return Ok(!is_zero(row.row(0)));
+        }
+        view.respond(&row, &mut response)?;
+        Ok(row.dot(0, response.row(0)) > 0.0)
     }
 
     /// Whether [`Touch::drift`] has a closed form.

@@ -1,9 +1,10 @@
 //! A pair of a link's shape and an obstacle or another link's shape: the geometry that its touches share.
 
+use super::rule::ContactRule;
 use crate::error::SimError;
 use crate::state::{Space, View};
 use carom_chain::algebra::Pose;
-use carom_chain::{Chain, FrameId, Reduced, Spatial};
+use carom_chain::{FrameId, Spatial};
 use carom_contact::{
     Gap, LinkShape, Meeting, Met, Obstacle, Part, Parts, Separation, Slide, Solid, Surface, gap, gap_between,
     gap_points,
@@ -77,11 +78,11 @@ const BEYOND: f64 = 1.5;
 const FAR: f64 = 0.25;
 
 impl Pair {
-    /// A pair with the contacts of its parts; none if it touches at one point, or where it is not divided. `whole`: it is not
-    /// divided.
-    pub fn new(shape: &LinkShape, against: Against, whole: bool) -> (Self, Vec<Meeting>) {
-        let mut pair = Self { shape: shape.clone(), against, whole, parts: None, complete: false };
-        if whole || pair.is_point() {
+    /// A pair with the contacts of its parts; none if it touches at one point, or where it is not divided.
+    pub fn new(shape: &LinkShape, against: Against, rule: &ContactRule) -> (Self, Vec<Meeting>) {
+        let mut pair = Self { shape: shape.clone(), against, whole: false, parts: None, complete: false };
+        pair.whole = pair.is_whole_under(rule);
+        if pair.whole || pair.is_point() {
             return (pair, Vec::new());
         }
         let both = match &pair.against {
@@ -102,18 +103,6 @@ impl Pair {
         (pair, meetings)
     }
 
-    /// The pair on a reduced chain; `None` if this chain does not have its links.
-    pub fn reduced(&self, less: &Reduced<Spatial<f64>>) -> Option<Self> {
-        let carried =
-            |shape: &LinkShape, chain: &Chain| Some(shape.clone().with_frame(chain.frame(shape.link()).ok()?));
-        let shape = carried(&self.shape, &less.chain)?;
-        let against = match &self.against {
-            Against::Link(other) => Against::Link(Box::new(carried(other, &less.chain)?)),
-            obstacle => obstacle.clone(),
-        };
-        Some(Self { shape, against, ..self.clone() })
-    }
-
     /// Whether it can touch at one point only.
     pub fn is_point(&self) -> bool {
         let round = |solid: &Solid| matches!(solid, Solid::Sphere { .. });
@@ -129,6 +118,11 @@ impl Pair {
     /// Whether the second body is a half-space.
     pub fn is_on_plane(&self) -> bool {
         matches!(&self.against, Against::Obstacle(obstacle) if matches!(obstacle.surface(), Surface::HalfSpace { .. }))
+    }
+
+    /// Whether it is not divided under a rule: the penetration of parts is defined on half-spaces only.
+    pub fn is_whole_under(&self, rule: &ContactRule) -> bool {
+        rule.compliance.is_some() && !self.is_on_plane()
     }
 
     /// Whether the contacts of its parts are all of its contacts.

@@ -13,7 +13,7 @@ use super::pair::{Against, Pair};
 use super::rule::ContactRule;
 use super::surface::{Moving, Surface, SurfaceMotion};
 use crate::error::SimError;
-use carom_chain::{Chain, JointCoordinate, Reduced, Spatial};
+use carom_chain::{Chain, JointCoordinate};
 use carom_contact::{
     LeftOut, LinkShape, Meeting, Obstacle, Solid, Surface as Form, link_shapes, reachable_pairs, shapes_of_link,
 };
@@ -93,7 +93,7 @@ impl Touch {
 
     /// The contacts of two shapes of links.
     pub(super) fn add_links(touches: &mut Vec<Self>, shape: &LinkShape, other: &LinkShape, contact: &ContactRule) {
-        let pair = Pair::new(shape, Against::Link(Box::new(other.clone())), contact.compliance.is_some());
+        let pair = Pair::new(shape, Against::Link(Box::new(other.clone())), contact);
         Self::add_pair(touches, pair, other.link(), contact, None);
     }
 
@@ -157,8 +157,7 @@ impl Touch {
                 }
             }
             _ => {
-                let pair =
-                    Pair::new(shape, Against::Obstacle(Box::new(obstacle.clone())), contact.compliance.is_some());
+                let pair = Pair::new(shape, Against::Obstacle(Box::new(obstacle.clone())), contact);
                 Self::add_pair(touches, pair, name, contact, motion.clone().map(Moving::Given));
             }
         }
@@ -187,16 +186,16 @@ impl Touch {
         }
     }
 
-    /// The touches with each pair of bodies divided into contacts of parts where its contact is rigid, and undivided where it
-    /// is compliant. For touches whose [`ContactRule::compliance`] was changed after they were made.
+    /// The touches with each pair of bodies divided into contacts of parts where its contact is rigid or on a half-space, and undivided
+    /// where it is compliant. For touches whose [`ContactRule::compliance`] was changed after they were made.
     pub fn divided(touches: Vec<Self>) -> Vec<Self> {
         let mut divided = Vec::new();
         for touch in touches {
-            let compliant = touch.contact.compliance.is_some();
+            let whole = |pair: &Pair| pair.is_whole_under(&touch.contact);
             match &touch.kind {
-                TouchKind::Pair { part: Some(_), .. } if compliant => {}
-                TouchKind::Pair { pair, part: None } if pair.whole != compliant => {
-                    let made = Pair::new(&pair.shape, pair.against.clone(), compliant);
+                TouchKind::Pair { pair, part: Some(_) } if whole(pair) => {}
+                TouchKind::Pair { pair, part: None } if pair.whole != whole(pair) => {
+                    let made = Pair::new(&pair.shape, pair.against.clone(), &touch.contact);
                     let surface = touch.surface().unwrap_or_default().to_owned();
                     Self::add_pair(&mut divided, made, &surface, &touch.contact, touch.motion.clone());
                 }
@@ -235,34 +234,6 @@ impl Touch {
             }
         }
         touches
-    }
-
-    /// The touches on a reduced chain, without those whose link or joint this chain does not have.
-    pub(crate) fn reduced(touches: &[Self], less: &Reduced<Spatial<f64>>) -> Vec<Self> {
-        // The touches of a pair share it.
-        let mut last: Option<(*const Pair, Option<Arc<Pair>>)> = None;
-        let reduced = |touch: &Self| {
-            let mut touch = touch.clone();
-            match &mut touch.kind {
-                TouchKind::Ball { shape, .. } => {
-                    let frame = less.chain.frame(shape.link()).ok()?;
-                    **shape = shape.as_ref().clone().with_frame(frame);
-                }
-                TouchKind::Pair { pair, .. } => {
-                    let old = Arc::as_ptr(pair);
-                    let known = last.as_ref().filter(|(known, _)| *known == old).map(|(_, new)| new.clone());
-                    let new = known.unwrap_or_else(|| pair.reduced(less).map(Arc::new));
-                    last = Some((old, new.clone()));
-                    *pair = new?;
-                }
-                TouchKind::Limit { q, v, .. } => {
-                    *q = less.q.iter().position(|old| old == q)?;
-                    *v = less.v.iter().position(|old| old == v)?;
-                }
-            }
-            Some(touch)
-        };
-        touches.iter().filter_map(reduced).collect()
     }
 
     /// Name of the link; `None` for a limit.
@@ -307,7 +278,7 @@ impl Touch {
     }
 
     /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
-    /// nearest points. Compliant contacts have that one only.
+    /// nearest points. Compliant contacts have parts on half-spaces only.
     pub fn is_part(&self) -> bool {
         matches!(self.kind, TouchKind::Pair { part: Some(_), .. })
     }

@@ -8,7 +8,7 @@ use super::tracking::Tracking;
 use crate::error::SimError;
 use crate::state::{Space, View, between, next_of};
 use carom_chain::urdf::JointType;
-use carom_chain::{Chain, ChainError, Member, Reduced, Spatial, Workspace};
+use carom_chain::{Chain, ChainError, Member, Workspace};
 use nalgebra::Vector3;
 use std::ops::Range;
 
@@ -249,43 +249,6 @@ impl Drive {
                 unit(&invariant.normal)
             }
         }
-    }
-
-    /// The drive of a reduced chain; `whole` is the chain before.
-    pub(crate) fn reduced(&self, whole: &Chain, less: &Reduced<Spatial<f64>>) -> Self {
-        let motors = motors(whole);
-        if let Self::Robots(robots) = self {
-            let before = |end: usize| less.v.iter().filter(|v| **v < end).count();
-            let reduced = |it: &RobotDrive| RobotDrive {
-                robot: it.robot.clone(),
-                v: before(it.v.start)..before(it.v.end),
-                drive: it.drive.reduced_on(it.motors(&motors), less),
-                after_impact: it.after_impact.as_ref().map(|after| after.reduced_on(it.motors(&motors), less)),
-            };
-            return Self::Robots(robots.iter().map(reduced).collect());
-        }
-        self.reduced_on(&motors, less)
-    }
-
-    fn reduced_on(&self, own: &[Motor], less: &Reduced<Spatial<f64>>) -> Self {
-        let pick = |numbers: &[f64], indices: &[usize]| indices.iter().map(|&k| numbers[k]).collect::<Vec<_>>();
-        let mut drive = self.clone();
-        match &mut drive {
-            Self::Constant(forces) => *forces = pick(forces, &less.v),
-            Self::Table { forces, .. } => forces.iter_mut().for_each(|row| *row = pick(row, &less.v)),
-            Self::Pd { kp, kd, target } => {
-                [kp, kd].into_iter().for_each(|gains| gains.pick(&less.v));
-                *target = pick(target, &less.q);
-            }
-            Self::Tracking(tracking) => tracking.reduced(own, &less.v),
-            Self::ImpactInvariant(invariant) => {
-                [&mut invariant.kp, &mut invariant.kd].into_iter().for_each(|gains| gains.pick(&less.v));
-                invariant.target = pick(&invariant.target, &less.q);
-                invariant.velocity = pick(&invariant.velocity, &less.v);
-            }
-            Self::Off | Self::GravityCompensation | Self::Transition(_) | Self::User(_) | Self::Robots(_) => {}
-        }
-        drive
     }
 
     /// Whether the joint forces do not depend on time explicitly.

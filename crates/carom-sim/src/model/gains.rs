@@ -45,13 +45,6 @@ impl Gains {
         };
         gains.iter().try_for_each(|&gain| not_negative(what, gain))
     }
-
-    /// The gains of these numbers of qd.
-    pub(crate) fn pick(&mut self, v: &[usize]) {
-        if let Self::Each(gains) = self {
-            *gains = v.iter().map(|&v| gains[v]).collect();
-        }
-    }
 }
 
 /// # Errors

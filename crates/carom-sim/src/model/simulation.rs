@@ -215,13 +215,17 @@ impl Simulation {
                             several";
                 return Err(SimError::Contact { touch: touch.name.clone(), what: "friction", value: friction, rule });
             }
-            if let Some(compliance) = touch.contact.compliance.filter(|_| self.stepping) {
-                return Err(SimError::Contact {
-                    touch: touch.name.clone(),
-                    what: "compliance stiffness",
-                    value: compliance.stiffness,
-                    rule: "time stepping supports rigid contacts only: remove the compliance or use method = \"events\"",
-                });
+            if let Some(compliance) = touch.contact.compliance {
+                let rule = if self.stepping {
+                    "time stepping supports rigid contacts only: remove the compliance or use method = \"events\""
+                } else if touch.is_covered() {
+                    continue;
+                } else {
+                    "contacts of spheres and contacts on half-spaces can be compliant, not those of other bodies with faces and edges: \
+                     give the link a sphere, make the surface a halfspace, or set compliance = \"rigid\" in a [[contact.pair]]"
+                };
+                let (touch, what, value) = (touch.name.clone(), "compliance stiffness", compliance.stiffness);
+                return Err(SimError::Contact { touch, what, value, rule });
             }
         }
         let moments = self.start_time.is_finite() && (self.start_time + duration).is_finite();

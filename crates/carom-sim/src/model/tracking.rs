@@ -47,14 +47,6 @@ impl Tracking {
         Ok(())
     }
 
-    /// The tracking of the joints that a reduced chain keeps.
-    pub(super) fn reduced(&mut self, motors: &[Motor], v: &[usize]) {
-        let mut kept = motors.iter().map(|motor| v.contains(&motor.v));
-        self.reference.curves.retain(|_| kept.next().unwrap_or(false));
-        self.kp.pick(v);
-        self.kd.pick(v);
-    }
-
     /// Passes the force of every motor to `add`.
     pub(super) fn push<A: Space>(
         &self,

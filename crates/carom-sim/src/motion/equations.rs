@@ -80,8 +80,11 @@ impl Equations {
         if m == 1 {
             // A unit force must open the gap; NaN does not.
             let opens = k[(0, 0)] > 0.0 && (!skew || k[(0, 0)] > YIELDS * found.terms(0));
-            let jams = !opens && !constraints.contacts.is_empty();
-            return if jams { Err(0) } else { Ok(Some(Self::Regular(k.lu()))) };
+            match (opens, constraints.contacts.is_empty()) {
+                (true, _) => return Ok(Some(Self::Regular(k.lu()))),
+                (false, false) => return Err(0),
+                (false, true) => {} // a joint that loops lock, held by its dry friction
+            }
         }
         let symmetric = if skew { (&k + k.transpose()) * 0.5 } else { k.clone() };
         if let Some(factor) = symmetric.cholesky() {

@@ -185,6 +185,14 @@ impl<'a, A: Space> Motion<'a, A> {
         Ok(self.view(q)?.energy(qd, gravity)? + elastic)
     }
 
+    /// Whether some joint moves a touch along its normal: see [`Touch::moves`].
+    pub fn moves(&mut self, touch: usize, time: f64, y: &[f64]) -> Result<bool, SimError> {
+        let (sim, (q, _)) = (self.sim, self.split(y));
+        let mut view = self.view(q)?;
+        let at = sim.touches[touch].at(&view, q, time);
+        sim.touches[touch].moves(&at, &mut view)
+    }
+
     /// Effective mass 1/(nᵀHn) of a touch, kg; infinite if no joint moves it along its normal.
     pub fn effective_mass(&mut self, touch: usize, q: &[f64], time: f64) -> Result<f64, SimError> {
         let sim = self.sim;

@@ -5,16 +5,13 @@
 //! - **Plane**: a chain whose joints all move in parallel planes is computed in the plane
 //!   ([`Chain::to_planar`](carom_chain::Chain::to_planar)); corners that differ only in the direction perpendicular to the
 //!   plane are merged.
-//! - **Branches**: branches on the fixed base that no contact can reach are removed; of several robots, those without
-//!   contacts are kept whole.
+//! - **Joints** are never left out: the motion of a branch that no contact can reach is a result, too.
 //! - **Pairs** of a link and a surface that are out of reach at every configuration are removed
 //!   ([`carom_contact::reachable_pairs`]).
 //! - **Friction** that is zero: a contact has one row instead of three, and no friction cone.
 //!
 //! Effects that are not exactly zero are left out only within the user's tolerance ([`Simulation::neglect`]) and with a
 //! bound. The bound holds for each impact, not for a whole run.
-
-mod prune;
 
 use crate::contact::{Compliance, Moving, Touch, TouchKind, friction_bound};
 use crate::error::SimError;
@@ -31,9 +28,9 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 pub struct Plan {
     /// The reduced simulation.
     pub simulation: Simulation,
-    /// Configuration at the start, of the reduced chain.
+    /// Configuration at the start, of all joints.
     pub q: Vec<f64>,
-    /// Joint velocities at the start, of the reduced chain.
+    /// Joint velocities at the start, of all joints.
     pub qd: Vec<f64>,
     /// The chain of the simulation in the plane, if it moves parallel to one. The run is in it unless
     /// [`Simulation::planar`] is `false`.
@@ -81,6 +78,7 @@ impl Scene {
     /// # Errors
     /// [`SimError`]: an invalid mesh, or a singular mass matrix at the start.
     pub fn plan(&self) -> Result<Plan, SimError> {
+        self.simulation.check(&self.q, &self.qd, self.duration, self.sample)?;
         let mut plan = Plan {
             simulation: self.simulation.clone(),
             q: self.q.clone(),
@@ -92,8 +90,6 @@ impl Scene {
         };
         if self.full {
             plan.keep("model", "everything, in space", "model = \"full\"");
-        } else {
-            plan.prune(self);
         }
         plan.flat = plan.simulation.flat();
         plan.space(self.full);
@@ -218,7 +214,7 @@ impl Plan {
     fn compliance(&mut self) {
         let touches = &self.simulation.touches;
         let mut kinds: Vec<(Compliance, Vec<&Touch>)> = Vec::new();
-        for touch in touches {
+        for touch in touches.iter().filter(|touch| !touch.is_part()) {
             let Some(own) = touch.contact.compliance else { continue };
             match kinds.iter_mut().find(|(known, _)| *known == own) {
                 Some((_, same)) => same.push(touch),
@@ -442,7 +438,8 @@ fn merged(touches: &[Touch], flat: &PlanarChain) -> Vec<Touch> {
             }
             _ => None,
         };
-        let own = shadow(touch);
+        // Of compliant corners each has its own force.
+        let own = shadow(touch).filter(|_| touch.contact.compliance.is_none());
         let twin = |other: &Touch| {
             let (Some(a), Some(b)) = (own, shadow(other)) else { return false };
             a.0 == b.0

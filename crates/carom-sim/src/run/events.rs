@@ -398,8 +398,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let mut candidates: Vec<Candidate> =
             kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
         for &touch in touches {
-            // Parts that no longer face each other have opened.
-            if self.gap(touch)?.0 < APART {
+            // Parts that no longer face each other have opened; what no joint moves has no force.
+            if self.gap(touch)?.0 < APART && self.motion.moves(touch, self.time, &self.y)? {
                 candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
             }
         }

@@ -28,7 +28,8 @@ use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
 
 /// Motion, m or rad, over which the change of the margin of a contact point is taken.
 const SHORT: f64 = 1e-7;
-/// Least height of a bounce, m.
+/// Least height of a bounce, m, where tolerance and reach allow no greater one: without bounces of that height positions are in error by
+/// them.
 const LOWEST: f64 = 10.0 * HYSTERESIS;
 /// Longest time for which lower ones are passed, s: the error of this step is of third order.
 const LONGEST: f64 = 1e-4;
@@ -122,21 +123,24 @@ impl<A: Space> Run<'_, '_, A> {
         }
     }
 
-    /// The slow and closed touches, if these are among them and impacts accumulate: those of several touches in turn, which the
-    /// rule for a single one does not end. Their common impact without restitution then replaces the rest of them; it changes
-    /// velocities by less than a fall of some [`zeno_time`](crate::Simulation::zeno_time).
+    /// The closed touches whose impacts accumulate, if these are among them: impacts of several touches in turn, which the rule for a
+    /// single one does not end. Their common impact without restitution then replaces the rest of them. Slow ones accumulate where many
+    /// are within the Zeno time: their end changes velocities by less than a fall of some [`zeno_time`](crate::Simulation::zeno_time).
+    /// Fast ones, of a light body between heavy ones, do where many are within a way of the size of a closed gap.
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
         self.memory.impact_times.push_back(self.time);
         let first = if self.memory.impact_times.len() > SWARM { self.memory.impact_times.pop_front() } else { None };
-        if first.is_none_or(|first| self.time - first > sim.zeno_time) {
+        let Some(since) = first.map(|first| self.time - first).filter(|since| *since <= sim.zeno_time) else {
             return Ok(None);
-        }
+        };
+        let way = self.motion.speed * self.motion.reach.max(1.0) * since;
+        let fast = way <= SWARM as f64 * TOUCHING;
         let slow = SLOW * sim.gravity.norm().max(1.0) * sim.zeno_time;
         let mut swarm = Vec::new();
         for (touch, (gap, rate)) in self.gaps()? {
             let rigid = sim.touches[touch].contact.compliance.is_none();
-            if rigid && gap <= TOUCHING && rate.abs() <= slow {
+            if rigid && gap <= TOUCHING && (fast || rate.abs() <= slow) {
                 swarm.push(touch);
             }
         }
@@ -181,6 +185,8 @@ impl<A: Space> Run<'_, '_, A> {
 
     /// The beginning of a compliant contact.
     pub fn press(&mut self, touch: usize, damping: f64) {
+        // Infinite where no joint moves the contact along its normal: the force does not change.
+        let damping = if damping.is_finite() { damping } else { 0.0 };
         let tail = self.motion.sim.chain.nq() + self.motion.sim.chain.nv() + 2;
         if let Some(slot) = self.motion.bristles.iter().position(|&k| k == touch) {
             self.y[tail + 3 * slot..tail + 3 * slot + 3].fill(0.0); // no deflection of the bristle
@@ -211,7 +217,7 @@ impl<A: Space> Run<'_, '_, A> {
                     return Err(SimError::SingularNormal { link, normal: place.normal });
                 };
                 let axes = z_onto(place.normal);
-                let problem = ImpactProblem::new(axes.transpose() * delassus * axes, axes.transpose() * u)?;
+                let problem = ImpactProblem::from_gram(axes.transpose() * delassus * axes, axes.transpose() * u)?;
                 let bound = friction_bound(&delassus, &place.normal, -approach, restitution, friction) / u.norm();
                 let plain = Frictionless { restitution };
                 let mut law: &dyn Law<f64, 3> = &**given;
@@ -363,7 +369,8 @@ impl<A: Space> Run<'_, '_, A> {
             let share = if one.approach < -self.motion.rest() { rebound / -one.approach } else { 0.0 };
             let remaining = 2.0 * rebound / (toward * (1.0 - share));
             // Bounces that are not higher than what counts as closed cannot be told from rounding.
-            let (longest, flat) = (self.motion.sim.zeno_time, rebound * rebound < 2.0 * toward * LOWEST);
+            let lowest = LOWEST.max(self.motion.sim.tolerance * self.motion.reach);
+            let (longest, flat) = (self.motion.sim.zeno_time, rebound * rebound < 2.0 * toward * lowest);
             if toward > 0.0 && share < 1.0 && (remaining < longest || flat) {
                 left = left.max(remaining.min(longest.max(LONGEST)));
                 ending.push(leaving.swap_remove(k).touch);
@@ -443,7 +450,7 @@ impl<A: Space> Run<'_, '_, A> {
         let axes = z_onto(place.normal);
         let mut along = axes.transpose() * u;
         along.z = 0.0;
-        let problem = ImpactProblem::new(axes.transpose() * delassus * axes, along)?;
+        let problem = ImpactProblem::from_gram(axes.transpose() * delassus * axes, along)?;
         let Ok(branches) = one.contact.law.branches(&problem) else { return Ok(false) };
         let jams = |hit: &&carom_impact::ImpactOutcome<f64, 3>| hit.flags.contains(Flags::JAM) && hit.impulse.z > 0.0;
         let Some(outcome) = branches.iter().find(jams) else { return Ok(false) };

@@ -67,13 +67,13 @@ impl Closures {
         Self { rows: Rows::new(nv), constraints, stiffnesses, surface: Vec::new(), contacts: Vec::new() }
     }
 
-    /// The rows of one closed touch.
+    /// The rows of one closed touch; none if no joint moves it along its normal.
     pub fn add<A: Space>(
         &mut self,
         k: usize,
         touch: &Touch,
         at: &At<A>,
-        view: &View<A>,
+        view: &mut View<A>,
         time: f64,
     ) -> Result<(), SimError> {
         let first = self.rows.len();
@@ -87,6 +87,9 @@ impl Closures {
             self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1, gap: at.gap });
             return Ok(());
         };
+        if !touch.moves(at, view)? {
+            return Ok(());
+        }
         let velocity = touch.surface_velocity(&place, time);
         let axes = z_onto(place.normal);
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };
@@ -274,7 +277,7 @@ impl<A: Space> Run<'_, '_, A> {
             let one = &sim.touches[touch];
             let at = one.at(&view, &q, time);
             approach.push(one.rate(&at, &view, &qd, time)?);
-            rows.add(touch, one, &at, &view, time)?;
+            rows.add(touch, one, &at, &mut view, time)?;
         }
         let mut responses = Rows::default();
         view.respond(&rows.rows, &mut responses)?;

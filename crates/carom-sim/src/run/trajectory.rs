@@ -287,7 +287,7 @@ pub struct EnergyBooks {
     pub drive: f64,
     /// Work of damping, dry friction and lasting contacts: not positive, except with moving surfaces.
     pub resistance: f64,
-    /// Energy lost in impacts and in time steps with several contacts (negative: gained).
+    /// Energy lost in impacts and by the impulses of time steps: −½ Σ (u⁻ + u⁺)·p (negative: gained).
     pub impacts: f64,
 }
 
@@ -296,7 +296,25 @@ impl EnergyBooks {
     pub fn error(&self) -> f64 {
         self.end - (self.start + self.drive + self.resistance - self.impacts)
     }
+
+    /// What to tell the user of a balance that does not close: an error above 1 % of the energies in it, which changes velocities by half
+    /// a percent. Integration stays far below; time steps do not where they are too long for the motion.
+    pub fn warning(&self) -> Option<String> {
+        let Self { start, drive, resistance, impacts, .. } = *self;
+        let (error, scale) = (self.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
+        let changed = if error > 0.0 { "gained" } else { "lost" };
+        (error.abs() > NOTICED * scale).then(|| {
+            format!(
+                "the energy balance does not close: {:.3e} J {changed} without a cause, beside {scale:.3e} J at the start, of drives, \
+                 resistance and impacts: use shorter time steps (contact_step)",
+                error.abs()
+            )
+        })
+    }
 }
+
+/// Share of the energies of a run from which on an error of their balance is told.
+const NOTICED: f64 = 0.01;
 
 /// The summary of a run.
 #[derive(Debug, Clone)]

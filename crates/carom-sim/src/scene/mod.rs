@@ -22,6 +22,8 @@ pub use toml::from_toml;
 use crate::contact::{Surface, Touch, Touches};
 use crate::error::SimError;
 use crate::model::Simulation;
+use crate::state::View;
+use carom_chain::Spatial;
 use carom_contact::LeftOut;
 use contact::{apply, between_links, rule, several, unused};
 use drive::per_joint;
@@ -162,7 +164,7 @@ use surface::{Places, surface};
 /// | `relative_stiffness` | > 0 | `1` | stiffness relative to other contacts, by which they share an impact under `several = "energetic"`; no other law uses it. That of joint limits is 1 unless a pair gives it |
 /// | `links` | list of pairs of link names, or `"all"` | `[]` | links that may touch each other, e.g. `[["ball1", "ball2"]]`, or those of [`Touch::within_robots`]. Other pairs of links of one robot are ignored |
 /// | `between_robots` | boolean | `true` | whether links of different robots may touch without being listed: [`Touch::between_robots`]. For several robots only |
-/// | `compliance` | table, see below, or `"rigid"` | `"rigid"` | makes contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Any number may press at once, beside rigid ones. Joint limits are rigid. Bodies with faces touch at their nearest points, except on half-spaces, which they touch at their corners. Not together with `method = "steps"` |
+/// | `compliance` | table, see below, or `"rigid"` | `"rigid"` | makes contacts with surfaces and between links compliant: forces during a finite contact time instead of impulses. A compliant contact uses neither `law` nor `latch`. Any number may press at once, beside rigid ones. Joint limits are rigid. Of spheres, and of any shape on half-spaces, with a force at each of its corners and rims that touches; refused for other pairs of bodies. Not together with `method = "steps"` |
 ///
 /// `compliance = { … }`:
 ///
@@ -415,6 +417,7 @@ impl Scene {
             warnings.push(format!("[robot] the start does not close the loops: moved by up to {change:.3e} to {new}"));
         }
         (q, qd) = (start.q, start.qd);
+        warnings.extend(closed_at_start(&simulation, &q)?);
         let obstacles = file.surface.iter().filter_map(|it| match &it.shape {
             Shape::Mesh { file, .. } => places.mesh(file).ok(),
             _ => None,
@@ -443,4 +446,36 @@ impl Scene {
             warnings,
         })
     }
+}
+
+/// What a user may not expect of the contacts that are closed at the start: those without a row, and compliant ones that are pressed.
+fn closed_at_start(simulation: &Simulation, q: &[f64]) -> Result<Vec<String>, SimError> {
+    let (chain, time) = (&simulation.chain, simulation.start_time);
+    let (couplings, mut workspace) = (simulation.couplings::<Spatial<f64>>(chain), chain.workspace());
+    let mut view = View::closed_by(chain, &mut workspace, q, &couplings)?;
+    let mut warnings = Vec::new();
+    for touch in simulation.touches.iter().filter(|touch| touch.link().is_some() && touch.is_covered()) {
+        let at = touch.at(&view, q, time);
+        if at.gap > NOTICED || !at.counts() {
+            continue;
+        }
+        if !touch.moves(&at, &mut view)? {
+            let pair = format!("{} on {}", touch.link().unwrap_or_default(), touch.surface().unwrap_or_default());
+            let warning = format!(
+                "[robot] {pair} is closed at the start, and no joint moves the contact along its normal: it has neither force nor \
+                 friction"
+            );
+            if !warnings.contains(&warning) {
+                warnings.push(warning);
+            }
+        }
+        if let Some(compliance) = touch.contact.compliance.filter(|_| at.gap < -NOTICED) {
+            warnings.push(format!(
+                "[robot] {} starts {} m deep in its compliance ({compliance}): the energy stored in it comes in as work of the contact, \
+                 start with an open gap unless this is meant",
+                touch.name, -at.gap
+            ));
+        }
+    }
+    Ok(warnings)
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// A pivot of R M⁻¹ Rᵀ below this share of its diagonal entry counts as zero: the row depends on others. The entries are sums
 /// of some dozens of products, and rows that depend on others do so within the projection of the state, 1e-13 of its size.
-const DEPENDENT: f64 = 1e-10;
+pub(super) const DEPENDENT: f64 = 1e-10;
 
 /// Independent rows of a positive semidefinite matrix, by Cholesky factorisation with diagonal pivoting (Golub & Van Loan,
 /// *Matrix Computations*, 4th ed., section 4.2.8).
@@ -117,6 +117,9 @@ impl Spread {
 
     /// λ, for one or more columns b; `None` where they have no solution.
     pub fn solve(&self, wanted: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        if self.basis.is_empty() {
+            return Some(DMatrix::zeros(wanted.nrows(), wanted.ncols())); // no row moves anything
+        }
         let eta = self.folded.solve(&wanted.select_rows(&self.basis))?;
         let rest = &self.spread * &eta;
         let mut found = DMatrix::zeros(wanted.nrows(), wanted.ncols());

@@ -98,9 +98,12 @@ impl<A: Space> View<'_, A> {
         all.split_off(own);
         let Some(closed) = Loops::new(all, answers, A::LINEAR) else { return Ok(()) };
         if let Some((qd, qdd)) = accelerated {
-            closed.bind(qdd, Some(&self.loop_acceleration(qd)?));
+            // Twice: joints that the loops lock are then at rest to the rounding of their own acceleration, not of the one without loops.
+            let wanted = self.loop_acceleration(qd)?;
+            closed.bind(qdd, Some(&wanted));
+            closed.bind(qdd, Some(&wanted));
         }
-        responses.iter_mut().for_each(|response| closed.bind(response, None));
+        rows.iter().zip(responses.iter_mut()).for_each(|(row, response)| closed.bind_response(row, response));
         Ok(())
     }
 

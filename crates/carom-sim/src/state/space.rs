@@ -175,16 +175,13 @@ impl<'a, A: Space> View<'a, A> {
         jacobian
     }
 
-    /// Delassus matrix and response of a point; `None` if no joint moves it along `n`.
+    /// Delassus matrix and response of a point of a chain without loops; `None` if no joint moves it along `n`.
     pub fn inertia(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
         let own = A::project(self.model, n);
         let share = A::dot(own, own).sqrt();
         // A normal perpendicular to the plane of a planar chain.
         if share < 1e-12 {
             return Ok(None);
-        }
-        if !self.couplings.is_empty() {
-            return self.inertia_in_loops(point, n);
         }
         let contact = self.kin.contact(point, own * (1.0 / share), &[])?;
         if !contact.moves() {
@@ -195,17 +192,6 @@ impl<'a, A: Space> View<'a, A> {
         let delassus = (0..A::LINEAR).map(|k| columns[k] * axis(k).transpose()).sum();
         let rows: Vec<_> = contact.response.iter().map(|row| A::lift(self.model, *row).transpose()).collect();
         Ok(Some((delassus, MatrixXx3::from_rows(&rows))))
-    }
-
-    fn inertia_in_loops(&mut self, point: Point<A>, n: Vector3<f64>) -> Result<Option<Felt>, SimError> {
-        let jacobian = self.jacobian(point);
-        let (mut rows, mut alone) = (Rows::new(jacobian.ncols()), Rows::default());
-        self.add_row(point, n, rows.add())?;
-        self.kin.respond(&rows, &mut alone)?;
-        let response = self.responses(&jacobian)?;
-        let delassus = (&jacobian * &response).fixed_view::<3, 3>(0, 0).into_owned();
-        let moves = n.dot(&(delassus * n)) > STUCK * rows.dot(0, alone.row(0));
-        Ok(moves.then(|| (delassus, response.fixed_columns::<3>(0).into_owned())))
     }
 
     /// M⁻¹fᵀ for every row f, as far as the loops allow: see [`Kinematics::respond`].
@@ -284,9 +270,6 @@ impl<'a, A: Space> View<'a, A> {
         Ok(DMatrix::from_columns(&columns))
     }
 }
-
-/// A point of a mechanism with loops whose inverse mass is below this share of that without the loops does not move.
-const STUCK: f64 = 1e-10;
 
 /// H⁺: H is singular for planar arms, whose tip moves in two directions only.
 pub(crate) fn pseudo_inverse(h: Matrix3<f64>) -> Matrix3<f64> {

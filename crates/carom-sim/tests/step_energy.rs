@@ -1,0 +1,98 @@
+//! The energy of time steps, each loss by its own formula, and what is left over as error.
+
+use carom_chain::Chain;
+use carom_chain::urdf::LoadOptions;
+use carom_contact::Obstacle;
+use carom_impact::Newton;
+use carom_sim::{ContactRule, Scene, Simulation, Surface, Touch};
+use nalgebra::Vector3;
+
+fn body(mass: f64, inertia: [f64; 3], shape: &str) -> Chain {
+    let [x, y, z] = inertia;
+    let text = format!(
+        "<robot name='body'><link name='body'><inertial><mass value='{mass}'/><inertia ixx='{x}' ixy='0' ixz='0' iyy='{y}' iyz='0' izz='{z}'/>
+         </inertial>{shape}</link></robot>"
+    );
+    Chain::from_urdf_str(&text, &LoadOptions { floating_base: true, ..LoadOptions::default() }).unwrap()
+}
+
+/// A body that spins freely about none of its axes, by time steps: the energy error is of second order in the step, and nothing is booked.
+#[test]
+fn time_steps_without_a_contact_keep_the_energy_to_their_order() {
+    let chain = body(1.0, [0.01, 0.02, 0.025], "");
+    let q = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    let qd = [0.0, 0.0, 0.0, 20.0, 3.0, -15.0];
+    let error = |step: f64| {
+        let sim = Simulation { stepping: true, contact_step: step, ..Simulation::new(chain.clone(), Vec::new()) };
+        let books = sim.run(&q, &qd, 1.0).unwrap().summary.energy;
+        assert_eq!((books.impacts, books.drive, books.resistance), (0.0, 0.0, 0.0));
+        books.error() / books.start
+    };
+    let (coarse, fine) = (error(1e-3), error(5e-4));
+    // 0.025 rad in a step, of which the square is 6e-4.
+    assert!(coarse.abs() < 6e-4 && fine.abs() < 0.3 * coarse.abs(), "{coarse:e} and {fine:e}");
+}
+
+/// A ball that falls and comes to rest, by time steps: impacts take its energy, by −½ Σ (u⁻ + u⁺) p, and the error falls with the step.
+#[test]
+fn impulses_of_time_steps_take_the_energy_of_a_fall() {
+    let ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+    let chain = body(2.0, [0.01; 3], ball);
+    let floor = Surface {
+        name: "floor".into(),
+        obstacle: Obstacle::half_space(Vector3::zeros(), Vector3::z()).unwrap(),
+        contact: ContactRule::new(Newton { restitution: 0.3, friction: 0.0 }),
+        motion: None,
+    };
+    let touches = Touch::all(&chain, &[floor], 0.0).unwrap().touches;
+    let q = [0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 1.0];
+    let run = |contact_step: f64| {
+        let gravity = Vector3::new(0.0, 0.0, -9.81);
+        let sim =
+            Simulation { stepping: true, contact_step, gravity, ..Simulation::new(chain.clone(), touches.clone()) };
+        sim.run(&q, &[0.0; 6], 1.5).unwrap().summary.energy
+    };
+    let fall = 2.0 * 9.81 * 0.5;
+    for step in [1e-3, 1e-4] {
+        let books = run(step);
+        // A step of fall at the first impact, 3.1 m/s, moves it by 3.1 m/s · h: 2 · 9.81 · 3.1 h of potential energy.
+        assert!((books.impacts - fall).abs() < 61.0 * step, "{} of {fall} J in steps of {step} s", books.impacts);
+        assert!(books.error().abs() < 61.0 * step, "{} J in steps of {step} s", books.error());
+        assert!(books.warning().is_none(), "{:?}", books.warning());
+    }
+}
+
+/// A light ball between the floor and one that is 1e5 times as heavy: its impacts accumulate within a way of no size, fast as they are.
+/// The energies close, nothing is gained, and both come to rest without time steps.
+#[test]
+fn a_light_ball_under_a_heavy_one_gains_no_energy() {
+    let folder = std::env::temp_dir().join(format!("carom-step-energy-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    for (name, mass) in [("light", 1.0), ("heavy", 1e5)] {
+        let inertia = 0.004 * mass;
+        let text = format!(
+            "<robot name='{name}'><link name='ball'><inertial><mass value='{mass}'/><inertia ixx='{inertia}' ixy='0' ixz='0' iyy='{inertia}'
+             iyz='0' izz='{inertia}'/></inertial><collision><geometry><sphere radius='0.1'/></geometry></collision></link></robot>"
+        );
+        std::fs::write(folder.join(format!("{name}.urdf")), text).unwrap();
+    }
+    let robot = |name: &str, z: f64| {
+        format!(
+            "[[robot]]\nname = \"{name}\"\nurdf = \"{name}.urdf\"\nfloating = true\nposition = [0, 0, {z}]\ntip = \"ball\"\n"
+        )
+    };
+    let text = robot("light", 0.15)
+        + &robot("heavy", 0.36)
+        + "[[surface]]\nname = \"floor\"\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }\n[contact]\nrestitution = 0.9\n\
+           [run]\nduration = 0.5\ngravity = [0, 0, -9.81]\n";
+    std::fs::write(folder.join("scene.toml"), text).unwrap();
+    let plan = Scene::from_file(folder.join("scene.toml")).unwrap().plan().unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let summary = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap().summary;
+    let books = summary.energy;
+    // The heavy ball falls by 0.06 m.
+    let fall = 1e5 * 9.81 * 0.06;
+    assert!((books.impacts - fall).abs() < 1e-4 * fall, "{books:?}");
+    assert!(books.error().abs() < 1e-6 * fall, "{books:?}, error {}", books.error());
+    assert_eq!(summary.statistics.contact_steps, 0);
+}
