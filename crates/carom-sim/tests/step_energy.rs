@@ -96,3 +96,43 @@ fn a_light_ball_under_a_heavy_one_gains_no_energy() {
     assert!(books.error().abs() < 1e-6 * fall, "{books:?}, error {}", books.error());
     assert_eq!(summary.statistics.contact_steps, 0);
 }
+
+/// A box falls flat onto a mesh, which takes time steps; a ball beside it lies on a compliant floor: it sinks by (m g/k)^(1/n), as alone.
+#[test]
+fn a_compliant_contact_keeps_its_force_in_time_steps() {
+    let folder = std::env::temp_dir().join(format!("carom-step-compliance-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let robot = |name: &str, shape: &str| {
+        let text = format!(
+            "<robot name='{name}'><link name='{name}'><inertial><mass value='1.5'/><inertia ixx='0.01' ixy='0' ixz='0' iyy='0.01' iyz='0' \
+             izz='0.01'/></inertial><collision><geometry>{shape}</geometry></collision></link></robot>"
+        );
+        std::fs::write(folder.join(format!("{name}.urdf")), text).unwrap();
+    };
+    robot("block", "<box size='0.2 0.2 0.2'/>");
+    robot("ball", "<sphere radius='0.1'/>");
+    let triangle = |a: &str, b: &str, c: &str| {
+        format!("facet normal 0 0 1\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
+    };
+    let table = triangle("-1 -1 0", "1 -1 0", "1 1 0") + &triangle("-1 -1 0", "1 1 0", "-1 1 0");
+    std::fs::write(folder.join("table.stl"), format!("solid t\n{table}endsolid t\n")).unwrap();
+    let text = "
+        [[robot]]\nname = 'a'\nurdf = 'block.urdf'\nfloating = true\nposition = [0, 0, 0.101]\ntip = 'block'
+        [[robot]]\nname = 'b'\nurdf = 'ball.urdf'\nfloating = true\nposition = [5, 0, 0.1]\ntip = 'ball'
+        [[surface]]\nname = 'table'\nshape = { mesh = { file = 'table.stl' } }
+        [[surface]]\nname = 'floor'\nshape = { halfspace = { point = [0, 0, 0], normal = [0, 0, 1] } }
+        [contact]\nrestitution = 0.2\nbetween_robots = false
+        [[contact.pair]]\nlink = 'b'\nsurface = 'floor'\ncompliance = { stiffness = 1e4, force = 'kelvin-voigt' }
+        [[contact.pair]]\nlink = 'a'\nsurface = 'floor'\nlatch = false
+        [run]\nduration = 0.5\ngravity = [0, 0, -9.81]\n"
+        .replace("        ", "");
+    std::fs::write(folder.join("scene.toml"), text).unwrap();
+    let plan = Scene::from_file(folder.join("scene.toml")).unwrap().plan().unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let summary = plan.simulation.run(&plan.q, &plan.qd, 0.5).unwrap().summary;
+    assert!(summary.statistics.contact_steps > 50, "{:?}", summary.statistics);
+    let sunk = 1.5 * 9.81 / 1e4;
+    // What is left of the oscillation after 0.5 s, with e = 0.2, is far below.
+    assert!((summary.last.q[9] - (0.1 - sunk)).abs() < 1e-3 * sunk, "{:?}", summary.last.q);
+    assert!(summary.energy.error().abs() < 1e-3 * summary.energy.start, "{:?}", summary.energy);
+}

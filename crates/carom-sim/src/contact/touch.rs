@@ -277,6 +277,11 @@ impl Touch {
         }
     }
 
+    /// Whether it has a force during a finite time.
+    pub(crate) fn is_compliant(&self) -> bool {
+        self.contact.compliance.is_some() && self.link().is_some()
+    }
+
     /// Whether it is a contact of two parts (corners, edges, faces, rims) of bodies, for which there is also the touch of their
     /// nearest points. Compliant contacts have parts on half-spaces only.
     pub fn is_part(&self) -> bool {

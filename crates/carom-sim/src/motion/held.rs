@@ -142,6 +142,25 @@ impl<A: Space> Motion<'_, A> {
         done
     }
 
+    /// The joint forces of drive, resistance and compliant contacts at a state, their powers, and the rates of the bristles.
+    pub fn loads(&mut self, time: f64, y: &[f64]) -> Result<(Vec<f64>, [f64; 2], Vec<f64>), SimError> {
+        let (q, qd) = self.split(y);
+        let lasting = self.lasting.clone();
+        if lasting.is_empty() {
+            let (tau, power) = self.applied(time, q, qd)?;
+            return Ok((tau, power, Vec::new()));
+        }
+        let mut found = Assembled::new(qd.len());
+        self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
+        let mut bends = vec![0.0; 3 * self.bristles.len()];
+        for (own, pressed) in lasting.iter().zip(&found.pressed) {
+            if let Some(slot) = self.bristles.iter().position(|&k| k == own.touch) {
+                bends[3 * slot..3 * slot + 3].copy_from_slice(pressed.bends.as_slice());
+            }
+        }
+        Ok((found.tau, found.power, bends))
+    }
+
     /// Accelerations and forces in the present mode.
     pub fn in_mode(&mut self, time: f64, y: &[f64]) -> Result<ConstraintForces, SimError> {
         let mut held = self.accelerations(time, y)?;

@@ -19,7 +19,7 @@ use super::memory::Memory;
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
-use crate::contact::{APART, Compliance, Touch};
+use crate::contact::{APART, Touch};
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
 use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
@@ -224,7 +224,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         self.measure();
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
-            let gives_way = sim.touches[touch].contact.compliance.is_some() && sim.touches[touch].link().is_some();
+            let gives_way = sim.touches[touch].is_compliant();
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
                 sunk.push((touch, -rate));
             } else if gap < -TOUCHING {
@@ -240,13 +240,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         // Compliant contacts may start with a penetration.
         for (touch, approach) in sunk {
-            let rule = &sim.touches[touch].contact;
-            let (q, _) = self.q_qd();
-            let mass = self.motion.effective_mass(touch, &q, self.time)?;
-            let speed = approach.max(Compliance::SLOWEST);
-            let damping = rule
-                .compliance
-                .map_or(Ok(0.0), |it| Ok::<_, SimError>(it.normal(rule.law.restitution())?.damping(speed, mass)))?;
+            let damping = self.damping(touch, approach)?;
             self.press(touch, damping);
         }
         if sim.stepping {

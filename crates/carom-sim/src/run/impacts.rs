@@ -183,6 +183,15 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(true)
     }
 
+    /// The damping of a compliant contact that begins with this approach velocity, m/s; 0 for rigid ones.
+    pub fn damping(&mut self, touch: usize, approach: f64) -> Result<f64, SimError> {
+        let rule = &self.motion.sim.touches[touch].contact;
+        let Some(compliance) = rule.compliance else { return Ok(0.0) };
+        let (q, _) = self.q_qd();
+        let mass = self.motion.effective_mass(touch, &q, self.time)?;
+        Ok(compliance.normal(rule.law.restitution())?.damping(approach.max(Compliance::SLOWEST), mass))
+    }
+
     /// The beginning of a compliant contact.
     pub fn press(&mut self, touch: usize, damping: f64) {
         // Infinite where no joint moves the contact along its normal: the force does not change.

@@ -12,6 +12,8 @@
 //! O(h v). Overlaps are corrected along M⁻¹Rᵀ down to the overlap of one step of free fall: after a correction to a gap of
 //! zero the contact would open and close in alternate steps and never come to rest.
 //!
+//! Compliant contacts press at their state in the middle of the step, as the drives do.
+//!
 //! **Error and step.** The difference of the positions after one step and after two of half its length estimates the error of the
 //! step; the motion goes on from the two. The step is accepted where the estimate is at most 0.01 √(tolerance) (rad, m), and the next
 //! one follows from it, because the error of a step is of second order in its length. An impact within a step has an error of first
@@ -27,9 +29,9 @@ use super::events::{Run, TOUCHING, is_reached};
 use super::memory::Memory;
 use super::several::{Closures, push, solved};
 use super::trajectory::{EventKind, StepReason};
-use crate::contact::{ContactMode, SeveralLaw};
+use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
-use crate::motion::{ContactState, Dry, Hold, Lasting, Motion};
+use crate::motion::{ContactState, Dry, Hold, Lasting, Motion, Near};
 use crate::state::{Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
@@ -163,11 +165,13 @@ impl<A: Space> Run<'_, '_, A> {
         let accepted = SHARE * sim.tolerance.sqrt();
         let shortest = self.shortest();
         let (time, y, lost, statistics) = (self.time, self.y.clone(), self.lost, self.statistics);
+        let pressing = self.motion.lasting.clone();
         loop {
             let step = length.min(longest);
             self.time_step(step)?;
             let whole = std::mem::replace(&mut self.y, y.clone());
             (self.time, self.lost, self.statistics) = (time, lost, statistics);
+            self.motion.lasting.clone_from(&pressing);
             let first = self.time_step(step / 2.0)?;
             let second = self.time_step(step / 2.0)?;
             let error = whole[..nq].iter().zip(&self.y).map(|(one, two)| (one - two).abs()).fold(0.0, f64::max);
@@ -185,6 +189,7 @@ impl<A: Space> Run<'_, '_, A> {
             }
             self.y.copy_from_slice(&y);
             (self.time, self.lost, self.statistics) = (time, lost, statistics);
+            self.motion.lasting.clone_from(&pressing);
         }
     }
 
@@ -213,7 +218,8 @@ impl<A: Space> Run<'_, '_, A> {
         let hold = Hold::Slides { toward: Vector3::zeros() };
         let normals: Vec<Lasting> = closed.iter().map(|&touch| Lasting { touch, hold }).collect();
         self.motion.project(&normals, self.time, &mut self.y)?;
-        let clear = points && self.gaps()?.into_iter().all(|(_, (gap, _))| gap >= -TOUCHING);
+        let fine = |&(k, (gap, _)): &Near| gap >= -TOUCHING || sim.touches[k].is_compliant();
+        let clear = points && self.gaps()?.iter().all(fine);
         if !clear || hits.is_empty() && !self.has_mode(&closed)? {
             self.y = before;
             self.motion.lasting.retain(|own| !own.is_rigid());
@@ -255,6 +261,38 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.moving.is_empty() && self.motion.sim.is_steady(self.time)
     }
 
+    /// Begins and ends compliant contacts at the middle of a step; returns those that press. What they remember of their largest penetration
+    /// follows their rate.
+    fn press_in_step(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+        let sim = self.motion.sim;
+        if !sim.touches.iter().any(Touch::is_compliant) {
+            return Ok(Vec::new());
+        }
+        let (q, qd) = self.motion.split(y);
+        let gaps = self.motion.all_gaps(q, qd, time)?;
+        let closed = |touch: usize| gaps.iter().find(|(k, (gap, _))| *k == touch && *gap <= 0.0).map(|(_, gap)| *gap);
+        self.motion.lasting.retain(|own| closed(own.touch).is_some());
+        for own in &mut self.motion.lasting {
+            let (gap, rate) = closed(own.touch).unwrap_or_default();
+            if let Hold::Presses { deepest, .. } = &mut own.hold {
+                match *deepest {
+                    f64::NEG_INFINITY if rate > 0.0 => *deepest = -gap,
+                    most if -gap > most => *deepest = f64::NEG_INFINITY,
+                    _ => {}
+                }
+            }
+        }
+        let begins = |k: &usize| sim.touches[*k].is_compliant() && !self.motion.lasts(*k);
+        let begin: Vec<(usize, f64)> =
+            gaps.iter().filter(|(k, (gap, _))| *gap <= 0.0 && begins(k)).map(|(k, (_, rate))| (*k, -rate)).collect();
+        for (touch, approach) in begin {
+            let damping = self.damping(touch, approach)?;
+            self.motion.count_impact(touch);
+            self.press(touch, damping);
+        }
+        if self.motion.lasting.is_empty() { Ok(Vec::new()) } else { self.motion.contact_states(time, y) }
+    }
+
     /// One time step of this length, s.
     fn time_step(&mut self, step: f64) -> Result<TimeStep, SimError> {
         let sim = self.motion.sim;
@@ -264,7 +302,10 @@ impl<A: Space> Run<'_, '_, A> {
         let middle = sim.chain.integrate(&q, &qd, step / 2.0)?;
         // All dry friction is part of the contact problem, so none of it is applied as a force.
         self.motion.dry.iter_mut().for_each(|joint| joint.state = Dry::Holds);
-        let (tau, _) = self.motion.applied(middle_time, &middle, &qd)?;
+        let mut there = self.y.clone();
+        there[..nq].copy_from_slice(&middle);
+        let mut told = self.press_in_step(middle_time, &there)?;
+        let (tau, _, bends) = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
         let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
@@ -297,6 +338,9 @@ impl<A: Space> Run<'_, '_, A> {
         let mut rows = Closures::new(sim.chain.nv());
         for k in near.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
             let touch = &sim.touches[k];
+            if touch.is_compliant() {
+                continue;
+            }
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
                 rows.add(k, touch, &at, &mut view, middle_time)?;
             }
@@ -308,7 +352,6 @@ impl<A: Space> Run<'_, '_, A> {
             rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
             rows.stiffnesses.push(1.0);
         }
-        let mut told = Vec::new();
         let mut next = free.clone();
         let mut fall = 0.0_f64;
         if !rows.rows.is_empty() {
@@ -338,11 +381,12 @@ impl<A: Space> Run<'_, '_, A> {
             if still && work > GAIN * 0.5 * mean.dot(&(&mass * &mean)) {
                 flags |= Flags::ENERGY_GAIN;
             }
-            told = rows.contact_states(&outcome.impulse, step, flags);
+            told.extend(rows.contact_states(&outcome.impulse, step, flags));
         }
         // Drive and resistance work at the mean velocity, as the impulses do.
-        let mean: Vec<f64> = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after)).collect();
-        let (_, power) = self.motion.applied(middle_time, &middle, &mean)?;
+        let mean = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after));
+        there[nq..nq + nv].iter_mut().zip(mean).for_each(|(v, mean)| *v = mean);
+        let (_, power, _) = self.motion.loads(middle_time, &there)?;
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
@@ -356,6 +400,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.statistics.contact_steps += 1;
         self.y[nq + nv] += power[0] * step;
         self.y[nq + nv + 1] += power[1] * step;
+        self.y[nq + nv + 2..].iter_mut().zip(&bends).for_each(|(deflection, rate)| *deflection += rate * step);
         if !self.motion.energy(&self.y)?.is_finite() {
             return Err(SimError::Diverged { time: start });
         }
@@ -395,7 +440,8 @@ impl<A: Space> Run<'_, '_, A> {
         let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &q, couplings)?;
         let mut gaps = Vec::new();
-        for touch in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]) {
+        let rigid = |touch: &&Touch| !touch.is_compliant();
+        for touch in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]).filter(rigid) {
             for at in touch.points(&view, &q, time, 0.0) {
                 touch.row_into(&at, &view, rows.rows.add())?;
                 rows.constraints.push(Constraint::Stop { restitution: 0.0 });
