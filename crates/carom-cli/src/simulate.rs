@@ -256,7 +256,7 @@ impl Simulate {
             }
         });
         let run = run.map_err(refuse)?;
-        if let Some(warning) = run.energy.warning() {
+        for warning in run.warnings() {
             say(&format!("warning: {}: {warning}", self.scene.display()));
         }
         let derivatives = self.sensitivity.then(|| Sensitivity::of(&plan, scene.duration));

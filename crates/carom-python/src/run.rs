@@ -33,7 +33,7 @@ impl Told {
 
 /// A run of a scene.
 ///
-/// q and qd have the coordinates of `run.chain`, the reduced chain of the plan.
+/// q and qd have the coordinates of `run.chain`, all joints of the scene.
 #[pyclass(frozen, module = "carom")]
 pub struct Run {
     scene: Arc<carom_sim::Scene>,
@@ -204,6 +204,13 @@ impl Run {
     fn last<'py>(&self, py: Python<'py>) -> PyResult<(f64, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let Moment { time, q, qd } = &self.summary.last;
         Ok((*time, array(py, q.clone(), &[q.len()])?, array(py, qd.clone(), &[qd.len()])?))
+    }
+
+    /// What to know of the results: an energy balance that does not close, impulses that do not satisfy their law. They are raised as
+    /// Python warnings, too.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.summary.warnings()
     }
 
     /// Energy balance, a dict in J: end = start + drive + resistance - lost_in_impacts + error.

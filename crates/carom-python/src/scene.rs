@@ -10,7 +10,7 @@ use crate::sensitivity::{self, Sensitivity};
 use crate::session::Session;
 use crate::text::toml_text;
 use carom_sim::{Bounded, Decision, Sampling, Seen, SimError};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -269,6 +269,10 @@ impl Scene {
             Ok((plan, seen, summary))
         });
         let (plan, seen, summary) = self.functions.pass(done)?;
+        for warning in summary.warnings() {
+            let text = std::ffi::CString::new(warning).unwrap_or_default();
+            PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
+        }
         Ok(Run::new(self.scene.clone(), plan, seen, summary))
     }
 

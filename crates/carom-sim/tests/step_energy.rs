@@ -50,7 +50,9 @@ fn impulses_of_time_steps_take_the_energy_of_a_fall() {
         let gravity = Vector3::new(0.0, 0.0, -9.81);
         let sim =
             Simulation { stepping: true, contact_step, gravity, ..Simulation::new(chain.clone(), touches.clone()) };
-        sim.run(&q, &[0.0; 6], 1.5).unwrap().summary.energy
+        let summary = sim.run(&q, &[0.0; 6], 1.5).unwrap().summary;
+        assert_eq!(summary.warnings(), Vec::<String>::new());
+        summary.energy
     };
     let fall = 2.0 * 9.81 * 0.5;
     for step in [1e-3, 1e-4] {
@@ -58,7 +60,6 @@ fn impulses_of_time_steps_take_the_energy_of_a_fall() {
         // A step of fall at the first impact, 3.1 m/s, moves it by 3.1 m/s · h: 2 · 9.81 · 3.1 h of potential energy.
         assert!((books.impacts - fall).abs() < 61.0 * step, "{} of {fall} J in steps of {step} s", books.impacts);
         assert!(books.error().abs() < 61.0 * step, "{} J in steps of {step} s", books.error());
-        assert!(books.warning().is_none(), "{:?}", books.warning());
     }
 }
 

@@ -299,7 +299,7 @@ impl EnergyBooks {
 
     /// What to tell the user of a balance that does not close: an error above 1 % of the energies in it, which changes velocities by half
     /// a percent. Integration stays far below; time steps do not where they are too long for the motion.
-    pub fn warning(&self) -> Option<String> {
+    fn warning(&self) -> Option<String> {
         let Self { start, drive, resistance, impacts, .. } = *self;
         let (error, scale) = (self.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
         let changed = if error > 0.0 { "gained" } else { "lost" };
@@ -334,6 +334,23 @@ pub struct Summary {
     /// Energy balance.
     pub energy: EnergyBooks,
 }
+
+impl Summary {
+    /// What to tell the user of the results: an energy balance that does not close, impulses that do not satisfy their law.
+    pub fn warnings(&self) -> Vec<String> {
+        let residual = self.statistics.worst_residual;
+        let unsolved = (residual > UNSOLVED).then(|| {
+            format!(
+                "impulses of several contacts satisfy their law to {residual:.1e} of the contact velocities only: friction wedges a contact, \
+                 or masses are too different; choose another law (several), less friction or restitution"
+            )
+        });
+        self.energy.warning().into_iter().chain(unsolved).collect()
+    }
+}
+
+/// Residuals of several contacts, relative to their velocities, from which on they are told: as much as the energy balance.
+const UNSOLVED: f64 = 0.01;
 
 /// A whole run with its events and its motion.
 #[derive(Debug, Clone)]
