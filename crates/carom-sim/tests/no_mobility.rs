@@ -151,6 +151,33 @@ fn a_locked_truss_stays_at_rest() {
     }
 }
 
+/// A pendulum whose bob is tangent to the floor at its lowest point passes it: at the tangent point no joint moves it along the normal, and
+/// beside it next to nothing does. Restitution, friction, laws and the place of the hinge do not matter.
+#[test]
+fn a_pendulum_passes_a_floor_that_is_tangent_to_its_path() {
+    let mut rng = fastrand::Rng::with_seed(3);
+    for k in 0..40 {
+        let (height, length, radius) = (1.0 + rng.f64(), 0.2 + 0.3 * rng.f64(), 0.02 + 0.1 * rng.f64());
+        let robot = format!(
+            "<robot name='p'><link name='base'/><link name='a'><inertial><origin xyz='0 0 -{length}'/>{LINK}
+             <collision><origin xyz='0 0 -{length}'/><geometry><sphere radius='{radius}'/></geometry></collision></link>
+             <joint name='j' type='continuous'><origin xyz='0 0 {height}'/><parent link='base'/><child link='a'/><axis xyz='0 1 0'/></joint></robot>"
+        );
+        let chain = Chain::from_urdf_str(&robot, &LoadOptions::default()).unwrap();
+        let contact = ContactRule::new(Energetic { restitution: 0.5, friction: 0.5 * (k % 3) as f64 });
+        let obstacle = Obstacle::half_space(Vector3::new(0.0, 0.0, height - length - radius), Vector3::z()).unwrap();
+        let floor = Surface { name: "floor".into(), obstacle, contact, motion: None };
+        let run = |surfaces: &[Surface]| {
+            let gravity = Vector3::new(0.0, 0.0, -9.81);
+            let touches = Touch::all(&chain, surfaces, 0.0).unwrap().touches;
+            let sim = Simulation { gravity, ..Simulation::new(chain.clone(), touches) };
+            sim.run(&[-0.6], &[0.3], 1.0).unwrap().summary.last
+        };
+        let (with, without) = (run(&[floor]), run(&[]));
+        assert!((with.q[0] - without.q[0]).abs() < 1e-7, "scene {k}: {with:?} without the floor {without:?}");
+    }
+}
+
 /// A contact without a row is told, once for each pair.
 #[test]
 fn a_contact_that_no_joint_moves_is_told() {

@@ -58,9 +58,23 @@ impl<A: Space> Run<'_, '_, A> {
             let more = [touch];
             return self.resettle(if approach <= rest { &more } else { &[] }, &before);
         }
+        if self.grazes(touch, approach)? {
+            return Ok(());
+        }
         let [mut together, beside] = self.others_closed(touch, &gaps)?;
         together.insert(0, touch);
         self.collide(&together, &beside)
+    }
+
+    /// Whether a gap that closes opens again by the motion without a contact, after a depth that is rounding: a path that is tangent to a
+    /// surface. There the row of the normal is next to zero, and an impact would stop what moves along the surface.
+    fn grazes(&mut self, touch: usize, approach: f64) -> Result<bool, SimError> {
+        // No path of this curvature reaches deeper.
+        if approach * approach > HYSTERESIS * self.motion.speed * self.motion.speed * self.motion.reach.max(1.0) {
+            return Ok(false);
+        }
+        let away = self.motion.gap_acceleration(touch, self.time, &self.y)?;
+        Ok(approach * approach < 2.0 * away * HYSTERESIS)
     }
 
     /// The other touches that are closed and do not last: those that approach, and those that do not move apart.
