@@ -181,6 +181,29 @@ fn the_final_height_of_a_bouncing_ball_has_its_closed_form_gradient() {
     assert!((found.events[0].time - v / g).abs() < 1e-12 && (found.events[0].time_by[0] - 1.0 / v).abs() < 1e-9);
 }
 
+/// The last impacts before an accumulation are slow, and the errors of their times are divided by their speed: the derivative by the height is
+/// right to 1e-5 of its size, or it is not a number. With v₀ = √(2 g h), impact n is at (1 + 2 (e + … + eⁿ)) v₀/g.
+#[test]
+fn times_of_the_last_impacts_before_rest_have_right_derivatives_or_none() {
+    let (g, e, h) = (9.81_f64, 0.6, 0.3);
+    let sim = ball(ContactRule::new(Newton { restitution: e, friction: 0.0 }));
+    let found = sim.sensitivity(&[h + 0.1], &[0.0], 1.5, &[]).unwrap();
+    let (mut told, mut faint, mut bounces, mut power) = (0, 0, 0.0, 1.0);
+    for event in found.events.iter().filter(|event| event.kinds.contains(&"impact")) {
+        // d√(2 g h)/dh / g.
+        let exact = (1.0 + 2.0 * bounces) / (2.0 * g * h).sqrt();
+        power *= e;
+        bounces += power;
+        if event.time_by[0].is_nan() {
+            faint += 1;
+        } else {
+            told += 1;
+            assert!((event.time_by[0] - exact).abs() < 1e-5 * exact, "{event:?}, {exact}");
+        }
+    }
+    assert!(told > 5 && faint > 0, "{told} told, {faint} not");
+}
+
 /// A ball that does not roll slides over the floor z = 0, and a force turns its slip by more than 90° before an event ends the leg.
 #[test]
 fn sensitivities_of_slip_that_turns_back_equal_differences_of_runs() {

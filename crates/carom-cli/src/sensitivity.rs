@@ -31,7 +31,9 @@ struct Row {
 struct EventTime {
     time: f64,
     kinds: Vec<&'static str>,
-    time_by: Vec<f64>,
+    /// None for an impact so slow that their digits would not count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_by: Option<Vec<f64>>,
 }
 
 #[derive(Serialize)]
@@ -61,7 +63,12 @@ impl Sensitivity {
         let events = found.events.into_iter();
         Ok(Self {
             r#final: last,
-            events: events.map(|it| EventTime { time: it.time, kinds: it.kinds, time_by: it.time_by }).collect(),
+            events: events
+                .map(|it| {
+                    let time_by = Some(it.time_by).filter(|by| by.iter().all(|x| x.is_finite()));
+                    EventTime { time: it.time, kinds: it.kinds, time_by }
+                })
+                .collect(),
             broken: found.broken.map(|it| Broken { time: it.time, reason: it.reason }),
             names: found.names,
         })
@@ -75,7 +82,10 @@ impl Sensitivity {
         )?;
         for event in &self.events {
             let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));
-            self.line(&what, &event.time_by, out)?;
+            match &event.time_by {
+                Some(by) => self.line(&what, by, out)?,
+                None => writeln!(out, "  {what}: too slow for digits that count")?,
+            }
         }
         for row in self.r#final.iter().flatten() {
             self.line(&format!("final {}", row.of), &row.by, out)?;

@@ -65,7 +65,8 @@ pub struct EventTime {
     pub time: f64,
     /// Names of what happens ([`EventKind::name`](crate::EventKind::name)).
     pub kinds: Vec<&'static str>,
-    /// Derivatives by the columns of [`Sensitivity`].
+    /// Derivatives by the columns of [`Sensitivity`]; not numbers for impacts so slow that their digits do not count: the last ones before
+    /// an accumulation. Their effect on the motion is part of the other derivatives all the same.
     pub time_by: Vec<f64>,
 }
 
@@ -83,6 +84,9 @@ const DIFFERENCE: f64 = 1e-5;
 /// An event whose witness function changes by less than this in the time in which the state changes by its own size is a grazing
 /// one.
 const GRAZING: f64 = 1e-7;
+/// An event whose witness function changes by less than this in that time has no derivative of its time that is told: the error of S,
+/// about 1e-8, is divided by this rate.
+const FAINT: f64 = 1e-3;
 /// The share of its approach speed by which an impact may be slower beside the motion.
 const SLOWER: f64 = 1e-2;
 /// A second difference above this share of the first may be a kink.
@@ -352,6 +356,9 @@ impl<A: Space> Follow<'_, '_, A> {
             s.set_column(j, &self.column_after(j, time_by[j], &before, (&after, &middle))?);
         }
         self.s = s;
+        if !is_force && rate.abs() <= FAINT * pace {
+            time_by.fill(f64::NAN);
+        }
         let kinds = std::mem::take(&mut *self.kinds.borrow_mut());
         if !kinds.is_empty() {
             events.push(EventTime { time, kinds, time_by });
