@@ -28,7 +28,7 @@ use std::path::PathBuf;
 /// and joints of Cassie, beside its URDF (columns log, t, base_qw …, hip_roll_left,
 /// hip_roll_leftdot …, hip_roll_left_motor …; samples every 0.5 ms). The names of the tables do not
 /// matter.
-/// Models: every law with constant coefficients; then effects, each in addition to those before it:
+/// Models: every law with constant coefficients; then effects, each in addition to those above:
 ///   arm        the tangential lever arm of the ellipse as a multiple of that of the table
 ///   strikes    strikes of further corners of the square before its velocity is measured
 ///   corners    radius of the corners of boxes, and length added to their edges (tosses)

@@ -25,7 +25,7 @@ use std::io::{self, Write};
 /// JSON keys: joints, mass_matrix, jacobian, bias, gravity_force, kinetic_energy, potential_energy,
 ///   delassus or singular, and qdd or tau; with --kinematics joints, position, jacobian.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
-/// before it have been printed, and the exit status is 1.
+/// above it have been printed, and the exit status is 1.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct Dynamics {

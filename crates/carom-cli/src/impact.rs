@@ -32,7 +32,7 @@ use std::path::Path;
 ///   derivatives {q, qd, restitution, friction}, mode_margin {margin, edge, beyond}: --derivatives.
 ///   band {restitution, friction, qd_plus, u_plus, impulse, exact}: with a range.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
-/// before it have been printed, and the exit status is 1.
+/// above it have been printed, and the exit status is 1.
 #[derive(Args)]
 #[command(verbatim_doc_comment, override_usage = USAGE)]
 pub struct Impact {

@@ -108,7 +108,7 @@ pub struct State {
 /// Answers each JSON line of a file (`-` is standard input), in order; with standard input, flushes after each answer.
 ///
 /// # Errors
-/// Stops at the first line that is refused; the answers to the lines before it have been written.
+/// Stops at the first line that is refused; the answers to the lines above it have been written.
 pub fn for_each_line<T: DeserializeOwned>(
     path: &Path,
     out: &mut dyn Write,

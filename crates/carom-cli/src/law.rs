@@ -151,7 +151,7 @@ impl<A: Serialize> All<A> {
 /// JSON keys: law, impulse, u_plus, energy_ratio, mode, normal_work and friction_work (J), flags,
 ///   branches if there are several; with --law all {"outcomes":[…],"refused":[…]}.
 /// Answers are printed in the order of the lines. If a line is refused, the answers to the lines
-/// before it have been printed, no picture and no recording is written, and the exit status is 1.
+/// above it have been printed, no picture and no recording is written, and the exit status is 1.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 #[command(override_usage = "carom law [OPTIONS] --law <LAW> --restitution <E> --problems <FILE>")]

@@ -23,7 +23,7 @@
 //! and over its joints: hinges alone, so that the joint type is known statically, or any joints. Rows of two and three hinges
 //! have unrolled passes (`unrolled.rs`). Chains of more than [`LONG`] bodies use the
 //! articulated-body recursion, whose time is proportional to their number; chains with mimic joints the same factorisation
-//! without the zeros. `book/src/benchmarks.md` gives the gain in speed of each; `tests/delassus.rs` compares all of them with
+//! without the zeros. `docs/performance.md` gives the gain in speed of each; `tests/delassus.rs` compares all of them with
 //! the definitions.
 //!
 //! **Singularity.** One rule ([`singular`]): a quantity is zero if it is within the rounding of the terms that cancel in it. A

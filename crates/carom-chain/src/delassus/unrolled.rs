@@ -2,7 +2,7 @@
 //! unroll loops over SIMD lanes, and keeps arrays that are indexed in a loop in memory.
 //!
 //! Gain in a batch, for each configuration: 209 → 139 instructions and 20 → 13 ns (planar2), 307 → 213 and 29 → 19 (planar3;
-//! `book/src/benchmarks.md`). `tests/delassus.rs` compares rows of all lengths with the definitions.
+//! `docs/performance.md`). `tests/delassus.rs` compares rows of all lengths with the definitions.
 
 use super::PointResponse;
 use super::fused::{BodyAt, Sum};

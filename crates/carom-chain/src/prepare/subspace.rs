@@ -3,7 +3,7 @@
 //!
 //! If all joints are hinges, the joint type is known statically, and no body has mass left (see `base_parameters.rs`). The
 //! recursions that become faster by this are generic over [`Subspace`]; which implementation they use is decided when the
-//! chain is made. Gain (`book/src/benchmarks.md`): kinematics of arm7 1703 → 1521 instructions, the fused pass of humanoid29
+//! chain is made. Gain (`docs/performance.md`): kinematics of arm7 1703 → 1521 instructions, the fused pass of humanoid29
 //! 33 047 → 29 645. `tests/delassus.rs` compares both with the definitions.
 
 use super::{HingeAngles, PreparedBody};

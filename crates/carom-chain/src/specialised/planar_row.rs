@@ -1,7 +1,7 @@
 //! Forward dynamics of a row of one to four hinges in the plane, in closed form.
 //!
 //! Gain: 280 instructions for two hinges; the rates of all states of a simulation 570 where the recursion took 2200
-//! (`book/src/benchmarks.md`). `tests/planar_row.rs` compares the results with the recursion.
+//! (`docs/performance.md`). `tests/planar_row.rs` compares the results with the recursion.
 //!
 //! With the absolute angles φᵢ of the bodies instead of joint angles, every coefficient of the equation of motion of a row
 //! of hinges is a product of two vectors, each fixed in a body:

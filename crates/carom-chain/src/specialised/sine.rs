@@ -2,7 +2,7 @@
 //!
 //! The sine and cosine of the standard library cost 10 to 20 ns and are computed one angle at a time; they took a third of
 //! the time of an impact of a two-link arm. These take 86 instructions for one angle, or for two or four side by side
-//! (`book/src/benchmarks.md`). The angle is reduced by multiples of π/2 in three parts (Cody & Waite,
+//! (`docs/performance.md`). The angle is reduced by multiples of π/2 in three parts (Cody & Waite,
 //! 1980, *Software Manual for the Elementary Functions*, chapter 8) with the rounding error of each subtraction added back.
 //! Two minimax polynomials on ±π/4 follow, with the coefficients of Sun's fdlibm (`k_sin.c`, `k_cos.c`, 1993). No fused
 //! multiply-add is used, so that the result is the same on every processor and for every number of lanes. It differs from

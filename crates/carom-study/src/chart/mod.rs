@@ -6,9 +6,11 @@
 //! medians of whole runs without recording.
 
 mod kernel;
+mod labelled;
 mod picture;
 mod stiffness;
 
+pub use labelled::{MOST_LABELLED, labelled_svg};
 pub use picture::{stiffness_svg, svg};
 pub use stiffness::{Stiffened, StiffnessChart};
 
@@ -357,6 +359,52 @@ pub fn csv(chart: &Chart) -> String {
     lines.into_inner().map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default()
 }
 
+/// The runs of a table that [`csv`] has written.
+///
+/// # Errors
+///
+/// In words, with the line: a missing column, a cell that is not a number, a time that is not positive.
+pub fn from_csv(text: &str) -> Result<Vec<Run>, String> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let head = reader.headers().map_err(|e| e.to_string())?.clone();
+    let place = |name: &str| {
+        head.iter().position(|it| it == name).ok_or_else(|| format!("the column {name} is missing: carom chart writes it"))
+    };
+    let [method, knob, value, time, after, end, law] = [
+        place("method")?,
+        place("knob")?,
+        place("value")?,
+        place("wall_time_s")?,
+        place("error_after_impact")?,
+        place("error_at_end")?,
+        place("law")?,
+    ];
+    let mut runs = Vec::new();
+    for (k, row) in reader.records().enumerate() {
+        let row = row.map_err(|e| e.to_string())?;
+        let text = |column: usize| row.get(column).unwrap_or_default();
+        let number = |column: usize| {
+            let wrong = |_| format!("line {}, column {}: {:?} is not a number", k + 2, &head[column], text(column));
+            text(column).parse::<f64>().map_err(wrong)
+        };
+        let perhaps = |column: usize| if text(column).is_empty() { Ok(None) } else { number(column).map(Some) };
+        let wall_time = number(time)?;
+        if !(wall_time > 0.0 && wall_time.is_finite()) {
+            return Err(format!("line {}, column wall_time_s: {wall_time} is not a positive time", k + 2));
+        }
+        runs.push(Run {
+            method: text(method).to_owned(),
+            law: text(law).to_owned(),
+            knob: text(knob).to_owned(),
+            value: number(value)?,
+            wall_time,
+            after_impact: perhaps(after)?,
+            at_end: perhaps(end)?,
+        });
+    }
+    Ok(runs)
+}
+
 /// Time and errors of one run.
 fn measure(
     scene: &Scene,
@@ -372,7 +420,8 @@ fn measure(
         .stream(&scene.q, &scene.qd, scene.duration, sampling, &mut |seen| watch.see(&seen))
         .map_err(|e| e.to_string())?;
     if soft && (watch.rigid || summary.statistics.contact_steps > 0) {
-        return Err("simultaneous contacts are computed as rigid, independent of the stiffness".to_owned());
+        let what = if watch.rigid { "an impact of several rigid contacts" } else { "time steps with rigid contacts" };
+        return Err(format!("the run has {what}, which does not depend on the stiffness"));
     }
     let bare = Sampling { every: None, dense: false };
     let begin = Instant::now();

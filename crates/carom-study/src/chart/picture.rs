@@ -9,7 +9,7 @@ const PANEL: (u32, u32) = (560, 460);
 const LINE: i32 = 19;
 
 /// Errors below this are drawn at this value.
-const FLOOR: f64 = 1e-16;
+pub(super) const FLOOR: f64 = 1e-16;
 
 /// Colour of the dashed line at the error of the reference solution.
 const DOUBT: RGBColor = RGBColor(110, 110, 110);
@@ -259,7 +259,7 @@ fn draw_stiffness<'a>(root: &Area<'a>, chart: &StiffnessChart, title: &str) -> D
 }
 
 /// Label of a number on a logarithmic axis: 1, 2 and 5 of each decade, an empty text for others.
-fn power(x: f64) -> String {
+pub(super) fn power(x: f64) -> String {
     let exponent = (x.log10() + 1e-9).floor() as i32;
     let digit = x / 10_f64.powi(exponent);
     let Some(digit) = [1.0, 2.0, 5.0].into_iter().find(|it| (digit - it).abs() < 1e-6) else { return String::new() };
