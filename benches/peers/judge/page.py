@@ -15,9 +15,18 @@ COLOURS = {"exact": "#2166ac", "within tolerance": "#92c5de", "degrades": "#fee0
 INK = {"exact": "white", "fails": "white"}
 
 
+def rounded(figure):
+    """Rounded up to one digit, so that a figure is never shown at or below a limit that it exceeds."""
+    text = f"{figure:.0e}"
+    if float(text) < figure:
+        digit, exponent = text.split("e")
+        text = f"{float(f'{int(digit) + 1}e{exponent}'):.0e}"
+    return text.replace("e-0", "e-").replace("e+0", "e")
+
+
 def short(verdict):
     figure = verdict.get("figure")
-    number = "" if figure is None else f"{figure:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    number = "" if figure is None else rounded(figure)
     return {"exact": "exact", "within tolerance": f"≤ {number}", "degrades": f"*degrades, {number}*",
             "fails": f"**fails**, {number}" if number else "**fails**", "refused": "refused"}[verdict["verdict"]]
 
@@ -101,7 +110,7 @@ def page(told, template, path):
         engines=len(engines), cases=len(told["cases"]), refine=told["refine"], best=table(told, "best"), default=table(told, "default"),
         counts=counts(told), refusals=refusals(told), list=rows.rstrip(), settings=settings + ("\n" + missing if missing else ""),
         machine=f"{machine['cpu']}, {machine['cores']} cores, {machine['system']}. No case uses random numbers. "
-                "Times do not enter the verdicts, except that an engine has two minutes of processor time for an answer.")
+                "Times do not enter the verdicts, except that an engine has two minutes of processor time and twenty minutes in all for an answer.")
     with open(path, "w") as file:
         file.write(text)
 

@@ -81,9 +81,9 @@ const STEP: [f64; 2] = [1.0 / 60.0, 1e-4];
 fn about() -> Value {
     json!({"engine": "rapier", "version": "0.36.1 (f64)", "law": "Newton's e for each contact, Coulomb", "settings": {
         "default": {"method": "step 1/60 s, impulse joints, restitution and friction set, all else default",
-                    "source": "docs.rs/rapier3d, IntegrationParameters"},
+                    "source": "documentation of rapier3d, IntegrationParameters"},
         "best": {"method": "step 0.1 ms, multibody joints for chains that hang on the world, prediction distance and allowed error 0, no recycled contacts, no CCD, 16 iterations",
-                 "source": "docs.rs/rapier3d, IntegrationParameters"}}})
+                 "source": "documentation of rapier3d, IntegrationParameters"}}})
 }
 
 fn vector(v: [f64; 3]) -> Vector {
