@@ -1,5 +1,6 @@
-//! The README's first screen: what `cargo run --example planar2` prints, and the size of the page.
+//! The README: what `cargo run --example planar2` prints, its snippets, and the size of the page.
 
+use carom::prelude::*;
 use std::process::Command;
 
 const README: &str = include_str!("../README.md");
@@ -36,4 +37,29 @@ fn readme_shows_what_the_example_prints() {
 #[test]
 fn readme_has_at_most_12_kb() {
     assert!(README.len() <= 12_000, "{} bytes", README.len());
+}
+
+/// The impact of the README's Rust and Python snippets: the tip rebounds, and the impact loses energy.
+#[test]
+fn the_impact_of_the_readme_rebounds_and_loses_energy() {
+    let arm = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
+    let tip = arm.frame("tip").unwrap();
+    let (q, qd) = ([0.7854, -1.5708], [-0.15, 0.6]);
+    let law = Energetic { restitution: 0.35, friction: 0.2 };
+    let hit = arm.impact(&q, &qd).at(tip).normal([-1.0, 0.0, 0.0]).resolve(&law).unwrap();
+    assert!(hit.energy_after < hit.energy_before);
+    assert_eq!(hit.mode, Mode::ReverseSlip);
+    // Both snippets are this impact.
+    for part in ["[0.7854, -1.5708]", "[-0.15, 0.6]", "restitution: 0.35, friction: 0.2", "restitution=0.35, friction=0.2"] {
+        assert!(README.contains(part), "{part}");
+    }
+}
+
+/// Readers on a code forge see the lines that rustdoc hides.
+#[test]
+fn no_line_of_the_readmes_code_is_hidden() {
+    let code = README.split("```rust\n").skip(1).map(|rest| rest.split("```").next().unwrap());
+    for line in code.flat_map(str::lines) {
+        assert!(!line.starts_with("# "), "{line}");
+    }
 }

@@ -5,7 +5,8 @@ use crate::files;
 use crate::output::{to_json, write_whole};
 use crate::scene::load;
 use carom_study::chart::{
-    Absent, Chart, PeerOutcome, PeerRun, Run, Stiffened, StiffnessChart, csv, knob_value, stiffness_svg, svg,
+    Absent, Chart, MOST_LABELLED, PeerOutcome, PeerRun, Run, Stiffened, StiffnessChart, csv, from_csv, knob_value,
+    labelled_svg, stiffness_svg, svg,
 };
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -26,6 +27,8 @@ use std::time::Duration;
 /// error of qd right after the first impact, error of q and qd at the end (relative to the largest
 /// entry, of qd at the end to the largest entry at an event or at the end), contact law; then the
 /// methods that did not run, with the reason.
+/// With --from instead: a picture of the chosen methods (--show) of a table that this command has
+/// written, each line with its name beside it. Nothing is run.
 /// With --stiffness instead: errors of the scene's compliant contacts against the same scene with
 /// rigid ones, over a factor of all stiffnesses from 1 to 1e6, beside the order that theory gives.
 /// JSON keys: law, runs [{method, law, knob, value, wall_time (s), after_impact, at_end}],
@@ -36,11 +39,17 @@ use std::time::Duration;
 #[command(verbatim_doc_comment)]
 pub struct ChartCommand {
     /// Scene (TOML file)
-    #[arg(value_name = "SCENE.toml")]
-    scene: PathBuf,
+    #[arg(value_name = "SCENE.toml", required_unless_present = "from", conflicts_with = "from")]
+    scene: Option<PathBuf>,
     /// Picture to write; the numbers go to the file of the same name with the ending .csv
     #[arg(long, value_name = "X.svg")]
     out: PathBuf,
+    /// Draw the numbers of a chart that was computed already, a CSV table of this command
+    #[arg(long, value_name = "X.csv", requires = "show", conflicts_with_all = ["peers", "stiffness", "budget", "json"])]
+    from: Option<PathBuf>,
+    /// A method that --from draws, and its name in the picture; may be repeated up to seven times
+    #[arg(long, value_name = "METHOD[=NAME]", requires = "from")]
+    show: Vec<String>,
     /// Runs of other programs, one JSON object per line, in the format of benches/peers
     ///
     /// Lines of other scenes are skipped; the scene is recognised by the name of its file.
@@ -124,9 +133,16 @@ impl ChartCommand {
         if self.out.extension().is_none_or(|ending| ending != "svg") {
             return Err(CliError::Option(format!("--out {}: give a file that ends in .svg", self.out.display())));
         }
-        let refuse = |e| CliError::scene(&self.scene, e);
-        let scene = load(&self.scene)?;
-        let title = self.scene.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let title = |file: &Path| file.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        let file = match (&self.from, &self.scene) {
+            (Some(table), _) => return self.redraw(table, &title(table)),
+            (None, Some(scene)) => scene,
+            // The parser requires one of the two.
+            (None, None) => return Err(CliError::Option("give a scene, or a table by --from".into())),
+        };
+        let refuse = |e| CliError::scene(file, e);
+        let scene = load(file)?;
+        let title = title(file);
         let peers = self.peers.as_deref().map(|file| read_peers(file, &title)).transpose()?.unwrap_or_default();
         let numbers = self.out.with_extension("csv");
         let reads: Vec<PathBuf> = scene.files.iter().chain(&self.peers).cloned().collect();
@@ -163,6 +179,31 @@ impl ChartCommand {
         }
         for_people(&chart, out)?;
         Ok(())
+    }
+}
+
+impl ChartCommand {
+    /// Draws the methods of `--show` from a table.
+    fn redraw(&self, table: &Path, title: &str) -> Result<(), CliError> {
+        files::check(&[table.to_owned()], &[("--out", Some(&self.out))])?;
+        let name = || table.display().to_string();
+        let text = std::fs::read_to_string(table).map_err(|reason| CliError::Unreadable { file: name(), reason })?;
+        let runs = from_csv(&text).map_err(|reason| CliError::Option(format!("--from {}: {reason}", name())))?;
+        if self.show.len() > MOST_LABELLED {
+            return Err(CliError::Option(format!("--show: {} methods: give at most {MOST_LABELLED}", self.show.len())));
+        }
+        let mut shown = Vec::new();
+        for one in &self.show {
+            let (method, label) = one.split_once('=').unwrap_or((one, one));
+            if !runs.iter().any(|run| run.method == method) {
+                let mut known: Vec<&str> = runs.iter().map(|run| run.method.as_str()).collect();
+                known.dedup();
+                let known = known.join("; ");
+                return Err(CliError::Option(format!("--show {method}: {} has no such method, but: {known}", name())));
+            }
+            shown.push((method.to_owned(), label.to_owned()));
+        }
+        write_whole(&self.out, &labelled_svg(&runs, &shown, title))
     }
 }
 

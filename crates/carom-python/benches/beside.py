@@ -1,6 +1,6 @@
 """Times of the Python package beside the Rust crates, Pinocchio and MuJoCo, in one run.
 
-    pip install carom pin mujoco
+    pip install pin mujoco      # beside the package of this folder
     python crates/carom-python/benches/beside.py
 
 Prints the least time of repeated runs. The Rust times of one impact are those of `cargo run --release -p carom-study --example doors`,

@@ -1,6 +1,6 @@
 """Compares impact laws on Kane and Levinson's double pendulum, and draws the Routh diagram with matplotlib.
 
-Needs `pip install carom matplotlib`. Writes routh.png into the folder given by --out.
+Needs the package carom (README.md) and `pip install matplotlib`. Writes routh.png into the folder given by --out.
 """
 
 import argparse

@@ -4,7 +4,7 @@ Called 500 times a second, it moves the tip with a given velocity towards the wa
 given force while the tip is at the wall. A second run is a loop around a session, with a memory: it halves the velocity at each
 impact.
 
-Needs `pip install carom` and the folders robots/ and scenes/ of the repository. Writes states.csv into the folder given by --out,
+Needs the package carom (README.md) and the folders robots/ and scenes/ of the repository. Writes states.csv into the folder given by --out,
 and controller.rrd if the package is built with recordings.
 """
 

@@ -1,6 +1,6 @@
 """First impact of a published arm: a Panda taps a table with its flange, free and with its joints held.
 
-Needs `pip install carom example-robot-data`; with `pip install robot_descriptions` use
+Needs the package carom (README.md) and `pip install example-robot-data`; with `pip install robot_descriptions` use
 `carom.Chain.from_robot_description("panda_description")` instead.
 """
 

@@ -1,6 +1,6 @@
 """Where the tip of a two-link arm reverses its tangential velocity, and the pose with the smallest joint load.
 
-Needs `pip install carom matplotlib` and the folders robots/ and studies/ of the repository. Writes reversal.png into the folder
+Needs the package carom (README.md), `pip install matplotlib`, and the folders robots/ and studies/ of the repository. Writes reversal.png into the folder
 given by --out.
 """
 

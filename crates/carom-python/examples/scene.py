@@ -1,6 +1,6 @@
 """Simulates a scene under a law of one's own and looks at its tables.
 
-Needs `pip install carom` and the folders robots/ and scenes/ of the repository. Writes events.csv into the folder given by --out.
+Needs the package carom (README.md) and the folders robots/ and scenes/ of the repository. Writes events.csv into the folder given by --out.
 """
 
 import argparse

@@ -36,8 +36,6 @@ mod book {
     mod tutorial_first_impact {}
     #[doc = include_str!("../../../book/src/task-derivatives.md")]
     mod task_derivatives {}
-    #[doc = include_str!("../../../book/src/task-sensitivities.md")]
-    mod task_sensitivities {}
     #[doc = include_str!("../../../book/src/task-rust.md")]
     mod task_rust {}
     #[doc = include_str!("../../../book/src/law-several.md")]

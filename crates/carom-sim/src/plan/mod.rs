@@ -195,9 +195,11 @@ impl Plan {
             self.keep("several", choice, "method = \"steps\"");
         } else if several {
             let law = self.simulation.several.name();
-            let steps = if faces { "where a face lies on a mesh, a rim on an edge, or " } else { "" };
-            let choice =
-                format!("event-driven; law {law}; time steps of {step} s only {steps}where no mode is consistent");
+            // The words of `StepReason::Face`.
+            let also = if faces { "where a face lies on a mesh, or a rim on a round body, and " } else { "" };
+            let choice = format!(
+                "event-driven; law {law}; time steps of at most {step} s only {also}where events cannot follow the motion"
+            );
             self.keep("several", choice, "several contacts are possible at the same time");
         } else if !none {
             self.keep("several", "event-driven, one contact at a time", "only one contact point is possible");

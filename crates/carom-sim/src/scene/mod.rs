@@ -229,7 +229,7 @@ use surface::{Places, surface};
 /// | `zeno_time` | > 0, s | √(0.1 · `tolerance`) | if all remaining impacts of an accumulation (Zeno) end within this time, they are replaced by their limit |
 /// | `contact_step` | > 0, s | `1e-3` | longest time step, where time steps are computed; with `method = "steps"` the length of all |
 /// | `max_events` | integer | `100000` | the run stops after this number of events |
-/// | `method` | string | `"events"` | `"events"`: event-driven, with time steps only where no mode is consistent; `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
+/// | `method` | string | `"events"` | `"events"`: event-driven, with time steps only where events cannot follow the motion ([`StepReason`](crate::StepReason)); `"steps"`: Moreau–Jean time steps of `contact_step` throughout |
 /// | `model` | string | `"auto"` | `"auto"`: with the exact reductions of [`Scene::plan`]; `"full"`: without any reduction |
 /// | `neglect` | above 0, below 1 | nothing is neglected | relative tolerance for approximations, each with a reported bound: see [`Simulation::neglect`]. Ignored with `model = "full"` |
 /// | `controller` | string | `"off"` | what drives the joints, see below |

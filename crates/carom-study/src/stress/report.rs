@@ -122,6 +122,8 @@ const LEFT: i32 = 230;
 const TOP: i32 = 130;
 const WIDE: i32 = 62;
 const HIGH: i32 = 24;
+/// Least width, that of the legend.
+const LEGEND: i32 = 960;
 
 fn colour(verdict: Verdict) -> RGBColor {
     match verdict {
@@ -134,11 +136,51 @@ fn colour(verdict: Verdict) -> RGBColor {
     }
 }
 
+/// The methods that stand side by side: laws of one contact, laws of several contacts, ways to simulate.
+const BLOCKS: [std::ops::Range<usize>; 3] = [0..8, 8..12, 12..15];
+
+/// A block of the picture: its methods, its rows, and the upper left corner of its names.
+struct Block<'a> {
+    methods: &'static [&'static str],
+    rows: Vec<&'a Row>,
+    corner: (i32, i32),
+}
+
+impl Block<'_> {
+    fn size(&self) -> (i32, i32) {
+        (LEFT + WIDE * self.methods.len() as i32, TOP + HIGH * self.rows.len() as i32)
+    }
+}
+
+/// The blocks with the scenes that apply to their methods: laws of one and of several contacts below each other, simulations beside
+/// them. Nearly all cells of the whole table would be empty.
+fn blocks(rows: &[Row]) -> Vec<Block<'_>> {
+    let mut blocks: Vec<Block> = Vec::new();
+    for (k, range) in BLOCKS.into_iter().enumerate() {
+        let methods = &METHODS[range];
+        let own: Vec<&Row> =
+            rows.iter().filter(|row| methods.iter().any(|method| cell_of(row, method).is_some())).collect();
+        let before: Vec<(i32, i32)> = blocks.iter().map(Block::size).collect();
+        let corner = match k {
+            2 => (before.iter().map(|size| size.0).max().unwrap_or(0) + 20, 0),
+            _ => (0, before.iter().map(|size| size.1).sum::<i32>()),
+        };
+        blocks.push(Block { methods, rows: own, corner });
+    }
+    blocks.retain(|block| !block.rows.is_empty());
+    blocks
+}
+
 /// The table as SVG, coloured by verdict, each cell with its figure or bound.
 pub fn svg(rows: &[Row]) -> String {
     let mut text = String::new();
-    let size = ((LEFT + WIDE * METHODS.len() as i32 + 20) as u32, (TOP + HIGH * rows.len() as i32 + 60) as u32);
-    let drawn = draw(&SVGBackend::with_string(&mut text, size).into_drawing_area(), rows);
+    let blocks = blocks(rows);
+    let end = |of: fn((i32, i32)) -> i32| {
+        blocks.iter().map(|block| of(block.corner) + of(block.size())).max().unwrap_or_default()
+    };
+    // The legend below the blocks needs the width of the largest of them.
+    let size = ((end(|at| at.0) + 20).max(LEGEND) as u32, (end(|at| at.1) + 60) as u32);
+    let drawn = draw(&SVGBackend::with_string(&mut text, size).into_drawing_area(), &blocks, end(|at| at.1));
     // Writing to a string can't fail.
     debug_assert!(drawn.is_ok(), "{drawn:?}");
     text
@@ -146,37 +188,40 @@ pub fn svg(rows: &[Row]) -> String {
 
 type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
-fn draw<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, rows: &[Row]) -> Drawn<'a> {
+fn draw<'a>(area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>, blocks: &[Block], bottom: i32) -> Drawn<'a> {
     area.fill(&WHITE)?;
     let font = |size: i32| ("sans-serif", size).into_font();
     let right = font(13).color(&BLACK).pos(Pos::new(HPos::Right, VPos::Center));
     let upward = font(13).transform(FontTransform::Rotate270).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
     let inside = font(11).color(&BLACK).pos(Pos::new(HPos::Center, VPos::Center));
-    for (column, method) in METHODS.iter().enumerate() {
-        let x = LEFT + WIDE * column as i32 + WIDE / 2;
-        area.draw(&Text::new(*method, (x, TOP - 8), upward.clone()))?;
-    }
-    for (k, row) in rows.iter().enumerate() {
-        let y = TOP + HIGH * k as i32;
-        area.draw(&Text::new(row.scene, (LEFT - 8, y + HIGH / 2), right.clone()))?;
-        for (column, method) in METHODS.iter().enumerate() {
-            let x = LEFT + WIDE * column as i32;
-            let frame = [(x + 1, y + 1), (x + WIDE - 1, y + HIGH - 1)];
-            let Some(cell) = cell_of(row, method) else {
-                area.draw(&Rectangle::new(frame, RGBColor(246, 246, 246).filled()))?;
-                continue;
-            };
-            area.draw(&Rectangle::new(frame, colour(cell.verdict).filled()))?;
-            let shown = match cell.verdict {
-                Verdict::Exact | Verdict::Within | Verdict::Refused => figure(cell),
-                Verdict::Fails => "fails".to_owned(),
-                Verdict::Degrades => cell.figure.map_or_else(String::new, short),
-                Verdict::Defect => "DEFECT".to_owned(),
-            };
-            area.draw(&Text::new(shown, (x + WIDE / 2, y + HIGH / 2), inside.clone()))?;
+    for block in blocks {
+        let (left, top) = (block.corner.0 + LEFT, block.corner.1 + TOP);
+        for (column, method) in block.methods.iter().enumerate() {
+            let x = left + WIDE * column as i32 + WIDE / 2;
+            area.draw(&Text::new(*method, (x, top - 8), upward.clone()))?;
+        }
+        for (k, row) in block.rows.iter().enumerate() {
+            let y = top + HIGH * k as i32;
+            area.draw(&Text::new(row.scene, (left - 8, y + HIGH / 2), right.clone()))?;
+            for (column, method) in block.methods.iter().enumerate() {
+                let x = left + WIDE * column as i32;
+                let frame = [(x + 1, y + 1), (x + WIDE - 1, y + HIGH - 1)];
+                let Some(cell) = cell_of(row, method) else {
+                    area.draw(&Rectangle::new(frame, RGBColor(246, 246, 246).filled()))?;
+                    continue;
+                };
+                area.draw(&Rectangle::new(frame, colour(cell.verdict).filled()))?;
+                let shown = match cell.verdict {
+                    Verdict::Exact | Verdict::Within | Verdict::Refused => figure(cell),
+                    Verdict::Fails => "fails".to_owned(),
+                    Verdict::Degrades => cell.figure.map_or_else(String::new, short),
+                    Verdict::Defect => "DEFECT".to_owned(),
+                };
+                area.draw(&Text::new(shown, (x + WIDE / 2, y + HIGH / 2), inside.clone()))?;
+            }
         }
     }
-    let (mut x, y) = (LEFT, TOP + HIGH * rows.len() as i32 + 24);
+    let (mut x, y) = (20, bottom + 24);
     let left = font(13).color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
     for verdict in Verdict::ALL {
         area.draw(&Rectangle::new([(x, y), (x + 18, y + 14)], colour(verdict).filled()))?;
