@@ -214,3 +214,24 @@ fn every_page_is_in_the_summary_and_its_rust_is_compiled() {
         assert_eq!(has_rust, included, "{name}: crates/carom/src/lib.rs includes the pages that have Rust in them");
     }
 }
+
+/// The lists of robots and scenes on the pages, and that of `robots/README.md`, are those of the folders.
+#[test]
+fn every_robot_and_scene_is_listed() {
+    let read = |file: &str| std::fs::read_to_string(Path::new(ROOT).join(file)).unwrap();
+    for (folder, ending, lists) in [
+        ("robots", "urdf", [("book/src/task-dynamics.md", "`robots/NAME`"), ("robots/README.md", "`NAME`")].as_slice()),
+        ("scenes", "toml", [("book/src/task-simulate.md", "`scenes/NAME`")].as_slice()),
+    ] {
+        let files = std::fs::read_dir(Path::new(ROOT).join(folder)).unwrap().map(|entry| entry.unwrap().path());
+        let mut found = 0;
+        for file in files.filter(|path| path.extension().is_some_and(|own| own == ending)) {
+            found += 1;
+            let name = file.file_name().unwrap().to_str().unwrap();
+            for (page, listed) in lists {
+                assert!(read(page).contains(&listed.replace("NAME", name)), "{page} does not list {folder}/{name}");
+            }
+        }
+        assert!(found > 10, "only {found} files in {folder}");
+    }
+}
