@@ -6,8 +6,8 @@
 //! | E | 3×nv, 2×nv | a factor: H = E Eᵀ, with the singular values of H's square root | `factor` |
 //! | 1/(nᵀHn) | 1 | effective mass in direction n, kg | `effective_mass` |
 //!
-//! **Rank.** Singular directions are found from the singular values of E. A direction whose singular value is 1e-14 of the
-//! largest is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
+//! **Rank.** Singular directions are found from the singular values of E. A direction whose singular value is 1e-13 of what the
+//! chain's levers could give is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
 
 use crate::algebra::{Algebra, Force};
 use crate::chain::Point;
@@ -30,7 +30,7 @@ pub struct ContactInertia {
     pub rank: usize,
     /// M⁻¹Jᵀ, nv×3 (nv×2 in the plane): the joint velocities that unit impulses along the axes give.
     pub response: DMatrix<f64>,
-    /// Size of σ below which a direction is singular: 64 ε √(tr H).
+    /// Size of σ below which a direction is singular: 64 ε √(Σ lₖ²/Dₖ), with the levers of [`PointResponse::levers`].
     tolerance: f64,
 }
 
@@ -58,7 +58,8 @@ impl ContactInertia {
             Err(_) => Vec::new(),
         };
         principal.sort_by(|a: &(DVector<f64>, f64), b| b.1.total_cmp(&a.1));
-        let tolerance = factor.norm() * singular::<f64>();
+        // What the chain's levers could give decides, also where no joint moves the point and all of E is rounding.
+        let tolerance = factor.norm().max(contact.mobility_of_levers().sqrt()) * singular::<f64>();
         let rank = principal.iter().filter(|p| p.1 > tolerance).count();
         let response = DMatrix::from_fn(nv, rows, |k, i| part(contact.response[k], i));
         Self { delassus: &factor * factor.transpose(), principal, rank, response, tolerance }
@@ -70,7 +71,7 @@ impl ContactInertia {
     }
 
     /// Effective mass in the direction `n` (world axes, any length): 1/(nᵀHn) for unit n, kg. `None` if n is singular
-    /// (√(nᵀHn) at most 64 ε √(tr H)), because the effective mass is then undefined; also if n is zero or not
+    /// (√(nᵀHn) within the rounding of the lengths of the chain), because the effective mass is then undefined; also if n is zero or not
     /// finite, or its length is not the number of rows of H.
     pub fn effective_mass(&self, n: &[f64]) -> Option<f64> {
         if n.len() != self.delassus.nrows() {

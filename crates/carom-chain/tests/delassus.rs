@@ -79,7 +79,9 @@ fn equals_its_definition<A: Algebra<Scalar = f64>>(
         sum += &y * y.transpose() * *inverse_d;
     }
     close("Σ y yᵀ / D", sum.iter(), h.iter(), solved, 1e-3);
-    assert_eq!(found.moves_along(normal), found.moves());
+    let axes: [A::Vector; 3] = std::array::from_fn(|k| A::vector(|i| if i == k { 1.0 } else { 0.0 }));
+    let gram = found.delassus_in(axes);
+    close("H from columns", gram.view((0, 0), h.shape()).iter(), h.iter(), solved, 1e-3);
 }
 
 fn direction(s: &mut Sample) -> Vector3<f64> {
@@ -304,4 +306,61 @@ fn fixed_points_mimic_joints_and_wrong_lengths_are_refused() {
     assert!(matches!(kin.contact(tip, Vector3::x(), &[1.0]), Err(ChainError::WrongLength { .. })));
     let at_base = kin.contact(base, Vector3::x(), &[]).unwrap();
     assert_eq!((at_base.delassus, at_base.mobility, at_base.moves()), ([Vector3::zeros(); 3], 0.0, false));
+}
+
+/// A row of `n` hinges whose axes all pass through one point, of which the last link has the offset returned; with `mimic`, the
+/// second follows the first.
+fn hinges_through_a_point(n: usize, mimic: bool, rng: &mut fastrand::Rng) -> (Chain, Vector3<f64>) {
+    let text = |v: Vector3<f64>| format!("{} {} {}", v.x, v.y, v.z);
+    let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
+    let mut arm = common::vector(rng);
+    for k in 0..n {
+        let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
+        let axis = common::vector(rng).normalize();
+        let place = arm - axis * common::unit(rng);
+        arm -= place;
+        let follows = if mimic && k == 1 { "<mimic joint='j0' multiplier='-0.7'/>" } else { "" };
+        urdf += &format!(
+            "<link name='l{k}'><inertial><origin xyz='{}'/><mass value='1'/><inertia ixx='0.1' iyy='0.2' izz='0.15' ixy='0' ixz='0' \
+             iyz='0'/></inertial></link><joint name='j{k}' type='continuous'><origin xyz='{}'/><parent link='{parent}'/>\
+             <child link='l{k}'/><axis xyz='{}'/>{follows}</joint>",
+            text(common::vector(rng)),
+            text(place),
+            text(axis)
+        );
+    }
+    (Chain::from_urdf_str(&(urdf + "</robot>"), &LoadOptions::default()).unwrap(), arm)
+}
+
+/// What no joint moves is moved along no direction, by every route: unrolled, fused, by recursions, with mimic joints. Its J is
+/// rounding as a whole, and so is H.
+#[test]
+fn a_point_on_the_axes_of_all_hinges_does_not_move() {
+    let mut rng = fastrand::Rng::with_seed(5);
+    for (n, mimic) in [(1, false), (2, false), (3, false), (6, false), (60, false), (5, true)] {
+        let mut nonzero = 0;
+        for _ in 0..20 {
+            let (chain, offset) = hinges_through_a_point(n, mimic, &mut rng);
+            let point = chain.point(chain.frame(&format!("l{}", n - 1)).unwrap(), offset);
+            let q: Vec<f64> = (0..chain.nq()).map(|_| 3.0 * common::unit(&mut rng)).collect();
+            let normal = common::vector(&mut rng).normalize();
+            let mut still = |found: PointResponse<carom_chain::Spatial<f64>>| {
+                assert!(!found.moves(), "{n} hinges: J {:?}", found.jacobian);
+                assert_eq!(found.delassus_in([Vector3::x(), Vector3::y(), Vector3::z()]).amax(), 0.0);
+                nonzero += usize::from(found.mobility > 0.0);
+            };
+            let (mut workspace, mut memory) = (chain.workspace(), ResponseMemory::default());
+            still(workspace.update(&chain, &q).unwrap().contact(point, normal, &[]).unwrap());
+            if !mimic {
+                chain.contact_point(point).unwrap().visit(&q, normal, &[], &mut memory, Keep).unwrap();
+                still(memory.response());
+            }
+            // Beside the axes it moves.
+            let beside = chain.point(chain.frame(&format!("l{}", n - 1)).unwrap(), offset + common::vector(&mut rng));
+            let kin = &mut workspace.update(&chain, &q).unwrap();
+            let found = kin.contact(beside, normal, &[]).unwrap();
+            assert!(n == 1 || found.moves(), "{n} hinges");
+        }
+        assert!(nonzero > 10, "the mobility of {n} hinges is exactly zero: the test shows nothing");
+    }
 }

@@ -176,6 +176,15 @@ impl<T: RealField + Copy> Mobility<T> {
         Self { matrix, rank }
     }
 
+    /// M without the eigenvalues that count as zero.
+    pub fn matrix(&self) -> Matrix2<T> {
+        match self.rank {
+            Rank::Zero => Matrix2::zeros(),
+            Rank::One(axis, value) => axis * (axis * value).transpose(),
+            Rank::Two(_) => self.matrix,
+        }
+    }
+
     pub fn rank(&self) -> usize {
         match self.rank {
             Rank::Zero => 0,

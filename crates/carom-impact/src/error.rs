@@ -35,6 +35,24 @@ pub enum ImpactError {
         reason: String,
     },
 
+    /// The outcome of a law fails a check: it is not given.
+    #[error(
+        "the outcome of the law {law} is refused: {check} is {found:e}, not {expected:e} within {allowed:e}; of a law of your own, check \
+         the impulse; of a law of carom, leave the singular pose or change its coefficients, and report the matrix and the velocity"
+    )]
+    Outcome {
+        /// Name of the law.
+        law: &'static str,
+        /// What does not hold, and the number that shows it.
+        check: &'static str,
+        /// The number found.
+        found: f64,
+        /// The number that it should be, or its bound.
+        expected: f64,
+        /// The difference that rounding and iterations may leave.
+        allowed: f64,
+    },
+
     /// A NaN or an infinity in the input.
     #[error(
         "{entry} is {value}: every number of an impact problem must be finite; \

@@ -96,6 +96,7 @@
 mod band;
 mod boundary;
 mod branches;
+mod check;
 mod compliant;
 mod cone;
 mod contact;

@@ -4,6 +4,7 @@ use std::fmt;
 
 use nalgebra::{RealField, SVector, Vector2, Vector3, convert};
 
+use crate::check::{check, is_clear};
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
 
@@ -112,17 +113,16 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
     /// ```
     ///
     /// # Errors
-    /// [`ImpactError::NotFinite`]: the impulse, or the velocity after it, is not finite.
+    /// [`ImpactError::NotFinite`]: the impulse, or the velocity after it, is not finite. [`ImpactError::Outcome`]: the contact
+    /// still approaches after the impulse.
     pub fn of_impulse(
         law: &'static str,
         problem: &ImpactProblem<T, D>,
         impulse: SVector<T, D>,
     ) -> Result<Self, ImpactError> {
         let (n, u_minus) = (D - 1, *problem.u_minus());
-        if impulse.iter().all(|p| *p == T::zero()) {
-            let approaches = problem.approach_speed() > T::zero();
-            let none = Self::none(law, problem, Flags::NONE);
-            return Ok(if approaches { Self { flags: Flags::NONE, ..none } } else { none });
+        if impulse.iter().all(|p| *p == T::zero()) && problem.approach_speed() <= T::zero() {
+            return Ok(Self::none(law, problem, Flags::NONE));
         }
         let u_plus = u_minus + problem.delassus() * impulse;
         let account = Account::straight(-u_plus[n] / u_minus[n], &impulse, &u_minus, &u_plus);
@@ -153,8 +153,9 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         }
     }
 
-    /// Completes the result of a law with the energies and the flags that follow from them. Fails if the impulse, the velocity
-    /// after or an energy is not finite: where energies overflow, so do the works by which a law decides.
+    /// Completes the result of a law with the energies and the flags that follow from them, and checks it (`check.rs`). It also
+    /// fails if the impulse, the velocity after or an energy is not finite: where energies overflow, so do the works by which a law
+    /// decides.
     #[inline(always)]
     pub(crate) fn of(
         law: &'static str,
@@ -176,18 +177,15 @@ impl<T: RealField + Copy, const D: usize> ImpactOutcome<T, D> {
         energies: [T; 2],
         account: &Account<T>,
     ) -> Result<Self, ImpactError> {
-        // A sum is finite only if no term is NaN or infinite.
-        if !(impulse.sum() + u_plus.sum() + (energies[0] + energies[1])).is_finite() {
-            finite("the impulse", &impulse)?;
-            finite("the velocity after the impact", &u_plus)?;
-            finite("the kinetic energy", &SVector::from(energies))?;
+        let hit = Self::unchecked(law, problem, (impulse, u_plus), energies, account);
+        if !is_clear(problem, &hit, account.cone) {
+            check(problem, &hit, account.cone)?;
         }
-        Ok(Self::unchecked(law, problem, (impulse, u_plus), energies, account))
+        Ok(hit)
     }
 
-    /// [`Self::with_energies`] without the check: for a law without choices.
     #[inline(always)]
-    pub(crate) fn unchecked(
+    fn unchecked(
         law: &'static str,
         problem: &ImpactProblem<T, D>,
         (impulse, u_plus): (SVector<T, D>, SVector<T, D>),
@@ -250,6 +248,8 @@ pub(crate) struct Account<T> {
     pub slip_end: Option<Phase>,
     pub slip_stop: Option<T>,
     pub flags: Flags,
+    /// Coefficient of friction of a law whose impulse is in the cone.
+    pub cone: Option<T>,
 }
 
 impl<T: RealField + Copy> Account<T> {
@@ -265,6 +265,7 @@ impl<T: RealField + Copy> Account<T> {
             slip_end: self.slip_end,
             slip_stop: self.slip_stop.map(plain),
             flags: self.flags,
+            cone: self.cone.map(plain),
         }
     }
 
@@ -291,7 +292,13 @@ impl<T: RealField + Copy> Account<T> {
             slip_end: None,
             slip_stop: None,
             flags: Flags::NONE,
+            cone: None,
         }
+    }
+
+    /// The same for a law whose impulse is in the cone of this coefficient of friction.
+    pub fn in_cone(self, friction: T) -> Self {
+        Self { cone: Some(friction), ..self }
     }
 }
 

@@ -121,7 +121,7 @@ pub(crate) fn resolve_with_friction<T: RealField + Copy, const D: usize>(
     let Some(plane) = SlipPlane::of(problem) else {
         // Without friction no direction of slip is needed.
         if mu == T::zero() {
-            return Ok(frictionless(law, restitution, problem));
+            return frictionless(law, restitution, problem);
         }
         let Found { impulse, u_plus, account } = in_space()?;
         return ImpactOutcome::of(law, problem, impulse, u_plus, &account);

@@ -1,8 +1,7 @@
 //! Error messages of invalid input, in full: each contains the value, the rule it breaks and a remedy.
 
 use carom_impact::{
-    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Mode, Poisson,
-    Whittaker,
+    Brach, ChatterjeeRuina, Energetic, Frictionless, ImpactError, ImpactOutcome, ImpactProblem, Law, Poisson, Whittaker,
 };
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
@@ -134,9 +133,11 @@ fn impulse_of_a_users_law() {
         // Sums of a few terms of size one.
         assert!((found - expected).abs() < 16.0 * f64::EPSILON, "{found} {expected}");
     }
-    // No impulse is no impact, whether the contact approaches or not.
-    assert_eq!(of(vector![0.0, 0.0]).unwrap().mode, Mode::Open);
-    assert!(of(vector![0.0, 0.0]).unwrap().flags.is_empty());
+    // No impulse, or one that is too small, leaves the contact approaching.
+    for impulse in [vector![0.0, 0.0], hit.impulse * 0.5] {
+        let refusal = of(impulse).unwrap_err();
+        assert!(matches!(refusal, ImpactError::Outcome { law: "mine", found, .. } if found < -0.1), "{refusal}");
+    }
     let open = ImpactProblem::new(H, -U).unwrap();
     let none = ImpactOutcome::of_impulse("mine", &open, vector![0.0, 0.0]).unwrap();
     assert_eq!(

@@ -1,6 +1,6 @@
 //! Laws where H has a lower rank, and the flags that belong to the problem and not to the law.
 
-use carom_impact::{Coefficients, Flags, ImpactProblem, LAW_NAMES, law_by_name};
+use carom_impact::{Coefficients, Flags, ImpactError, ImpactProblem, LAW_NAMES, law_by_name};
 use nalgebra::{Matrix2, Vector2, matrix, vector};
 
 fn with_friction() -> impl Iterator<Item = &'static str> {
@@ -43,6 +43,50 @@ fn outcomes_on_singular_matrices_satisfy_the_impulse_law() {
         }
     }
     assert!(resolved > 10_000 && brach > 1500, "{resolved}, {brach} of Brach's law");
+}
+
+/// A contact of a one-joint arm nearly along its lever, H = j jᵀ within the rounding of its entries: its least eigenvalue is rounding,
+/// of either sign, and no law takes its inverse for an impulse.
+#[test]
+fn an_eigenvalue_that_is_rounding_of_the_entries_carries_no_impulse() {
+    let mut rng = fastrand::Rng::with_seed(4);
+    let (mut resolved, mut wedged) = (0, 0);
+    for k in 0..4000 {
+        let flat = if k == 0 { 0.02 } else { 10f64.powf(-4.0 * rng.f64()) };
+        let j = Vector2::new(1.0, flat);
+        let mut delassus: Matrix2<f64> = j * j.transpose();
+        // 64 ε of each entry, as of a matrix assembled from a pose; first the case whose impulse was 3.9e17 N s.
+        let mut rounded = || 1.0 + 64.0 * f64::EPSILON * (2.0 * rng.f64() - 1.0);
+        let [a, b, c] =
+            if k == 0 { [1.0, 1.0, 0.00040000000000000013 / 0.0004] } else { [rounded(), rounded(), rounded()] };
+        delassus = matrix![delassus[(0, 0)] * a, delassus[(0, 1)] * b; delassus[(1, 0)] * b, delassus[(1, 1)] * c];
+        let side = if rng.bool() { 1.0 } else { -1.0 };
+        let u = Vector2::new(side, -flat);
+        let (restitution, friction) = ([0.0, 0.5, 1.0][rng.usize(0..3)], if k == 0 { 0.3 } else { 3.0 * rng.f64() });
+        let problem = ImpactProblem::new(delassus, u).unwrap();
+        // Without friction C p = (1 + e) |u_n|; friction multiplies it by no more than 1/|1 − μ |B|/C|.
+        let grip = (1.0 - friction / flat).abs().min(1.0);
+        let most = (1.0 + restitution) / flat / grip;
+        for name in LAW_NAMES {
+            let given = Coefficients { restitution, friction, ..Coefficients::default() };
+            match law_by_name::<2>(name, given).unwrap().resolve(&problem) {
+                Ok(hit) => {
+                    resolved += 1;
+                    assert!(
+                        hit.impulse.norm() <= most * (1.0 + friction) * (1.0 + 1e-6),
+                        "{name} {delassus} {u} {hit:?}"
+                    );
+                    assert!(
+                        name == "frictionless" || hit.flags.contains(Flags::SINGULAR),
+                        "{name} {delassus} {u} {hit:?}"
+                    );
+                }
+                Err(ImpactError::Wedged { .. }) => wedged += 1,
+                Err(why) => panic!("{name} μ {friction} {delassus} {u}: {why}"),
+            }
+        }
+    }
+    assert!(resolved > 15_000 && wedged > 3000, "{resolved} {wedged}");
 }
 
 /// The first two cases gave u⁺ = (0, 0), though u⁻ + H p was (−.5, −.4), and no flag.

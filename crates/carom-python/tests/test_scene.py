@@ -138,6 +138,8 @@ def test_a_law_in_python_resolves_the_impacts_of_a_scene():
 
     with pytest.raises(KeyError, match="of the law"):
         scene.with_law(failing).simulate()
+    with pytest.raises(carom.CaromError, match="approaching"):
+        scene.with_law(carom.PythonLaw(lambda H, u: [0, 0, 0], 0.0)).simulate()
 
 
 def test_tables_are_the_same_by_every_door(bounce, tmp_path):

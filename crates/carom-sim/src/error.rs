@@ -54,6 +54,37 @@ pub enum SimError {
         /// The unit normal, world axes.
         normal: Vector3<f64>,
     },
+    /// No impulses at several points were found that satisfy the law.
+    #[error(
+        "no impulses at {points} satisfy the law {law}: they miss it by {:e} of the largest velocity of a point with the \
+         coefficients of restitution given, and by {:e} without restitution, where 1e-9 is a solution; lower the friction, take \
+         another law of several points, or leave out a point that others replace",
+        .residuals[0], .residuals[1]
+    )]
+    Together {
+        /// Name of the law.
+        law: &'static str,
+        /// The links of the points.
+        points: String,
+        /// Violation of the law with the coefficients given, and without restitution.
+        residuals: [f64; 2],
+    },
+    /// The kinetic energy of the chain does not change by the work of the impulse.
+    #[error(
+        "the impact of '{link}' is refused: the kinetic energy of the chain changes by {found:e} J, but the impulse and the drives do \
+         a work of {expected:e} J, and rounding explains {allowed:e} J; the mass matrix or the contact is nearly singular at this \
+         pose: change the pose or the normal"
+    )]
+    Unbalanced {
+        /// The link that is struck.
+        link: String,
+        /// Change of the kinetic energy, J.
+        found: f64,
+        /// Work of the impulse and of the drives, J.
+        expected: f64,
+        /// Difference that rounding may leave, J.
+        allowed: f64,
+    },
     /// The integrator failed.
     #[error("from t = {} s the motion can't be integrated: {reason}", short(*time))]
     Integration {

@@ -8,7 +8,8 @@ use carom_impact::{
     Newton,
 };
 use carom_sim::{
-    ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, Simulation, Surface, Touch,
+    ChainImpact, ContactLaw, ContactRule, Event, EventKind, Impacts, Moment, Scene, SimError, Simulation, States,
+    Surface, Touch,
 };
 use nalgebra::Vector3;
 
@@ -85,6 +86,60 @@ fn impacts_of_a_scene_with_a_users_law_are_those_of_the_law() {
             let approach = -alone.contact.u_minus[2];
             let rebound = hit.contact.u_plus[2];
             assert!((rebound - approach / (1.0 + 5.0 * approach)).abs() < 1e-12, "{file}: {approach} {rebound}");
+        }
+    }
+}
+
+/// A law with an impulse that is too small, as its author computes the outcome: by the impulse alone, or number by number.
+struct Weak {
+    share: f64,
+    by_hand: bool,
+}
+
+impl Law<f64, 3> for Weak {
+    fn name(&self) -> &'static str {
+        "weak"
+    }
+
+    fn resolve(&self, problem: &ImpactProblem<f64, 3>) -> Result<ImpactOutcome<f64, 3>, ImpactError> {
+        let hit = Frictionless { restitution: 0.0 }.resolve(problem)?;
+        let impulse = hit.impulse * self.share;
+        if self.by_hand {
+            let u_plus = problem.u_minus() + problem.delassus() * impulse;
+            return Ok(ImpactOutcome { law: self.name(), impulse, u_plus, ..hit });
+        }
+        ImpactOutcome::of_impulse(self.name(), problem, impulse)
+    }
+}
+
+/// A contact that goes on approaching has not been resolved: it is the law's error, in a scene, in a strike and in a batch, and not a
+/// motion through the surface.
+#[test]
+fn a_users_law_that_leaves_the_contact_approaching_is_refused() {
+    let leaves = |error: &SimError| matches!(error, SimError::Impact(ImpactError::Outcome { law: "weak", check, .. }) if check.contains("approaching"));
+    for (share, by_hand) in [(0.0, false), (0.5, false), (0.0, true), (0.9, true)] {
+        let law = || Weak { share, by_hand };
+        for file in ["planar2.toml", "ball.toml"] {
+            let plan = under(scene(file), ContactLaw::new(law(), 0.0, 0.0)).plan().unwrap();
+            let error = plan.simulation.run(&plan.q, &plan.qd, 0.8).unwrap_err();
+            assert!(leaves(&error), "{file}: {error:?}");
+        }
+        for normal in [Vector3::y(), Vector3::new(0.1, 1.0, 0.2)] {
+            let arm = carom_chain::uniform_chain(2, 1.0, 1.0).unwrap();
+            let (q, qd) = ([0.3, 0.7], [-0.5, -1.0]);
+            let strike = arm.impact(&q, &qd).at(arm.frame("tip").unwrap()).normal(normal);
+            assert!(leaves(&strike.clone().resolve(&law()).unwrap_err()));
+            assert!(leaves(&strike.clone().contact().unwrap().resolve(&law()).unwrap_err()));
+            assert!(leaves(&strike.clone().branches(&law()).unwrap_err()));
+            let columns = [[0.3; 5], [0.7; 5], [-0.5; 5], [-1.0; 5]];
+            let states = States { q: &[&columns[0], &columns[1]], qd: &[&columns[2], &columns[3]] };
+            let mut refused = 0;
+            strike
+                .prepare()
+                .unwrap()
+                .many(states, &law(), |_, hit| refused += usize::from(leaves(&hit.unwrap_err())))
+                .unwrap();
+            assert_eq!(refused, 5);
         }
     }
 }

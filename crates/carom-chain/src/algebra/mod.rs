@@ -27,7 +27,7 @@ pub use planar::{Planar, PlanarArticulated, PlanarJoint, Turn};
 pub use spatial::{Spatial, SpatialArticulated, SpatialJoint, z_onto};
 pub use symmetric::Symmetric3;
 
-use nalgebra::{RealField, SimdRealField};
+use nalgebra::{RealField, SimdComplexField, SimdRealField};
 use num_traits::Zero;
 use std::fmt::Debug;
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
@@ -116,6 +116,15 @@ pub trait Algebra: sealed::Sealed + Copy + Debug + PartialEq + Send + Sync + 'st
     fn times(a: Self::Vector, k: Self::Scalar) -> Self::Vector;
     /// a · b
     fn dot(a: Self::Vector, b: Self::Vector) -> Self::Scalar;
+    /// The sum of the absolute components: a bound of the length, without a root.
+    #[inline(always)]
+    fn size(a: Self::Vector) -> Self::Scalar {
+        let mut sum = Self::linear_part(a, 0).simd_abs();
+        for k in 1..Self::LINEAR {
+            sum += Self::linear_part(a, k).simd_abs();
+        }
+        sum
+    }
     /// a · b of angular quantities.
     fn dot_angular(a: Self::Angular, b: Self::Angular) -> Self::Scalar;
     /// r × f, the moment of a force at r.

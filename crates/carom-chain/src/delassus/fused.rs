@@ -25,6 +25,7 @@ pub(super) struct Memory<'a, A: Algebra> {
     pub mass_matrix: &'a mut [A::Scalar],
     pub reduced_jacobian: &'a mut [A::Vector],
     pub inverse_d: &'a mut [A::Scalar],
+    pub levers: &'a mut [A::Scalar],
     pub response: &'a mut [A::Vector],
 }
 
@@ -128,7 +129,7 @@ pub(super) fn read<'a, A: Algebra, X: Subspace<A>>(
     mut memory: Memory<'a, A>,
 ) -> PointResponse<'a, A> {
     composite_rigid_body(topology, prepared, bodies, added, &mut memory);
-    let position = jacobian(topology, bodies, arm, &mut memory);
+    let position = jacobian(topology, prepared, bodies, arm, &mut memory);
     eliminate(topology, bodies.len(), position, normal, memory)
 }
 
@@ -181,24 +182,29 @@ fn composite_rigid_body<A: Algebra, X: Subspace<A>>(
     }
 }
 
-/// From the point to the world: J. Returns the position of the point.
+/// From the point to the world: J and the levers. Returns the position of the point.
 #[inline(always)]
 fn jacobian<A: Algebra, X: Subspace<A>>(
     topology: impl Topology,
+    prepared: &[PreparedBody<A>],
     bodies: &[BodyAt<A, X>],
     arm: A::Vector,
     memory: &mut Memory<A>,
 ) -> A::Vector {
     let n = bodies.len();
     let (jacobian, reduced_jacobian) = (&mut memory.jacobian[..n], &mut memory.reduced_jacobian[..n]);
+    let levers = &mut memory.levers[..n];
     let point = topology.point(n);
     let mut r = A::rotate(bodies[point].rotation, arm);
+    let mut reach = A::size(r);
     let mut next = Some(point);
     while let Some(i) = next {
         let column = bodies[i].axis.at(r);
         let v = topology.coordinate(i);
         (jacobian[v], reduced_jacobian[v]) = (column, column);
+        levers[v] = bodies[i].axis.lever(reach);
         r = A::plus(r, bodies[i].offset);
+        reach += prepared[i].length(bodies[i].offset);
         next = topology.parent(i);
     }
     r
@@ -263,8 +269,8 @@ pub(super) fn eliminate<'a, A: Algebra>(
         (by_depth[depth], response[v]) = (x, x);
     }
     let Sum { delassus, mobility } = sum;
-    let Memory { jacobian, mass_matrix, .. } = memory;
-    PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, reduced_jacobian, inverse_d }
+    let Memory { jacobian, mass_matrix, levers, .. } = memory;
+    PointResponse { position, jacobian, mass_matrix, delassus, response, mobility, reduced_jacobian, inverse_d, levers }
 }
 
 /// H = Yᵀ D⁻¹ Y and nᵀHn, accumulated joint by joint.

@@ -13,6 +13,7 @@
 //! | H | 3×3, 2×2 | Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg | `delassus` |
 //! | X | nv×3, nv×2 | M⁻¹Jᵀ: joint velocities after unit impulses along the axes | `response` |
 //! | nᵀHn | 1 | velocity of the point along n after a unit impulse along n, 1/kg | `mobility` |
+//! | lₖ | nv | largest speed that the lengths between joint k and the point could give it: their sum for a hinge, 1 for a slider | `levers` |
 //! | W | nv | inertia added to the diagonal of M by drives; infinite for a locked joint | `added` |
 //!
 //! **Two entries.** [`ContactPoint::visit`] starts from q and hands the results to a [`Visit`] while they are in registers: for
@@ -28,8 +29,10 @@
 //!
 //! **Singularity.** One rule ([`singular`]): a quantity is zero if it is within the rounding of the terms that cancel in it. A
 //! joint moves no inertia if its D is within the rounding of the composite inertia of its subtree
-//! ([`Kinematics::check_inertia`](crate::Kinematics::check_inertia)); a direction n is singular if √(nᵀHn), a sum of squares, is
-//! within the rounding of the factor D^(-1/2) Y of H ([`PointResponse::moves`]).
+//! ([`Kinematics::check_inertia`](crate::Kinematics::check_inertia)). An entry of J is a sum of lengths between the joint and the
+//! point, as long as the lever lₖ at most: a direction n is singular if √(nᵀHn) is within the rounding of √(Σ lₖ²/Dₖ), which is
+//! what the same chain with its levers along n would have ([`PointResponse::moves`]). A comparison with H itself would take a
+//! point that no joint moves at all, such as one on the axis of a hinge, for one that its rounding moves.
 //!
 //! **SIMD lanes.** Code that runs in lanes must be inlined, because it is otherwise compiled without AVX instructions. The
 //! pass and the algebra that it calls therefore use no closures, and the pass uses no operators of nalgebra.
@@ -58,8 +61,7 @@ use unrolled::{read_three, read_two};
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
 pub(crate) const LONG: usize = 48;
 
-/// A pivot or a direction whose size is below this share of the terms that it is the difference of counts as zero: their
-/// rounding. 64 covers the operations of a chain of some dozens of bodies; a chain in regular position is far above it.
+/// A pivot or a direction whose size is below this share of the terms that cancel in it counts as zero: their rounding. 64 covers the operations of a chain of some dozens of bodies; a chain in regular position is far above it.
 pub(crate) fn singular<T: SimdRealField>() -> T {
     convert::<f64, T>(64.0) * T::simd_default_epsilon()
 }
@@ -126,6 +128,8 @@ pub struct PointResponse<'a, A: Algebra> {
     pub reduced_jacobian: &'a [A::Vector],
     /// 1/Dₖ by coordinate; 0 for locked joints and for joints that the impulse cannot move.
     pub inverse_d: &'a [A::Scalar],
+    /// The nv levers lₖ: the rounding error of column k of J is some ε of lₖ, also where the lengths cancel; m, or 1 for a slider.
+    pub levers: &'a [A::Scalar],
 }
 
 /// A function of the results, called while they are in registers. It is a trait because inlining of a closure cannot be
@@ -166,7 +170,7 @@ pub struct ResponseMemory<A: Algebra> {
     size: usize,
     /// J, X, Y, and scratch memory by depth.
     vectors: Vec<A::Vector>,
-    /// 1/D, M, the factor.
+    /// 1/D, levers, M, the factor.
     numbers: Vec<A::Scalar>,
     /// Angle of each body's joint, rad, used for hinges only; their sines and cosines.
     angles: [Vec<A::Scalar>; 3],
@@ -356,7 +360,7 @@ impl<A: Algebra> ResponseMemory<A> {
     pub fn response(&self) -> PointResponse<'_, A> {
         let &Self { position, delassus, mobility, size: n, .. } = self;
         let Self { vectors, numbers, .. } = self;
-        let m = if numbers.len() > n { n * n } else { 0 };
+        let m = if numbers.len() > 2 * n { n * n } else { 0 };
         PointResponse {
             position,
             delassus,
@@ -365,7 +369,8 @@ impl<A: Algebra> ResponseMemory<A> {
             response: &vectors[n..2 * n],
             reduced_jacobian: &vectors[2 * n..3 * n],
             inverse_d: &numbers[..n],
-            mass_matrix: &numbers[n..n + m],
+            levers: &numbers[n..2 * n],
+            mass_matrix: &numbers[2 * n..2 * n + m],
         }
     }
 
@@ -380,7 +385,7 @@ impl<A: Algebra> ResponseMemory<A> {
     /// Memory for n coordinates, with a factor of rows of the length given; 0 without M and its factor.
     #[inline(always)]
     fn grow(&mut self, n: usize, row: usize) {
-        let numbers = if row == 0 { n } else { n * (1 + n + row) };
+        let numbers = if row == 0 { 2 * n } else { n * (2 + n + row) };
         if self.size != n || self.numbers.len() != numbers {
             self.size = n;
             self.zeros_of = None;
@@ -403,17 +408,19 @@ impl<A: Algebra> ResponseMemory<A> {
         let (response, rest) = rest.split_at_mut(n);
         let (reduced_jacobian, by_depth) = rest.split_at_mut(n);
         let (inverse_d, rest) = numbers.split_at_mut(n);
+        let (levers, rest) = rest.split_at_mut(n);
         let (mass_matrix, factor) = rest.split_at_mut(if rest.is_empty() { 0 } else { n * n });
-        (hinges, joints, Memory { factor, by_depth, jacobian, mass_matrix, reduced_jacobian, inverse_d, response })
+        let memory = Memory { factor, by_depth, jacobian, mass_matrix, reduced_jacobian, inverse_d, levers, response };
+        (hinges, joints, memory)
     }
 
     /// Writes zeros into the entries that the pass does not write, unless they are already there.
     #[inline(always)]
     fn put_zeros(&mut self, structure: &Arc<Structure>, body: usize) {
         if !self.zeros_of.as_ref().is_some_and(|(other, there)| *there == body && Arc::ptr_eq(other, structure)) {
-            // J, X, Y, 1/D and M; every entry of the factor that is read is written first.
+            // J, X, Y, 1/D, levers and M; every entry of the factor that is read is written first.
             self.vectors.fill(A::zero());
-            let results = self.size * (1 + self.size);
+            let results = self.size * (2 + self.size);
             self.numbers[..results].fill(A::Scalar::zero());
             self.zeros_of = Some((structure.clone(), body));
         }
@@ -432,6 +439,7 @@ impl<A: Algebra> ResponseMemory<A> {
             if V::KEEPS == Kept::All {
                 memory.reduced_jacobian.copy_from_slice(found.reduced_jacobian);
                 memory.inverse_d.copy_from_slice(found.inverse_d);
+                memory.levers.copy_from_slice(found.levers);
                 memory.response.copy_from_slice(found.response);
             }
             (self.position, self.delassus, self.mobility) = (found.position, found.delassus, found.mobility);

@@ -33,6 +33,8 @@ pub(super) fn read_two<A: Algebra>(
     let r0 = A::plus(r1, b1.offset);
     let j0 = b0.axis.at(r0);
     let position = A::plus(r0, b0.offset);
+    let l1 = A::size(r1);
+    let l0 = l1 + A::size(b1.offset);
 
     let d1 = A::Scalar::one() / m11;
     let l10 = m10 * d1;
@@ -50,6 +52,7 @@ pub(super) fn read_two<A: Algebra>(
         mobility: sum.mobility,
         reduced_jacobian: [y0, j1],
         inverse_d: [d0, d1],
+        levers: [l0, l1],
     }
 }
 
@@ -87,6 +90,9 @@ pub(super) fn read_three<A: Algebra>(
     let r0 = A::plus(r1, b1.offset);
     let j0 = b0.axis.at(r0);
     let position = A::plus(r0, b0.offset);
+    let l2 = A::size(r2);
+    let l1 = l2 + A::size(b2.offset);
+    let l0 = l1 + A::size(b1.offset);
 
     let d2 = A::Scalar::one() / m22;
     let (l21, l20) = (m21 * d2, m20 * d2);
@@ -110,6 +116,7 @@ pub(super) fn read_three<A: Algebra>(
         mobility: sum.mobility,
         reduced_jacobian: [y0, y1, j2],
         inverse_d: [d0, d1, d2],
+        levers: [l0, l1, l2],
     }
 }
 
@@ -123,6 +130,7 @@ pub(super) struct Answer<A: Algebra, const N: usize> {
     mobility: A::Scalar,
     reduced_jacobian: [A::Vector; N],
     inverse_d: [A::Scalar; N],
+    levers: [A::Scalar; N],
 }
 
 impl<A: Algebra, const N: usize> Answer<A, N> {
@@ -137,6 +145,7 @@ impl<A: Algebra, const N: usize> Answer<A, N> {
             mobility: self.mobility,
             reduced_jacobian: &self.reduced_jacobian,
             inverse_d: &self.inverse_d,
+            levers: &self.levers,
         }
     }
 }

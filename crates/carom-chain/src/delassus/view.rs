@@ -8,7 +8,8 @@ use crate::algebra::Algebra;
 use crate::chain::Point;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
-use nalgebra::{DMatrixViewMut, RealField, convert};
+use crate::prepare::Subspace;
+use nalgebra::{DMatrixViewMut, RealField, SMatrix, convert};
 use num_traits::{One, Zero};
 
 impl<A: Algebra> PointResponse<'_, A> {
@@ -62,24 +63,66 @@ impl<A: Algebra> PointResponse<'_, A>
 where
     A::Scalar: RealField,
 {
-    /// Whether an impulse along the normal moves the point along it: √(nᵀHn) > 64 ε √(tr H). `false` for NaN.
+    /// Whether an impulse along the normal moves the point along it: √(nᵀHn) > 64 ε √(Σ lₖ²/Dₖ). `false` for NaN.
     #[inline(always)]
     pub fn moves(&self) -> bool {
-        let mut trace = A::Scalar::zero();
-        for (k, column) in self.delassus[..A::LINEAR].iter().enumerate() {
-            trace += A::linear_part(*column, k);
-        }
-        self.mobility > trace * singular::<A::Scalar>() * singular()
+        self.mobility > self.mobility_of_levers() * singular::<A::Scalar>() * singular()
     }
 
-    /// Whether an impulse along a unit direction moves the point along it: the rule of [`Self::moves`] for any direction.
-    pub fn moves_along(&self, direction: A::Vector) -> bool {
-        let mut mobility = A::Scalar::zero();
-        for (y, inverse_d) in self.reduced_jacobian.iter().zip(self.inverse_d) {
-            let along = A::dot(*y, direction);
-            mobility += along * along * *inverse_d;
+    /// Σ lₖ²/Dₖ, 1/kg: the mobility of the same chain with its levers along the direction. No mobility of the point is larger,
+    /// and one of (64 ε)² of it is rounding.
+    #[inline(always)]
+    pub fn mobility_of_levers(&self) -> A::Scalar {
+        let mut sum = A::Scalar::zero();
+        for (lever, inverse_d) in self.levers.iter().zip(self.inverse_d) {
+            sum += *lever * (*lever * *inverse_d);
         }
-        PointResponse { mobility, ..*self }.moves()
+        sum
+    }
+
+    /// Whether H, rotated into contact axes, is regular beyond doubt: its least eigenvalue, which is more than det H/(tr H)^(D−1), is
+    /// far above the rounding of its trace, which a rotation spreads over all entries, and its trace far above the rounding of the
+    /// levers. Otherwise [`Self::delassus_in`] has the rank of H.
+    #[inline(always)]
+    pub fn is_regular<const D: usize>(&self, h: &SMatrix<A::Scalar, D, D>) -> bool {
+        /// √ε: half of the digits of the least eigenvalue are left.
+        const CLEAR: f64 = 1.0 / (1u64 << 26) as f64;
+        let clear: A::Scalar = convert(CLEAR);
+        let trace = h.trace();
+        let (det, power) = match D {
+            1 => (h[(0, 0)], A::Scalar::one()),
+            2 => (h[(0, 0)] * h[(1, 1)] - h[(0, 1)] * h[(0, 1)], trace),
+            _ => (h.fixed_view::<3, 3>(0, 0).determinant(), trace * trace),
+        };
+        det > clear * trace * power && trace > clear * clear * self.mobility_of_levers()
+    }
+
+    /// H in these orthonormal axes, as a Gram matrix in them: each entry is a sum over joints, with the rounding error of the
+    /// terms of this sum, and not with that of the largest entry of H, as H in world axes would have after a rotation. So H keeps
+    /// the rank that its joints give it. Rows and columns of axes along which the point does not move, by the rule of
+    /// [`Self::moves`], are exactly zero.
+    pub fn delassus_in<const D: usize>(&self, axes: [A::Vector; D]) -> SMatrix<A::Scalar, D, D> {
+        let mut h = SMatrix::zeros();
+        for (y, inverse_d) in self.reduced_jacobian.iter().zip(self.inverse_d) {
+            let along = axes.map(|axis| A::dot(*y, axis));
+            for i in 0..D {
+                let scaled = along[i] * *inverse_d;
+                for j in 0..=i {
+                    h[(i, j)] += scaled * along[j];
+                }
+            }
+        }
+        let nothing = self.mobility_of_levers() * singular::<A::Scalar>() * singular();
+        let moves: [bool; D] = std::array::from_fn(|i| h[(i, i)] > nothing);
+        for i in 0..D {
+            for j in 0..=i {
+                if !(moves[i] && moves[j]) {
+                    h[(i, j)] = A::Scalar::zero();
+                }
+                h[(j, i)] = h[(i, j)];
+            }
+        }
+        h
     }
 
     /// Whether some joint may move no inertia: its D is below 1e-6 of its diagonal entry of M, or not a number.
@@ -190,6 +233,19 @@ where
         Ok(())
     }
 
+    /// The coordinate and the lever of each joint that moves the point.
+    fn for_each_lever(&self, point: Point<A>, mut visit: impl FnMut(usize, A::Scalar)) {
+        let Some(body) = point.body else { return };
+        let mut reach = A::size(self.arm(body, point));
+        let mut next = Some(body);
+        while let Some(i) = next {
+            let (link, prepared) = (&self.ws.links[i], &self.chain.prepared[i]);
+            visit(prepared.v_index, link.axis.lever(reach));
+            reach += prepared.length(link.offset);
+            next = prepared.parent;
+        }
+    }
+
     /// By the same factorisation without the zeros, for bodies that share coordinates.
     fn full(&mut self, point: Point<A>, normal: A::Vector, added: &[A::Scalar], memory: &mut ResponseMemory<A>) {
         let n = self.chain.nv;
@@ -208,6 +264,7 @@ where
             let v = self.chain.bodies[i].v_index;
             parts.jacobian[v] += self.ws.links[i].axis.point_velocity(r);
         });
+        self.for_each_lever(point, |v, lever| parts.levers[v] += lever);
         parts.reduced_jacobian.copy_from_slice(parts.jacobian);
         let response = eliminate(Row, n, self.position(point), normal, parts);
         let PointResponse { position, delassus, mobility, .. } = response;
@@ -225,8 +282,10 @@ where
         self.articulate_checked(added)?;
         let position = self.position(point);
         let bodies = &self.chain.bodies;
-        let (_, _, Memory { jacobian, reduced_jacobian, inverse_d, response, .. }) = memory.parts(self.chain.nv);
+        let (_, _, parts) = memory.parts(self.chain.nv);
+        let Memory { jacobian, reduced_jacobian, inverse_d, levers, response, .. } = parts;
         self.for_each_mover(point, |i, r| jacobian[bodies[i].v_index] = self.ws.links[i].axis.point_velocity(r));
+        self.for_each_lever(point, |v, lever| levers[v] = lever);
         let (mut delassus, mut mobility) = ([A::zero(); 3], A::Scalar::zero());
         self.send_unit_forces(body, point, |i, y| {
             let (v, inverse) = (bodies[i].v_index, self.ws.free[i].inverse_d);

@@ -164,6 +164,18 @@ impl<A: Algebra> PreparedBody<A> {
         if let Some(outer) = outer { A::rotate(outer, self.translation) } else { self.translation }
     }
 
+    /// The sum of the lengths that its offset (world axes) consists of. Those of a slider may cancel: the joint's place in the
+    /// parent, and its travel, which is no longer than the offset and this place together.
+    #[inline(always)]
+    pub fn length(&self, offset: A::Vector) -> A::Scalar {
+        let length = A::size(offset);
+        if A::turns(self.joint) {
+            return length;
+        }
+        let place = A::size(self.translation);
+        length + place + place
+    }
+
     /// Its inertia in world axes.
     #[inline(always)]
     pub fn turned_inertia(&self, rotation: A::Rotation) -> Inertia<A> {

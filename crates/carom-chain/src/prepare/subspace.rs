@@ -9,6 +9,7 @@
 use super::{HingeAngles, PreparedBody};
 use crate::algebra::{Algebra, Axis, Force, Inertia};
 use crate::kinematics::Link;
+use nalgebra::SimdComplexField;
 use num_traits::Zero;
 use std::ops::AddAssign;
 
@@ -45,6 +46,8 @@ pub(crate) trait Subspace<A: Algebra>: Copy {
     fn project(self, force: Force<A>) -> A::Scalar;
     /// The velocity, at unit joint rate, of the point at r.
     fn at(self, r: A::Vector) -> A::Vector;
+    /// A bound of that velocity at any pose, for lengths whose sum is `reach` between the joint and the point.
+    fn lever(self, reach: A::Scalar) -> A::Scalar;
     /// Converts the inertia to [`Inertia`].
     fn whole(inertia: Self::Inertia) -> Inertia<A>;
     /// Converts from [`Inertia`]: the inverse of `whole`.
@@ -109,6 +112,19 @@ impl<A: Algebra> Subspace<A> for Axis<A> {
     #[inline(always)]
     fn at(self, r: A::Vector) -> A::Vector {
         self.point_velocity(r)
+    }
+    #[inline(always)]
+    fn lever(self, reach: A::Scalar) -> A::Scalar {
+        match self {
+            Self::Turn(z) => {
+                let mut length = A::angular_part(z, 0).simd_abs();
+                for k in 1..A::ANGULAR {
+                    length += A::angular_part(z, k).simd_abs();
+                }
+                reach * length
+            }
+            Self::Slide(z) => A::size(z),
+        }
     }
     #[inline(always)]
     fn whole(inertia: Inertia<A>) -> Inertia<A> {
@@ -214,6 +230,10 @@ impl<A: Algebra> Subspace<A> for Hinge<A> {
     #[inline(always)]
     fn at(self, r: A::Vector) -> A::Vector {
         A::swing(self.0, r)
+    }
+    #[inline(always)]
+    fn lever(self, reach: A::Scalar) -> A::Scalar {
+        reach
     }
     #[inline(always)]
     fn whole(Turning { first_moment, rotational }: Turning<A>) -> Inertia<A> {

@@ -130,7 +130,7 @@ impl<T: RealField + Copy> Brach<T> {
             }
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.impulse_ratio.abs());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account)
     }
 }

@@ -128,7 +128,7 @@ impl<T: RealField + Copy> ChatterjeeRuina<T> {
             v_t.fill(T::zero());
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
         if account.mode == Mode::Stick && mu == T::zero() && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // without friction it cannot stick
         }

@@ -53,7 +53,7 @@ impl<T: RealField + Copy, const D: usize> Law<T, D> for Frictionless<T> {
             return Ok(ImpactOutcome::none(name, problem, Flags::NONE));
         }
         problem.check_normal()?;
-        Ok(frictionless(name, self.restitution, problem))
+        frictionless(name, self.restitution, problem)
     }
 
     fn known(&self) -> Option<AnyLaw<T>> {
@@ -66,7 +66,7 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     law: &'static str,
     e: T,
     problem: &ImpactProblem<T, D>,
-) -> ImpactOutcome<T, D> {
+) -> Result<ImpactOutcome<T, D>, ImpactError> {
     let n = D - 1;
     let h = problem.delassus();
     let u = problem.u_minus();
@@ -78,10 +78,10 @@ pub(crate) fn frictionless<T: RealField + Copy, const D: usize>(
     u_plus[n] = -e * u[n];
 
     let slip = |x: &nalgebra::SVector<T, D>| (0..n).any(|i| x[i] != T::zero());
-    let mut account = Account::straight(e, &impulse, u, &u_plus);
+    let mut account = Account::straight(e, &impulse, u, &u_plus).in_cone(T::zero());
     if slip(u) && account.mode == Mode::Stick {
         account.mode = Mode::Slip; // without friction it cannot stick
     }
     let energies = problem.kinetic_energies([*u, u_plus]);
-    ImpactOutcome::unchecked(law, problem, (impulse, u_plus), energies, &account)
+    ImpactOutcome::with_energies(law, problem, (impulse, u_plus), energies, &account)
 }

@@ -42,6 +42,7 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     /// - [`ImpactError::SingularNormal`]: the contact approaches along a singular normal direction (`H_nn = 0`).
     /// - [`ImpactError::Wedged`]: the contact wedges; only for singular H.
     /// - [`ImpactError::NotFinite`]: the impulse overflows.
+    /// - [`ImpactError::Outcome`]: the outcome fails a check, see [`ImpactProblem::resolve`].
     fn resolve(&self, problem: &ImpactProblem<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError>;
 
     /// All outcomes that satisfy the law, that of [`resolve`](Self::resolve) first. There is one, unless the outcome

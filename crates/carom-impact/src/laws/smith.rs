@@ -102,7 +102,7 @@ impl<T: RealField + Copy> Smith<T> {
         let (e, mu, contact) = (self.restitution, self.friction, Contact::of(problem));
         let impulse = Contact::lift(&tangent, p_n);
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus);
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(mu);
         if account.mode == Mode::Stick && contact.slip.amax() > T::zero() {
             account.mode = Mode::Slip; // this law does not stick
         }
@@ -158,7 +158,7 @@ struct Equation<T> {
     smooth: T,
     /// `h/C`.
     tilt: Vector2<T>,
-    /// `A - h hᵀ/C`.
+    /// `A - h hᵀ/C`, whose rounding alone would otherwise stop the slip, by impulses of its inverse.
     tangents: Matrix2<T>,
     /// v_t⁺ at x = 0.
     start: Vector2<T>,
@@ -171,7 +171,7 @@ impl<T: RealField + Copy> Equation<T> {
             slip: contact.slip,
             smooth: gain / contact.normal,
             tilt,
-            tangents: contact.tangents - contact.coupling * tilt.transpose(),
+            tangents: contact.at_held_normal().matrix(),
             start: contact.slip + contact.coupling * (gain / contact.normal),
         }
     }

@@ -58,7 +58,7 @@ impl<'a> Contact<'a> {
     /// # Errors
     /// [`SimError::Impact`] for errors of the law.
     pub fn resolve(&mut self, law: &dyn Law<f64, 3>) -> Result<ChainImpact, SimError> {
-        let outcome = law.resolve(&self.problem)?;
+        let outcome = self.problem.resolve(law)?;
         self.carry(outcome)
     }
 
@@ -68,6 +68,9 @@ impl<'a> Contact<'a> {
     /// [`SimError::Impact`] for errors of the law.
     pub fn branches(&mut self, law: &dyn Law<f64, 3>) -> Result<Vec<ChainImpact>, SimError> {
         let outcomes = law.branches(&self.problem)?;
+        if law.known().is_none() {
+            outcomes.iter().try_for_each(|outcome| outcome.check(&self.problem))?;
+        }
         outcomes.into_iter().map(|outcome| self.carry(outcome)).collect()
     }
 

@@ -2,10 +2,17 @@
 //!
 //! Symbols as in `strike.rs`.
 
+use crate::error::SimError;
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
 use nalgebra::{Matrix3, SVector, Vector3};
+
+/// Share of T⁻ by which the energies may miss the work: some digits above the rounding of a chain in regular position.
+const BALANCED: f64 = 1e-9;
+
+/// Rounding of sums over the pairs of some dozens of joints, relative to their terms.
+const ROUNDED: f64 = 1024.0 * f64::EPSILON;
 
 /// The result of an impact of a chain.
 #[derive(Debug, Clone)]
@@ -138,6 +145,63 @@ impl ChainImpact {
                 momentum - response.jacobian[k].dot(impulse)
             });
         }
+    }
+
+    /// Whether T⁺ − T⁻ is the work of impulse and drives to 1e-9 of T⁻. `false` for numbers that are not finite.
+    #[inline(always)]
+    fn is_balanced(&self) -> bool {
+        let (change, work) = self.balance();
+        (change - work).abs() <= BALANCED * self.energy_before
+    }
+
+    /// T⁺ − T⁻, and the work of impulse and drives.
+    #[inline(always)]
+    fn balance(&self) -> (f64, f64) {
+        (self.energy_after - self.energy_before, self.contact.energy_change + self.drive_work)
+    }
+
+    /// Checks energies, which are those of M and q̇, against the work, which is that of p and u: that u⁺ is J q̇⁺ along p.
+    /// `impulse` in the axes of the response.
+    ///
+    /// # Errors
+    /// [`SimError::Unbalanced`].
+    #[inline(always)]
+    pub(super) fn check<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &self,
+        response: &PointResponse<A>,
+        impulse: &SVector<f64, D>,
+        qd: &[f64],
+        link: impl Fn() -> String,
+    ) -> Result<(), SimError> {
+        if self.is_balanced() { Ok(()) } else { self.check_terms(response, impulse, qd, link) }
+    }
+
+    /// [`Self::check`] with the rounding of the terms of the energies.
+    #[cold]
+    #[inline(never)]
+    fn check_terms<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+        &self,
+        response: &PointResponse<A>,
+        impulse: &SVector<f64, D>,
+        qd: &[f64],
+        link: impl Fn() -> String,
+    ) -> Result<(), SimError> {
+        let push = impulse.abs();
+        let jumps = response.response.iter().map(|row| row.abs().dot(&push));
+        let rates: Vec<f64> = jumps.zip(qd).map(|(jump, before)| jump + before.abs()).collect();
+        let pushed = response.jacobian.iter().zip(&rates).map(|(column, rate)| column.abs().dot(&push) * rate);
+        let drives = self.drive_impulse.iter().zip(&rates).map(|(impulse, rate)| impulse.abs() * rate);
+        let momenta = response
+            .mass_matrix
+            .chunks_exact(rates.len().max(1))
+            .zip(&rates)
+            .map(|(column, rate)| column.iter().zip(&rates).map(|(m, other)| m.abs() * other).sum::<f64>() * rate);
+        // Without M the energies are sums of squares of bodies, whose velocities are those that the impulse changes.
+        let terms = self.energy_before + self.energy_after + pushed.chain(drives).chain(momenta).sum::<f64>();
+        let allowed = BALANCED * self.energy_before + ROUNDED * terms;
+        let (found, expected) = self.balance();
+        let holds = (found - expected).abs() <= allowed; // false for NaN too
+        if holds { Ok(()) } else { Err(SimError::Unbalanced { link: link(), found, expected, allowed }) }
     }
 
     /// Sets impulse and work of the drives; `locked` is the impulse of a locked joint, which follows from M Δq̇ = Jᵀp + j, by

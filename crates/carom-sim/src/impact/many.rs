@@ -88,7 +88,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             each,
             state: (q, qd),
             vectors: vec![SVector::zeros(); 3 * nv],
-            numbers: vec![0.0; nv * (nv + 1)],
+            numbers: vec![0.0; nv * (nv + 2)],
         };
         let (chain, point) = (self.chain, self.point);
         Ok(Sweep { chain, point, normal: self.normal(), added: &aim.added, q: states.q, count, receive }.run()?)
@@ -111,7 +111,7 @@ struct OneByOne<'s, 'e, A: Algebra, P, const D: usize> {
     state: (Vec<f64>, Vec<f64>),
     /// J, X and Y of one state.
     vectors: Vec<SVector<f64, D>>,
-    /// 1/D and M of one state.
+    /// 1/D, levers and M of one state.
     numbers: Vec<f64>,
 }
 
@@ -154,8 +154,10 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
         {
             into.iter_mut().zip(of).for_each(|(into, of)| *into = vector(*of));
         }
-        let (inverse_d, mass_matrix) = numbers.split_at_mut(n);
-        for (into, of) in [(&mut *inverse_d, found.inverse_d), (mass_matrix, found.mass_matrix)] {
+        let (inverse_d, rest) = numbers.split_at_mut(n);
+        let (levers, mass_matrix) = rest.split_at_mut(n);
+        for (into, of) in [(&mut *inverse_d, found.inverse_d), (levers, found.levers), (mass_matrix, found.mass_matrix)]
+        {
             into.iter_mut().zip(of).for_each(|(into, of)| *into = of.0[lane]);
         }
         let response = PointResponse::<A> {
@@ -167,6 +169,7 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
             mobility: found.mobility.0[lane],
             reduced_jacobian,
             inverse_d,
+            levers,
         };
         let Pass { chain, axes, place, .. } = pass;
         let mut one = OneImpact { aim, chain, axes, place, q, qd, law: asked.law, hit, done: Ok(()) };

@@ -76,12 +76,13 @@ impl<'a> PreparedStrike<'a> {
 
     /// Computes the impact of the chain at `q` (length nq; rad, m, unit quaternion) and `qd` (length nv; rad/s, m/s) with a law,
     /// and writes it to `hit`. Allocates only at the first
-    /// call, and for chains with mimic joints or more than 48 bodies. That the numbers are finite is checked by their effect at the
+    /// call, for chains with mimic joints or more than 48 bodies, and in a nearly singular contact. That the numbers are finite is checked by their effect at the
     /// contact; [`Chain::check_state`](carom_chain::Chain::check_state) checks each of them.
     ///
     /// # Errors
     /// [`SimError::Chain`] for a wrong length or a singular mass matrix; [`SimError::SingularNormal`] or [`SimError::Locked`] if
-    /// no (free) joint moves the contact point along the normal; [`SimError::Impact`] for errors of the law. `hit` is then
+    /// no (free) joint moves the contact point along the normal; [`SimError::Impact`] for errors of the law, also if its outcome
+    /// fails a check; [`SimError::Unbalanced`] if the energy of the chain does not change by the work of the impulse. `hit` is then
     /// unspecified.
     ///
     /// # Panics
@@ -126,6 +127,11 @@ pub(super) struct Aim<'a> {
 }
 
 impl Aim<'_> {
+    /// Name of the link that is struck.
+    fn link(&self) -> String {
+        self.chain.frame_name(self.point.frame).to_owned()
+    }
+
     /// The contact as a plane, for saltation.
     pub fn plane(&self) -> PlaneContact {
         PlaneContact { point: self.point, radius: 0.0, axes: self.axes, motion: None }
@@ -164,7 +170,7 @@ impl Place<3> for InSpace {
         problem: &ImpactProblem<f64, 3>,
         rows: &[Vector3<f64>],
     ) -> Result<Vector3<f64>, ImpactError> {
-        let outcome = one.law.resolve(problem)?;
+        let outcome = problem.resolve(one.law)?;
         let impulse = one.jump(rows, &outcome.impulse);
         one.hit.take(outcome, &one.aim.axes);
         Ok(impulse)
@@ -209,7 +215,7 @@ impl Place<2> for OfPlane {
         // The law is not moved: a processor waits where it reads as one what it has just written in parts.
         let known = one.law.known();
         let Some(known) = &known else {
-            let outcome = one.law.resolve(&problem.in_space(self.tangent))?;
+            let outcome = problem.in_space(self.tangent).resolve(one.law)?;
             let impulse = one.jump(rows, &self.project(&outcome.impulse));
             one.hit.take(outcome, &one.aim.axes);
             return Ok(impulse);
@@ -373,7 +379,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
         let impulse = self.axes * self.place.project(&hit.contact.impulse);
         if !self.response().mass_matrix.is_empty() {
             hit.account(&self.response(), &aim.added, &impulse, qd);
-            return Ok(());
+            return hit.check(&self.response(), &impulse, qd, || aim.link());
         }
         let Self { chain, workspace, .. } = self;
         let Some(workspace) = workspace else { return Ok(()) };
@@ -386,7 +392,7 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const 
             let momentum = kin.inverse_dynamics(&vec![0.0; qd.len()], &jump, A::zero())?;
             hit.drive(&aim.added, qd, |k, _| momentum[k] - jacobian[k].dot(&impulse));
         }
-        Ok(())
+        hit.check(&self.response(), &impulse, qd, || aim.link())
     }
 }
 
@@ -409,7 +415,7 @@ pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const 
         check_inertia(chain, q, &aim.added)?;
     }
     if !response.moves() {
-        let (link, normal) = (aim.chain.frame_name(aim.point.frame).to_owned(), aim.axes.column(2).into_owned());
+        let (link, normal) = (aim.link(), aim.axes.column(2).into_owned());
         return Err(if aim.locks {
             SimError::Locked { link, normal }
         } else {
@@ -421,16 +427,27 @@ pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const 
     let mut delassus = SMatrix::<f64, D, D>::from_fn(|i, k| axes.column(i).dot(&along[k]));
     let velocity = response.velocity(qd);
     let mut u = SVector::<f64, D>::from_fn(|i, _| axes.column(i).dot(&velocity));
-    // Along a singular tangent J, and with it u, is rounding. An entry that is not small needs no second look.
-    let small = delassus.trace() * f64::EPSILON;
-    for k in 0..D - 1 {
-        if delassus[(k, k)] <= small && !response.moves_along(axes.column(k).into_owned()) {
-            delassus.row_mut(k).fill(0.0);
-            delassus.column_mut(k).fill(0.0);
-            u[k] = 0.0;
-        }
+    if !response.is_regular(&delassus) {
+        (delassus, u) = in_axes(response, axes, qd);
     }
     Ok(ImpactProblem::from_gram(delassus, u)?)
+}
+
+/// H and u from columns in the contact axes: with the rank that the joints give H, and exact zeros along axes in which no joint
+/// moves the point.
+#[cold]
+fn in_axes<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+    axes: &SMatrix<f64, D, D>,
+    qd: &[f64],
+) -> (SMatrix<f64, D, D>, SVector<f64, D>) {
+    let axes: [SVector<f64, D>; D] = std::array::from_fn(|k| axes.column(k).into_owned());
+    let delassus = response.delassus_in(axes);
+    let u = SVector::from_fn(|i, _| {
+        let along = response.jacobian.iter().zip(qd).map(|(column, rate)| column.dot(&axes[i]) * rate);
+        if delassus[(i, i)] > 0.0 { along.sum::<f64>() } else { 0.0 }
+    });
+    (delassus, u)
 }
 
 #[cold]
@@ -470,10 +487,11 @@ impl<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, P: Place<D>, const D: u
         let qd = &self.qd[..response.response.len()];
         let problem = problem(response, self.aim, self.chain, self.axes, (self.q, qd))?;
         let impulse = self.place.resolve(self, &problem, response.response)?;
-        if !response.mass_matrix.is_empty() {
-            self.hit.account(response, &self.aim.added, &impulse, qd);
+        if response.mass_matrix.is_empty() {
+            return Ok(()); // the caller has the energies of recursions
         }
-        Ok(())
+        self.hit.account(response, &self.aim.added, &impulse, qd);
+        self.hit.check(response, &impulse, qd, || self.aim.link())
     }
 }
 

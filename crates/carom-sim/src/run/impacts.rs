@@ -252,7 +252,7 @@ impl<A: Space> Run<'_, '_, A> {
                 }
                 let mut hit = Box::new(ChainImpact::empty(qd.len()));
                 let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
-                hit.carry(law.resolve(&problem)?, &axes, rows.iter(), &qd);
+                hit.carry(problem.resolve(law)?, &axes, rows.iter(), &qd);
                 hit.energy_before = view.kin.kinetic_energy(&qd)?;
                 hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
                 let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
@@ -307,7 +307,7 @@ impl<A: Space> Run<'_, '_, A> {
         let Some(beside) = self.motion.beside(touch, time, &before)? else { return Ok(false) };
         let axes = z_onto(beside.normal);
         let problem = ImpactProblem::new(beside.delassus, axes.transpose() * u);
-        let Ok(outcome) = problem.and_then(|problem| one.contact.law.resolve(&problem)) else { return Ok(false) };
+        let Ok(outcome) = problem.and_then(|problem| problem.resolve(&*one.contact.law)) else { return Ok(false) };
         let Some((jump, impulses)) = self.motion.carried(&beside, &outcome.impulse) else { return Ok(false) };
         let energy = self.motion.energy(&before)?;
         let mut hit = Box::new(ChainImpact::empty(qd.len()));

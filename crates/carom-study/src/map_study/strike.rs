@@ -58,15 +58,13 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         let condition = self.condition();
         let response = self.response();
         let mut h = in_contact_axes(&delassus(&response), condition.axes);
-        if h[(D - 1, D - 1)] <= h.trace() * DOUBTFUL || !h.trace().is_finite() {
-            // nᵀHn as a sum of squares, without cancellation
-            let normal = condition.axes.column(D - 1);
-            let reduced_jacobian = response.reduced_jacobian.iter().zip(response.inverse_d);
-            let mobility = reduced_jacobian.map(|(y, inverse)| y.dot(&normal).powi(2) * inverse).sum();
-            if !(PointResponse { mobility, ..response }).moves() {
+        if !response.is_regular(&h) {
+            h = response.delassus_in(std::array::from_fn(|k| condition.axes.column(k).into_owned()));
+            // Zero along a normal along which no joint moves the point; NaN is not above it either.
+            let moves = h[(D - 1, D - 1)] > 0.0;
+            if !moves {
                 return Ok(Class::Singular);
             }
-            h[(D - 1, D - 1)] = mobility;
         }
         if !self.attain(&h, &condition) {
             return Ok(Class::Singular);
