@@ -32,14 +32,18 @@ impl Flags {
     pub const NON_UNIQUE: Self = Self(1 << 4);
     /// The contact does not approach: no impact takes place, and the impulse is zero.
     pub const NO_APPROACH: Self = Self(1 << 5);
+    /// Of several contacts: no impulses satisfy the law with the coefficients of restitution given, and the outcome is that with
+    /// all of them zero.
+    pub const WITHOUT_RESTITUTION: Self = Self(1 << 6);
 
-    const NAMES: [(Self, &'static str); 6] = [
+    const NAMES: [(Self, &'static str); 7] = [
         (Self::ENERGY_GAIN, "energy-gain"),
         (Self::JAM, "jam"),
         (Self::SINGULAR, "singular"),
         (Self::GRAZING, "grazing"),
         (Self::NON_UNIQUE, "non-unique"),
         (Self::NO_APPROACH, "no-approach"),
+        (Self::WITHOUT_RESTITUTION, "without-restitution"),
     ];
 
     /// Whether every flag of `other` is set.

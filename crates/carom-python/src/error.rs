@@ -51,9 +51,12 @@ impl Raise for SimError {
         match self {
             Self::Chain(error) => error.raise(at),
             Self::Impact(error) => error.raise(at),
-            Self::Incomplete { .. } | Self::FixedPoint { .. } | Self::SingularNormal { .. } | Self::Locked { .. } => {
-                exceptions::ImpactError::new_err(format!("{at}{self}"))
-            }
+            Self::Incomplete { .. }
+            | Self::FixedPoint { .. }
+            | Self::SingularNormal { .. }
+            | Self::Locked { .. }
+            | Self::Together { .. }
+            | Self::Unbalanced { .. } => exceptions::ImpactError::new_err(format!("{at}{self}")),
             _ => exceptions::SimulationError::new_err(format!("{at}{self}")),
         }
     }

@@ -56,13 +56,14 @@ impl SeveralImpact {
         self.0.energy_after
     }
 
-    /// Violation of the law, relative to the largest velocity of a point; above 1e-9 no solution was found.
+    /// Violation of the law, relative to the largest velocity of a point, at most 1e-9.
     #[getter]
     fn residual(&self) -> f64 {
         self.0.residual
     }
 
-    /// Notes about the result, as for Impact.
+    /// Notes about the result, as for Impact; and "without-restitution": no impulses satisfy the law with the coefficients of
+    /// restitution given, and the result is that with all of them zero, as in scenes.
     #[getter]
     fn flags(&self) -> Vec<&'static str> {
         self.0.flags.names().collect()
@@ -103,7 +104,8 @@ impl Chain {
     ///
     /// Raises:
     ///     StateError: a wrong shape, or numbers that are not finite.
-    ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range.
+    ///     ImpactError: no points, a fixed point, a singular direction, a coefficient out of its range; or no impulses were found that
+    ///         satisfy the law, not even without restitution.
     #[pyo3(signature = (q, qd, points, normal, *, restitution=0.0, friction=0.0, law="moreau", sticks=false, joints=None, relative_stiffness=None, exponent=1.5))]
     #[allow(clippy::too_many_arguments)]
     fn impact_at_points(

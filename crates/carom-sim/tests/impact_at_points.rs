@@ -2,8 +2,8 @@
 
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, Coordinates, FramePoint};
-use carom_impact::Frictionless;
-use carom_sim::{Grip, Impacts, JointModel, SeveralImpact, SeveralLaw, StruckPoint};
+use carom_impact::{Flags, Frictionless};
+use carom_sim::{Grip, Impacts, JointModel, SeveralImpact, SeveralLaw, SimError, StruckPoint};
 use nalgebra::{DMatrix, DVector, Vector3};
 
 /// The quadruped of the repository on a floating base: 18 velocities.
@@ -214,4 +214,87 @@ fn struck_points_share_the_energetic_impulse_by_the_ratio_of_their_stiffnesses()
     let even = after([1.0, 1.0], false);
     let off = even.iter().zip(&uneven).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(off > 1e-3, "{off}");
+}
+
+/// A row of five hinges, turned at random.
+fn five_hinges(rng: &mut fastrand::Rng) -> Chain {
+    let mut unit = || 2.0 * rng.f64() - 1.0;
+    let mut urdf = "<robot name='r'><link name='world'/>".to_owned();
+    for k in 0..5_usize {
+        let parent = k.checked_sub(1).map_or("world".into(), |p| format!("l{p}"));
+        let [com, place, turned, axis]: [String; 4] = std::array::from_fn(|i| {
+            format!("{} {} {}", unit() * 0.3, unit() * 0.3 + [0.0, 0.0, 2.0, 0.0][i], unit() * 0.3)
+        });
+        urdf += &format!(
+            "<link name='l{k}'><inertial><origin xyz='{com}'/><mass value='1'/><inertia ixx='0.02' iyy='0.03' izz='0.04' ixy='0' \
+             ixz='0' iyz='0'/></inertial></link><joint name='j{k}' type='continuous'><origin xyz='{place}' rpy='{turned}'/>\
+             <parent link='{parent}'/><child link='l{k}'/><axis xyz='{axis}'/></joint>"
+        );
+    }
+    Chain::from_urdf_str(&(urdf + "</robot>"), &LoadOptions::default()).unwrap()
+}
+
+/// Rough points of a chain that approach a corner together: the law holds to 1e-9 with the coefficients of restitution given, or it
+/// holds without restitution, which is said, or there is an error; never velocities of another order of magnitude. `no-approach`
+/// means that no point approaches.
+#[test]
+fn points_that_wedge_are_resolved_without_restitution_or_refused() {
+    let mut rng = fastrand::Rng::with_seed(11);
+    let (mut plain, mut inelastic, mut refused, mut open) = (0, 0, 0, 0);
+    for _ in 0..160 {
+        let chain = five_hinges(&mut rng);
+        let q: Vec<f64> = (0..5).map(|_| rng.f64()).collect();
+        let qd: Vec<f64> = (0..5).map(|_| 2.0 * rng.f64() - 1.0).collect();
+        let (restitution, friction) = (rng.f64(), 5.0 * rng.f64());
+        let parts = rng.usize(0..8) == 0;
+        let mut struck = Vec::new();
+        for _ in 0..2 + rng.usize(0..3) {
+            let frame = chain.frame(&format!("l{}", rng.usize(2..5))).unwrap();
+            let offset = Vector3::from_fn(|_, _| rng.f64() - 0.5);
+            let mut workspace = chain.workspace();
+            let kin = workspace.update(&chain, &q).unwrap();
+            let velocity = kin.point_velocity(chain.point(frame, offset), &qd).unwrap();
+            // Most normals are against the velocity of their point; of some cases all are along it.
+            let mut normal = Vector3::from_fn(|_, _| rng.f64() - 0.5);
+            if (parts || rng.usize(0..8) > 0) && (normal.dot(&velocity) > 0.0) != parts {
+                normal = -normal;
+            }
+            let grip = Grip::Contact { restitution, friction };
+            struck.push(StruckPoint { point: FramePoint::new(frame, offset), normal, grip, relative_stiffness: 1.0 });
+        }
+        for law in [SeveralLaw::Moreau, SeveralLaw::Sequential, SeveralLaw::Poisson] {
+            let hit = match chain.impact_at_points(&q, &qd, &struck, JointModel::Free, law) {
+                Err(SimError::Together { residuals, .. }) => {
+                    assert!(residuals.iter().all(|residual| *residual > 1e-9), "{residuals:?}");
+                    refused += 1;
+                    continue;
+                }
+                other => other.unwrap(),
+            };
+            assert!(hit.residual <= 1e-9, "{law:?} {hit:?}");
+            let inelastically = hit.flags.contains(Flags::WITHOUT_RESTITUTION);
+            if inelastically {
+                inelastic += 1
+            } else {
+                plain += 1
+            }
+            let speed = hit.u_minus.iter().fold(0.0_f64, |most, u| most.max(u.norm()));
+            let mut approaches = false;
+            for (point, (before, (after, impulse))) in
+                struck.iter().zip(hit.u_minus.iter().zip(hit.u_plus.iter().zip(&hit.impulses)))
+            {
+                let n = point.normal.normalize();
+                assert!(after.dot(&n) >= -1e-8 * speed, "{law:?} {hit:?}");
+                assert!(impulse.dot(&n) >= 0.0 && after.norm() < 1e5 * speed, "{law:?} {hit:?}");
+                approaches |= before.dot(&n) < -1e-9 * speed;
+            }
+            assert_eq!(hit.flags.contains(Flags::NO_APPROACH), !approaches, "{law:?} {hit:?}");
+            open += usize::from(!approaches);
+            if inelastically && law != SeveralLaw::Poisson {
+                assert!(hit.energy_after <= hit.energy_before * (1.0 + 1e-8), "{law:?} {hit:?}");
+            }
+        }
+    }
+    println!("{plain} by the law, {inelastic} without restitution, {refused} refused, {open} without approach");
+    assert!(plain > 300 && inelastic > 20 && open > 20 && refused < 10, "{plain} {inelastic} {refused} {open}");
 }

@@ -80,6 +80,9 @@ use crate::{Flags, ImpactError};
 /// An energy gain below this multiple of ε times the energies exchanged counts as rounding.
 const GAIN: f64 = 64.0;
 
+/// With a larger residual impulses are not a solution.
+const SOLVED: f64 = 1e-9;
+
 /// One constraint of an impact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constraint {
@@ -299,7 +302,23 @@ impl SeveralProblem {
         let passed = 0.5 * impulse.abs().dot(&(self.u_minus.abs() + u_plus.abs()));
         // A gain within the residual is not one of the law.
         let gains = energy_change > passed * (GAIN * f64::EPSILON).max(residual);
-        (energy_change, Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(impulse.amax() == 0.0))
+        // Where no solution was found, zero impulses do not mean that none is needed.
+        let open = impulse.amax() == 0.0 && residual <= SOLVED;
+        (energy_change, Flags::ENERGY_GAIN.when(gains) | Flags::NO_APPROACH.when(open))
+    }
+
+    /// The rounding error of the velocities that these impulses give, relative to the largest velocity before, as
+    /// [`SeveralOutcome::residual`] is: no smaller residual means anything. It is large where impulses cancel that are many orders
+    /// of magnitude above those that the velocities before need, as in a sequence of sub-impacts that gains energy without end.
+    pub fn rounding(&self, impulse: &DVector<f64>) -> f64 {
+        let speed = self.u_minus.amax().max(self.u_free.amax());
+        let passed = (self.delassus.abs() * impulse.abs()).amax();
+        if passed == 0.0 { 0.0 } else { passed / speed * f64::EPSILON }
+    }
+
+    /// The same problem with all coefficients of restitution zero.
+    pub fn without_restitution(&self) -> Self {
+        self.inelastic(1.0)
     }
 
     /// The same problem without restitution, with the bounds of dry friction multiplied by `share`.
@@ -349,8 +368,8 @@ pub struct SeveralOutcome {
     /// Work of the impulses at the mean velocity, `½ pᵀ(u⁻ + u⁺)` (J). In an impact without forces (`u_free = u_minus`)
     /// it is the change of kinetic energy; in a time step the work of the forces has to be added.
     pub energy_change: f64,
-    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero; `non-unique` if other
-    /// impulses in the same modes satisfy the law of Moreau, or of Poisson, and give other velocities.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero and satisfy the law;
+    /// `non-unique` if other impulses in the same modes satisfy the law of Moreau, or of Poisson, and give other velocities.
     pub flags: Flags,
 }
 

@@ -62,8 +62,8 @@ pub struct SequentialOutcome {
     pub residual: f64,
     /// `½ pᵀ(u⁻ + u⁺)` (J), as in [`SeveralOutcome`](crate::SeveralOutcome).
     pub energy_change: f64,
-    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero; `non-unique` if equal approach velocities
-    /// left the order open.
+    /// `energy-gain` if the impulses did positive work; `no-approach` if all impulses are zero and no contact
+    /// approaches; `non-unique` if equal approach velocities left the order open.
     pub flags: Flags,
 }
 
@@ -169,7 +169,7 @@ impl SeveralProblem {
         let held = self.rows().filter(|(_, constraint)| **constraint == Constraint::Held);
         let worst = held.fold(left, |worst, (row, _)| worst.max(u_plus[row].abs()));
         let residual = if worst == 0.0 { 0.0 } else { worst / speed };
-        let (energy_change, mut flags) = self.energy(&impulse, &u_plus, 0.0);
+        let (energy_change, mut flags) = self.energy(&impulse, &u_plus, residual);
         if open {
             flags |= Flags::NON_UNIQUE;
         }

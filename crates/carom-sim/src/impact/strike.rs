@@ -41,7 +41,8 @@ pub trait Impacts {
     ///
     /// # Errors
     /// [`SimError::Incomplete`] without points; for each point those of [`Strike::contact`]; [`SimError::Impact`] for a
-    /// coefficient out of its range.
+    /// coefficient out of its range; [`SimError::Together`] where no impulses were found that satisfy the law, neither with the
+    /// coefficients of restitution given nor without restitution.
     ///
     /// ```
     /// # use carom_chain::{Chain, FramePoint, urdf::LoadOptions};

@@ -12,7 +12,7 @@
 //! determined.
 
 use super::prepared::{Aim, problem};
-use crate::contact::SeveralLaw;
+use crate::contact::{SeveralLaw, Solved};
 use crate::error::SimError;
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
@@ -62,12 +62,16 @@ pub struct SeveralImpact {
     pub energy_before: f64,
     /// Kinetic energy of the whole chain after, J; with drives that act, it contains their work.
     pub energy_after: f64,
-    /// Violation of the law, relative to the largest velocity of a point: see
-    /// [`SeveralOutcome::residual`](carom_impact::SeveralOutcome::residual). Above 1e-9 no solution was found.
+    /// Violation of the law, relative to the largest velocity of a point, at most 1e-9: see
+    /// [`SeveralOutcome::residual`](carom_impact::SeveralOutcome::residual).
     pub residual: f64,
-    /// Notes about the result.
+    /// Notes about the result. [`Flags::WITHOUT_RESTITUTION`]: no impulses satisfy the law with the coefficients of restitution
+    /// given, and the result is that with all of them zero, as in scenes.
     pub flags: Flags,
 }
+
+/// With a larger residual impulses are not a solution.
+const SOLVED: f64 = 1e-9;
 
 /// A point's Jacobian, its response and its axes.
 struct Seen {
@@ -119,7 +123,26 @@ pub(super) fn resolve(
         Grip::Contact { .. } => vec![struck.relative_stiffness],
         Grip::Sticks => vec![1.0; 3],
     });
-    let outcome = law.solve(&problem, &stiffnesses.collect::<Vec<_>>(), &Accuracy::default(), None)?;
+    let stiffnesses: Vec<f64> = stiffnesses.collect();
+    let solve = |problem: &SeveralProblem| -> Result<Solved, SimError> {
+        let mut found = law.solve(problem, &stiffnesses, &Accuracy::default(), None)?;
+        let rounding = problem.rounding(&found.impulse);
+        let known = rounding <= found.residual; // false for NaN too
+        found.residual = if known { found.residual } else { rounding };
+        Ok(found)
+    };
+    let mut outcome = solve(&problem)?;
+    let solved = |found: &Solved| found.residual <= SOLVED;
+    if !solved(&outcome) {
+        let first = outcome.residual;
+        outcome = solve(&problem.without_restitution())?;
+        if !solved(&outcome) {
+            let names: Vec<&str> = points.iter().map(|(_, aim)| chain.frame_name(aim.point.frame)).collect();
+            let residuals = [first, outcome.residual];
+            return Err(SimError::Together { law: law.name(), points: names.join(", "), residuals });
+        }
+        outcome.flags |= Flags::WITHOUT_RESTITUTION;
+    }
 
     let mut qd_plus = qd.to_vec();
     let mut impulses = Vec::new();
