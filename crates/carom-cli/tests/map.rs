@@ -264,3 +264,53 @@ fn parts_made_by_the_recipes_of_the_book_are_the_whole_map() {
     }
     assert!(joined() == whole, "Slurm");
 }
+
+/// A limit of the size of files stands for a full disk: both end a write that has begun. The rows before it are kept, and a run
+/// that resumes gives the bytes of an uninterrupted one, also after a second failure.
+#[cfg(unix)]
+#[test]
+fn a_map_that_does_not_fit_on_the_disk_is_resumed_to_the_same_bytes() {
+    let desk = Desk::new("full");
+    // eight groups of rows each
+    for (name, count) in [("m.parquet", 512), ("m.csv", 256)] {
+        let count = format!("count = {count}");
+        desk.study(|text| text.replace("count = 7", &count).replace("count = 6", &count));
+        assert!(desk.run(&format!("map s.toml --out {name}")).status.success());
+        let whole = std::fs::read(desk.0.join(name)).unwrap();
+        std::fs::remove_file(desk.0.join(name)).unwrap();
+        let partial = name.replace("m.", "m.partial.");
+        let mut kept = 0;
+        // In the midst of the rows, twice, and at their end, in the footer of a Parquet file. The unit of the limit is 512 bytes.
+        let limits =
+            [(whole.len() / 3 / 512, ""), (whole.len() / 3 / 512, " --resume"), (whole.len() / 512, " --resume")];
+        for (limit, more) in limits {
+            let carom = env!("CARGO_BIN_EXE_carom");
+            let script =
+                format!("trap '' XFSZ; ulimit -f {limit}; exec {carom} map s.toml --out {name} --threads 1{more}");
+            let ran = Command::new("sh").args(["-c", &script]).current_dir(&desk.0).output().unwrap();
+            let said = String::from_utf8(ran.stderr).unwrap();
+            assert_eq!(ran.status.code(), Some(1), "{said}");
+            let said = said.lines().last().unwrap();
+            assert!(said.starts_with(&format!("error: {name}: cannot be written: File too large")), "{said}");
+            let rows = said.split("the first ").nth(1).unwrap().split(' ').next().unwrap();
+            assert!(said.contains(&format!(" rows are kept in {partial}: ")) && said.contains("--resume"), "{said}");
+            let rows: u64 = rows.parse().unwrap();
+            assert!(rows >= kept && rows > 0 && rows < 512 * 512 * 2, "{rows} rows after {kept}");
+            kept = rows;
+            let left: Vec<String> = std::fs::read_dir(&desk.0)
+                .unwrap()
+                .map(|file| file.unwrap().file_name().into_string().unwrap())
+                .filter(|file| file.starts_with("m."))
+                .collect();
+            assert!(
+                left.len() == 2 && left.contains(&partial) && left.contains(&format!("{partial}.json")),
+                "{left:?}"
+            );
+        }
+        let resumed = desk.run(&format!("map s.toml --out {name} --resume"));
+        assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
+        assert!(whole == std::fs::read(desk.0.join(name)).unwrap(), "{name}");
+        std::fs::remove_file(desk.0.join(name)).unwrap();
+        assert!(!desk.0.join(partial).exists());
+    }
+}

@@ -4,6 +4,7 @@
 //! `/up/impulse`, `/up/velocity/…`; time series under `/series`; the table as a text document.
 
 use crate::RecordError;
+use crate::target::{begin, keep};
 use carom_chain::{Chain, ChainError, Spatial, Workspace};
 use carom_sim::Moment;
 use carom_study::MapPoint;
@@ -44,16 +45,12 @@ const VELOCITY_SCALE: f64 = 0.8;
 /// # Errors
 /// [`RecordError::Chain`] for a chain without the links of planar2, [`RecordError::Unwritable`].
 pub fn record_planar2(chain: &Chain, sides: &[Side], table: &str, path: &Path) -> Result<(), RecordError> {
-    let unwritable = |reason: String| RecordError::Unwritable { path: path.to_owned(), reason };
-    let partial = path.with_extension("rrd.part");
-    write(chain, sides, table, &partial).map_err(|trouble| {
-        let _ = std::fs::remove_file(&partial); // an incomplete recording cannot be opened
-        match trouble {
-            Trouble::Chain(error) => RecordError::Chain(error),
-            Trouble::Recorder(reason) => unwritable(reason),
-        }
+    let file = begin(path)?;
+    write(chain, sides, table, file.temporary()).map_err(|trouble| match trouble {
+        Trouble::Chain(error) => RecordError::Chain(error),
+        Trouble::Recorder(reason) => RecordError::Unwritable { path: path.to_owned(), reason },
     })?;
-    std::fs::rename(&partial, path).map_err(|e| unwritable(e.to_string()))
+    keep(file)
 }
 
 /// Errors while writing, without types of rerun.

@@ -1,6 +1,7 @@
 //! Destinations of recordings: a file, which is complete or not there, or a viewer.
 
 use crate::RecordError;
+use carom_study::Part;
 use rerun::external::re_uri::{self, RedapUri};
 use rerun::{RecordingStream, RecordingStreamBuilder};
 use std::path::{Path, PathBuf};
@@ -33,7 +34,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// An open recording. Fields are dropped in their order: the stream ends before its file is removed.
 pub(crate) struct Sink {
     pub rec: RecordingStream,
-    file: Option<Partial>,
+    file: Option<Part>,
     /// The viewer did not answer in time.
     lost: bool,
 }
@@ -47,8 +48,8 @@ impl Sink {
         let viewer = |e: rerun::RecordingStreamError| RecordError::Viewer { reason: e.to_string() };
         match target {
             Target::File(path) => {
-                let file = Partial::beside(path);
-                let rec = builder.save(&file.partial).map_err(|e| file.unwritable(e.to_string()))?;
+                let file = begin(path)?;
+                let rec = builder.save(file.temporary()).map_err(|e| unwritable(&file, &e.to_string()))?;
                 Ok(Self { rec, file: Some(file), lost: false })
             }
             Target::Connect(url) => {
@@ -63,7 +64,7 @@ impl Sink {
     /// The error with this reason: of the file if the destination is one, else of the viewer.
     pub fn error(&self, reason: String) -> RecordError {
         match &self.file {
-            Some(file) => file.unwritable(reason),
+            Some(file) => unwritable(file, &reason),
             None => RecordError::Viewer { reason },
         }
     }
@@ -78,7 +79,7 @@ impl Sink {
         flushed?;
         let file = self.file.take();
         drop(self); // the end of the stream writes the last bytes of the file
-        file.map_or(Ok(()), Partial::keep)
+        file.map_or(Ok(()), keep)
     }
 
     fn flush(&self) -> Result<(), RecordError> {
@@ -109,33 +110,20 @@ fn answers(url: &str) -> Result<(), RecordError> {
     std::net::TcpStream::connect(address).map(drop).map_err(|e| refuse(e.to_string()))
 }
 
-/// A file that is being written.
-struct Partial {
-    path: PathBuf,
-    partial: PathBuf,
+/// The error of a file that is being written; the message names the file itself, not its temporary name.
+fn unwritable(file: &Part, reason: &str) -> RecordError {
+    let (path, part) = (file.path(), file.temporary());
+    let reason = reason.replace(&part.display().to_string(), &path.display().to_string());
+    RecordError::Unwritable { path: path.to_owned(), reason }
 }
 
-impl Partial {
-    fn beside(path: &Path) -> Self {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        Self { path: path.to_owned(), partial: path.with_file_name(name) }
-    }
-
-    fn unwritable(&self, reason: String) -> RecordError {
-        // The message names the file itself, not its temporary name.
-        let reason = reason.replace(&self.partial.display().to_string(), &self.path.display().to_string());
-        RecordError::Unwritable { path: self.path.clone(), reason }
-    }
-
-    fn keep(self) -> Result<(), RecordError> {
-        std::fs::rename(&self.partial, &self.path).map_err(|e| self.unwritable(e.to_string()))
-    }
+/// Makes the temporary file of a recording.
+pub(crate) fn begin(path: &Path) -> Result<Part, RecordError> {
+    Part::unique(path).map_err(|e| RecordError::Unwritable { path: path.to_owned(), reason: e.to_string() })
 }
 
-impl Drop for Partial {
-    /// Removes the temporary file unless it was renamed by `keep`.
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.partial);
-    }
+/// Gives a complete recording its name.
+pub(crate) fn keep(file: Part) -> Result<(), RecordError> {
+    let path = file.path().to_owned();
+    file.keep().map_err(|e| RecordError::Unwritable { path, reason: e.to_string() })
 }

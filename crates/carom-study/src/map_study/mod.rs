@@ -181,6 +181,19 @@ pub enum StudyError {
     /// The map cannot be written.
     #[error(transparent)]
     Table(#[from] TableError),
+    /// The map cannot be written to its end, as on a full disk; the rows before it are kept.
+    #[error(
+        "{error}; the first {rows} rows are kept in {}: mend this, then run it again with --resume (in Python resume=True)",
+        partial.display()
+    )]
+    Incomplete {
+        /// Why the map cannot be written.
+        error: TableError,
+        /// Number of rows in the partial table.
+        rows: u64,
+        /// The partial table.
+        partial: PathBuf,
+    },
     /// The partial map of an interrupted run cannot be resumed.
     #[error("{}: the interrupted run cannot be resumed: {reason}", file.display())]
     Resume {

@@ -5,17 +5,18 @@
 //! computing time, so that an interruption takes effect soon. The bytes of the file do not depend on the blocks, because
 //! a row is a function of its number and the table determines the groups.
 //!
-//! An interrupted run leaves `X.partial.parquet`, a valid table of the rows computed so far, and the metadata needed to resume
-//! in `X.partial.parquet.json`. To resume, complete groups are copied as bytes (of a CSV file everything), the rows of the last
-//! group are decoded, and the remaining rows are computed. The result is byte-identical to that of an uninterrupted run.
+//! A run that is interrupted, or cannot write on, as on a full disk, leaves `X.partial.parquet`, a valid table of the rows so far,
+//! and the metadata needed to resume in `X.partial.parquet.json`. To resume, complete groups are copied as bytes (of a CSV file
+//! everything), the rows of the last group are decoded, and the remaining rows are computed. The result is byte-identical to that
+//! of an uninterrupted run.
 
 use super::{Study, StudyError};
-use crate::table::{CHUNK, Rows};
-use crate::{STUDY_KEY, Table};
+use crate::table::{CHUNK, Rows, partial};
+use crate::{Part, STUDY_KEY, Table, TableError};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -70,8 +71,7 @@ struct Note {
 impl MapFile {
     /// Path of the partial table that an interrupted run leaves: `X.partial.parquet` for `X.parquet`.
     pub fn partial(&self) -> PathBuf {
-        let ending = self.path.extension().unwrap_or_default().to_string_lossy().into_owned();
-        self.path.with_extension(format!("partial.{ending}"))
+        partial(&self.path)
     }
 
     fn note(&self) -> PathBuf {
@@ -86,7 +86,8 @@ impl Study {
     /// computed since its last call, from several threads; setting `stop` ends the run early and leaves a partial table.
     ///
     /// # Errors
-    /// [`StudyError`]: a file cannot be written, or the partial table cannot be resumed. No output is left then.
+    /// [`StudyError`]: a file cannot be written, another process writes it, or the partial table cannot be resumed.
+    /// [`StudyError::Incomplete`] if a partial table is left.
     ///
     /// # Panics
     /// If `file.rows` ends beyond [`Study::rows`].
@@ -102,11 +103,12 @@ impl Study {
         let done = if file.resume { self.take_over(file, &mut table)? } else { 0 };
         progress(done);
         let mut next = file.rows.start + done;
-        self.go_on(&mut table, &mut next, file.rows.end, progress, stop)?;
-        if next < file.rows.end {
-            return self.leave(file, table, next - file.rows.start);
+        let written = self.go_on(&mut table, &mut next, file.rows.end, progress, stop);
+        let written = if next < file.rows.end { written } else { written.and_then(|()| table.complete()) };
+        if written.is_err() || next < file.rows.end {
+            return self.leave(file, table, done, written);
         }
-        table.finish()?;
+        table.keep()?;
         if file.resume {
             // their rows are in the map now
             let _ = std::fs::remove_file(file.partial());
@@ -123,23 +125,23 @@ impl Study {
         end: u64,
         progress: &(dyn Fn(u64) + Sync),
         stop: &AtomicBool,
-    ) -> Result<(), StudyError> {
+    ) -> Result<(), TableError> {
         let encoder = table.encoder().clone();
         let (mut filling, mut full) = (table.take_held(), encoder.rows());
-        let mut pieces = Ok(Vec::new());
+        let (mut rows, mut pieces) = (0, Ok(Vec::new()));
         let mut length = CHUNK;
         loop {
             let ready = std::mem::replace(&mut pieces, Ok(Vec::new()));
             // rows last: their tasks are small and balance the load
             let ((written, encoded), ()) = rayon::join(
-                || rayon::join(|| table.append(ready), || encoder.encode(&full)),
+                || rayon::join(|| table.append(rows, ready), || encoder.encode(&full)),
                 || self.fill(&mut filling, next, end, &mut length, progress, stop),
             );
             written?;
             if full.length() == 0 && filling.length() == 0 {
                 return Ok(());
             }
-            pieces = encoded;
+            (rows, pieces) = (full.length(), encoded);
             full.clear();
             std::mem::swap(&mut filling, &mut full);
         }
@@ -201,15 +203,37 @@ impl Study {
         }
     }
 
-    /// Writes the partial table and its metadata.
-    fn leave(&self, file: &MapFile, table: Table, rows: u64) -> Result<Written, StudyError> {
-        let (partial, beside) = (file.partial(), file.note());
-        table.finish_at(&partial)?;
-        let trouble = |reason| StudyError::Beside { file: beside.clone(), reason };
-        let sum = sum(&partial).map_err(trouble)?;
-        let text = serde_json::to_string_pretty(&self.note(file, rows, sum)).map_err(|e| trouble(e.into()))?;
-        write_beside(&beside, text.as_bytes()).map_err(trouble)?;
-        Ok(Written::Interrupted { rows, partial })
+    /// Leaves the partial table and its metadata. `written` is the error that has ended the run, if one has; `done` the number of
+    /// rows of the partial table that it has resumed, which stays if no more rows can be kept.
+    fn leave(
+        &self,
+        file: &MapFile,
+        table: Table,
+        done: u64,
+        written: Result<(), TableError>,
+    ) -> Result<Written, StudyError> {
+        let partial = file.partial();
+        let mut note = None;
+        let left = table.leave(&partial, done, |temporary, rows| {
+            let text = serde_json::to_string_pretty(&self.note(file, rows, sum(temporary)?))?;
+            let part = Part::unique(&file.note())?;
+            part.file().write_all(text.as_bytes())?;
+            note = Some(part);
+            Ok(())
+        });
+        let named = |reason| StudyError::Beside { file: file.note(), reason };
+        let left = match (left, note) {
+            (Ok(rows), Some(note)) => note.keep().map(|()| Ok(rows)).map_err(named)?,
+            (left, _) => left,
+        };
+        match (written, left) {
+            (Ok(()), Ok(rows)) => Ok(Written::Interrupted { rows, partial }),
+            (Err(error), Ok(rows)) => Err(StudyError::Incomplete { error, rows, partial }),
+            (Err(error), Err(_)) | (Ok(()), Err(error)) if done > 0 => {
+                Err(StudyError::Incomplete { error, rows: done, partial })
+            }
+            (Err(error), Err(_)) | (Ok(()), Err(error)) => Err(error.into()),
+        }
     }
 
     /// Copies the partial table of an interrupted run. Returns its number of rows.
@@ -243,14 +267,12 @@ impl Study {
         if checksum != left.checksum {
             return Err(refuse(&partial, format!("its bytes are not those that were written; {again}")));
         }
-        match table.take_over(&partial) {
-            Err(error) => Err(refuse(&partial, format!("{error}; {again}"))),
-            Ok(Some(rows)) if rows != left.rows => Err(refuse(
-                &partial,
-                format!("it has {rows} rows instead of the {} that were written; {again}", left.rows),
-            )),
-            Ok(_) => Ok(left.rows),
-        }
+        table.take_over(&partial, left.rows).map_err(|error| match error.raw_os_error() {
+            // a full disk, say: the partial table is as it was
+            Some(_) => refuse(&partial, error.to_string()),
+            None => refuse(&partial, format!("{error}; {again}")),
+        })?;
+        Ok(left.rows)
     }
 }
 
@@ -266,15 +288,4 @@ fn sum(path: &Path) -> io::Result<(u64, u32)> {
         hasher.update(&buffer[..count]);
         length += count as u64;
     }
-}
-
-/// Writes a file under a temporary name and renames it.
-fn write_beside(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    std::fs::write(&part, bytes)?;
-    std::fs::rename(&part, path).inspect_err(|_| {
-        let _ = std::fs::remove_file(&part);
-    })
 }

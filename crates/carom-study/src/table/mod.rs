@@ -9,25 +9,26 @@
 //! | metadata | none | `carom.version`; `carom.units`, a JSON object from columns to units; texts of [`Table::describe`] |
 //!
 //! A table is written to `X.csv.part` in the same folder and renamed when it is complete. A file under its final name is
-//! therefore always complete.
+//! therefore always complete. The temporary file is locked, so that a second process that writes the same table is refused.
 
 mod encode;
 mod words;
 
 pub(crate) use encode::{CHUNK, Encoder, Piece, Rows};
 
+use crate::Part;
 use encode::Format;
 use parquet::column::reader::ColumnReader;
 use parquet::column::writer::ColumnCloseResult;
 use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
-use parquet::file::metadata::KeyValue;
+use parquet::file::metadata::{FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::serialized_reader::ReadOptionsBuilder;
 use parquet::file::writer::SerializedFileWriter;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -70,6 +71,12 @@ pub enum TableError {
         /// Error of the operating system or of the encoder.
         reason: io::Error,
     },
+}
+
+impl GroupEnd {
+    fn of(file: &SerializedFileWriter<BufWriter<File>>, rows: u64) -> Self {
+        Self { rows, bytes: file.bytes_written() as u64, groups: file.flushed_row_groups().len() }
+    }
 }
 
 /// A column of a table.
@@ -135,13 +142,26 @@ impl Column {
 /// # Ok::<(), TableError>(())
 /// ```
 pub struct Table {
-    // before `place`, so that the file is closed before it is removed
+    // before `place`, so that nothing is written after the file has got its name
     out: Out,
-    place: Place,
+    place: Part,
     encoder: Encoder,
     held: Rows,
     facts: Vec<KeyValue>,
     whole: bool,
+    /// Ends of the groups that have reached the file, in order.
+    groups: Vec<GroupEnd>,
+}
+
+/// End of a group of rows in the file.
+#[derive(Clone, Copy)]
+struct GroupEnd {
+    /// Number of rows up to here.
+    rows: u64,
+    /// Length of the file up to here, bytes.
+    bytes: u64,
+    /// Number of row groups of a Parquet file up to here.
+    groups: usize,
 }
 
 impl Table {
@@ -149,7 +169,8 @@ impl Table {
     /// case, selects the format. An existing file is unchanged until [`Table::finish`] replaces it.
     ///
     /// # Errors
-    /// [`TableError`]: another extension, no columns, duplicate names, or a folder that cannot be written to.
+    /// [`TableError`]: another extension, no columns, duplicate names, a folder that cannot be written to, or another process that
+    /// writes the same table.
     pub fn create(path: &Path, columns: &[String]) -> Result<Self, TableError> {
         Self::create_with(path, &columns.iter().map(Column::number).collect::<Vec<_>>())
     }
@@ -173,7 +194,8 @@ impl Table {
         if let Some(twice) = columns.iter().find(|column| !seen.insert(&column.name)) {
             return Err(refuse(format!("two columns have the name '{}'", twice.name)));
         }
-        let (place, file) = Place::begin(path).map_err(unwritable(path))?;
+        let place = Part::locked(path).map_err(unwritable(path))?;
+        let file = place.file().try_clone().map_err(unwritable(path))?;
         let encoder = if is_text { Ok(Encoder::csv(columns)) } else { Encoder::parquet(columns) };
         let encoder = encoder.map_err(unwritable(path))?;
         let out = Out::begin(file, &encoder).map_err(unwritable(path))?;
@@ -183,7 +205,7 @@ impl Table {
         let units = serde_json::to_string(&units).map_err(|e| unwritable(path)(e.into()))?;
         let facts = [("carom.version", env!("CARGO_PKG_VERSION").to_owned()), ("carom.units", units)];
         let facts = facts.map(|(key, text)| KeyValue::new(key.to_owned(), text)).into();
-        Ok(Self { out, place, held: encoder.rows(), encoder, facts, whole: true })
+        Ok(Self { out, place, held: encoder.rows(), encoder, facts, whole: true, groups: Vec::new() })
     }
 
     /// Adds a text to the metadata of a Parquet file, for example `carom.scene` with the scene that was simulated. CSV files have
@@ -200,18 +222,18 @@ impl Table {
     pub fn row(&mut self, values: &[f64]) -> Result<(), TableError> {
         let columns = self.encoder.columns.len();
         if values.len() != columns {
-            return Err(TableError::Row { file: self.place.path.clone(), given: values.len(), columns });
+            return Err(TableError::Row { file: self.place.path().to_owned(), given: values.len(), columns });
         }
         self.held.push(values);
         if self.held.room() == 0 { self.flush() } else { Ok(()) }
     }
 
     /// Writes the buffered rows.
-    fn flush(&mut self) -> Result<(), TableError> {
+    pub(crate) fn flush(&mut self) -> Result<(), TableError> {
         let (encoder, held) = (&self.encoder, &self.held);
-        let pieces = (0..encoder.pieces(held)).map(|k| encoder.piece(held, k)).collect::<io::Result<Vec<_>>>();
+        let (rows, pieces) = (held.length(), (0..encoder.pieces(held)).map(|k| encoder.piece(held, k)).collect());
         self.held.clear();
-        self.append(pieces)
+        self.append(rows, pieces)
     }
 
     /// The encoder of the rows.
@@ -224,25 +246,31 @@ impl Table {
         std::mem::replace(&mut self.held, self.encoder.rows())
     }
 
-    /// Adds the pieces of a group. All groups but the last are complete.
+    /// Adds the pieces of a group of `rows` rows. All groups but the last are complete.
     ///
     /// # Errors
     /// The error of encoding or writing; the table cannot be finished then.
-    pub(crate) fn append(&mut self, pieces: io::Result<Vec<Piece>>) -> Result<(), TableError> {
-        let written = pieces.and_then(|pieces| self.out.append(pieces));
+    pub(crate) fn append(&mut self, rows: usize, pieces: io::Result<Vec<Piece>>) -> Result<(), TableError> {
+        let rows = self.rows() + rows as u64;
+        let written = pieces.and_then(|pieces| self.out.append(pieces)).and_then(|()| self.out.end(rows));
         self.whole &= written.is_ok();
-        written.map_err(unwritable(&self.place.path))
+        written.map(|end| self.groups.push(end)).map_err(unwritable(self.place.path()))
     }
 
-    /// Copies the rows of a table written by [`Table::finish_at`] into this empty table: complete groups without decoding them,
-    /// the rows of an incomplete group into the buffer. Returns the number of rows, if the format stores it.
+    /// Number of rows that have reached the file.
+    fn rows(&self) -> u64 {
+        self.groups.last().map_or(0, |end| end.rows)
+    }
+
+    /// Copies the `rows` rows of a table written by [`Table::leave`] into this empty table: complete groups without decoding them,
+    /// the rows of an incomplete group into the buffer. CSV files do not store the number of rows.
     ///
     /// # Errors
-    /// The error of reading or decoding, or that the table has other columns.
-    pub(crate) fn take_over(&mut self, path: &Path) -> io::Result<Option<u64>> {
+    /// The error of reading or decoding, or that the table has other columns or another number of rows.
+    pub(crate) fn take_over(&mut self, path: &Path, rows: u64) -> io::Result<()> {
         self.whole = false;
         let file = File::open(path)?;
-        let taken = match &mut self.out {
+        match &mut self.out {
             Out::Csv(out) => {
                 let header = self.encoder.header()?;
                 let mut theirs = vec![0; header.len()];
@@ -252,73 +280,126 @@ impl Table {
                     return Err(other_columns());
                 }
                 io::copy(&mut file, out)?;
-                None
+                out.flush()?;
+                self.groups.push(self.out.end(rows)?);
             }
-            Out::Parquet(out) => Some(take_groups(file, out, &self.encoder, &mut self.held)?),
-        };
+            Out::Parquet(out) => {
+                let groups = take_groups(file, out, &self.encoder, &mut self.held)?;
+                out.flush()?;
+                self.groups = groups;
+                let found = self.rows() + self.held.length() as u64;
+                if found != rows {
+                    return Err(io::Error::other(format!(
+                        "it has {found} rows instead of the {rows} that were written"
+                    )));
+                }
+            }
+        }
         self.whole = true;
-        Ok(taken)
+        Ok(())
     }
 
     /// Writes the buffered rows and renames the table to its final name.
     ///
     /// # Errors
     /// [`TableError::Unwritable`]: writing failed, now or at an earlier row. The temporary file is removed then.
-    pub fn finish(self) -> Result<(), TableError> {
-        let path = self.place.path.clone();
-        self.finish_at(&path)
+    pub fn finish(mut self) -> Result<(), TableError> {
+        self.complete()?;
+        self.keep()
     }
 
-    /// As [`Table::finish`], with another name in the same folder, for an incomplete table.
+    /// Writes the buffered rows and the end of the table.
     ///
     /// # Errors
     /// As [`Table::finish`].
-    pub(crate) fn finish_at(mut self, path: &Path) -> Result<(), TableError> {
+    pub(crate) fn complete(&mut self) -> Result<(), TableError> {
         self.flush()?;
-        let Self { out, place, facts, whole, .. } = self;
-        let flushed = if whole { out.finish(facts) } else { Err(io::Error::other("a row was lost")) };
-        flushed.and_then(|()| place.keep(path)).map_err(unwritable(path))
+        let Self { out, place, encoder, facts, groups, whole, .. } = self;
+        let lost = || io::Error::other("a row was lost");
+        let end = groups.last().filter(|_| *whole).ok_or_else(lost);
+        end.and_then(|end| cut(place.file(), end, encoder, &out.groups(), facts)).map_err(unwritable(place.path()))
     }
+
+    /// Renames the completed table to its final name.
+    ///
+    /// # Errors
+    /// As [`Table::finish`].
+    pub(crate) fn keep(self) -> Result<(), TableError> {
+        let Self { out, place, .. } = self;
+        drop(out);
+        let path = place.path().to_owned();
+        place.keep().map_err(unwritable(&path))
+    }
+
+    /// Ends a table before its last row, under the name `X.partial.csv` for `X.csv`: a complete table of the rows so far.
+    /// Where they cannot be written, as on a full disk, it has the groups of rows that have reached the file. Returns the path
+    /// and the number of rows.
+    ///
+    /// # Errors
+    /// [`TableError::Unwritable`]: no row can be kept. No file is left then.
+    pub fn finish_partial(self) -> Result<(PathBuf, u64), TableError> {
+        let partial = partial(self.place.path());
+        let rows = self.leave(&partial, 0, |_, _| Ok(()))?;
+        Ok((partial, rows))
+    }
+
+    /// Ends a table before its last row under another name in the same folder, with as many groups of rows as can be written;
+    /// returns the number of rows. `beside`, called with the temporary file and this number, does what must succeed before the
+    /// file is renamed.
+    ///
+    /// # Errors
+    /// [`TableError::Unwritable`]: no more than `least` rows can be kept, if a row was lost. The temporary file is removed then.
+    pub(crate) fn leave(
+        mut self,
+        path: &Path,
+        least: u64,
+        mut beside: impl FnMut(&Path, u64) -> io::Result<()>,
+    ) -> Result<u64, TableError> {
+        let mut failed = if self.whole { self.flush().err() } else { None };
+        let lost = failed.is_some() || !self.whole;
+        let Self { out, place, encoder, facts, groups, .. } = self;
+        let written = out.groups();
+        drop(out); // what it has buffered is cut off below
+        for (_, end) in groups.iter().rev().enumerate().filter(|(k, end)| (!lost && *k == 0) || end.rows > least) {
+            let cut = cut(place.file(), end, &encoder, &written, &facts);
+            match cut.and_then(|()| beside(place.temporary(), end.rows)).map_err(unwritable(path)) {
+                Ok(()) => return place.keep_as(path).map(|()| end.rows).map_err(unwritable(path)),
+                Err(error) => _ = failed.get_or_insert(error),
+            }
+        }
+        Err(failed.unwrap_or_else(|| unwritable(path)(io::Error::other("no row has reached the file"))))
+    }
+}
+
+/// Path of the table that [`Table::finish_partial`] leaves.
+pub(crate) fn partial(path: &Path) -> PathBuf {
+    let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+    path.with_extension(format!("partial.{ending}"))
+}
+
+/// Makes a file a complete table that ends with this group; `written` has the groups of a Parquet file.
+fn cut(
+    mut file: &File,
+    end: &GroupEnd,
+    encoder: &Encoder,
+    written: &[RowGroupMetaData],
+    facts: &[KeyValue],
+) -> io::Result<()> {
+    file.set_len(end.bytes)?;
+    file.seek(SeekFrom::Start(end.bytes))?;
+    let Format::Parquet { schema, properties } = &encoder.format else { return Ok(()) };
+    let (version, made_by) = (properties.writer_version().as_num(), properties.created_by().to_owned());
+    let rows = i64::try_from(end.rows).map_err(io::Error::other)?;
+    let own = FileMetaData::new(version, rows, Some(made_by), Some(facts.to_vec()), Arc::clone(schema), None);
+    let metadata = ParquetMetaData::new(own, written[..end.groups].to_vec());
+    let mut footer = Vec::new();
+    ParquetMetaDataWriter::new(&mut footer, &metadata).finish().map_err(plain)?;
+    file.write_all(&footer)
 }
 
 fn unwritable(path: &Path) -> impl FnOnce(io::Error) -> TableError {
     let file = path.to_owned();
     move |reason| TableError::Unwritable { file, reason }
-}
-
-/// Path of a table, and of its temporary file.
-struct Place {
-    path: PathBuf,
-    part: PathBuf,
-    kept: bool,
-}
-
-impl Place {
-    fn begin(path: &Path) -> io::Result<(Self, File)> {
-        if path.is_dir() {
-            // an early error, before a long computation
-            return Err(io::ErrorKind::IsADirectory.into());
-        }
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        let part = path.with_file_name(name);
-        let file = File::create(&part)?;
-        Ok((Self { path: path.to_owned(), part, kept: false }, file))
-    }
-
-    fn keep(mut self, path: &Path) -> io::Result<()> {
-        std::fs::rename(&self.part, path)?;
-        self.kept = true;
-        Ok(())
-    }
-}
-
-impl Drop for Place {
-    fn drop(&mut self) {
-        if !self.kept {
-            let _ = std::fs::remove_file(&self.part);
-        }
-    }
 }
 
 /// The file that pieces are written to.
@@ -352,7 +433,7 @@ impl Out {
                 })?;
                 file.flush()
             }
-            Self::Parquet(_) if pieces.is_empty() => Ok(()),
+            Self::Parquet(file) if pieces.is_empty() => file.flush(),
             Self::Parquet(file) => {
                 let mut group = file.next_row_group().map_err(plain)?;
                 for piece in pieces {
@@ -367,13 +448,19 @@ impl Out {
         }
     }
 
-    fn finish(self, facts: Vec<KeyValue>) -> io::Result<()> {
+    /// The end of what is written and flushed, `rows` rows.
+    fn end(&mut self, rows: u64) -> io::Result<GroupEnd> {
         match self {
-            Self::Csv(mut file) => file.flush(),
-            Self::Parquet(mut file) => {
-                facts.into_iter().for_each(|fact| file.append_key_value_metadata(fact));
-                file.finish().map(|_metadata| ()).map_err(plain)
-            }
+            Self::Csv(file) => Ok(GroupEnd { rows, bytes: file.stream_position()?, groups: 0 }),
+            Self::Parquet(file) => Ok(GroupEnd::of(file, rows)),
+        }
+    }
+
+    /// Metadata of the groups of a Parquet file.
+    fn groups(&self) -> Vec<RowGroupMetaData> {
+        match self {
+            Self::Csv(_) => Vec::new(),
+            Self::Parquet(file) => file.flushed_row_groups().to_vec(),
         }
     }
 }
@@ -383,13 +470,13 @@ fn other_columns() -> io::Error {
 }
 
 /// Copies the complete groups of a Parquet table written by this module into another table, and the rows of its last,
-/// incomplete group into `rest`. Returns the number of rows.
+/// incomplete group into `rest`. Returns the ends of the copied groups.
 fn take_groups(
     from: File,
     into: &mut SerializedFileWriter<BufWriter<File>>,
     encoder: &Encoder,
     rest: &mut Rows,
-) -> io::Result<u64> {
+) -> io::Result<Vec<GroupEnd>> {
     // read all metadata of a column, so that its copy is identical
     let options = ReadOptionsBuilder::new().with_encoding_stats_as_mask(false).build();
     let file = SerializedFileReader::new_with_options(from.try_clone()?, options).map_err(plain)?;
@@ -399,7 +486,7 @@ fn take_groups(
     if schema.num_columns() != mine.num_columns() || !schema.columns().iter().zip(mine.columns()).all(alike) {
         return Err(other_columns());
     }
-    let mut taken = 0;
+    let (mut taken, mut ends) = (0, Vec::new());
     for k in 0..file.num_row_groups() {
         let group = file.metadata().row_group(k);
         let rows = u64::try_from(group.num_rows()).map_err(io::Error::other)?;
@@ -424,8 +511,9 @@ fn take_groups(
             copy.append_column(&from, close).map_err(plain)?;
         }
         copy.close().map_err(plain)?;
+        ends.push(GroupEnd::of(into, taken));
     }
-    Ok(taken)
+    Ok(ends)
 }
 
 /// Decodes a row group into rows.
@@ -463,7 +551,7 @@ fn decode(
 /// The error of the file system, without the wrapper of the Parquet crate.
 fn plain(error: ParquetError) -> io::Error {
     match error {
-        ParquetError::External(inner) => io::Error::other(inner),
+        ParquetError::External(inner) => inner.downcast::<io::Error>().map_or_else(io::Error::other, |own| *own),
         other => other.into(),
     }
 }
