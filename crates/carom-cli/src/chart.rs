@@ -303,7 +303,7 @@ fn for_people(chart: &Chart, out: &mut dyn Write) -> std::io::Result<()> {
         let (after, end) = (number(run.after_impact), number(run.at_end));
         writeln!(out, "{:36} {knob:>20} {:>10.4} {after:>12} {end:>10}  {}", run.method, run.wall_time * 1e3, run.law)?;
     }
-    writeln!(out, "{}", chart.caption().join("\n"))?;
+    chart.caption().iter().try_for_each(|line| writeln!(out, "{line}"))?;
     for absent in &chart.absent {
         writeln!(out, "not run: {}: {}", absent.method, absent.reason)?;
     }

@@ -174,7 +174,7 @@ impl CompareCommand {
             write_whole(&folder.join("compare.json"), &format!("{json}\n"))?;
         }
         let told = |report: &Report, out: &mut dyn Write| -> io::Result<()> {
-            write!(out, "{}", summary(&report.comparisons))
+            summary(&report.comparisons).lines().try_for_each(|line| writeln!(out, "{line}"))
         };
         answer(out, &report(all), self.json, told).map_err(|refused| CliError::refused(&self.data[0], refused))
     }

@@ -205,7 +205,8 @@ fn told<'a>(row: &'a MeasuredRow, found: &Findings) -> Row<'a> {
 fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "Y = √((1−e²)/(1−E²) − 1) of a frictionless impact is |cot α − h|/√D: a V over cot α.")?;
     for row in &report.rows {
-        writeln!(out, "\n{}: {}", row.row, if row.consistent { "consistent" } else { "NOT consistent" })?;
+        writeln!(out)?;
+        writeln!(out, "{}: {}", row.row, if row.consistent { "consistent" } else { "NOT consistent" })?;
         writeln!(
             out,
             "{:>8} {:>9} {:>7} {:>7} {:>9}   {:19}   tangential velocity: v_t⁺/V and its change",
@@ -242,8 +243,9 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
             writeln!(out, "  - {sentence}")?;
         }
     }
+    writeln!(out)?;
     writeln!(
         out,
-        "\nTested is the table against eqs. (10) to (16) only: a rigid, frictionless impact with Newton's coefficient."
+        "Tested is the table against eqs. (10) to (16) only: a rigid, frictionless impact with Newton's coefficient."
     )
 }

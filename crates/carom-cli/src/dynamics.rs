@@ -158,7 +158,8 @@ fn matrix(name: &str, rows: &[Vec<f64>], out: &mut dyn Write) -> io::Result<()> 
 fn place_for_people(place: &Place, out: &mut dyn Write) -> io::Result<()> {
     joints_for_people(place.joints, out)?;
     matrix("Jacobian", &place.jacobian, out)?;
-    writeln!(out, "{:14} {}\n", "position", row(&place.position))
+    writeln!(out, "{:14} {}", "position", row(&place.position))?;
+    writeln!(out)
 }
 
 fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
@@ -179,5 +180,6 @@ fn for_people(a: &Answer, out: &mut dyn Write) -> io::Result<()> {
     if let Some(tau) = &a.tau {
         writeln!(out, "{:14} {}", "tau", row(tau))?;
     }
-    writeln!(out, "kinetic energy {} J, potential energy {} J\n", short(a.kinetic_energy), short(a.potential_energy))
+    writeln!(out, "kinetic energy {} J, potential energy {} J", short(a.kinetic_energy), short(a.potential_energy))?;
+    writeln!(out)
 }

@@ -1,11 +1,14 @@
 //! Checks of the files that a command reads and writes, made before any work: no output replaces an input or another
-//! output, and every output has an existing folder.
+//! output, and every output has an existing folder that can be written to. Interruptions.
 
 use crate::error::CliError;
 use crate::output::say;
+use carom_study::{Part, remove_unfinished};
 use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Refuses outputs, each named by its option, that are no files, have no folder, or are an input or another output.
 pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), CliError> {
@@ -32,7 +35,8 @@ pub fn check(reads: &[PathBuf], writes: &[(&str, Option<&Path>)]) -> Result<(), 
         }
         taken.push((option, path, own));
     }
-    Ok(())
+    // Last, so that nothing is made in any folder if an option is refused.
+    taken.iter().try_for_each(|(_, path, _)| Part::unique(path).map(drop).map_err(|reason| unwritable(path, reason)))
 }
 
 /// Refuses a folder for outputs that is a file or whose parent does not exist; the folder itself may be missing.
@@ -44,6 +48,17 @@ pub fn check_folder(option: &str, path: &Path) -> Result<(), CliError> {
         return Err(CliError::Option(format!("{option} {}: it is a file: give a folder", path.display())));
     }
     check_parent(option, path)
+}
+
+/// Refuses a folder that has some of these files but not all: they are not those of an earlier run, which are replaced.
+pub fn check_own(option: &str, folder: &Path, names: &[&str]) -> Result<(), CliError> {
+    let (there, missing): (Vec<&str>, Vec<&str>) = names.iter().partition(|name| folder.join(name).exists());
+    let ([one, ..], [other, ..]) = (there.as_slice(), missing.as_slice()) else { return Ok(()) };
+    let folder = folder.display();
+    Err(CliError::Option(format!(
+        "{option} {folder}: it contains '{one}' but not '{other}', so it is not the folder of an earlier run, whose files are \
+         replaced: give another folder"
+    )))
 }
 
 fn check_parent(option: &str, path: &Path) -> Result<(), CliError> {
@@ -69,23 +84,30 @@ fn unwritable(path: &Path, reason: io::Error) -> CliError {
     CliError::Unwritable { file: path.display().to_string(), reason }
 }
 
-/// When the command is interrupted or terminated, removes the temporary files beside these outputs, says so, and exits with
-/// status 1. The outputs themselves are not touched: they are complete or not there.
-pub fn clear_when_interrupted<'a>(writes: impl Iterator<Item = &'a Path>) {
-    let parts: Vec<PathBuf> = writes
-        .map(|path| {
-            let mut name = path.file_name().unwrap_or_default().to_owned();
-            name.push(".part");
-            path.with_file_name(name)
-        })
-        .collect();
-    let handler = ctrlc::set_handler(move || {
-        for part in &parts {
-            let _ = std::fs::remove_file(part);
-        }
+/// When the command is interrupted or terminated, removes its temporary files, says so, and exits with status 1. The outputs
+/// themselves are not touched: they are complete or not there.
+pub fn clear_when_interrupted() {
+    let handler = ctrlc::set_handler(|| {
+        remove_unfinished();
         say("error: interrupted: nothing is written");
         std::process::exit(1);
     });
     // Without a handler an interruption ends the command at once, and the temporary files stay.
     let _ = handler;
+}
+
+/// A flag that is set by an interruption (SIGINT, SIGTERM); a second interruption ends the process.
+pub fn interrupts() -> Arc<AtomicBool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let raised = Arc::clone(&stop);
+    let handler = ctrlc::set_handler(move || {
+        if raised.swap(true, Ordering::Relaxed) {
+            remove_unfinished();
+            std::process::exit(1);
+        }
+    });
+    if let Err(e) = handler {
+        say(&format!("warning: interruptions cannot be caught ({e}): an interrupted run will leave no partial file"));
+    }
+    stop
 }

@@ -1,7 +1,7 @@
 //! Input of the commands: robots, JSON lines, vectors on the command line, the order of the joints.
 
 use crate::error::{CliError, LineError};
-use crate::output::say;
+use crate::output::{PlainLines, say};
 use crate::{LoadArgs, RobotArgs};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
@@ -122,7 +122,7 @@ pub fn for_each_line<T: DeserializeOwned>(
     } else {
         Box::new(BufReader::new(File::open(path).map_err(unreadable)?))
     };
-    let mut out = io::BufWriter::new(out);
+    let mut out = PlainLines(io::BufWriter::new(out)); // above the buffer, which does not know where a line ends
     let mut text = String::new();
     let mut place = Place { file: file.clone(), line: 0 };
     loop {

@@ -233,19 +233,19 @@ fn for_people(r: &Report, repairs: &[Repair], out: &mut dyn Write) -> io::Result
     let width = |f: fn(&Joint) -> usize| r.joints.iter().map(f).max().unwrap_or(0);
     let (names, parents, children) = (width(|j| j.name.len()), width(|j| j.parent.len()), width(|j| j.child.len()));
     for j in &r.joints {
-        write!(out, "  {:names$}  {:10}  {:parents$} → {:children$}", j.name, j.kind, j.parent, j.child)?;
+        let mut line = format!("  {:names$}  {:10}  {:parents$} → {:children$}", j.name, j.kind, j.parent, j.child);
         if let (Some(lower), Some(upper)) = (j.lower, j.upper) {
-            write!(out, "  {} … {}", brief(lower), brief(upper))?;
+            line += &format!("  {} … {}", brief(lower), brief(upper));
         }
         if let Some(m) = &j.mimic {
-            write!(out, "  = {} · {} + {}", brief(m.multiplier), m.joint, brief(m.offset))?;
+            line += &format!("  = {} · {} + {}", brief(m.multiplier), m.joint, brief(m.offset));
         }
         for (name, value) in [("damping", j.damping), ("friction", j.friction), ("rotor inertia", j.rotor_inertia)] {
             if value != 0.0 {
-                write!(out, "  {name} {}", brief(value))?;
+                line += &format!("  {name} {}", brief(value));
             }
         }
-        writeln!(out)?;
+        writeln!(out, "{line}")?;
     }
     if r.joints.iter().any(|j| j.damping != 0.0 || j.friction != 0.0) {
         writeln!(out, "damping and friction of the joints act in simulate; dynamics and impact leave them out")?;

@@ -136,7 +136,7 @@ struct LoadArgs {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let stdout = &mut io::stdout().lock();
+    let stdout = &mut output::PlainLines(io::stdout().lock());
     let done = match cli.command {
         Command::Inspect(command) => command.run(stdout),
         Command::Dynamics(command) => command.run(stdout),

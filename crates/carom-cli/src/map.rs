@@ -3,7 +3,7 @@
 use crate::error::CliError;
 use crate::files;
 use crate::output::{answer, progress, say, short, write_whole};
-use crate::record::check_map;
+use crate::record::{check_map, check_recording, record_map};
 use carom_study::Study;
 use carom_study::map_study::{Advice, MapFile, Written};
 use clap::{ArgGroup, Args};
@@ -11,8 +11,6 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use std::io::{self, Write};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Compute a map of impacts over poses, approach angles, speeds, coefficients and laws
 ///
@@ -24,8 +22,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// columns and the files written.
 /// JSON keys: study, rows, columns, out, svg, rrd, advice {column, goal, fulfil, best_median_worst,
 ///   best [{row, q, values, self_motion}]}.
-/// An interruption (Ctrl-C) keeps the rows that are done in X.partial.csv or X.partial.parquet, with
-/// a note X.partial.csv.json or X.partial.parquet.json; the exit status is 1, and --resume continues.
+/// An interruption (Ctrl-C) or a full disk keeps the rows that are done in X.partial.csv or
+/// X.partial.parquet, with a note X.partial.csv.json or X.partial.parquet.json; the exit status is
+/// 1, and --resume continues.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 #[command(
@@ -164,7 +163,7 @@ fn parse_shard(text: &str) -> Result<(u64, u64), String> {
 
 impl MapCommand {
     pub fn run(self, out: &mut dyn Write) -> Result<(), CliError> {
-        check_map(self.rrd.as_deref())?;
+        check_recording(self.rrd.as_deref())?;
         let study = Study::from_file(&self.study)?;
         let writes = [("--out", self.out.as_deref()), ("--svg", self.svg.as_deref()), ("--rrd", self.rrd.as_deref())];
         files::check(&study.files, &writes)?;
@@ -178,6 +177,16 @@ impl MapCommand {
             return Err(CliError::Option(format!(
                 "--show {shown}: this map has no such column: its columns are {names}"
             )));
+        }
+        // What cannot be drawn, recorded or advised is refused before the map is computed.
+        if self.svg.is_some() {
+            study.check_picture(shown)?;
+        }
+        if self.rrd.is_some() {
+            check_map(&study, shown)?;
+        }
+        if self.advise {
+            study.check_advice()?;
         }
         let threads = self.threads.unwrap_or(0); // 0: as many as there are cores
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
@@ -193,7 +202,7 @@ impl MapCommand {
             write_whole(path, &svg)?;
         }
         if let Some(path) = &self.rrd {
-            pool.install(|| crate::record::record_map(&study, shown, path))?;
+            pool.install(|| record_map(&study, shown, path))?;
         }
         let advice = if self.advise { Some(pool.install(|| study.advise())?) } else { None };
         let summary = Summary {
@@ -218,7 +227,7 @@ impl MapCommand {
             ));
         }
         let total = file.rows.end - file.rows.start;
-        let stop = interrupts();
+        let stop = files::interrupts();
         let bar = progress(total, "{bar:40} {human_pos}/{human_len} rows, {per_sec}, {eta} left");
         let written = pool.install(|| study.write(file, &|rows| bar.inc(rows), &stop));
         bar.finish_and_clear();
@@ -227,21 +236,6 @@ impl MapCommand {
             Written::Interrupted { rows, partial } => Err(CliError::Interrupted { rows, total, partial }),
         }
     }
-}
-
-/// A flag that is set by an interruption (SIGINT, SIGTERM); a second interruption ends the process.
-fn interrupts() -> Arc<AtomicBool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let raised = Arc::clone(&stop);
-    let handler = ctrlc::set_handler(move || {
-        if raised.swap(true, Ordering::Relaxed) {
-            std::process::exit(1);
-        }
-    });
-    if let Err(e) = handler {
-        say(&format!("warning: interruptions cannot be caught ({e}): an interrupted run will leave no partial file"));
-    }
-    stop
 }
 
 fn for_people(study: &Study, summary: &Summary, out: &mut dyn Write) -> io::Result<()> {
@@ -264,7 +258,8 @@ fn for_people(study: &Study, summary: &Summary, out: &mut dyn Write) -> io::Resu
 impl Advised<'_> {
     fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
         let Self { column, goal, fulfil, best, .. } = self;
-        writeln!(out, "\n{goal} {column}: {fulfil} rows fulfil the conditions")?;
+        writeln!(out)?;
+        writeln!(out, "{goal} {column}: {fulfil} rows fulfil the conditions")?;
         if let Some([best, median, worst]) = self.best_median_worst {
             writeln!(out, "best {}, median {}, worst {}", short(best), short(median), short(worst))?;
         }
@@ -277,9 +272,11 @@ impl Advised<'_> {
         };
         let pose = |q: &[f64]| q.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ");
         for (k, it) in best.iter().enumerate() {
-            writeln!(out, "{}. row {}: q {}\n   {}", k + 1, it.row, pose(it.q), cells(&it.values))?;
+            writeln!(out, "{}. row {}: q {}", k + 1, it.row, pose(it.q))?;
+            writeln!(out, "   {}", cells(&it.values))?;
             if let Some(moved) = &it.self_motion {
-                writeln!(out, "   along the self-motion: q {}\n   {}", pose(moved.q), cells(&moved.values))?;
+                writeln!(out, "   along the self-motion: q {}", pose(moved.q))?;
+                writeln!(out, "   {}", cells(&moved.values))?;
             }
         }
         Ok(())

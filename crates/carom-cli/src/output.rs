@@ -6,6 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
 use serde_json::ser::{CompactFormatter, Formatter};
+use std::borrow::Cow;
+use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -65,16 +67,10 @@ pub fn progress(total: u64, template: &str) -> ProgressBar {
     bar
 }
 
-/// Writes a file beside its place and renames it, so that it is complete or not there.
+/// Writes a file that is complete or not there.
 pub fn write_whole(path: &Path, text: &str) -> Result<(), CliError> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let partial = path.with_file_name(name);
-    let written = std::fs::write(&partial, text).and_then(|()| std::fs::rename(&partial, path));
-    written.map_err(|reason| {
-        let _ = std::fs::remove_file(&partial);
-        CliError::Unwritable { file: path.display().to_string(), reason }
-    })
+    let unwritable = |reason| CliError::Unwritable { file: path.display().to_string(), reason };
+    carom_study::write_whole(path, text.as_bytes()).map_err(unwritable)
 }
 
 /// Makes a folder if it is missing.
@@ -85,11 +81,56 @@ pub fn make_folder(path: &Path) -> Result<(), CliError> {
     std::fs::create_dir(path).map_err(|reason| CliError::Unwritable { file: path.display().to_string(), reason })
 }
 
-/// Writes one line to standard error; control characters are escaped, errors of writing are ignored.
+/// Whether a terminal would obey a character instead of showing it: control characters (escape sequences, new lines), marks that
+/// turn the direction of the text, and the separators of lines and paragraphs.
+fn commands(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+/// A line as it is printed: what a terminal would obey, in names of robots and scenes above all, is written as in JSON.
+pub fn plain(line: &str) -> Cow<'_, str> {
+    if line.bytes().all(|byte| (b' '..=b'~').contains(&byte)) || !line.contains(commands) {
+        return Cow::Borrowed(line);
+    }
+    let shown = |c: char| match c {
+        '\n' => "\\n".into(),
+        '\t' => "\\t".into(),
+        '\r' => "\\r".into(),
+        c if commands(c) => format!("\\u{:04x}", u32::from(c)), // none is beyond U+FFFF
+        c => c.to_string(),
+    };
+    Cow::Owned(line.chars().map(shown).collect())
+}
+
+/// Standard output, with [`plain`] lines: `writeln!` writes one line, whatever its arguments hold; other writes are text with line
+/// ends. JSON stays the same JSON.
+pub struct PlainLines<W>(pub W);
+
+impl<W: Write> Write for PlainLines<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes);
+        for line in text.split_inclusive('\n') {
+            self.write_fmt(format_args!("{line}"))?;
+        }
+        Ok(bytes.len())
+    }
+
+    fn write_fmt(&mut self, line: fmt::Arguments<'_>) -> io::Result<()> {
+        let line = line.to_string();
+        let (line, end) = line.strip_suffix('\n').map_or((&*line, ""), |line| (line, "\n"));
+        self.0.write_all(plain(line).as_bytes())?;
+        self.0.write_all(end.as_bytes())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.0.flush()
+    }
+}
+
+/// Writes one line to standard error; errors of writing are ignored.
 pub fn say(text: &str) {
-    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    let line: String = text.chars().map(escaped).collect();
-    let _ = writeln!(io::stderr(), "{line}");
+    let _ = writeln!(io::stderr(), "{}", plain(text));
 }
 
 /// A vector as a row of a table.

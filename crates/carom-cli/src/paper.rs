@@ -25,7 +25,8 @@ use std::path::PathBuf;
 pub struct PaperCommand {
     /// Folder to write to: new, empty, or of an earlier report, which is replaced
     ///
-    /// It is made if it is missing; its parent must exist.
+    /// It is made if it is missing; its parent must exist. A folder that holds anything else, or
+    /// only some of the files of a report, is refused.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
     /// Print one line of JSON instead of text
@@ -108,7 +109,8 @@ fn for_people(report: &Report, folder: &std::path::Path, out: &mut dyn Write) ->
     writeln!(out, "Claims of the paper, and whether {} confirms them (a stand-in, not the authors' arm):", report.arm)?;
     for claim in &report.claims {
         let verdict = if claim.confirmed { "yes" } else { "NO " };
-        writeln!(out, "  {verdict} {}\n      {}", claim.statement, claim.evidence)?;
+        writeln!(out, "  {verdict} {}", claim.statement)?;
+        writeln!(out, "      {}", claim.evidence)?;
     }
     writeln!(
         out,

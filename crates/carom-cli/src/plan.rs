@@ -88,7 +88,8 @@ fn for_people(plan: &Plan, out: &mut dyn Write) -> io::Result<()> {
             writeln!(out, "  nothing")?;
         }
         for Decision { what, choice, why } in lines {
-            writeln!(out, "  {what:11} {choice}\n              {why}")?;
+            writeln!(out, "  {what:11} {choice}")?;
+            writeln!(out, "              {why}")?;
         }
         Ok(())
     };
@@ -99,7 +100,8 @@ fn for_people(plan: &Plan, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "  nothing ([run] neglect = … allows it)")?;
     }
     for Bounded { what, choice, bound, of } in &plan.bounded {
-        writeln!(out, "  {what:11} {choice}\n              at most {} ({of})", short(*bound))?;
+        writeln!(out, "  {what:11} {choice}")?;
+        writeln!(out, "              at most {} ({of})", short(*bound))?;
     }
     Ok(())
 }

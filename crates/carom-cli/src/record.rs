@@ -82,8 +82,20 @@ fn without(who: &str) -> CliError {
 }
 
 /// Refuses the recording of a map in a build without the feature `rerun`.
-pub fn check_map(rrd: Option<&Path>) -> Result<(), CliError> {
+pub fn check_recording(rrd: Option<&Path>) -> Result<(), CliError> {
     if rrd.is_some() && !cfg!(feature = "rerun") { Err(without("--rrd needs")) } else { Ok(()) }
+}
+
+/// Refuses a map that a recording cannot show.
+#[cfg(feature = "rerun")]
+pub fn check_map(study: &Study, column: &str) -> Result<(), CliError> {
+    Ok(carom_record::check_map(study, column)?)
+}
+
+/// No recording exists in this build.
+#[cfg(not(feature = "rerun"))]
+pub fn check_map(_: &Study, _: &str) -> Result<(), CliError> {
+    Ok(())
 }
 
 /// Records one column of a map.
@@ -95,7 +107,7 @@ pub fn record_map(study: &Study, column: &str, path: &Path) -> Result<(), CliErr
 /// Refuses: this build has no recordings.
 #[cfg(not(feature = "rerun"))]
 pub fn record_map(_: &Study, _: &str, path: &Path) -> Result<(), CliError> {
-    check_map(Some(path))
+    check_recording(Some(path))
 }
 
 /// A recording that is being written.

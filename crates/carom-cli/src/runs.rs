@@ -7,6 +7,7 @@ use carom_study::{Column, SCENE_KEY, Table, TableError, ensemble, state_columns}
 use serde::Serialize;
 use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 #[derive(Serialize)]
 struct Report {
@@ -60,10 +61,10 @@ impl Sample {
 /// How runs end, in the column `outcome`.
 const OUTCOMES: [&str; 3] = ["duration", "events", "refused"];
 
-/// Runs a scene `runs` times; one row of the table for each run.
+/// Runs a scene `runs` times, or fewer if `stop` is set meanwhile; one row of the table for each run.
 pub fn run(
     (file, scene, plan): (&Path, &Scene, &Plan),
-    runs: u64,
+    (runs, stop): (u64, &AtomicBool),
     table: Option<&Path>,
     json: bool,
     out: &mut dyn Write,
@@ -87,8 +88,10 @@ pub fn run(
     let (mut refused, mut first_refusal) = (0, None);
     let (mut impacts, mut first_impact, mut lost) = (Sample::default(), Sample::default(), Sample::default());
     let bar = progress(runs, "{elapsed:>5} {bar:30} {pos}/{len} runs, {eta} to go");
-    let done = ensemble(scene, runs, |run| {
+    let mut count = 0;
+    let done = ensemble(scene, runs, stop, |run| {
         bar.inc(1);
+        count += 1;
         let mut row = vec![run.number as f64];
         match &run.result {
             Ok(summary) => {
@@ -116,15 +119,25 @@ pub fn run(
     });
     bar.finish_and_clear();
     done?;
+    let interrupted = count < runs;
+    if interrupted && count == 0 {
+        return Err(CliError::InterruptedRuns { count, runs, place: String::new() });
+    }
     let (Some(impacts), Some(lost_in_impacts)) = (impacts.spread(), lost.spread()) else {
         let why = first_refusal.unwrap_or_default();
         return Err(CliError::Scene(format!("{}: all runs are refused; {why}", file.display())));
     };
-    if let Some(table) = table {
-        table.finish()?;
+    let mut place = String::new();
+    match table {
+        Some(table) if interrupted => {
+            let (partial, rows) = table.finish_partial()?;
+            place = format!("; the table of the first {rows} is {}", partial.display());
+        }
+        Some(table) => table.finish()?,
+        None => {}
     }
     let first_impact = first_impact.spread();
-    let report = Report { runs, refused, first_refusal, impacts, first_impact, lost_in_impacts };
+    let report = Report { runs: count, refused, first_refusal, impacts, first_impact, lost_in_impacts };
     let written = answer(out, &report, json, |report, out| {
         writeln!(out, "{} runs, {} refused", report.runs, report.refused)?;
         if let Some(why) = &report.first_refusal {
@@ -145,5 +158,6 @@ pub fn run(
         report.first_impact.map_or(Ok(()), |it| line("first impact, s", it))?;
         line("lost in impacts, J", report.lost_in_impacts)
     });
-    written.map_err(|refused| CliError::refused(file, refused))
+    written.map_err(|refused| CliError::refused(file, refused))?;
+    if interrupted { Err(CliError::InterruptedRuns { count, runs, place }) } else { Ok(()) }
 }

@@ -76,9 +76,10 @@ impl Sensitivity {
 
     /// The largest derivatives of each number.
     pub fn for_people(&self, out: &mut dyn Write) -> io::Result<()> {
+        writeln!(out)?;
         writeln!(
             out,
-            "\nderivatives by the start and by parameters, SI units and radians, the {SHOWN} largest of each:"
+            "derivatives by the start and by parameters, SI units and radians, the {SHOWN} largest of each:"
         )?;
         for event in &self.events {
             let what = format!("time of {} at {} s", event.kinds.join(", "), brief(event.time));

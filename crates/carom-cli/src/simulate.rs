@@ -42,6 +42,8 @@ const SAMPLE: f64 = 0.004;
 /// JSON keys with --runs: runs, refused, first_refusal; impacts, first_impact, lost_in_impacts, each
 ///   {count, mean, deviation (of the sample), least, most} over the runs.
 /// If the run fails or is interrupted, nothing is printed, and no table and no recording is written.
+/// An interruption of --runs ends them early: the answer and the table, under the name X.partial.csv
+/// or X.partial.parquet, are those of the runs so far, and the exit status is 1.
 #[derive(Args)]
 #[command(verbatim_doc_comment)]
 pub struct Simulate {
@@ -223,16 +225,17 @@ impl Simulate {
                 ("--out", self.record.file()),
             ],
         )?;
-        let outputs = [csv, parquet, self.contacts.as_deref(), self.record.file()];
-        files::clear_when_interrupted(outputs.into_iter().flatten());
-        let plan = scene.plan().map_err(refuse)?;
         if let Some(runs) = self.runs {
             if self.contacts.is_some() || self.record.is_asked() || (csv.is_some() && parquet.is_some()) {
                 let why = "--runs: write one table, with --csv or --parquet, without --contacts and recordings";
                 return Err(CliError::Option(why.into()));
             }
-            return runs::run((&self.scene, &scene, &plan), runs, csv.or(parquet), self.json, out);
+            let stop = files::interrupts();
+            let plan = scene.plan().map_err(refuse)?;
+            return runs::run((&self.scene, &scene, &plan), (runs, &stop), csv.or(parquet), self.json, out);
         }
+        files::clear_when_interrupted();
+        let plan = scene.plan().map_err(refuse)?;
         if self.sensitivity {
             sensitivity::check(&self.scene, &plan)?;
         }
@@ -395,46 +398,38 @@ const LISTED: usize = 8;
 
 fn for_people(sim: &Simulation, events: &[Event], run: &carom_sim::Summary, out: &mut dyn Write) -> io::Result<()> {
     for event in events {
-        write!(
-            out,
-            "{:>14} s  {:10} {}",
-            short(event.time),
-            event.kind.name(),
-            contact(sim, &event.kind).or(reason(&event.kind)).unwrap_or("")
-        )?;
+        let what = contact(sim, &event.kind).or(reason(&event.kind)).unwrap_or("");
+        let mut line = format!("{:>14} s  {:10} {what}", short(event.time), event.kind.name());
         let touches = several(&event.kind);
         if !touches.is_empty() {
             let names: Vec<&str> = touches.iter().map(|&touch| sim.touches[touch].name.as_str()).collect();
             if reason(&event.kind).is_some() {
-                write!(out, ": ")?;
+                line += ": ";
             }
             let listed = if names.len() > LISTED + 1 { LISTED } else { names.len() };
-            write!(out, "{}", names[..listed].join(", "))?;
+            line += &names[..listed].join(", ");
             if names.len() > listed {
-                write!(out, " and {} more", names.len() - listed)?;
+                line += &format!(" and {} more", names.len() - listed);
             }
         }
         if let EventKind::Several { flags, .. } = &event.kind
             && !flags.is_empty()
         {
-            write!(out, ": {flags}")?;
+            line += &format!(": {flags}");
         }
         if let EventKind::Impact { hit, .. } = &event.kind {
             let [u_minus, u_plus] =
                 [hit.u_minus, hit.u_plus].map(|u| u.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" "));
-            write!(
-                out,
-                ": u⁻ ({u_minus}), u⁺ ({u_plus}) m/s, impulse {} N s, {}",
-                short(hit.impulse.norm()),
-                hit.mode
-            )?;
+            let impulse = short(hit.impulse.norm());
+            line += &format!(": u⁻ ({u_minus}), u⁺ ({u_plus}) m/s, impulse {impulse} N s, {}", hit.mode);
         }
-        writeln!(out)?;
+        writeln!(out, "{line}")?;
     }
     let last = &run.last;
     writeln!(out, "{:>14} s  end ({}), {}", short(last.time), run.stop.name(), run.mode.name())?;
     let numbers = |x: &[f64]| x.iter().map(|x| short(*x)).collect::<Vec<_>>().join(" ");
-    writeln!(out, "q  {}\nqd {}", numbers(&last.q), numbers(&last.qd))?;
+    writeln!(out, "q  {}", numbers(&last.q))?;
+    writeln!(out, "qd {}", numbers(&last.qd))?;
     let (e, s) = (run.energy, run.statistics);
     writeln!(
         out,

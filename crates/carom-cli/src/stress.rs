@@ -24,7 +24,10 @@ use std::path::PathBuf;
 #[command(verbatim_doc_comment)]
 pub struct StressCommand {
     /// Folder to write to; it is made if it is missing, its parent must exist
-    #[arg(long, value_name = "DIR")]
+    ///
+    /// The three files of an earlier run in it are replaced, other files stay. A folder that has
+    /// only some of the three is refused.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
     /// Run only the scenes whose names contain this text [default: all]
     #[arg(long, value_name = "TEXT")]
@@ -33,6 +36,9 @@ pub struct StressCommand {
     #[arg(long)]
     json: bool,
 }
+
+/// The files in --out.
+const FILES: [&str; 3] = ["stress.md", "stress.svg", "stress.json"];
 
 #[derive(Serialize)]
 struct Report {
@@ -77,6 +83,7 @@ impl StressCommand {
             )));
         }
         files::check_folder("--out", &self.out)?;
+        files::check_own("--out", &self.out, &FILES)?;
         make_folder(&self.out)?;
         let bar = progress(scenes.len() as u64, "{elapsed:>5} {bar:30} {pos}/{len} {msg}");
         let rows = stress::run(&scenes, &|row: &Row| {
@@ -85,9 +92,8 @@ impl StressCommand {
         });
         bar.finish_and_clear();
         let json = to_json(&report(&rows))?;
-        write_whole(&self.out.join("stress.md"), &stress::markdown(&rows))?;
-        write_whole(&self.out.join("stress.svg"), &stress::svg(&rows))?;
-        write_whole(&self.out.join("stress.json"), &format!("{json}\n"))?;
+        let contents = [stress::markdown(&rows), stress::svg(&rows), format!("{json}\n")];
+        FILES.iter().zip(&contents).try_for_each(|(name, text)| write_whole(&self.out.join(name), text))?;
         if self.json {
             writeln!(out, "{json}")?;
             return defects(&rows);

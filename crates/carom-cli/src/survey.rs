@@ -120,20 +120,17 @@ fn line(path: &Path, options: &LoadOptions) -> Line {
 }
 
 fn for_people(line: &Line, out: &mut dyn Write) -> Result<(), CliError> {
-    write!(out, "{}: ", line.file)?;
-    match (line.dof, line.mass) {
+    let told = match (line.dof, line.mass) {
         (Some(dof), Some(mass)) => {
             let status = match (line.status, line.warnings) {
                 ("warnings", 1) => "loads with 1 warning".into(),
                 ("warnings", n) => format!("loads with {n} warnings"),
                 (status, _) => status.to_owned(),
             };
-            write!(out, "{status}, {dof} degrees of freedom, {} kg", brief(mass))?;
+            format!("{status}, {dof} degrees of freedom, {} kg", brief(mass))
         }
-        _ => write!(out, "{}", line.status)?,
-    }
-    match &line.reason {
-        Some(reason) => Ok(writeln!(out, ": {reason}")?),
-        None => Ok(writeln!(out)?),
-    }
+        _ => line.status.to_owned(),
+    };
+    let reason = line.reason.as_ref().map_or_else(String::new, |reason| format!(": {reason}"));
+    Ok(writeln!(out, "{}: {told}{reason}", line.file)?)
 }

@@ -245,11 +245,15 @@ fn for_people(report: &Report, out: &mut dyn Write) -> io::Result<()> {
     for (name, s) in [("at the last sample", &report.last), ("mean over the samples", &report.mean)] {
         writeln!(
             out,
-            "{:26} {:>12} {:>12} {:>12}\n{:26} {:>12} {:>12} {:>12}",
+            "{:26} {:>12} {:>12} {:>12}",
             format!("{name}, mean"),
             short(s.position_mean),
             degrees(s.rotation_mean),
-            degrees(s.joint_mean),
+            degrees(s.joint_mean)
+        )?;
+        writeln!(
+            out,
+            "{:26} {:>12} {:>12} {:>12}",
             format!("{name}, median"),
             short(s.position_median),
             degrees(s.rotation_median),

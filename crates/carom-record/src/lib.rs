@@ -17,7 +17,7 @@ mod summary;
 mod target;
 
 pub use diagrams::record_diagrams;
-pub use map::record_map;
+pub use map::{check_map, record_map};
 pub use planar2::{Side, record_planar2};
 pub use scene::SceneRecorder;
 pub use target::Target;

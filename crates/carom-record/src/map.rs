@@ -15,7 +15,7 @@ use carom_study::{Study, StudyError};
 use nalgebra::Vector3;
 
 /// Largest number of rows of a recording; each row is a point.
-const MOST: usize = 1 << 20;
+const MOST: u64 = 1 << 20;
 /// Approximate number of recorded poses, spread evenly over the rows that have one.
 const POSES: usize = 400;
 const ARM: u32 = 0xe8ec_f0ff;
@@ -24,18 +24,27 @@ const WORDS: u32 = 0xe8ec_f0ff;
 /// Duration of one pass over all rows, s.
 const REPLAY: f64 = 10.0;
 
+/// Checks that a recording can show this column of a map, without computing it.
+///
+/// # Errors
+/// [`RecordError::Map`]: an error of [`Study::values`], a map of more than 2²⁰ rows.
+pub fn check_map(study: &Study, column: &str) -> Result<(), RecordError> {
+    study.check_picture(column)?;
+    if study.rows() > MOST {
+        let rows = study.rows();
+        let rule = format!("the map has {rows} rows: a recording holds {MOST} at most, give the axes fewer values");
+        return Err(RecordError::Map(rule));
+    }
+    Ok(())
+}
+
 /// Records one column of a whole map.
 ///
 /// # Errors
-/// [`RecordError`]: an error of [`Study::values`], a map of more than 2²⁰ rows, a file or a viewer that cannot be used.
+/// As [`check_map`], and a file or a viewer that cannot be used.
 pub fn record_map(study: &Study, column: &str, target: &Target) -> Result<(), RecordError> {
+    check_map(study, column)?;
     let values = study.values(column)?;
-    if values.rows.len() > MOST {
-        return Err(RecordError::Map(format!(
-            "the map has {} rows: a recording holds {MOST} at most, give the axes fewer values",
-            values.rows.len()
-        )));
-    }
     let sink = Sink::open(target, column)?;
     let trouble = |e: rerun::RecordingStreamError| sink.error(e.to_string());
     let rec = &sink.rec;

@@ -2,6 +2,7 @@
 
 use carom_sim::{EventKind, Moment, Sampling, Scene, Seen, SimError, Summary};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// One run of a scene from a disturbed start.
 #[derive(Debug, Clone)]
@@ -23,16 +24,23 @@ const GROUP: u64 = 16;
 
 /// Runs a scene `runs` times from starts that its [`perturbation`](Scene::perturbation) disturbs, in parallel, and passes the
 /// results to `each` in the order of their numbers. They do not depend on the number of threads. Without a perturbation all
-/// starts are the same.
+/// starts are the same. Setting `stop` ends the runs early: those that have begun are completed, no other begins.
 ///
 /// # Errors
 /// The first error of `each`, after which no further group is computed.
-pub fn ensemble<E>(scene: &Scene, runs: u64, mut each: impl FnMut(Run) -> Result<(), E>) -> Result<(), E> {
+pub fn ensemble<E>(
+    scene: &Scene,
+    runs: u64,
+    stop: &AtomicBool,
+    mut each: impl FnMut(Run) -> Result<(), E>,
+) -> Result<(), E> {
     let (mut first, size) = (0, GROUP * rayon::current_num_threads() as u64);
-    while first < runs {
+    while first < runs && !stop.load(Ordering::Relaxed) {
         let group = first..runs.min(first + size);
-        let done: Vec<Run> = group.clone().into_par_iter().map(|number| run(scene, number)).collect();
-        done.into_iter().try_for_each(&mut each)?;
+        let one = |number| (!stop.load(Ordering::Relaxed)).then(|| run(scene, number));
+        let done: Vec<Option<Run>> = group.clone().into_par_iter().map(one).collect();
+        // Runs after one that has not begun are left out, so that the results are the first ones without a gap.
+        done.into_iter().map_while(|run| run).try_for_each(&mut each)?;
         first = group.end;
     }
     Ok(())

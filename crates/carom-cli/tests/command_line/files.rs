@@ -2,6 +2,8 @@
 
 use crate::desk::*;
 use serde_json::json;
+use std::process::Child;
+use std::time::{Duration, Instant};
 
 const SCENE: &str = r#"[robot]
 urdf = "planar2.urdf"
@@ -182,4 +184,116 @@ fn zeros_are_printed_without_a_sign() {
     let problem = json!({"delassus": [[1, 0], [0, 1]], "u": [-0.0, -1]});
     let hit = desk.answers("law --law all --restitution 0 --friction 0.5 --problems - --json", &problem.to_string());
     assert!(!hit[0].to_string().contains("-0.0"), "{}", hit[0]);
+}
+
+/// A study whose map is computed for a while.
+fn long_map() -> String {
+    STUDY.replace("count = 3", "count = 20000").replace("elbow = 1\n", "elbow = { from = 1, to = 2, count = 20000 }\n")
+}
+
+/// A process that ends with the test.
+struct Running(Child);
+
+impl Running {
+    /// Starts a command and waits until it has begun the file `part`.
+    fn begun(desk: &Desk, args: &str, part: &str) -> Self {
+        let mut own = Self(desk.command(args).spawn().unwrap());
+        let start = Instant::now();
+        while !desk.files("").contains(&part.to_owned()) {
+            assert!(own.0.try_wait().unwrap().is_none(), "{args} ended");
+            assert!(start.elapsed() < Duration::from_secs(60), "{args} does not begin");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        own
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The second process would write into the file of the first. It changes nothing; when the first is gone, however it ended, the
+/// file can be written.
+#[test]
+fn a_second_process_that_writes_the_same_table_is_refused() {
+    let desk = laid("twice");
+    desk.write("long.toml", SCENE.replace("duration = 0.01", "duration = 1e5\nmax_step = 1e-3"));
+    desk.write("long-map.toml", long_map());
+    for (long, short, name) in [
+        ("simulate long.toml --csv x.csv", "simulate s.toml --csv x.csv", "x.csv"),
+        ("simulate long.toml --parquet x.parquet", "simulate s.toml --contacts x.parquet", "x.parquet"),
+        ("map long-map.toml --out m.csv", "map m.toml --out m.csv", "m.csv"),
+        ("map long-map.toml --out m.parquet", "map m.toml --out m.parquet", "m.parquet"),
+    ] {
+        let mut first = Running::begun(&desk, long, &format!("{name}.part"));
+        let why = "cannot be written: another process writes it: wait for its end, or give another name";
+        refused(desk.run(short), &format!("{name}: {why}"));
+        assert!(first.0.try_wait().unwrap().is_none(), "{long} goes on");
+        assert!(desk.files("").contains(&format!("{name}.part")) && !desk.0.join(name).exists());
+        drop(first);
+        done(&desk.run(short));
+        assert!(desk.0.join(name).exists() && !desk.files("").contains(&format!("{name}.part")), "{short}");
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_or_advised_is_refused_before_the_map_is_computed() {
+    let desk = laid("before");
+    let four = STUDY
+        .replace("elbow = 1\n", "elbow = { from = 1, to = 2, count = 3 }\n")
+        .replace("speed = 0.2", "speed = [0.1, 0.2]")
+        .replace("restitution = 0.5", "restitution = [0.4, 0.5]");
+    desk.write("four.toml", four);
+    let axes = "four.toml: 4 axes vary (q.shoulder, q.elbow, speed, restitution): a picture shows one or two, and a third with at \
+                most 8 values; give the others one value";
+    leaves_all(&desk, "map four.toml --out m.csv --svg m.svg", axes);
+    let advice = "four.toml: [advise] is missing: add it with minimise or maximise";
+    leaves_all(&desk, "map four.toml --out m.csv --advise", advice);
+    if cfg!(feature = "rerun") {
+        leaves_all(&desk, "map four.toml --out m.csv --rrd m.rrd", axes);
+    }
+    desk.write("large.toml", long_map());
+    let rows =
+        "large.toml: the map has 400000000 rows, and a picture allows at most 16777216: give the axes fewer values";
+    leaves_all(&desk, "map large.toml --out m.csv --svg m.svg", rows);
+}
+
+/// In the folder /proc no file can be made, by any user.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_cannot_be_written_to_is_refused_before_any_work() {
+    let desk = laid("read-only");
+    let args = "map m.toml --out m.csv --svg /proc/m.svg";
+    let ran = desk.run(args);
+    assert!(ran.code == Some(1) && ran.err.starts_with("error: /proc/m.svg: cannot be written: "), "{ran:?}");
+    assert!(!desk.0.join("m.csv").exists());
+}
+
+#[test]
+fn files_of_the_user_in_the_folder_of_a_report_are_not_replaced() {
+    let desk = laid("reports");
+    for (command, own, missing) in
+        [("paper", "table1.csv", "fig4.svg"), ("stress --scene jam", "stress.md", "stress.svg")]
+    {
+        let folder = desk.0.join(command.split(' ').next().unwrap());
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join(own), "mine").unwrap();
+        let ran = desk.run(&format!("{command} --out {}", folder.display()));
+        assert_eq!((ran.code, ran.out.as_str()), (Some(1), ""), "{command}");
+        assert!(ran.err.contains(&format!("it contains '{own}' but not '{missing}', so it is ")), "{}", ran.err);
+        assert_eq!(std::fs::read_to_string(folder.join(own)).unwrap(), "mine");
+        assert_eq!(desk.files(folder.file_name().unwrap().to_str().unwrap()), [own]);
+        // The folder of an earlier run is written again.
+        std::fs::remove_file(folder.join(own)).unwrap();
+        for _ in 0..2 {
+            done(&desk.run(&format!("{command} --out {}", folder.display())));
+        }
+    }
+    // Beside the three files of `stress`, others stay.
+    desk.write("stress/mine.txt", "mine");
+    done(&desk.run("stress --scene jam --out stress"));
+    assert_eq!(desk.files("stress"), ["mine.txt", "stress.json", "stress.md", "stress.svg"]);
 }

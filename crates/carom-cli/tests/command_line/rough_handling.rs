@@ -157,6 +157,65 @@ fn control_characters_of_a_file_do_not_break_the_line_of_a_refusal() {
     }
 }
 
+/// A terminal obeys no character of a name: C1 controls (U+009B begins an escape sequence), new lines, marks that turn the direction
+/// of the text. They are printed as JSON writes them, and make no line of their own; JSON has the same names as ever.
+#[test]
+fn names_of_robots_and_scenes_are_printed_as_text() {
+    let desk = Desk::new("names");
+    let nasty = |name: &str| format!("{name}\u{9b}31m\n\t\u{202e}\u{2066}\u{200f}\u{61c}\u{2028}end\n");
+    let shown = |name: &str| format!(r"{name}\u009b31m\n\t\u202e\u2066\u200f\u061c\u2028end\n");
+    let write = |name: &dyn Fn(&str) -> String| {
+        let entity = |c: char| if c.is_alphanumeric() { c.into() } else { format!("&#{};", u32::from(c)) };
+        let [robot, link, joint] =
+            ["robot", "link", "joint"].map(|it| name(it).chars().map(entity).collect::<String>());
+        let ball = r#"<collision><geometry><sphere radius="0.1"/></geometry></collision>"#;
+        let along =
+            r#"<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/><dynamics damping="0.1"/>"#;
+        desk.write(
+            "r.urdf",
+            format!(
+                r#"<robot name="{robot}"><link name="base"/><link name="{link}">{INERTIAL}{ball}</link>
+                <joint name="{joint}" type="prismatic"><parent link="base"/><child link="{link}"/>{along}</joint></robot>"#
+            ),
+        );
+        let surface = json!(name("surface")); // a text of JSON is one of TOML
+        desk.write(
+            "s.toml",
+            format!(
+                "[robot]\nurdf = \"r.urdf\"\nq = [0.15]\n[[surface]]\nname = {surface}\n\
+                 shape = {{ halfspace = {{ point = [0, 0, 0], normal = [0, 0, 1] }} }}\n\
+                 [contact]\nlaw = \"newton\"\nrestitution = 0.5\n[run]\nduration = 0.3\ngravity = [0, 0, -9.81]\n"
+            ),
+        );
+    };
+    desk.write("q.jsonl", "{\"q\":[0],\"qd\":[0]}\n");
+    let commands = [
+        "inspect r.urdf",
+        "inspect s.toml",
+        "plan s.toml",
+        "simulate s.toml",
+        "simulate s.toml --sensitivity",
+        "dynamics r.urdf --tip base --kinematics --states q.jsonl",
+    ];
+    let printed = || commands.map(|args| desk.run(args));
+    write(&str::to_owned);
+    let ordinary = printed();
+    write(&nasty);
+    let obeyed = |c: char| c != '\n' && (c.is_control() || nasty("").contains(c) && !c.is_alphanumeric());
+    for ((args, ran), plain) in commands.iter().zip(printed()).zip(ordinary) {
+        assert_eq!((plain.code, ran.code), (Some(0), Some(0)), "{args}: {plain:?} {ran:?}");
+        assert!(!ran.out.contains(obeyed) && !ran.err.contains(obeyed), "{args}: {ran:?}");
+        assert_eq!(ran.out.lines().count(), plain.out.lines().count(), "{args}: {}", ran.out);
+        assert!(["link", "joint", "surface"].iter().any(|name| ran.out.contains(&shown(name))), "{args}: {}", ran.out);
+    }
+    let ran = desk.run("inspect r.urdf --json");
+    assert!(!ran.out.contains(obeyed), "{}", ran.out);
+    let report: Value = serde_json::from_str(&ran.out).unwrap();
+    assert_eq!((&report["name"], &report["joints"][0]["name"]), (&json!(nasty("robot")), &json!(nasty("joint"))));
+    let ran = desk.run("impact r.urdf --tip no\u{202e}\u{9b} --normal 0,0,1 --law newton --states q.jsonl");
+    assert!(ran.code == Some(1) && ran.err.contains(r"no\u202e\u009b") && !ran.err.contains(obeyed), "{ran:?}");
+}
+
 #[test]
 fn random_and_malformed_files_are_refused_without_a_panic() {
     let desk = Desk::new("rubbish");

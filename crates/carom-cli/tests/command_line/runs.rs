@@ -180,3 +180,36 @@ fn an_interrupted_run_leaves_no_file() {
     refused(ran, "interrupted: nothing is written");
     assert_eq!(desk.files(""), before);
 }
+
+/// The answer and the table are those of as many runs as are done, and the last line tells how many.
+#[cfg(unix)]
+#[test]
+fn interrupted_runs_are_kept() {
+    let desk = Desk::new("runs-interrupted");
+    desk.write("s.toml", format!("{SCENE}perturb = {{ qd = 0.01 }}\n"));
+    for name in ["t.csv", "t.parquet"] {
+        let option = if name == "t.csv" { "--csv" } else { "--parquet" };
+        let child = desk.command(&format!("simulate s.toml --runs 100000000 {option} {name} --json")).spawn().unwrap();
+        let begun = Instant::now();
+        while !desk.files("").contains(&format!("{name}.part")) {
+            assert!(begun.elapsed() < Duration::from_secs(60), "the runs do not begin");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        std::thread::sleep(Duration::from_millis(500)); // for some runs
+        let sent = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+        let ran = finish(child, b"");
+        let report: serde_json::Value = serde_json::from_str(&ran.out).unwrap();
+        let count = report["runs"].as_u64().unwrap();
+        let partial = name.replace("t.", "t.partial.");
+        let told = format!(
+            "error: interrupted after {count} of 100000000 runs; the table of the first {count} is {partial}\n"
+        );
+        assert_eq!((ran.code, ran.err), (Some(1), told));
+        assert!(count > 0 && !desk.files("").iter().any(|file| file == name || file.ends_with(".part")));
+        let again = &desk.answers(&format!("simulate s.toml --runs {count} {option} again.{name} --json"), "")[0];
+        assert_eq!(*again, report);
+        let [kept, whole] = [partial, format!("again.{name}")].map(|file| std::fs::read(desk.0.join(file)).unwrap());
+        assert!(kept == whole, "{name}");
+    }
+}

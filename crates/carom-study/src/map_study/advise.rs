@@ -80,11 +80,15 @@ impl Wish {
 }
 
 impl Study {
-    /// Computes the whole map and returns its local optima under the criterion and constraints of `[advise]`.
+    /// Checks that the study has an `[advise]` that can be followed, without computing the map.
     ///
     /// # Errors
-    /// [`StudyError::File`]: the study has no `[advise]`, or more than 2²⁴ rows.
-    pub fn advise(&self) -> Result<Advice, StudyError> {
+    /// As [`Study::advise`].
+    pub fn check_advice(&self) -> Result<(), StudyError> {
+        self.wish().map(drop)
+    }
+
+    fn wish(&self) -> Result<&Wish, StudyError> {
         let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
         let wish = self.wish.as_ref();
         let wish = wish.ok_or_else(|| refuse("[advise] is missing: add it with minimise or maximise".into()))?;
@@ -94,6 +98,15 @@ impl Study {
                 self.rows
             )));
         }
+        Ok(wish)
+    }
+
+    /// Computes the whole map and returns its local optima under the criterion and constraints of `[advise]`.
+    ///
+    /// # Errors
+    /// [`StudyError::File`]: the study has no `[advise]`, or more than 2²⁴ rows.
+    pub fn advise(&self) -> Result<Advice, StudyError> {
+        let wish = self.wish()?;
         let class = self.class_column();
         let costs: Vec<f64> = (0..self.rows)
             .into_par_iter()

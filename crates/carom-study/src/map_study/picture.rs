@@ -32,12 +32,16 @@ pub struct Values {
 }
 
 impl Study {
-    /// Computes one column of the whole map, arranged for a picture.
+    /// Checks that a picture can show this column of the map, without computing it.
     ///
     /// # Errors
-    /// [`StudyError::File`]: no such column; no axis or too many axes vary; unevenly spaced values on an axis of a heat map;
-    /// more than 2²⁴ rows.
-    pub fn values(&self, column: &str) -> Result<Values, StudyError> {
+    /// As [`Study::values`].
+    pub fn check_picture(&self, column: &str) -> Result<(), StudyError> {
+        self.arrange(column).map(drop)
+    }
+
+    /// Index of a column, and the axes that vary in the order of a picture.
+    fn arrange(&self, column: &str) -> Result<(usize, Vec<usize>), StudyError> {
         let refuse = |rule: String| StudyError::File { file: self.file.clone(), rule };
         let names: Vec<&str> = self.columns.iter().map(|column| column.name.as_str()).collect();
         let at = names.iter().position(|name| *name == column);
@@ -87,6 +91,17 @@ impl Study {
                 )));
             }
         }
+        Ok((at, chosen))
+    }
+
+    /// Computes one column of the whole map, arranged for a picture.
+    ///
+    /// # Errors
+    /// [`StudyError::File`]: no such column; no axis or too many axes vary; unevenly spaced values on an axis of a heat map;
+    /// more than 2²⁴ rows.
+    pub fn values(&self, column: &str) -> Result<Values, StudyError> {
+        let (at, chosen) = self.arrange(column)?;
+        let axes = self.axes();
         // difference in row number of neighbours on an axis
         let stride = |k: usize| axes[k + 1..].iter().map(Axis::count).product::<u64>();
         let mut rows = vec![0];

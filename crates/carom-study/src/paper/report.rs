@@ -34,14 +34,14 @@ pub enum PaperError {
     /// A figure cannot be drawn.
     #[error("{0}")]
     Figure(String),
-    /// The folder contains other files.
+    /// The folder contains something else than the files of a report, or only some of them.
     #[error(
-        "{folder}: it contains '{found}', which is not a file of this report: give a new or empty folder, or the folder of an earlier report, which is replaced"
+        "{folder}: it contains {found}: give a new or empty folder, or the folder of an earlier report, which is replaced"
     )]
     Occupied {
         /// The folder.
         folder: PathBuf,
-        /// Name of a file in it that is not part of a report.
+        /// What is in it, and why it is no report.
         found: String,
     },
     /// A file or folder cannot be written.
@@ -158,8 +158,8 @@ impl Paper {
     }
 
     /// Writes the figures (SVG), their data (CSV) and `report.md` into a folder. The files are written to a temporary folder
-    /// beside it, which is then renamed. An existing folder must be empty or contain an earlier report only, which is
-    /// replaced.
+    /// beside it, which is then renamed. An existing folder must be empty or contain all files of a report and nothing else;
+    /// it is replaced.
     ///
     /// # Errors
     /// [`PaperError`]: the folder contains other files or cannot be written. Its contents are unchanged then.
@@ -206,7 +206,9 @@ impl Paper {
             return Err(unwritable(named)(reason));
         }
         if replaced {
-            std::fs::remove_dir_all(&old).map_err(unwritable(&old))?;
+            // one by one, so that no other file is lost that has come into the folder meanwhile
+            Self::files().iter().for_each(|name| _ = std::fs::remove_file(old.join(name)));
+            std::fs::remove_dir(&old).map_err(unwritable(&old))?;
         }
         Ok(())
     }
@@ -338,21 +340,28 @@ impl Paper {
     }
 }
 
-/// Name of an entry of the folder that is not a file of a report, if there is one.
+/// Why a folder is neither new nor empty nor that of a report.
 fn occupied(folder: &Path) -> io::Result<Option<String>> {
     let entries = match std::fs::read_dir(folder) {
         Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
         entries => entries?,
     };
     let known = Paper::files();
+    let mut found = Vec::new();
     for entry in entries {
         let entry = entry?;
         let name = entry.file_name().to_string_lossy().into_owned();
         if !known.contains(&name) || !entry.file_type()?.is_file() {
-            return Ok(Some(name));
+            return Ok(Some(format!("'{name}', which is not a file of this report")));
         }
+        found.push(name);
     }
-    Ok(None)
+    // A file of this name alone may be anybody's.
+    let missing = known.iter().find(|name| !found.contains(name));
+    Ok(found
+        .first()
+        .zip(missing)
+        .map(|(name, missing)| format!("'{name}' but not '{missing}', so it is no whole report")))
 }
 
 /// A temporary folder, removed on drop unless it was renamed.
