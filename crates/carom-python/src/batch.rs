@@ -1,6 +1,7 @@
 //! Loops over states: a single state on the calling thread, a batch without the GIL and on all cores.
 
 use crate::error::{InBatch, Raise};
+use crate::threads::on_all_cores;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -34,19 +35,15 @@ pub fn each_row<M, E: Raise + Send>(
         Ok(())
     };
     debug_assert_eq!(out.len(), count * width);
-    let done: Result<(), InBatch<E>> = py.detach(|| {
-        if alone(count) {
-            return chunk(&mut make(), 0, out);
-        }
-        let chunks = out.par_chunks_mut(CHUNK * width).enumerate();
-        first_error(chunks.map_init(&make, |memory, (c, out)| chunk(memory, c * CHUNK, out)))
-    });
+    let done: Result<(), InBatch<E>> = if count <= CHUNK {
+        py.detach(|| chunk(&mut make(), 0, out))
+    } else {
+        on_all_cores(py, || {
+            let chunks = out.par_chunks_mut(CHUNK * width).enumerate();
+            first_error(chunks.map_init(&make, |memory, (c, out)| chunk(memory, c * CHUNK, out)))
+        })?
+    };
     Ok(done?)
-}
-
-/// Whether a batch is computed on the calling thread: there is one thread anyway, or the batch is short.
-pub fn alone(count: usize) -> bool {
-    count <= CHUNK || rayon::current_num_threads() == 1
 }
 
 /// The error of the first state that has one, whichever thread has found it.

@@ -4,6 +4,7 @@ use crate::array::{Numbers, array, shown, vector};
 use crate::chain::Chain;
 use crate::dynamics::offset;
 use crate::error::{exceptions, raise};
+use crate::threads::on_all_cores;
 use carom_chain::FramePoint;
 use carom_chain::urdf::LoadOptions;
 use carom_study::fit::{
@@ -187,7 +188,7 @@ pub fn fit_contacts(
         }
     };
     let options = options.all()?;
-    let fit = py.detach(|| fit_velocities(&impacts, None, &options, &|_, _| {})).map_err(raise)?;
+    let fit = on_all_cores(py, || fit_velocities(&impacts, None, &options, &|_, _| {}))?.map_err(raise)?;
     Ok(FitResult { fit })
 }
 
@@ -225,7 +226,7 @@ pub fn fit_joints(
     };
     let impacts: Vec<MeasuredImpact> = (0..count).map(one).collect::<PyResult<_>>()?;
     let options = options.all()?;
-    let fit = py.detach(|| fit_velocities(&impacts, Some(&own.chain), &options, &|_, _| {})).map_err(raise)?;
+    let fit = on_all_cores(py, || fit_velocities(&impacts, Some(&own.chain), &options, &|_, _| {}))?.map_err(raise)?;
     Ok(FitResult { fit })
 }
 
@@ -260,6 +261,6 @@ pub fn fit_tosses(
     };
     let roll = RollOutOptions { tolerance, contact_step, length, start, horizon, ..RollOutOptions::default() };
     let tosses = py.detach(|| Tosses::read(&folder, robot, &LoadOptions::default())).map_err(raise)?;
-    let fit = py.detach(|| fit_trajectories(&tosses, &options, &roll, &|_, _| {})).map_err(raise)?;
+    let fit = on_all_cores(py, || fit_trajectories(&tosses, &options, &roll, &|_, _| {}))?.map_err(raise)?;
     Ok(FitResult { fit })
 }

@@ -357,7 +357,7 @@ impl Chain {
                 }
                 let found =
                     impacts::compute(py, &self.chain, (states, count.unwrap_or(0)), &strike, law, wanted.derivatives);
-                let found = found.map_err(|e: InBatch<carom_sim::SimError>| law.raise(e.into()))?;
+                let found = found.map_err(|e| law.raise(e))?;
                 Ok(Bound::new(py, Impacts::new(py, found, self.chain.nv())?)?.into_any())
             };
             if several {

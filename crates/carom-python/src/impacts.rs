@@ -1,10 +1,11 @@
 //! A batch of impacts.
 
 use crate::array::{Plain, array, bytes};
-use crate::batch::{CHUNK, alone, first_error};
+use crate::batch::{CHUNK, first_error};
 use crate::error::InBatch;
 use crate::impact::{FLAGS, Impact, Wanted, bits};
 use crate::laws::{GivenLaw, texts};
+use crate::threads::on_all_cores;
 use carom_impact::Mode;
 use carom_sim::{ChainImpact, PreparedStrike, SimError, States, Strike};
 use pyo3::exceptions::PyValueError;
@@ -106,6 +107,9 @@ impl Piece<'_> {
 }
 
 /// Computes a batch: without the GIL and on all cores, or one after another for a law in Python.
+///
+/// # Errors
+/// The exception of the error of the first state that has one.
 pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
     py: Python<'_>,
     chain: &carom_chain::Chain,
@@ -113,7 +117,7 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
     strike: &F,
     law: &GivenLaw,
     derivatives: bool,
-) -> Result<Columns, InBatch<SimError>> {
+) -> PyResult<Columns> {
     let nv = chain.nv();
     let mut all = Columns::new(count, nv, derivatives);
     if count == 0 || nv == 0 {
@@ -159,15 +163,16 @@ pub fn compute<'a, F: Fn(usize) -> Strike<'a> + Sync>(
         all.pieces(1, nv).iter_mut().enumerate().try_for_each(|(k, rows)| piece(&mut memory, k, rows))?;
         return Ok(all);
     }
-    py.detach(|| {
-        let mut pieces = all.pieces(CHUNK, nv);
-        if alone(count) {
-            let (mut memory, mut pieces) = (memory(), pieces.iter_mut().enumerate());
-            return pieces.try_for_each(|(c, rows)| piece(&mut memory, c * CHUNK, rows));
-        }
-        let pieces = pieces.par_iter_mut().enumerate();
-        first_error(pieces.map_init(memory, |memory, (c, rows)| piece(memory, c * CHUNK, rows)))
-    })?;
+    let mut pieces = all.pieces(CHUNK, nv);
+    if let [only] = pieces.as_mut_slice() {
+        py.detach(|| piece(&mut memory(), 0, only))?;
+    } else {
+        on_all_cores(py, || {
+            let pieces = pieces.par_iter_mut().enumerate();
+            first_error(pieces.map_init(memory, |memory, (c, rows)| piece(memory, c * CHUNK, rows)))
+        })??;
+    }
+    drop(pieces);
     Ok(all)
 }
 

@@ -1,7 +1,7 @@
 //! The Python package of carom: impacts of kinematic chains, scenes, maps and fits on NumPy arrays.
 //!
-//! Order of the modules: `error` and `array` (errors and numbers of Python), `batch` (loops over states), `callable` (functions of
-//! Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
+//! Order of the modules: `error` and `array` (errors and numbers of Python), `threads` and `batch` (loops over states), `callable`
+//! (functions of Python), `chain`, `order` and `dynamics` (the class `Chain`), `laws` and `outcome` (laws on plain numbers), `impact` and
 //! `impacts`, `points` (one impact, a batch of impacts, several points), `diagram`, `table`, `controller`, `scene`, `run`, `sensitivity` and `session`
 //! (simulations),
 //! `study` and `fit`. Nothing is computed here: every method converts its arguments, calls the crates and
@@ -29,6 +29,7 @@ mod session;
 mod study;
 mod table;
 mod text;
+mod threads;
 
 use pyo3::prelude::*;
 

@@ -6,6 +6,7 @@ use crate::chain::Chain;
 use crate::error::raise;
 use crate::table::Table;
 use crate::text::toml_text;
+use crate::threads::{on_all_cores, pool};
 use carom_study::map_study::{MapFile, Written};
 use carom_study::{Column, STUDY_KEY, StudyError};
 use pyo3::exceptions::PyTypeError;
@@ -55,18 +56,19 @@ fn named<'py>(py: Python<'py>, columns: &[Column], row: &[f64]) -> PyResult<Boun
     Ok(dict)
 }
 
-/// Runs `work` on another thread, which `stop` ends early, while this one waits for signals (Ctrl-C).
+/// Runs `work` on other threads, which `stop` ends early, while this one waits for signals (Ctrl-C).
 fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce(&AtomicBool) -> R + Send) -> PyResult<R> {
-    let stop = AtomicBool::new(false);
+    let (stop, pool) = (AtomicBool::new(false), pool(py)?);
     py.detach(|| {
         std::thread::scope(|scope| {
-            let worker = scope.spawn(|| work(&stop));
+            let worker = scope.spawn(|| pool.install(|| work(&stop)));
             let mut raised = None;
             while !worker.is_finished() {
                 std::thread::park_timeout(Duration::from_millis(5));
                 if raised.is_none() {
-                    raised = Python::attach(|py| py.check_signals()).err();
-                    stop.store(raised.is_some(), Ordering::Relaxed);
+                    // Nothing waits for the result where the interpreter is shutting down.
+                    let alive = Python::try_attach(|py| raised = py.check_signals().err()).is_some();
+                    stop.store(raised.is_some() || !alive, Ordering::Relaxed);
                 }
             }
             match (worker.join(), raised) {
@@ -166,11 +168,11 @@ impl Study {
         Ok(Table::of_rows(columns, &rows).with_text(STUDY_KEY, study.text()))
     }
 
-    /// Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C leaves a partial file,
-    /// from which resume=True continues.
+    /// Computes the map into a file in constant memory, as CSV or Parquet by the ending of the name. Ctrl-C or a full disk leaves
+    /// a partial file, from which resume=True continues.
     ///
     /// Raises:
-    ///     StudyError: the file cannot be written, or the partial file cannot be continued.
+    ///     StudyError: the file cannot be written, another process writes it, or the partial file cannot be continued.
     #[pyo3(signature = (path, *, resume=false))]
     fn write(&self, py: Python<'_>, path: PathBuf, resume: bool) -> PyResult<()> {
         let file = MapFile { path, rows: 0..self.study.rows(), resume };
@@ -182,7 +184,7 @@ impl Study {
     /// One column of the map as a picture, the text of an SVG.
     fn svg(&self, py: Python<'_>, column: &str) -> PyResult<String> {
         let study = &*self.study;
-        py.detach(|| study.picture(column)).map_err(raise)
+        on_all_cores(py, || study.picture(column))?.map_err(raise)
     }
 
     /// The best rows under the conditions in [advise] of the study: a dict of "column", "goal", "fulfil" (number of rows that
@@ -193,7 +195,7 @@ impl Study {
     ///     StudyError: a study without [advise].
     fn advise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (study, columns) = (&*self.study, self.study.columns());
-        let advice = py.detach(|| study.advise()).map_err(raise)?;
+        let advice = on_all_cores(py, || study.advise())?.map_err(raise)?;
         let pose = |q: &[f64]| array(py, q.to_vec(), &[q.len()]);
         let mut best = Vec::new();
         for it in &advice.best {

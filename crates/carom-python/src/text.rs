@@ -11,16 +11,19 @@ use toml::{Table, Value};
 /// None are left out.
 ///
 /// # Errors
-/// `TypeError` that names the key of any other value.
+/// `TypeError` that names the key of any other value, `ValueError` for a dict that contains itself.
 pub fn toml_text(given: &Bound<'_, PyAny>) -> PyResult<String> {
     let Ok(mapping) = given.cast::<PyMapping>() else {
         return Err(PyTypeError::new_err("this is not a dict: give the keys of the file as a dict"));
     };
-    let table = table("", mapping)?;
+    let table = table("", mapping, 0)?;
     toml::to_string(&table).map_err(|e| PyValueError::new_err(e.to_string()))
 }
 
-fn table(place: &str, given: &Bound<'_, PyMapping>) -> PyResult<Table> {
+/// Greatest number of dicts and lists in one another; that of the reader of TOML is 80.
+const DEEPEST: usize = 64;
+
+fn table(place: &str, given: &Bound<'_, PyMapping>, depth: usize) -> PyResult<Table> {
     let mut table = Table::new();
     for pair in given.items()? {
         let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
@@ -28,13 +31,19 @@ fn table(place: &str, given: &Bound<'_, PyMapping>) -> PyResult<Table> {
             key.extract().map_err(|_| PyTypeError::new_err(format!("{place}: the key {key} is not a string")))?;
         if !value.is_none() {
             let place = if place.is_empty() { key.clone() } else { format!("{place}.{key}") };
-            table.insert(key, toml_value(&place, &value)?);
+            table.insert(key, toml_value(&place, &value, depth + 1)?);
         }
     }
     Ok(table)
 }
 
-fn toml_value(place: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
+fn toml_value(place: &str, given: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
+    if depth > DEEPEST {
+        let message = format!(
+            "{place}: more than {DEEPEST} dicts and lists are in one another, and no key needs them: does one contain itself?"
+        );
+        return Err(PyValueError::new_err(message));
+    }
     if given.is_instance_of::<PyBool>() {
         return Ok(Value::Boolean(given.extract()?));
     }
@@ -48,10 +57,11 @@ fn toml_value(place: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
         return Ok(Value::String(given.extract()?));
     }
     if let Ok(dict) = given.cast::<PyDict>() {
-        return Ok(Value::Table(table(place, dict.as_mapping())?));
+        return Ok(Value::Table(table(place, dict.as_mapping(), depth)?));
     }
     if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
-        let items = given.try_iter()?.enumerate().map(|(k, item)| toml_value(&format!("{place}[{k}]"), &item?));
+        let items =
+            given.try_iter()?.enumerate().map(|(k, item)| toml_value(&format!("{place}[{k}]"), &item?, depth + 1));
         return Ok(Value::Array(items.collect::<PyResult<_>>()?));
     }
     let py = given.py();
@@ -59,7 +69,7 @@ fn toml_value(place: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
         // Lists of Python's own numbers.
         let plain = given.call_method0("tolist")?;
         Numbers::read(place, given)?;
-        return toml_value(place, &plain);
+        return toml_value(place, &plain, depth);
     }
     if let Ok(path) = given.extract::<PathBuf>() {
         return Ok(Value::String(path.display().to_string()));

@@ -1,0 +1,130 @@
+"""What would hang or end a whole process: forks, threads at its end, dicts without end."""
+
+import subprocess
+import sys
+
+import pytest
+
+from conftest import ROOT
+
+BEGIN = f"""
+import multiprocessing, os, threading, time
+import numpy as np
+import carom
+
+chain = carom.Chain.from_urdf({str(ROOT / "robots/planar2.urdf")!r})
+rng = np.random.default_rng(1)
+q, qd = rng.uniform(-2, 2, (4000, 2)), rng.normal(size=(4000, 2))
+strike = dict(frame="tip", normal=(-1, 0, 0))
+study = {{
+    "robot": {{"urdf": {str(ROOT / "robots/planar2.urdf")!r}}},
+    "joints": {{"shoulder": {{"from": -1, "to": 1, "count": 40}}, "elbow": {{"from": -1, "to": 1, "count": 40}}}},
+    "impact": {{"normal": [-1, 0, 0], "approach_deg": 45, "speed": 0.2, "law": "energetic", "restitution": 0.3}},
+    "map": {{"quantities": ["impulse"]}},
+}}
+"""
+
+
+def run(script):
+    """Runs a script in a process of its own, which must end within a minute, without an error and without a word on stderr."""
+    ran = subprocess.run([sys.executable, "-c", BEGIN + script], capture_output=True, text=True, timeout=60)
+    assert (ran.returncode, ran.stderr) == (0, ""), ran
+    return ran.stdout
+
+
+def test_forked_processes_compute_batches_maps_and_fits():
+    # The threads of the parent, which all of these use, do not exist in its children.
+    told = run(
+        """
+H = np.tile([[2.0, 0.5], [0.5, 1.0]], (40, 1, 1))
+before = np.column_stack([rng.uniform(-1, 1, 40), -rng.uniform(0.5, 1, 40)])
+after = before * [0.9, -0.5]
+
+def work(_):
+    mass = chain.mass_matrix(q).sum()
+    hit = chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), **strike).qd_plus.sum()
+    rows = carom.map(study)["impulse"]
+    svg = len(carom.Study.from_dict(study).svg("impulse"))
+    fit = carom.fit(delassus=H, u_minus=before, u_plus=after, max_friction=0.5)
+    return [mass, hit, float(np.nansum(rows)), svg, repr(fit)]
+
+if __name__ == "__main__":
+    own = work(0)
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        assert pool.map_async(work, range(4)).get(40) == [own] * 4
+    # A child of a child, and the parent afterwards.
+    child = os.fork()
+    if child == 0:
+        work(0)
+        other = os.fork()
+        if other == 0:
+            os._exit(0 if work(0) == own else 3)
+        os._exit(os.waitstatus_to_exitcode(os.waitpid(other, 0)[1]))
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert work(0) == own
+    print("equal")
+"""
+    )
+    assert told == "equal\n"
+
+
+WORK = {
+    "law": "chain.impact(q, qd, law=lambda H, u: [0, 0, -u[2] / H[2, 2]], **strike)",
+    "slow law": "chain.impact(q[0], [-1.0, 1.0], law=lambda H, u: time.sleep(1000), **strike)",
+    "controller": "free.with_controller(lambda t, q, qd: [0, 0]).simulate()",
+    "simulation": "free.simulate(sample=100.0)",
+    "batch": "chain.impact(q, qd, law=carom.Energetic(0.4, 0.2), **strike)",
+    "map": "carom.map(study)",
+}
+
+
+@pytest.mark.parametrize("kind", WORK)
+def test_the_interpreter_ends_while_a_daemon_thread_computes(kind):
+    told = run(
+        f"""
+q, qd = np.tile(q, (200, 1)), np.tile(qd, (200, 1))
+study["joints"]["shoulder"]["count"] = study["joints"]["elbow"]["count"] = 4000
+robot = {{**study["robot"], "q": [0.7854, -1.5708], "qd": [-0.15, 0.6]}}
+free = carom.Scene.from_dict({{"robot": robot, "run": {{"duration": 1e5, "gravity": [0, -9.81, 0]}}}})
+
+def work():
+    while True:
+        {WORK[kind]}
+
+threading.Thread(target=work, daemon=True).start()
+time.sleep(0.4)
+print("exit")
+"""
+    )
+    assert told == "exit\n"
+
+
+def test_dicts_that_contain_themselves_are_refused():
+    # In a process of its own: recursion without end ends it.
+    told = run(
+        """
+itself, listed, deep = {}, {"a": []}, {"x": 1}
+itself["a"] = itself
+listed["a"].append(listed["a"])
+for _ in range(20_000):
+    deep = {"a": deep}
+rule = "more than 64 dicts and lists are in one another, and no key needs them: does one contain itself?"
+for keys in (itself, listed, deep):
+    for read in (carom.Scene.from_dict, carom.Study.from_dict, carom.map):
+        try:
+            read(keys)
+        except ValueError as refused:
+            assert str(refused).startswith("a") and str(refused).endswith(rule), refused
+        else:
+            raise AssertionError
+nested = {"x": 1}
+for _ in range(60):
+    nested = {"a": nested}
+try:
+    carom.Scene.from_dict(nested)
+except carom.SimulationError as refused:
+    assert "unknown field `a`" in str(refused), refused
+print("refused")
+"""
+    )
+    assert told == "refused\n"
