@@ -127,7 +127,7 @@ where
             let d = A::Scalar::one() / inverse_d;
             let moves_inertia = d > size * rounding; // false for NaN too
             if !moves_inertia {
-                return Err(self.chain.no_inertia(self.chain.bodies[i].v_index));
+                return Err(self.no_inertia(self.chain.bodies[i].v_index));
             }
         }
         Ok(Articulation { kin: self })

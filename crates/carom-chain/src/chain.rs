@@ -403,14 +403,9 @@ impl<A: Algebra> Chain<A> {
         Self { about, prepared, structure, bodies, frames, nq, nv, flat: Flat::default() }
     }
 
-    /// The error for a coordinate whose joint moves no inertia.
-    #[cold]
-    pub(crate) fn no_inertia(&self, v_index: usize) -> ChainError {
-        if let Err(massless) = self.check_dynamics() {
-            return massless;
-        }
-        let joint = self.joint_of_velocity(v_index).map_or("?".into(), |j| j.name.clone());
-        ChainError::NoInertia { joint }
+    /// The name of the joint of a velocity coordinate.
+    pub(crate) fn name_of_velocity(&self, v_index: usize) -> String {
+        self.joint_of_velocity(v_index).map_or("?".into(), |j| j.name.clone())
     }
 
     #[inline(always)]

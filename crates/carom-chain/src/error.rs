@@ -1,5 +1,6 @@
 //! Errors of this crate: of a file, of a chain, or of the arguments of a call.
 
+use crate::input::{MESSAGE, shortened, shown};
 use std::path::PathBuf;
 
 /// Errors of this crate. Each message names the element, its value, the rule that it breaks and what to do about it.
@@ -7,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum ChainError {
     /// The file cannot be read.
-    #[error("{}: cannot be read: {reason}", path.display())]
+    #[error("{}: cannot be read: {reason}", shown(&path.to_string_lossy()))]
     Unreadable {
         /// The file asked for.
         path: PathBuf,
@@ -27,7 +28,7 @@ pub enum ChainError {
         rule: String,
     },
     /// A name of a robot that cannot be used in a chain of several robots.
-    #[error("robot name '{name}' {problem}")]
+    #[error("robot name '{}' {problem}", shown(name))]
     RobotName {
         /// The name.
         name: String,
@@ -35,7 +36,7 @@ pub enum ChainError {
         problem: &'static str,
     },
     /// A mesh file is not found.
-    #[error("mesh '{name}' is not found; {tried}")]
+    #[error("mesh '{}' is not found; {tried}", shown(name))]
     MeshNotFound {
         /// Its name: a path, `file://…` or `package://…`.
         name: String,
@@ -46,7 +47,7 @@ pub enum ChainError {
     #[error(
         "'{chain}' has no dynamics, because nothing that these links carry has mass: {}. Give them an <inertial>, load the \
          robot with --repair (LoadOptions::repair), which welds them to the links that carry them, or lock their joints",
-        links.join(", ")
+        shortened(&links.join(", "), MESSAGE)
     )]
     Massless {
         /// Name of the chain.
@@ -55,7 +56,7 @@ pub enum ChainError {
         links: Vec<String>,
     },
     /// The chain has no link of that name.
-    #[error("no link is named '{name}'; {hint}")]
+    #[error("no link is named '{}'; {hint}", shown(name))]
     UnknownFrame {
         /// The name asked for.
         name: String,
@@ -71,7 +72,7 @@ pub enum ChainError {
         problem: String,
     },
     /// The chain has no joint of that name.
-    #[error("no joint is named '{name}'; {hint}")]
+    #[error("no joint is named '{}'; {hint}", shown(name))]
     UnknownJoint {
         /// The name asked for.
         name: String,
@@ -115,6 +116,14 @@ pub enum ChainError {
     NoInertia {
         /// The joint.
         joint: String,
+    },
+    /// The numbers of a pose are so large that the mass matrix has no digits for the inertia of a joint.
+    #[error("joint '{joint}': {problem}")]
+    TooLarge {
+        /// The joint.
+        joint: String,
+        /// What is too large, and what to do.
+        problem: String,
     },
     /// With all joints locked, the robot has no rotational inertia about an axis about which an impulse at the point would
     /// rotate it.

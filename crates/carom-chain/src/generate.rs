@@ -46,16 +46,23 @@ pub fn uniform_chain_urdf(links: usize, length: f64, mass: f64) -> String {
     urdf
 }
 
+/// Most links of [`uniform_chain`]: their mass matrix has 800 MB.
+const MOST_LINKS: usize = 10_000;
+
 /// The chain of [`uniform_chain_urdf`].
 ///
 /// # Errors
-/// [`ChainError::OutOfRange`] unless `links` is at least 1, and `length` and `mass` are positive and finite.
+/// [`ChainError::OutOfRange`] unless `links` is from 1 to 10 000, and `length` and `mass` are positive and finite.
 pub fn uniform_chain(links: usize, length: f64, mass: f64) -> Result<Chain, ChainError> {
     for (what, value) in [("number of links", links as f64), ("length", length), ("mass", mass)] {
         let sound = value > 0.0 && value.is_finite();
         if !sound {
             return Err(ChainError::OutOfRange { what, value, rule: "it must be positive and finite" });
         }
+    }
+    if links > MOST_LINKS {
+        let rule = "at most 10000 are allowed, whose mass matrix has 800 MB: give fewer";
+        return Err(ChainError::OutOfRange { what: "number of links", value: links as f64, rule });
     }
     Chain::from_urdf_str(&uniform_chain_urdf(links, length, mass), &LoadOptions::default())
 }

@@ -26,6 +26,8 @@ mod derivative;
 mod energy;
 mod error;
 mod generate;
+#[doc(hidden)]
+pub mod input;
 mod join;
 mod kinematics;
 mod planarize;

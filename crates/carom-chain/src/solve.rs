@@ -5,7 +5,8 @@ use crate::algebra::Algebra;
 use crate::delassus::singular;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
-use nalgebra::{Cholesky, DVector, Dyn, RealField};
+use nalgebra::{Cholesky, DVector, Dyn, RealField, convert, try_convert};
+use std::cmp::Ordering;
 
 impl<A: Algebra> Kinematics<'_, A>
 where
@@ -78,6 +79,38 @@ where
             // nalgebra does not return where the factorisation failed: the first leading block without a factor.
             None => (0..m.nrows()).find(|&k| m.view((0, 0), (k + 1, k + 1)).clone_owned().cholesky().is_none()),
         };
-        Err(self.chain.no_inertia(at.unwrap_or(0)))
+        Err(self.no_inertia(at.unwrap_or(0)))
+    }
+
+    /// The error for a coordinate whose joint moves no inertia, or whose inertia is lost: beside m L² of bodies at a distance L,
+    /// numbers of 16 digits have none left for m l², where l is the length of a body, from L = l/√(64 ε) on.
+    #[cold]
+    pub(crate) fn no_inertia(&self, v_index: usize) -> ChainError {
+        if let Err(massless) = self.chain.check_dynamics() {
+            return massless;
+        }
+        let joint = self.chain.name_of_velocity(v_index);
+        let bodies = self.chain.bodies.iter();
+        // 1 mm for a robot without lengths of its own
+        let own = bodies.fold(convert::<f64, A::Scalar>(1e-6), |own, body| {
+            let (arm, inertia) = (body.placement.translation, body.inertia);
+            let gyration = A::trace(inertia.rotational) / inertia.mass;
+            let own = own.max(A::dot(arm, arm));
+            if gyration > own { gyration } else { own } // NaN for a body without mass
+        });
+        let squares = self.ws.links.iter().map(|link| A::dot(link.offset, link.offset));
+        let is_far = |square: &A::Scalar| {
+            let near = *square * singular() <= own;
+            !near // true for NaN too
+        };
+        let Some(square) = squares.max_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal)).filter(is_far) else {
+            return ChainError::NoInertia { joint };
+        };
+        let distance = try_convert(square).map_or(f64::NAN, f64::sqrt);
+        let problem = format!(
+            "at this pose links are {distance:.1e} m apart, so that its inertia is lost in the rounding of numbers of 16 digits: \
+             check the positions and their units (m, rad)"
+        );
+        ChainError::TooLarge { joint, problem }
     }
 }

@@ -227,7 +227,7 @@ where
         for (v, own) in contact.mass_matrix.iter().step_by(self.chain.nv + 1).enumerate() {
             let moves_inertia = *own * contact.inverse_d[v] * singular() < A::Scalar::one(); // false for NaN too
             if !moves_inertia {
-                return Err(self.chain.no_inertia(v));
+                return Err(self.no_inertia(v));
             }
         }
         Ok(())

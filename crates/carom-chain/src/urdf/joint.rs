@@ -105,6 +105,12 @@ fn axis(
 ) -> Result<Unit<Vector3<f64>>, ChainError> {
     let (axis, length) = Unit::new_and_get(Vector3::from(joint.axis.xyz.0));
     let element = own_child(node, "axis");
+    if element == node {
+        let text =
+            format!("a {} joint without <axis> has the axis 1 0 0, as URDF says; give its <axis xyz>", kind.name());
+        warnings.odd(source, node, &text);
+        return Ok(axis);
+    }
     if !(1e-9..1e9).contains(&length) {
         let rule = format!("has length {length}: the axis of a {} joint must be a unit vector", kind.name());
         return Err(source.error(element, Some("xyz"), rule));

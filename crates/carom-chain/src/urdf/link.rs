@@ -9,7 +9,6 @@
 //! on fixed joints to it form a rigid body that has the property. Without the second property the mass matrix stays
 //! positive semidefinite, because ω·Iω ≥ 0 for every ω: such an inertia is used as it is, with a warning.
 
-use super::LoadOptions;
 use super::joint::pose;
 use super::robot::{Inertial, JointType, Repair};
 use super::source::{Source, own_child};
@@ -31,6 +30,10 @@ const ITERATED: f64 = 1e-12;
 /// Radius of gyration below which a negative moment is rounding, whatever the other moments are, m.
 const TINY: f64 = 1e-9;
 
+/// Rounding of a moment relative to m L², for a mass m and a length L of the robot: a moment about the centre of mass is the
+/// difference of moments about other points of the robot. 64 covers the operations of such a computation.
+const LEVER: f64 = 64.0 * f64::EPSILON;
+
 /// An `<inertial>` that can be used.
 #[derive(Default)]
 struct Sound {
@@ -43,7 +46,7 @@ struct Sound {
 }
 
 /// The inertia of each link. `repair` raises principal moments to the nearest ones that a body can have. On a link that never
-/// moves only the mass counts: an impossible inertia is then a warning.
+/// moves only the mass counts: an impossible inertia is then a warning. `moves`: which links move. `reach`: that of the robot, m.
 ///
 /// # Errors
 /// A negative mass or principal moment of a link that moves.
@@ -52,20 +55,20 @@ pub(super) fn inertials(
     urdf: &urdf_rs::Robot,
     tree: &Tree,
     kinds: &[JointType],
-    options: &LoadOptions,
+    (moves, reach): (&[bool], f64),
+    repair: bool,
     warnings: &mut Warnings,
 ) -> Result<Vec<Option<Inertial>>, ChainError> {
     let mut inertials = Vec::new();
     let mut negative = Vec::new();
-    let moves = moving(tree, kinds, options.floating_base);
-    for (k, ((link, node), moves)) in urdf.links.iter().zip(source.links()).zip(&moves).enumerate() {
+    for (k, ((link, node), moves)) in urdf.links.iter().zip(source.links()).zip(moves).enumerate() {
         // urdf-rs reads zeros where there is no <inertial>
         let inertial_node = own_child(node, "inertial");
         if inertial_node == node {
             inertials.push(None);
             continue;
         }
-        inertials.push(match inertial(&link.inertial, options.repair && *moves) {
+        inertials.push(match inertial(&link.inertial, reach, repair && *moves) {
             Ok(Sound { inertial: Some(Inertial { mass, com, .. }), negative: Some(moments), .. }) if !*moves => {
                 let text = format!("{moments}: none may be negative; not used, since the link never moves");
                 warnings.odd(source, own_child(inertial_node, "inertia"), &text);
@@ -91,7 +94,7 @@ pub(super) fn inertials(
     }
     let places = rigid_bodies(urdf, tree, kinds);
     for (link, element, moments) in negative {
-        if has_negative_moment(&places, &inertials, places[link].0) {
+        if has_negative_moment(&places, &inertials, places[link].0, reach) {
             let rule = format!(
                 "{moments}: none may be negative; check signs and the terms ixy, ixz, iyz, or raise them to the nearest \
                  possible ones: --repair (LoadOptions::repair)"
@@ -119,7 +122,12 @@ fn rigid_bodies(urdf: &urdf_rs::Robot, tree: &Tree, kinds: &[JointType]) -> Vec<
 }
 
 /// Whether the rigid body whose first link is `body` has a negative principal moment about its centre of mass.
-fn has_negative_moment(places: &[(usize, Isometry3<f64>)], inertials: &[Option<Inertial>], body: usize) -> bool {
+fn has_negative_moment(
+    places: &[(usize, Isometry3<f64>)],
+    inertials: &[Option<Inertial>],
+    body: usize,
+    reach: f64,
+) -> bool {
     let parts = places.iter().zip(inertials).filter(|((of, _), _)| *of == body);
     let parts: Vec<_> = parts.filter_map(|((_, place), inertial)| Some((place, (*inertial)?))).collect();
     let at = |place: &Isometry3<f64>, com| place.transform_point(&Point3::from(com)).coords;
@@ -133,19 +141,19 @@ fn has_negative_moment(places: &[(usize, Isometry3<f64>)], inertials: &[Option<I
         sum += (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * part.mass;
     }
     let moments = sum.symmetric_eigenvalues();
-    moments.min() < -rounding(moments.max(), mass)
+    moments.min() < -rounding(moments.max(), mass, reach)
 }
 
 /// Greatest negative moment that is rounding, for the greatest moment `c` and the mass of a body, kg m².
-fn rounding(c: f64, mass: f64) -> f64 {
-    EXACT * c.max(0.0) + mass * TINY * TINY
+fn rounding(c: f64, mass: f64, reach: f64) -> f64 {
+    EXACT * c.max(0.0) + mass * (TINY * TINY + LEVER * reach * reach)
 }
 
 /// The inertia in link axes.
 ///
 /// # Errors
 /// A negative mass, with the rule for the message.
-fn inertial(urdf: &urdf_rs::Inertial, repair: bool) -> Result<Sound, String> {
+fn inertial(urdf: &urdf_rs::Inertial, reach: f64, repair: bool) -> Result<Sound, String> {
     let mass = urdf.mass.value;
     let i = &urdf.inertia;
     let matrix = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
@@ -156,7 +164,7 @@ fn inertial(urdf: &urdf_rs::Inertial, repair: bool) -> Result<Sound, String> {
         let warning = Some("mass and inertia are zero; read as without <inertial>".into());
         return Ok(Sound { warning, ..Sound::default() });
     }
-    let Moments { matrix, warning, raised, negative } = check_moments(&matrix, mass, repair);
+    let Moments { matrix, warning, raised, negative } = check_moments(&matrix, mass, reach, repair);
     let massless =
         (mass == 0.0).then(|| "the mass is 0 and <inertia> is not; read as rotational inertia without mass".into());
     let warning = match (massless, warning) {
@@ -180,7 +188,7 @@ struct Moments {
     negative: Option<String>,
 }
 
-fn check_moments(matrix: &Matrix3<f64>, mass: f64, repair: bool) -> Moments {
+fn check_moments(matrix: &Matrix3<f64>, mass: f64, reach: f64, repair: bool) -> Moments {
     let eigen = SymmetricEigen::new(*matrix);
     let mut order = [0, 1, 2];
     order.sort_by(|i, j| eigen.eigenvalues[*i].total_cmp(&eigen.eigenvalues[*j]));
@@ -196,7 +204,7 @@ fn check_moments(matrix: &Matrix3<f64>, mass: f64, repair: bool) -> Moments {
     let [sa, sb, sc, sum] = [a, b, c, a + b].map(short);
     let moments = format!("principal moments {sa}, {sb} and {sc} kg m²");
     let excess = if c > 0.0 { (c - (a + b)) / c } else { 0.0 };
-    let rounding = rounding(c, mass);
+    let rounding = rounding(c, mass, reach);
     let mut checked = Moments { matrix: *matrix, warning: None, raised: None, negative: None };
     if repair && (a < -rounding || excess > EXACT) {
         let after = possible(before);
@@ -205,18 +213,18 @@ fn check_moments(matrix: &Matrix3<f64>, mass: f64, repair: bool) -> Moments {
     if a < -rounding {
         return Moments { negative: Some(moments), ..checked };
     }
-    checked.warning = if excess > ROUNDED {
+    checked.warning = if excess > ROUNDED && c - (a + b) > rounding {
         Some(format!(
             "{moments}: {sa} + {sb} = {sum} is less than {sc}, but no principal moment of a body exceeds the sum of the other \
              two; used as they are, since the mass matrix stays positive"
         ))
+    } else if a < 0.0 {
+        Some(format!("{moments}: a negative one is accepted as rounding and read as 0"))
     } else if excess > EXACT {
         Some(format!(
             "{moments}: the greatest exceeds the sum of the other two by the fraction {excess:.1e} of itself, accepted as \
              rounding"
         ))
-    } else if a < 0.0 {
-        Some(format!("{moments}: a negative one is accepted as rounding and read as 0"))
     } else {
         None
     };
@@ -237,15 +245,4 @@ fn possible(moments: [f64; 3]) -> [f64; 3] {
 pub(super) fn short(number: f64) -> String {
     let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
     if rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
-}
-
-/// Which links can move relative to the world.
-fn moving(tree: &Tree, kinds: &[JointType], floating_base: bool) -> Vec<bool> {
-    let mut moves = vec![false; tree.ends.len() + 1];
-    moves[tree.root] = floating_base;
-    for joint in &tree.outwards {
-        let (parent, child) = tree.ends[*joint];
-        moves[child] = moves[parent] || kinds[*joint] != JointType::Fixed;
-    }
-    moves
 }

@@ -19,8 +19,9 @@
 //! 3. `tree`, `joint`, `link` and `collision` check the values: exactly one root and no loops, axes, limits, mimic joints,
 //!    inertias, mesh files (`packages`).
 //! 4. `visual` reads what recordings draw; nothing in it is an error.
-//! 5. `weld` repairs what has no mass, if it is asked to.
-//! 6. `transmission` reads the inertia of motors' rotors.
+//! 5. `units` warns of numbers that look like degrees, millimetres or kg mm².
+//! 6. `weld` repairs what has no mass, if it is asked to.
+//! 7. `transmission` reads the inertia of motors' rotors.
 //!
 //! **Not supported:** xacro, SDF and MJCF. Textures and other extensions are not used; [`LoadReport::unused`] lists extensions,
 //! and visual shapes that cannot be drawn.
@@ -37,12 +38,14 @@ mod source;
 mod srdf;
 mod transmission;
 mod tree;
+mod units;
 mod visual;
 mod warnings;
 mod weld;
 mod xml;
 
 use crate::error::ChainError;
+use crate::input;
 pub(crate) use names::suggestion;
 pub use packages::find_mesh;
 pub use robot::*;
@@ -101,9 +104,12 @@ pub enum Meshes {
 /// [`ChainError::Unreadable`], or [`ChainError::Urdf`] with file, line, element, value and rule.
 pub fn read_file(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Robot, ChainError> {
     let path = path.as_ref();
+    read(&read_text(path)?, &path.display().to_string(), path.parent(), options)
+}
+
+fn read_text(path: &Path) -> Result<String, ChainError> {
     let unreadable = |error: std::io::Error| ChainError::Unreadable { path: path.into(), reason: error.to_string() };
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
-    read(&text, &path.display().to_string(), path.parent(), options)
+    input::read_text(path, input::MOST_MIB).map_err(unreadable)
 }
 
 /// Reads a URDF from memory. `base_dir` is used for mesh files like the folder of the file in [`read_file`]. Without it,
@@ -116,24 +122,40 @@ pub fn read_str(text: &str, base_dir: Option<&Path>, options: &LoadOptions) -> R
 }
 
 fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) -> Result<Robot, ChainError> {
+    check_limits(file, text)?;
     let mut warnings = Warnings::default();
-    let text = declared(text, &mut warnings);
-    let document = Document::parse(&text).map_err(|error| not_xml(file, &error))?;
-    let source = Source::new(file, &document);
-    xml::check(&source, &mut warnings)?;
+    let mut text = declared(text, &mut warnings);
+    loop {
+        let error = match Document::parse(&text) {
+            Ok(document) => return read_document(&Source::new(file, &document), base_dir, options, warnings),
+            Err(error) => error,
+        };
+        text = with_prefix(&text, &error, &mut warnings).map(Cow::Owned).ok_or_else(|| not_xml(file, &error))?;
+    }
+}
 
-    let urdf = urdf_rs::read_from_string(&xml::canonical(&source))
+fn read_document(
+    source: &Source,
+    base_dir: Option<&Path>,
+    options: &LoadOptions,
+    mut warnings: Warnings,
+) -> Result<Robot, ChainError> {
+    xml::check(source, &mut warnings)?;
+
+    let urdf = urdf_rs::read_from_string(&xml::canonical(source))
         .map_err(|error| source.error(source.root, None, format!("urdf-rs cannot read the file: {error}")))?;
 
-    let tree = Tree::new(&source, &urdf)?;
+    let tree = Tree::new(source, &urdf)?;
     if options.floating_base {
-        joint::check_floating_base(&source, &urdf)?;
+        joint::check_floating_base(source, &urdf)?;
     }
-    let kinds = joint::kinds(&source, &urdf)?;
-    let inertials = link::inertials(&source, &urdf, &tree, &kinds, options, &mut warnings)?;
-    let mut joints = joint::joints(&source, &urdf, &tree, &kinds, &mut warnings)?;
-    let collisions = collision::collisions(&source, &urdf, base_dir, options, &mut warnings);
-    let visuals = visual::visuals(&source, base_dir, options, &mut warnings);
+    let kinds = joint::kinds(source, &urdf)?;
+    let moves = tree.moving(&kinds, options.floating_base);
+    let reach = tree.reach(&urdf, &moves);
+    let inertials = link::inertials(source, &urdf, &tree, &kinds, (&moves, reach), options.repair, &mut warnings)?;
+    let mut joints = joint::joints(source, &urdf, &tree, &kinds, &mut warnings)?;
+    let collisions = collision::collisions(source, &urdf, base_dir, options, &mut warnings);
+    let visuals = visual::visuals(source, base_dir, options, &mut warnings);
     let parts = urdf.links.into_iter().zip(inertials).zip(collisions.into_iter().zip(visuals));
     let link = |((link, inertial), (collisions, visuals)): ((urdf_rs::Link, _), _)| Link {
         name: link.name,
@@ -142,17 +164,18 @@ fn read(text: &str, file: &str, base_dir: Option<&Path>, options: &LoadOptions) 
         visuals,
     };
     let links: Vec<Link> = parts.map(link).collect();
+    units::check(source, &tree, &links, &joints, (&moves, reach), &mut warnings);
     if options.repair {
         warnings.repairs.extend(weld::weld_massless(&tree, &links, &mut joints, options.floating_base));
     }
-    transmission::read_rotors(&source, &mut joints, &mut warnings)?;
+    transmission::read_rotors(source, &mut joints, &mut warnings)?;
 
     let disabled_pairs = match &options.srdf {
         Some(path) => srdf::disabled_pairs(path, &links, &mut warnings)?,
         None => Vec::new(),
     };
     let name = if urdf.name.is_empty() { "unnamed".into() } else { urdf.name };
-    let report = warnings.report(file, options.strict)?;
+    let report = warnings.report(source.file, options.strict)?;
     Ok(Robot { name, links, joints, root: tree.root, disabled_pairs, report })
 }
 
@@ -169,8 +192,49 @@ fn declared<'a>(text: &'a str, warnings: &mut Warnings) -> Cow<'a, str> {
     }
 }
 
+/// The text with a declaration of the namespace prefix that `error` misses, in the root element, which moves no line. Many
+/// published files use the prefixes of plugins in `<gazebo>` without declaring them. `None` for other errors, after many
+/// prefixes, and for xacro, which changes the robot.
+fn with_prefix(text: &str, error: &roxmltree::Error, warnings: &mut Warnings) -> Option<String> {
+    const UNDECLARED: &str = "undeclared:";
+    // Each prefix costs one more reading of the text.
+    const MOST: usize = 10;
+    let roxmltree::Error::UnknownNamespace(prefix, place) = error else { return None };
+    if prefix == "xacro" || text.matches(UNDECLARED).count() >= MOST {
+        return None;
+    }
+    let at = end_of_root_name(text)?;
+    let name = input::shown(prefix);
+    let message = format!(
+        "the prefix '{name}' is not declared; read as declared: add xmlns:{name}=\"…\" to the outermost element"
+    );
+    warnings.odd_at("XML".into(), place.row, &message);
+    Some(format!("{} xmlns:{prefix}=\"{UNDECLARED}{prefix}\"{}", &text[..at], &text[at..]))
+}
+
+/// Where the name of the outermost element ends.
+fn end_of_root_name(text: &str) -> Option<usize> {
+    let mut at = text.find('<')?;
+    loop {
+        let rest = &text[at..];
+        let end = match rest {
+            _ if rest.starts_with("<!--") => "-->",
+            _ if rest.starts_with("<?") => "?>",
+            _ => return rest.find(|c: char| c.is_whitespace() || c == '/' || c == '>').map(|k| at + k),
+        };
+        at += rest.find(end)?;
+        at += text[at..].find('<')?;
+    }
+}
+
+fn check_limits(file: &str, text: &str) -> Result<(), ChainError> {
+    let refuse = |(line, rule)| ChainError::Urdf { file: file.into(), line, element: "XML".into(), rule };
+    input::check_xml(text).map_err(refuse)
+}
+
 fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {
     let hint = if error.to_string().contains("'xacro'") { "expand it with xacro first" } else { "correct the file" };
-    let rule = format!("is not well-formed: {error}; {hint}");
+    // The parser's messages hold names of the file.
+    let rule = format!("is not well-formed: {}; {hint}", input::shown(&error.to_string()));
     ChainError::Urdf { file: file.into(), line: error.pos().row, element: "XML".into(), rule }
 }

@@ -1,21 +1,27 @@
 //! Lists of names and suggestions in messages.
 
+use crate::input::{LONGEST_NAME, shown};
+
 /// `'a', 'b' and 'c'`; only the first five names of a longer list.
 pub(super) fn listed(names: &[&str]) -> String {
-    const SHOWN: usize = 5;
-    let quoted: Vec<String> = names.iter().take(SHOWN).map(|name| format!("'{name}'")).collect();
+    const LISTED: usize = 5;
+    let quoted: Vec<String> = names.iter().take(LISTED).map(|name| format!("'{}'", shown(name))).collect();
     match quoted.split_last() {
-        Some((last, rest)) if !rest.is_empty() && names.len() <= SHOWN => format!("{} and {last}", rest.join(", ")),
-        _ if names.len() > SHOWN => format!("{} and {} more", quoted.join(", "), names.len() - SHOWN),
+        Some((last, rest)) if !rest.is_empty() && names.len() <= LISTED => format!("{} and {last}", rest.join(", ")),
+        _ if names.len() > LISTED => format!("{} and {} more", quoted.join(", "), names.len() - LISTED),
         _ => quoted.join(""),
     }
 }
 
 /// A hint for a name that is not among `names`: the most similar of them, or the list.
 pub(crate) fn suggestion(wanted: &str, names: &[&str]) -> String {
-    let near = names.iter().map(|name| (edit_distance(wanted, name), name)).min();
+    // Distances of longer texts would take time, and no name is near one.
+    let short = wanted.len() <= LONGEST_NAME;
+    let near = names.iter().filter(|_| short).map(|name| (edit_distance(wanted, name), name)).min();
     match near {
-        Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => format!("did you mean '{name}'?"),
+        Some((distance, name)) if distance <= 1 + wanted.chars().count() / 4 => {
+            format!("did you mean '{}'?", shown(name))
+        }
         _ => format!("there are {}", listed(names)),
     }
 }

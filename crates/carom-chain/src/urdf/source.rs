@@ -1,6 +1,7 @@
 //! Positions of elements in the file, and their names in messages.
 
 use crate::error::ChainError;
+use crate::input::{MESSAGE, shortened, shown};
 use roxmltree::{Document, Node};
 
 /// A parsed document, with the data that messages about it need.
@@ -42,27 +43,29 @@ impl<'a> Source<'a> {
             file: self.file.into(),
             line: self.line(node),
             element: self.describe(node, attribute),
-            rule: rule.into(),
+            rule: shortened(&rule.into(), MESSAGE).into_owned(),
         }
     }
 
     /// `link 'upper_arm'`, `joint 'elbow' <origin xyz>`: the link or joint a node belongs to, then the node.
     pub fn describe(&self, node: Node, attribute: Option<&str>) -> String {
         let above = node.ancestors().find(|above| ["link", "joint", "robot"].contains(&above.tag_name().name()));
-        let attribute = attribute.map_or(String::new(), |name| format!(" {name}"));
-        let part = format!("<{}{attribute}>", node.tag_name().name());
+        let attribute = attribute.map_or(String::new(), |name| format!(" {}", shown(name)));
+        let part = format!("<{}{attribute}>", shown(node.tag_name().name()));
         let owner = above.unwrap_or(self.root);
         match owner.attribute("name") {
             None | Some("") => part,
-            Some(name) if owner == node => format!("{} '{name}'", owner.tag_name().name()),
-            Some(name) => format!("{} '{name}' {part}", owner.tag_name().name()),
+            Some(name) if owner == node => format!("{} '{}'", owner.tag_name().name(), shown(name)),
+            Some(name) => format!("{} '{}' {part}", owner.tag_name().name(), shown(name)),
         }
     }
 
     /// The error for a joint type that is not supported.
     pub fn unsupported_type(&self, joint: Node, name: &str) -> ChainError {
-        let rule =
-            format!("type \"{name}\" is not supported: use revolute, continuous, prismatic, fixed, floating or planar");
+        let rule = format!(
+            "type \"{}\" is not supported: use revolute, continuous, prismatic, fixed, floating or planar",
+            shown(name)
+        );
         self.error(joint, None, rule)
     }
 }

@@ -6,7 +6,7 @@ use super::source::Source;
 use super::warnings::Warnings;
 use crate::error::ChainError;
 use roxmltree::{Document, Node};
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
 /// The pairs that `<disable_collisions>` names, and those of `<disable_default_collisions>` that no `<enable_collisions>`
@@ -20,20 +20,21 @@ pub(super) fn disabled_pairs(
     links: &[Link],
     warnings: &mut Warnings,
 ) -> Result<Vec<[String; 2]>, ChainError> {
-    let unreadable = |error: std::io::Error| ChainError::Unreadable { path: path.into(), reason: error.to_string() };
-    let text = std::fs::read_to_string(path).map_err(unreadable)?;
+    let text = super::read_text(path)?;
     let file = path.display().to_string();
+    super::check_limits(&file, &text)?;
     let document = Document::parse(&text).map_err(|error| super::not_xml(&file, &error))?;
     let source = Source::new(&file, &document);
     if source.root.tag_name().name() != "robot" {
         return Err(source.error(source.root, None, "is not an SRDF: its root must be <robot>"));
     }
+    let places: HashMap<&str, usize> = links.iter().enumerate().map(|(k, link)| (link.name.as_str(), k)).collect();
     let mut unknown = BTreeSet::new();
     let mut index = |node: Node, attribute: &str| -> Result<Option<usize>, ChainError> {
         let name = node
             .attribute(attribute)
             .ok_or_else(|| source.error(node, Some(attribute), "is missing: give the name of a link"))?;
-        let found = links.iter().position(|link| link.name == name);
+        let found = places.get(name).copied();
         if found.is_none() {
             unknown.insert(name.to_owned());
         }

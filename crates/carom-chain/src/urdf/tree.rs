@@ -1,8 +1,10 @@
 //! The tree of links and joints: resolves names to indices, and checks that all links form one tree.
 
 use super::names::{listed, suggestion};
+use super::robot::JointType;
 use super::source::{Source, own_child};
 use crate::error::ChainError;
+use nalgebra::Vector3;
 use roxmltree::Node;
 use std::collections::HashMap;
 
@@ -81,6 +83,30 @@ impl Tree {
             (Some(root), None) => Ok(Self { root: *root, ends, outwards }),
             (_, lost) => Err(loop_error(source, &links, &ends, &above, lost.unwrap_or(0))),
         }
+    }
+
+    /// Which links can move relative to the world.
+    pub fn moving(&self, kinds: &[JointType], floating_base: bool) -> Vec<bool> {
+        let mut moves = vec![false; self.ends.len() + 1];
+        moves[self.root] = floating_base;
+        for joint in &self.outwards {
+            let (parent, child) = self.ends[*joint];
+            moves[child] = moves[parent] || kinds[*joint] != JointType::Fixed;
+        }
+        moves
+    }
+
+    /// Greatest distance of a centre of mass from the first joint that moves it, measured along the links, m. What places that
+    /// joint in the world does not count.
+    pub fn reach(&self, urdf: &urdf_rs::Robot, moves: &[bool]) -> f64 {
+        let length = |origin: &urdf_rs::Pose| Vector3::from(origin.xyz.0).norm();
+        let mut along = vec![0.0; moves.len()];
+        for joint in self.outwards.iter().filter(|joint| moves[self.ends[**joint].0]) {
+            let (parent, child) = self.ends[*joint];
+            along[child] = along[parent] + length(&urdf.joints[*joint].origin);
+        }
+        let links = urdf.links.iter().zip(along).zip(moves).filter(|(_, moves)| **moves);
+        links.map(|((link, along), _)| along + length(&link.inertial.origin)).fold(0.0, f64::max)
     }
 }
 

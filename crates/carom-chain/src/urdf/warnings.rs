@@ -3,6 +3,7 @@
 use super::robot::{LoadReport, Repair};
 use super::source::Source;
 use crate::error::ChainError;
+use crate::input::{MESSAGE, shortened, shown};
 use roxmltree::Node;
 use std::collections::BTreeMap;
 
@@ -47,17 +48,17 @@ impl Warnings {
 
     /// Adds a warning about what is named by `element`.
     pub fn odd_at(&mut self, element: String, line: u32, text: &str) {
-        self.odd.push(Odd { element, line, text: text.into() });
+        self.odd.push(Odd { element, line, text: shortened(text, MESSAGE).into() });
     }
 
     /// Adds a note about an element, which `strict` does not refuse.
     pub fn note(&mut self, source: &Source, node: Node, text: &str) {
-        self.notes.push(format!("{} (line {}): {text}", source.describe(node, None), source.line(node)));
+        self.note_text(format!("{} (line {}): {text}", source.describe(node, None), source.line(node)));
     }
 
     /// Adds a note about another file, which `strict` does not refuse.
     pub fn note_text(&mut self, text: String) {
-        self.notes.push(text);
+        self.notes.push(shortened(&text, MESSAGE).into());
     }
 
     /// Counts one more element or attribute of this kind that is not used.
@@ -76,6 +77,7 @@ impl Warnings {
     }
 
     fn count(&mut self, source: &Source, node: Node, kind: String, text: String, strict: bool) {
+        let kind = shown(&kind).into_owned();
         let first = || Counted { times: 0, line: source.line(node), text, strict };
         self.counted.entry(kind).or_insert_with(first).times += 1;
     }

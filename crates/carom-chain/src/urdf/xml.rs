@@ -5,6 +5,7 @@ use super::source::{Source, own_children};
 use super::transmission::has_rotor;
 use super::warnings::Warnings;
 use crate::error::ChainError;
+use crate::input::{LONGEST_NAME, shown};
 use roxmltree::Node;
 
 /// Largest magnitude of a number: products of a few larger ones overflow.
@@ -43,11 +44,18 @@ fn check_format(source: &Source) -> Result<(), ChainError> {
     // Definitions alone add no links and joints; what calls them, includes files or decides does.
     let definitions = ["arg", "macro", "property"];
     let of_xacro = |node: &Node| node.tag_name().namespace().is_some_and(|name| name.contains("xacro"));
-    let calls = |node: &Node| of_xacro(node) && !definitions.contains(&node.tag_name().name());
-    let defined =
-        |node: &Node| node.ancestors().any(|above| of_xacro(&above) && definitions.contains(&above.tag_name().name()));
     let has_links = own_children(root, "link").next().is_some();
-    match root.descendants().find(|node| if has_links { calls(node) && !defined(node) } else { of_xacro(node) }) {
+    // Nodes are in the order of the text, so that what a definition contains ends where it ends.
+    let mut defined = 0;
+    let mut calls = |node: &Node| {
+        let here = of_xacro(node) && (!has_links || node.range().start >= defined);
+        let defines = has_links && definitions.contains(&node.tag_name().name());
+        if here && defines {
+            defined = node.range().end;
+        }
+        here && !defines
+    };
+    match root.descendants().find(|node| calls(node)) {
         Some(node) => Err(source.error(node, None, XACRO)),
         None => Ok(()),
     }
@@ -150,8 +158,12 @@ fn check_value(
         return Err(source.error(node, Some(attribute.name), XACRO));
     }
     let problem = match &attribute.value {
-        Value::Text => None,
-        Value::Name => text.is_empty().then(|| "is empty: a name is needed".into()),
+        Value::Name if text.is_empty() => Some("is empty: a name is needed".into()),
+        Value::Text | Value::Name => {
+            let count = text.chars().count();
+            let long = || format!("has {count} characters, at most {LONGEST_NAME} are allowed: give a shorter text");
+            (count > LONGEST_NAME).then(long)
+        }
         Value::JointType => {
             // urdf-rs supports `spherical`; `joint::kinds` refuses it.
             let known = ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
@@ -164,7 +176,7 @@ fn check_value(
             let problem = numbers_problem(text, range, node.has_tag_name("limit"));
             match (problem, miscounted(text, *count), attribute.replacement()) {
                 (None, Some(miscounted), Some(value)) => {
-                    let text = format!("\"{text}\" {miscounted}; read as {value}");
+                    let text = format!("\"{}\" {miscounted}; read as {value}", shown(text));
                     warnings.odd_attribute(source, node, attribute.name, &text);
                     None
                 }
@@ -172,13 +184,16 @@ fn check_value(
             }
         }
     };
+    let text = shown(text);
     problem.map_or(Ok(()), |problem| Err(source.error(node, Some(attribute.name), format!("\"{text}\" {problem}"))))
 }
 
 /// Checks the numbers of a list, not how many there are; returns a text that says what is wrong.
 fn numbers_problem(text: &str, range: &Range, limit: bool) -> Option<String> {
     for word in text.split_whitespace() {
-        let Ok(number) = word.parse::<f64>() else {
+        let number = word.parse::<f64>();
+        let word = shown(word);
+        let Ok(number) = number else {
             return Some(format!(
                 "is wrong: '{word}' is not a number; write numbers with a decimal point, separated by spaces"
             ));

@@ -103,7 +103,7 @@ fn a_negative_moment_is_a_warning_if_its_rigid_body_has_none() {
     let text = |distance: f64, kind: &str| {
         robot(&format!(
             "<link name='a'/><link name='b'>{INERTIAL}</link><link name='c'>{}</link>
-            <joint name='j' type='continuous'><parent link='a'/><child link='b'/></joint>
+            <joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='1 0 0'/></joint>
             <joint name='k' type='{kind}'><parent link='b'/><child link='c'/><origin xyz='0 0 {distance}'/></joint>",
             inertial("1", "-1.5 1 3 0")
         ))
@@ -315,7 +315,7 @@ fn coordinates_of_mimic_joints_have_mass_if_one_of_their_joints_moves_some() {
     let text = |follower: &str| {
         robot(&format!(
             "<link name='a'/><link name='b'/><link name='c'>{follower}</link>
-            <joint name='j' type='continuous'><parent link='a'/><child link='b'/></joint>
+            <joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='1 0 0'/></joint>
             <joint name='k' type='continuous'><parent link='a'/><child link='c'/><mimic joint='j' multiplier='2'/></joint>"
         ))
     };

@@ -2,9 +2,11 @@
 
 mod document;
 mod files;
+mod limits;
 mod loading;
 mod rotors;
 mod srdf;
 mod texts;
+mod units;
 mod valid_files;
 mod values;

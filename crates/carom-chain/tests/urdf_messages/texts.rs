@@ -16,18 +16,26 @@ pub fn joined(joint: &str) -> String {
     robot(&format!(r#"<link name="a"/><link name="b">{INERTIAL}</link>{joint}"#))
 }
 
-/// Joint `j` of type `kind` from `a` to `b`, containing `inside`.
+/// Joint `j` of type `kind` from `a` to `b`, containing `inside`, about x unless that has an axis.
 pub fn joint(kind: &str, inside: &str) -> String {
-    joined(&format!(r#"<joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{inside}</joint>"#))
+    let axis = axis(kind, inside);
+    joined(&format!(r#"<joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{axis}{inside}</joint>"#))
+}
+
+/// The axis that a joint needs.
+fn axis(kind: &str, inside: &str) -> &'static str {
+    let needed = !matches!(kind, "fixed" | "floating") && !inside.contains("<axis");
+    if needed { r#"<axis xyz="1 0 0"/>"# } else { "" }
 }
 
 /// Joints `j0`, `j1`, ... from `a` to `b0`, `b1`, ..., each by its type and its contents.
 pub fn star(joints: &[(&str, &str)]) -> String {
     let mut inside = String::from(r#"<link name="a"/>"#);
     for (i, (kind, more)) in joints.iter().enumerate() {
+        let axis = axis(kind, more);
         inside += &format!(
             r#"<link name="b{i}">{INERTIAL}</link>
-            <joint name="j{i}" type="{kind}"><parent link="a"/><child link="b{i}"/>{more}</joint>"#
+            <joint name="j{i}" type="{kind}"><parent link="a"/><child link="b{i}"/>{axis}{more}</joint>"#
         );
     }
     robot(&inside)
@@ -39,8 +47,9 @@ pub fn moving(mass: &str, inertia: &str) -> String {
 }
 
 pub fn on_b(inside: &str, kind: &str) -> String {
+    let axis = axis(kind, "");
     robot(&format!(
-        r#"<link name="a"/><link name="b">{inside}</link><joint name="j" type="{kind}"><parent link="a"/><child link="b"/></joint>"#
+        r#"<link name="a"/><link name="b">{inside}</link><joint name="j" type="{kind}"><parent link="a"/><child link="b"/>{axis}</joint>"#
     ))
 }
 
