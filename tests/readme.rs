@@ -50,7 +50,9 @@ fn the_impact_of_the_readme_rebounds_and_loses_energy() {
     assert!(hit.energy_after < hit.energy_before);
     assert_eq!(hit.mode, Mode::ReverseSlip);
     // Both snippets are this impact.
-    for part in ["[0.7854, -1.5708]", "[-0.15, 0.6]", "restitution: 0.35, friction: 0.2", "restitution=0.35, friction=0.2"] {
+    for part in
+        ["[0.7854, -1.5708]", "[-0.15, 0.6]", "restitution: 0.35, friction: 0.2", "restitution=0.35, friction=0.2"]
+    {
         assert!(README.contains(part), "{part}");
     }
 }

@@ -141,12 +141,11 @@ impl Assembled {
         self.constraints.rows.row(i).iter().zip(self.responses.row(i)).map(|(r, x)| (r * x).abs()).sum()
     }
 
-    /// R q̈₀ + drift; zero along rows that loops lock, where it is rounding.
+    /// R q̈₀ + drift.
     pub fn offset(&self) -> DVector<f64> {
         let Self { constraints, free, .. } = self;
-        let locked = |i: usize| self.own().row(i).iter().all(|x| *x == 0.0);
         DVector::from_fn(constraints.rows.len(), |i, _| {
-            if locked(i) { 0.0 } else { constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i] }
+            constraints.rows.dot(i, free.as_slice()) + constraints.drifts[i]
         })
     }
 }

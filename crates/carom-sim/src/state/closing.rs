@@ -98,10 +98,13 @@ impl<A: Space> View<'_, A> {
         all.split_off(own);
         let Some(closed) = Loops::new(all, answers, A::LINEAR) else { return Ok(()) };
         if let Some((qd, qdd)) = accelerated {
-            // Twice: joints that the loops lock are then at rest to the rounding of their own acceleration, not of the one without loops.
+            // Twice: joints that the loops lock are then at rest to the rounding of their own acceleration. What is left below the rounding of
+            // the acceleration without loops is none.
             let wanted = self.loop_acceleration(qd)?;
+            let open = qdd.iter().fold(0.0, |most: f64, a| most.max(a.abs()));
             closed.bind(qdd, Some(&wanted));
             closed.bind(qdd, Some(&wanted));
+            qdd.iter_mut().filter(|a| a.abs() <= LOST * open).for_each(|a| *a = 0.0);
         }
         rows.iter().zip(responses.iter_mut()).for_each(|(row, response)| closed.bind_response(row, response));
         Ok(())
@@ -123,6 +126,8 @@ impl<A: Space> View<'_, A> {
     }
 }
 
+/// Accelerations below this share of those without loops are rounding.
+const LOST: f64 = 64.0 * f64::EPSILON;
 /// Distances up to this are rounding, m; velocities, m/s.
 const ROUNDING: f64 = 1e-15;
 /// A loop whose points are within this distance is closed, m: far above rounding, far below any tolerance of integration.

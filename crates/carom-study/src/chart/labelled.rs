@@ -47,8 +47,10 @@ pub fn labelled_svg(runs: &[Run], shown: &[(String, String)], title: &str) -> St
         });
         all.filter(|(_, _, points): &Line| !points.is_empty()).collect()
     };
-    let panels: [(&str, Error); 2] =
-        [("error of q̇ after the first impact", |run| run.after_impact), ("error of q and q̇ at the end", |run| run.at_end)];
+    let panels: [(&str, Error); 2] = [
+        ("error of q̇ after the first impact", |run| run.after_impact),
+        ("error of q and q̇ at the end", |run| run.at_end),
+    ];
     let mut drawn: Vec<(&str, Vec<Line>)> = panels.iter().map(|&(what, error)| (what, lines(error))).collect();
     drawn.retain(|(_, lines)| lines.len() > 1);
     let mut text = String::new();
@@ -77,10 +79,11 @@ fn panel<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, what: &str, lines: &[Lin
         all.fold((f64::INFINITY, 0.0_f64), |(low, high), x| (low.min(x), high.max(x)))
     };
     let ((soonest, latest), (least, greatest)) = (range(|p| p.0), range(|p| p.1));
-    let mut axes = ChartBuilder::on(area).margin(12).x_label_area_size(52).y_label_area_size(78).build_cartesian_2d(
-        (soonest / 1.6..latest * ROOM).log_scale(),
-        (least / 6.0..greatest * 6.0).log_scale(),
-    )?;
+    let mut axes = ChartBuilder::on(area)
+        .margin(12)
+        .x_label_area_size(52)
+        .y_label_area_size(78)
+        .build_cartesian_2d((soonest / 1.6..latest * ROOM).log_scale(), (least / 6.0..greatest * 6.0).log_scale())?;
     axes.configure_mesh()
         .light_line_style(WHITE)
         .x_desc("time of the whole run, ms")

@@ -368,7 +368,9 @@ pub fn from_csv(text: &str) -> Result<Vec<Run>, String> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let head = reader.headers().map_err(|e| e.to_string())?.clone();
     let place = |name: &str| {
-        head.iter().position(|it| it == name).ok_or_else(|| format!("the column {name} is missing: carom chart writes it"))
+        head.iter()
+            .position(|it| it == name)
+            .ok_or_else(|| format!("the column {name} is missing: carom chart writes it"))
     };
     let [method, knob, value, time, after, end, law] = [
         place("method")?,
