@@ -79,3 +79,44 @@ fn dae_file_may_have_as_many_nested_nodes_as_its_error_states() {
     let refused = read(101).unwrap_err().to_string();
     assert!(refused.contains("more than 100 deep"), "{refused}");
 }
+
+/// A scene of `levels` nodes, each of which instantiates the next one twice, the last one a geometry of a triangle.
+#[test]
+fn dae_file_whose_nodes_double_its_size_is_refused_at_the_limit() {
+    let read = |levels: usize, geometry: &str| {
+        let nodes: String = (0..levels)
+            .map(|k| {
+                let next =
+                    if k + 1 == levels { geometry.into() } else { format!("<instance_node url='#n{}'/>", k + 1) };
+                format!("<node id='n{k}'>{next}{next}</node>")
+            })
+            .collect();
+        let text = format!(
+            r##"<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+            <library_geometries><geometry id="g"><mesh>
+              <source id="p"><float_array>0 0 0 1 0 0 0 1 0</float_array></source>
+              <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+              <triangles><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+            </mesh></geometry></library_geometries><library_nodes>{nodes}</library_nodes>
+            <library_visual_scenes><visual_scene id="s"><instance_node url="#n0"/></visual_scene>
+            </library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"##
+        );
+        let file = temp(&format!("doubled-{levels}.dae"));
+        std::fs::write(&file, text).unwrap();
+        Mesh::read(&file, Vector3::repeat(1.0), "obstacle")
+    };
+    let geometry = "<instance_geometry url='#g'/>";
+    assert_eq!(read(3, geometry).unwrap().triangles().len(), 8, "each instance counts");
+    for geometry in [geometry, ""] {
+        let refused = read(40, geometry).unwrap_err().to_string();
+        assert!(refused.contains("instantiated too often: more than 10000000 elements"), "{refused}");
+    }
+}
+
+#[test]
+fn messages_about_long_lines_of_meshes_are_short() {
+    let file = temp("long.obj");
+    std::fs::write(&file, format!("v 0 0 0\nf {}\n", "x ".repeat(100_000))).unwrap();
+    let refused = Mesh::read(&file, Vector3::repeat(1.0), "obstacle").unwrap_err().to_string();
+    assert!(refused.contains("a face needs indices of vertices above it") && refused.len() < 1000, "{}", refused.len());
+}

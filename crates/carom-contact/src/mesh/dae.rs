@@ -4,19 +4,38 @@
 //! unit s in m, and the rotation U that maps the file's upward axis to z. (COLLADA 1.4 specification, `<node>`, `<asset>`.)
 
 use super::Soup;
+use carom_chain::input::{check_xml, shown};
 use nalgebra::{Matrix3, Matrix4, Unit, Vector3};
 use roxmltree::{Document, Node};
+use std::cell::Cell;
+use std::collections::HashMap;
 
 /// Greatest depth of nested nodes: ends the recursion in files whose nodes refer to each other in a loop.
 const DEEPEST: usize = 100;
+
+/// Most vertices of a scene: with the search for equal ones they need some 2 GB.
+const VERTICES: usize = 10_000_000;
+
+/// Most elements of nodes and geometries that are visited, each as often as it is instantiated: some seconds.
+const VISITED: usize = 10_000_000;
+
+/// Most bytes of numbers that are read, each as often as it is instantiated, MiB: four times the largest file, some 10 s.
+const READ_MIB: usize = 1024;
 
 /// Reads the text of a file.
 ///
 /// # Errors
 /// A text that names the element and what is wrong with it.
 pub(super) fn read(text: &str) -> Result<Soup, String> {
+    check_xml(text).map_err(|(line, rule)| format!("line {line}: {rule}"))?;
     let document = Document::parse(text).map_err(|error| error.to_string())?;
-    let file = File { root: document.root_element() };
+    let mut ids = HashMap::new();
+    for node in document.root_element().descendants() {
+        if let Some(id) = node.attribute("id") {
+            ids.entry(id).or_insert(node);
+        }
+    }
+    let file = File { root: document.root_element(), ids, visited: Cell::new(0), read: Cell::new(0) };
     let mut soup = Soup::default();
     let to_metres = file.to_metres()?;
     match file.scene()? {
@@ -33,6 +52,12 @@ pub(super) fn read(text: &str) -> Result<Soup, String> {
 
 struct File<'a> {
     root: Node<'a, 'a>,
+    /// The first element with each id.
+    ids: HashMap<&'a str, Node<'a, 'a>>,
+    /// Number of elements visited: see [`VISITED`].
+    visited: Cell<usize>,
+    /// Bytes of numbers read: see [`READ_MIB`].
+    read: Cell<usize>,
 }
 
 impl<'a> File<'a> {
@@ -40,8 +65,27 @@ impl<'a> File<'a> {
     fn target(&self, url: Option<&str>) -> Result<Node<'a, 'a>, String> {
         let url = url.ok_or("a reference has no url or source")?;
         let id = url.strip_prefix('#').unwrap_or(url);
-        let found = self.root.descendants().find(|node| node.attribute("id") == Some(id));
-        found.ok_or_else(|| format!("no element has the id '{id}'"))
+        self.ids.get(id).copied().ok_or_else(|| format!("no element has the id '{}'", shown(id)))
+    }
+
+    /// Counts an element that is visited.
+    fn visit(&self) -> Result<(), String> {
+        self.visited.set(self.visited.get() + 1);
+        if self.visited.get() <= VISITED {
+            return Ok(());
+        }
+        let limit = format!("more than {VISITED} elements would be visited, the limit");
+        Err(format!("its nodes and geometries are instantiated too often: {limit}"))
+    }
+
+    /// The numbers in an element's text.
+    fn numbers<T: std::str::FromStr>(&self, node: Node) -> Result<Vec<T>, String> {
+        self.read.set(self.read.get() + node.text().map_or(0, str::len));
+        if self.read.get() >> 20 >= READ_MIB {
+            let limit = format!("more than {READ_MIB} MiB of numbers would be read, the limit");
+            return Err(format!("its geometries are instantiated too often: {limit}"));
+        }
+        numbers(node)
     }
 
     /// The transform U·s from the unit and the upward axis.
@@ -72,7 +116,8 @@ impl<'a> File<'a> {
             return Err(format!("nodes are nested more than {DEEPEST} deep; does a node refer to itself?"));
         }
         let mut here = outer;
-        for child in node.children().filter(Node::is_element) {
+        for child in node.children() {
+            self.visit()?;
             match child.tag_name().name() {
                 name @ ("matrix" | "translate" | "rotate" | "scale" | "lookat" | "skew") => {
                     here *= transform(name, child)?;
@@ -90,6 +135,7 @@ impl<'a> File<'a> {
 
     fn add_geometry(&self, geometry: Node<'a, 'a>, place: &Matrix4<f64>, soup: &mut Soup) -> Result<(), String> {
         let Some(mesh) = geometry.child("mesh") else { return Ok(()) };
+        geometry.descendants().try_for_each(|_| self.visit())?;
         for part in mesh.children().filter(Node::is_element) {
             let kind = part.tag_name().name();
             if !["triangles", "polylist", "polygons", "trifans", "tristrips"].contains(&kind) {
@@ -108,9 +154,13 @@ impl<'a> File<'a> {
             let base = soup.vertices.len() as u32;
             let positions = self.positions(self.target(vertex.attribute("source"))?)?;
             let count = positions.len() as u32;
+            if soup.vertices.len() + positions.len() > VERTICES {
+                let limit = "each counted as often as it is instantiated, the limit";
+                return Err(format!("its geometries have more than {VERTICES} vertices, {limit}"));
+            }
             soup.vertices.extend(positions.iter().map(|p| place.transform_point(&(*p).into()).coords));
             for list in part.children().filter(|node| node.has_tag_name_of("p")) {
-                let indices: Vec<u32> = numbers(list)?;
+                let indices: Vec<u32> = self.numbers(list)?;
                 let corners: Vec<u32> = indices.chunks_exact(stride).map(|chunk| chunk[own]).collect();
                 if let Some(bad) = corners.iter().find(|k| **k >= count) {
                     return Err(format!(
@@ -122,7 +172,7 @@ impl<'a> File<'a> {
                     "triangles" => corners.chunks_exact(3).for_each(|corners| soup.add_polygon(corners)),
                     "polylist" => {
                         let mut rest = corners.as_slice();
-                        for size in numbers::<usize>(part.child("vcount").ok_or("<polylist> has no <vcount>")?)? {
+                        for size in self.numbers::<usize>(part.child("vcount").ok_or("<polylist> has no <vcount>")?)? {
                             let polygon = rest
                                 .split_at_checked(size)
                                 .ok_or("<polylist> has fewer indices in <p> than <vcount> needs")?;
@@ -154,7 +204,7 @@ impl<'a> File<'a> {
             return Err(format!("<accessor stride=\"{stride}\">: a position needs 3 numbers"));
         }
         let values: Vec<f64> =
-            numbers(source.child("float_array").ok_or("a <source> of positions has no <float_array>")?)?;
+            self.numbers(source.child("float_array").ok_or("a <source> of positions has no <float_array>")?)?;
         Ok(values.chunks_exact(stride).map(|p| Vector3::new(p[0], p[1], p[2])).collect())
     }
 }
@@ -176,10 +226,10 @@ fn transform(name: &str, node: Node) -> Result<Matrix4<f64>, String> {
     }
 }
 
-/// The numbers in an element's text.
 fn numbers<T: std::str::FromStr>(node: Node) -> Result<Vec<T>, String> {
-    let parse =
-        |word: &str| word.parse().map_err(|_| format!("<{}>: '{word}' is not a number", node.tag_name().name()));
+    let parse = |word: &str| {
+        word.parse().map_err(|_| format!("<{}>: '{}' is not a number", node.tag_name().name(), shown(word)))
+    };
     node.text().unwrap_or_default().split_whitespace().map(parse).collect()
 }
 

@@ -5,10 +5,14 @@ mod obj;
 mod polygon;
 
 use crate::error::{ContactError, MeshFault};
+use carom_chain::input::{MESSAGE, read_bytes, read_text, shortened};
 use nalgebra::Vector3;
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
+
+/// Largest mesh file, MiB: five million triangles of a binary STL, which need some 2 GB.
+const MOST_MIB: u64 = 256;
 
 /// A triangle mesh in its own axes, with at least one triangle of non-zero area and finite coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,15 +52,12 @@ impl Mesh {
         let refuse = |fault| ContactError::Mesh { owner: owner.into(), file: file.into(), fault };
         let read = || {
             let kind = file.extension().and_then(|kind| kind.to_str()).unwrap_or_default().to_lowercase();
-            let unreadable = |error: std::io::Error| MeshFault::Unreadable(error.to_string());
+            let refused = |why: String| MeshFault::Unreadable(shortened(&why, MESSAGE).into_owned());
+            let unreadable = |error: std::io::Error| refused(error.to_string());
             let soup = match kind.as_str() {
-                "stl" => stl(&std::fs::read(file).map_err(unreadable)?).map_err(unreadable)?,
-                "dae" => {
-                    dae::read(&std::fs::read_to_string(file).map_err(unreadable)?).map_err(MeshFault::Unreadable)?
-                }
-                "obj" => {
-                    obj::read(&std::fs::read_to_string(file).map_err(unreadable)?).map_err(MeshFault::Unreadable)?
-                }
+                "stl" => stl(&read_bytes(file, MOST_MIB).map_err(unreadable)?).map_err(unreadable)?,
+                "dae" => dae::read(&read_text(file, MOST_MIB).map_err(unreadable)?).map_err(refused)?,
+                "obj" => obj::read(&read_text(file, MOST_MIB).map_err(unreadable)?).map_err(refused)?,
                 _ => return Err(MeshFault::UnknownKind(kind)),
             };
             Self::check(soup, scale)

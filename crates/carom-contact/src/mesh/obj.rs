@@ -1,6 +1,7 @@
 //! Wavefront OBJ: the lines `v x y z` and `f a b c …`; all others are ignored.
 
 use super::Soup;
+use carom_chain::input::shown;
 use nalgebra::Vector3;
 
 /// Reads the text of a file.
@@ -10,7 +11,7 @@ use nalgebra::Vector3;
 pub(super) fn read(text: &str) -> Result<Soup, String> {
     let mut soup = Soup::default();
     for (number, line) in text.lines().enumerate() {
-        let refuse = |rule: &str| format!("line {}: '{line}': {rule}", number + 1);
+        let refuse = |rule: &str| format!("line {}: '{}': {rule}", number + 1, shown(line));
         let mut words = line.split_whitespace();
         match words.next() {
             Some("v") => {
