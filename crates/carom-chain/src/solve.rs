@@ -103,9 +103,8 @@ where
             let near = *square * singular() <= own;
             !near // true for NaN too
         };
-        let Some(square) = squares.max_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal)).filter(is_far) else {
-            return ChainError::NoInertia { joint };
-        };
+        let far = squares.filter(is_far).max_by(|a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal));
+        let Some(square) = far else { return ChainError::NoInertia { joint } };
         let distance = try_convert(square).map_or(f64::NAN, f64::sqrt);
         let problem = format!(
             "at this pose links are {distance:.1e} m apart, so that its inertia is lost in the rounding of numbers of 16 digits: \

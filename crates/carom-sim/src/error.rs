@@ -1,6 +1,7 @@
 //! The errors of this crate.
 
 use carom_chain::ChainError;
+use carom_chain::input::{MESSAGE, shortened};
 use carom_impact::ImpactError;
 use ivp::status::Status;
 use nalgebra::Vector3;
@@ -140,8 +141,8 @@ pub enum SimError {
     },
     /// Velocities of time steps have grown beyond all numbers.
     #[error(
-        "at t = {time} s the energy of the time steps is no longer a finite number: they gain energy without bound, make \
-         contact_step shorter, or choose another law of several contacts"
+        "at t = {time} s the numbers of a time step exceed the range of f64: check the units of forces, gains and masses; where the time \
+         steps before gain energy, give a shorter contact_step or another law of several contacts"
     )]
     Diverged {
         /// Start of the step, s.
@@ -260,7 +261,7 @@ pub enum SimError {
     )]
     DerivativeOfHeldJoints,
     /// An invalid scene file.
-    #[error("{file}: {rule}")]
+    #[error("{file}: {}", shortened(rule, MESSAGE))]
     Scene {
         /// The file.
         file: String,

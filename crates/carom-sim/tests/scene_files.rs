@@ -70,7 +70,9 @@ impl Desk {
             "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
         let mesh = "<collision><geometry><mesh filename='package://parts/cube.stl'/></geometry></collision>";
         let joint = |name: &str, parent: &str, child: &str| {
-            format!("<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/></joint>")
+            format!(
+                "<joint name='{name}' type='continuous'><parent link='{parent}'/><child link='{child}'/><axis xyz='1 0 0'/></joint>"
+            )
         };
         let text = format!(
             "<robot name='r'><link name='a'/><link name='b'>{inertial}{mesh}</link><link name='c'/>{}{}</robot>",
@@ -144,6 +146,19 @@ fn missing_meshes_are_refused_only_by_scenes_that_need_them() {
     let scene = desk.scene(&format!("{robot}\nstrict = true\npackage_dirs = [\"../packages\"]"), FLOOR).unwrap();
     assert!(scene.files.iter().any(|it| it.ends_with("packages/parts/cube.stl") && it.is_file()), "{:?}", scene.files);
     assert!(!scene.simulation.touches.is_empty() && file.is_file());
+}
+
+#[test]
+fn an_empty_path_is_named() {
+    let (one, several) = ("[robot]\nq = []", "[[robot]]\nname = \"arm\"");
+    for (robot, keys, message) in [
+        (one, "urdf = \"\"", "<scene>: [robot] urdf is empty: give the path of the file"),
+        (one, "urdf = \"r.urdf\"\nsrdf = \"\"", "<scene>: [robot] srdf is empty: give the path of the file"),
+        (several, "urdf = \"\"", "<scene>: [[robot]] 'arm' urdf is empty: give the path of the file"),
+    ] {
+        let error = Scene::from_toml(&format!("{robot}\n{keys}\n[run]\nduration = 1\n"), "folder").err();
+        assert_eq!(error.map(|e| e.to_string()).as_deref(), Some(message));
+    }
 }
 
 /// The same mesh by a path, by `file://` and by its package.

@@ -53,6 +53,19 @@ fn a_jamming_rod_has_an_impact_without_collision_beside_its_sliding() {
     assert_eq!(of_contact[1].qd_plus, all[1].qd_plus);
 }
 
+#[test]
+fn a_point_that_is_not_finite_is_named() {
+    let chain = rod();
+    let (q, qd) = ([0.2, 0.5, -1.0], [-1.0, 0.0, 0.0]);
+    let strike = || chain.impact(&q, &qd).at(chain.frame("end").unwrap()).normal([0.0, 0.0, 1.0]);
+    for (point, message) in [
+        ([f64::NAN, 0.0, 0.0], "point[0] is NaN: every number must be finite"),
+        ([0.0, 0.0, f64::INFINITY], "point[2] is inf: every number must be finite"),
+    ] {
+        assert_eq!(strike().offset(point).contact().err().map(|e| e.to_string()).as_deref(), Some(message));
+    }
+}
+
 /// Several laws and joint models at changing states: the same results as by `chain.impact`, and no allocation after the first.
 #[test]
 fn prepared_strike_equals_a_single_one_and_does_not_allocate() {

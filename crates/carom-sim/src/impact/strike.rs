@@ -27,7 +27,7 @@ use crate::contact::SeveralLaw;
 use crate::error::SimError;
 use crate::state::Moment;
 use carom_chain::algebra::z_onto;
-use carom_chain::{Chain, FramePoint, Point, Spatial};
+use carom_chain::{Chain, ChainError, FramePoint, Point, Spatial};
 use carom_impact::{CoefficientRanges, Law};
 use nalgebra::Vector3;
 
@@ -141,7 +141,8 @@ impl<'a> Strike<'a> {
     ///
     /// # Errors
     /// [`SimError::Incomplete`], [`SimError::FixedPoint`], [`SimError::Locked`] if all joints that move the point are locked,
-    /// [`SimError::Chain`] for a normal that is zero or an invalid joint, [`SimError::Setting`] for invalid impedances.
+    /// [`SimError::Chain`] for a normal that is zero, a point that is not finite or an invalid joint, [`SimError::Setting`] for
+    /// invalid impedances.
     pub fn prepare(&self) -> Result<PreparedStrike<'a>, SimError> {
         Ok(PreparedStrike::new(self.aim()?))
     }
@@ -151,6 +152,9 @@ impl<'a> Strike<'a> {
             return Err(SimError::Incomplete { missing: "point", say: ".at(chain.frame(\"…\")?)" });
         };
         contact.offset = self.offset.unwrap_or(contact.offset);
+        if let Some(index) = contact.offset.iter().position(|x| !x.is_finite()) {
+            return Err(ChainError::NotFinite { what: "point", index, value: contact.offset[index] }.into());
+        }
         let Some(normal) = self.normal else {
             return Err(SimError::Incomplete { missing: "normal", say: ".normal([x, y, z])" });
         };

@@ -182,7 +182,7 @@ impl Simulation {
         positive("Zeno time", self.zeno_time)?;
         positive("contact step", self.contact_step)?;
         let countable = |what, value: f64| {
-            let rule = "the duration is more than 1e10 times as long: make it longer";
+            let rule = "the duration is more than 1e10 times as long: shorten the duration, or lengthen this";
             if duration / value <= 1e10 { Ok(()) } else { Err(SimError::Setting { what, value, rule }) }
         };
         if let Some(every) = every {

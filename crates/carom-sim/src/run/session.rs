@@ -20,7 +20,8 @@ use carom_chain::{Chain, Planar, PlanarChain, Spatial};
 /// let arm = Chain::from_urdf_str(
 ///     r#"<robot name="arm"><link name="base"/><link name="tip"><inertial><mass value="1"/>
 ///        <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
-///        <joint name="hinge" type="continuous"><parent link="base"/><child link="tip"/></joint></robot>"#,
+///        <joint name="hinge" type="continuous"><parent link="base"/><child link="tip"/>
+///        <axis xyz="0 0 1"/></joint></robot>"#,
 ///     &Default::default(),
 /// )?;
 /// let mut session = Simulation::new(arm, Vec::new()).start(&[0.0], &[1.0])?;

@@ -318,6 +318,9 @@ impl<A: Space> Run<'_, '_, A> {
         for i in 0..nv {
             inertia[(i, i)] += step * damping[i] + step * step / 2.0 * stiffness[i];
         }
+        if inertia.iter().any(|x| !x.is_finite()) {
+            return Err(SimError::Diverged { time: start });
+        }
         let inertia = inertia.cholesky().ok_or(ChainError::NoInertia { joint: sim.chain.name().to_owned() });
         let inertia = inertia.map_err(SimError::from)?;
         let tau = DVector::from_vec(tau);
@@ -329,6 +332,9 @@ impl<A: Space> Run<'_, '_, A> {
         for _ in 0..MIDPOINT {
             let force = &tau - view.bias(mean.as_slice(), sim.gravity)?;
             free = &v + inertia.solve(&(force * step - &carried));
+            if free.iter().any(|x| !x.is_finite()) {
+                return Err(SimError::Diverged { time: start });
+            }
             if let Some(closed) = &closed {
                 closed.bind(free.as_mut_slice(), None);
             }

@@ -24,12 +24,14 @@ use crate::error::SimError;
 use crate::model::Simulation;
 use crate::state::View;
 use carom_chain::Spatial;
+use carom_chain::input;
 use carom_contact::LeftOut;
 use contact::{apply, between_links, rule, several, unused};
 use drive::per_joint;
 use file::{File, Method, Model, Shape};
 use force::{spring, wrench};
 use loops::closure;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use surface::{Places, surface};
 
@@ -297,7 +299,7 @@ impl Scene {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SimError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = input::read_text(path, input::MOST_MIB)
             .map_err(|e| SimError::Scene { file: name.clone(), rule: format!("cannot be read: {e}") })?;
         let mut scene = Self::read(&text, name, path.parent().unwrap_or(Path::new(".")))?;
         scene.files.insert(0, path.to_owned());
@@ -326,9 +328,8 @@ impl Scene {
         let surfaces = file.surface.iter().enumerate();
         let surfaces = surfaces.map(|(k, it)| surface(places, k, it, &rule).map_err(&refuse));
         let surfaces: Vec<Surface> = surfaces.collect::<Result<_, _>>()?;
-        if let Some((_, twin)) =
-            surfaces.iter().enumerate().find(|(k, it)| surfaces[..*k].iter().any(|o| o.name == it.name))
-        {
+        let mut names = HashSet::new();
+        if let Some(twin) = surfaces.iter().find(|it| !names.insert(it.name.as_str())) {
             return Err(refuse(format!(
                 "[[surface]] name = \"{}\": two surfaces have this name, rename one",
                 twin.name

@@ -94,6 +94,12 @@ impl One {
         name: Option<String>,
         refuse: &impl Fn(String) -> SimError,
     ) -> Result<Self, SimError> {
+        let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
+        for (key, file) in [("urdf", Some(&given.urdf)), ("srdf", given.srdf.as_ref())] {
+            if file.is_some_and(|file| file.as_os_str().is_empty()) {
+                return Err(refuse(format!("{table} {key} is empty: give the path of the file")));
+            }
+        }
         let options = LoadOptions {
             floating_base: given.floating,
             strict: given.strict,
@@ -108,7 +114,6 @@ impl One {
         let chain = Chain::from_robot(robot, &options);
         let chain = rotors.try_fold(chain, |chain, (joint, inertia)| chain.with_rotor_inertia(joint, *inertia))?;
         chain.check_dynamics()?;
-        let table = name.as_ref().map_or_else(|| "[robot]".to_owned(), |name| format!("[[robot]] '{name}'"));
         let q = start(&chain, &given).map_err(|why| refuse(format!("{table} {why}")))?;
         let robot = Self { name, table, chain, q, springs, given };
         robot.checked(robot.chain.check_state(&robot.q, &vec![0.0; robot.chain.nv()]), refuse)?;

@@ -23,6 +23,9 @@ impl Columns {
     /// # Errors
     /// A message without the name of the file.
     pub fn read(path: &Path) -> Result<Self, String> {
+        if path.is_dir() {
+            return Err("it is a folder: give the path of a file".into());
+        }
         let table = if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
             parquet(path)?
         } else {

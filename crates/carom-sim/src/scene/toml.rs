@@ -1,5 +1,7 @@
 //! TOML with messages that help.
 
+use carom_chain::input::shown;
+
 /// Parses TOML.
 ///
 /// # Errors
@@ -14,7 +16,7 @@ pub fn from_toml<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String
         let message = suggest(e.message());
         // Only messages about unknown fields name what is in the line.
         let quoted = text.lines().nth(line - 1).filter(|_| !message.contains("unknown field `")).map(str::trim);
-        quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {it}: {message}"))
+        quoted.map_or_else(|| format!("line {line}: {message}"), |it| format!("line {line}, {}: {message}", shown(it)))
     })
 }
 

@@ -158,6 +158,7 @@ pub use write::{MapFile, Written};
 use crate::{Column, TableError};
 use arm::{Engine, Worker};
 use carom_chain::Chain;
+use carom_chain::input::{MESSAGE, shortened};
 use nalgebra::Vector3;
 use std::io;
 use std::ops::Range;
@@ -168,7 +169,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum StudyError {
     /// The study file breaks a rule, or the request does not fit the study.
-    #[error("{file}: {rule}")]
+    #[error("{file}: {}", shortened(rule, MESSAGE))]
     File {
         /// The study file.
         file: String,

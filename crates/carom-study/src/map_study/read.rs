@@ -12,7 +12,7 @@ use super::{Study, StudyError};
 use crate::Column;
 use carom_chain::algebra::Algebra;
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
-use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point};
+use carom_chain::{Chain, Coordinates, FrameId, JointInfo, Point, input};
 use carom_impact::{AnyLaw, Coefficients, LAW_NAMES};
 use nalgebra::{SMatrix, SVector, Vector3};
 use std::path::Path;
@@ -25,7 +25,7 @@ impl Study {
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, StudyError> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path)
+        let text = input::read_text(path, input::MOST_MIB)
             .map_err(|e| StudyError::File { file: name.clone(), rule: format!("cannot be read: {e}") })?;
         let mut study = Self::read(text, name, path.parent().unwrap_or(Path::new(".")))?;
         study.files.insert(0, path.to_owned());
@@ -43,6 +43,9 @@ impl Study {
     fn read(text: String, name: String, folder: &Path) -> Result<Self, StudyError> {
         let refuse = |rule: String| StudyError::File { file: name.clone(), rule };
         let file: File = carom_sim::from_toml(&text).map_err(refuse)?;
+        if file.robot.urdf.as_os_str().is_empty() {
+            return Err(refuse("[robot] urdf is empty: give the path of the file".into()));
+        }
         let urdf = folder.join(&file.robot.urdf);
         let options = LoadOptions {
             meshes: Meshes::Ignored, // collision shapes are not used
@@ -55,7 +58,7 @@ impl Study {
         let chain = Chain::from_urdf_file_with(&urdf, &options).map_err(StudyError::Robot)?;
         chain.check_dynamics().map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let files = vec![urdf.clone()];
-        let urdf = std::fs::read_to_string(&urdf).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
+        let urdf = input::read_text(&urdf, input::MOST_MIB).map_err(|e| refuse(format!("[robot] urdf: {e}")))?;
         let read = Reading { file: &file, chain: &chain };
         let (engine, columns, mut warnings) = read.all().map_err(refuse)?;
         warnings.extend(chain.report().summary(5));
