@@ -1,7 +1,9 @@
 //! Tables of scenes as Parquet files: the same numbers as in CSV, by column name, and messages with the row.
 
 use carom_sim::{Scene, SimError};
+use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::DoubleType;
+use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use std::path::{Path, PathBuf};
@@ -9,11 +11,16 @@ use std::sync::Arc;
 
 type Column<'a> = (&'a str, &'a [f64]);
 
-fn write_parquet(path: &Path, columns: &[Column]) {
+fn write_parquet(path: &Path, columns: &[Column], compression: Compression) {
     let fields: String = columns.iter().map(|(name, _)| format!("required double {name}; ")).collect();
     let schema = Arc::new(parse_message_type(&format!("message table {{ {fields}}}")).unwrap());
     let file = std::fs::File::create(path).unwrap();
-    let mut writer = SerializedFileWriter::new(file, schema, Default::default()).unwrap();
+    let mut writer = SerializedFileWriter::new(
+        file,
+        schema,
+        WriterProperties::builder().set_compression(compression).build().into(),
+    )
+    .unwrap();
     let mut group = writer.next_row_group().unwrap();
     for (_, values) in columns {
         let mut column = group.next_column().unwrap().unwrap();
@@ -57,7 +64,7 @@ impl Desk {
     /// The end of a scene with the table as CSV and as Parquet; `scene` has TABLE for the file's name.
     fn both(&self, scene: &str, columns: &[Column]) -> [(Vec<f64>, Vec<f64>); 2] {
         write_csv(&self.0.join("t.csv"), columns);
-        write_parquet(&self.0.join("t.parquet"), columns);
+        write_parquet(&self.0.join("t.parquet"), columns, Compression::UNCOMPRESSED);
         ["t.csv", "t.parquet"].map(|file| self.last(&scene.replace("TABLE", file)).unwrap())
     }
 }
@@ -83,6 +90,20 @@ fn a_force_from_a_parquet_table_has_the_impulse_of_its_integral() {
     let expected = [0.2 / mass, 0.0, (0.5 * 0.4 * 0.3 + 0.6 * 0.2) / mass];
     for (found, expected) in parquet.1.iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{:?} {expected}", parquet.1);
+    }
+}
+
+/// zstd is the default of polars, snappy that of most other writers.
+#[test]
+fn compressed_tables_are_the_same_as_uncompressed_ones() {
+    let desk = Desk::new("compressed");
+    let columns: [Column; 3] =
+        [("elbow", &[0.0, 0.02, -0.01]), ("time", &[0.0, 0.2, 0.5]), ("shoulder", &[0.1, 0.0, 0.05])];
+    let scene = format!("{ARM}controller = \"torque-file\"\ntorque_file = \"TABLE\"\n");
+    let [csv, _] = desk.both(&scene, &columns);
+    for compression in [Compression::SNAPPY, Compression::ZSTD(ZstdLevel::default())] {
+        write_parquet(&desk.0.join("t.parquet"), &columns, compression);
+        assert_eq!(desk.last(&scene.replace("TABLE", "t.parquet")).unwrap(), csv, "{compression:?}");
     }
 }
 
@@ -114,11 +135,12 @@ fn invalid_parquet_tables_are_refused_with_their_row_or_column() {
     let scene = format!("{ARM}controller = \"torque-file\"\ntorque_file = \"t.parquet\"\n");
     let file = desk.0.join("t.parquet");
     let said = || desk.last(&scene).unwrap_err().to_string();
-    write_parquet(&file, &[("time", &[0.0]), ("elbow", &[0.0])]);
+    let plain = Compression::UNCOMPRESSED;
+    write_parquet(&file, &[("time", &[0.0]), ("elbow", &[0.0])], plain);
     assert!(said().contains("t.parquet: column shoulder is missing: add it"), "{}", said());
-    write_parquet(&file, &[("time", &[0.0, 1.0]), ("elbow", &[0.0, f64::NAN]), ("shoulder", &[0.0, 0.0])]);
+    write_parquet(&file, &[("time", &[0.0, 1.0]), ("elbow", &[0.0, f64::NAN]), ("shoulder", &[0.0, 0.0])], plain);
     assert!(said().contains("t.parquet: row 2: every cell must be a finite number"), "{}", said());
-    write_parquet(&file, &[("time", &[1.0, 0.0]), ("elbow", &[0.0, 0.0]), ("shoulder", &[0.0, 0.0])]);
+    write_parquet(&file, &[("time", &[1.0, 0.0]), ("elbow", &[0.0, 0.0]), ("shoulder", &[0.0, 0.0])], plain);
     assert!(said().contains("t.parquet: row 2: time 0 is not above"), "{}", said());
     std::fs::write(&file, "time,elbow,shoulder\n0,0,0\n").unwrap();
     assert!(said().contains("t.parquet"), "{}", said());
