@@ -30,7 +30,8 @@ pub fn apply(path: &Path, scene: &mut Scene) -> Result<(), CliError> {
     let refuse = |why: String| CliError::Option(format!("--from-state {}: {why}", path.display()));
     let text = std::fs::read_to_string(path)
         .map_err(|reason| CliError::Unreadable { file: path.display().to_string(), reason })?;
-    let given: Given = serde_json::from_str(text.trim()).map_err(|e| refuse(e.to_string()))?;
+    let given: Given =
+        serde_json::from_str(text.trim_start_matches('\u{feff}').trim()).map_err(|e| refuse(e.to_string()))?;
     let chain = &scene.simulation.chain;
     let (mut q, mut qd) = (scene.q.clone(), scene.qd.clone());
     let time = match given {

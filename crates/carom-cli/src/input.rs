@@ -3,11 +3,12 @@
 use crate::error::{CliError, LineError};
 use crate::output::{PlainLines, say};
 use crate::{LoadArgs, RobotArgs};
+use carom_chain::input::{MESSAGE, MOST_MIB, shortened};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -123,14 +124,23 @@ pub fn for_each_line<T: DeserializeOwned>(
         Box::new(BufReader::new(File::open(path).map_err(unreadable)?))
     };
     let mut out = PlainLines(io::BufWriter::new(out)); // above the buffer, which does not know where a line ends
-    let mut text = String::new();
+    let mut bytes = Vec::new();
     let mut place = Place { file: file.clone(), line: 0 };
     loop {
-        text.clear();
-        if reader.read_line(&mut text).map_err(unreadable)? == 0 {
+        bytes.clear();
+        let most = MOST_MIB << 20;
+        if reader.by_ref().take(most + 1).read_until(b'\n', &mut bytes).map_err(unreadable)? == 0 {
             break;
         }
         place.line += 1;
+        if bytes.len() as u64 > most {
+            let reason = format!("the line is longer than {MOST_MIB} MiB, the limit: write one object on each line");
+            return Err(CliError::Line { file: file.clone(), line: place.line, reason });
+        }
+        let text = std::str::from_utf8(&bytes);
+        let text =
+            text.map_err(|_| unreadable(io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8")))?;
+        let text = if place.line == 1 { text.strip_prefix('\u{feff}').unwrap_or(text) } else { text };
         if text.trim().is_empty() {
             continue;
         }
@@ -148,7 +158,8 @@ pub fn for_each_line<T: DeserializeOwned>(
 
 /// The message of serde without its line number, which counts within this one line and is always 1.
 fn shorten(error: &serde_json::Error) -> String {
-    error.to_string().replace(" at line 1 column ", " at column ")
+    let text = error.to_string().replace(" at line 1 column ", " at column ");
+    shortened(&text, MESSAGE).into_owned()
 }
 
 /// File and number of a line.

@@ -2,6 +2,7 @@
 
 use crate::error::{CliError, LineError};
 use crate::input::Refused;
+use carom_chain::input::{MESSAGE, shortened};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use serde_json::Value;
@@ -128,9 +129,9 @@ impl<W: Write> Write for PlainLines<W> {
     }
 }
 
-/// Writes one line to standard error; errors of writing are ignored.
+/// Writes one line of bounded length to standard error; errors of writing are ignored.
 pub fn say(text: &str) {
-    let _ = writeln!(io::stderr(), "{}", plain(text));
+    let _ = writeln!(io::stderr(), "{}", plain(&shortened(text, 2 * MESSAGE)));
 }
 
 /// A vector as a row of a table.

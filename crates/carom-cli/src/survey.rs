@@ -90,10 +90,16 @@ fn find(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CliError> {
 
 fn line(path: &Path, options: &LoadOptions) -> Line {
     let file = path.display().to_string();
-    let chain = match Chain::from_urdf_file_with(path, options) {
+    // A pipe without a writer would be waited for without end.
+    let special = path.metadata().is_ok_and(|it| !it.is_file());
+    let chain = if special {
+        Err("it is a folder, a pipe or a device: give a file".into())
+    } else {
+        Chain::from_urdf_file_with(path, options).map_err(|error| error.to_string())
+    };
+    let chain = match chain {
         Ok(chain) => chain,
-        Err(error) => {
-            let reason = error.to_string();
+        Err(reason) => {
             let reason = reason.strip_prefix(&format!("{file}:")).unwrap_or(&reason);
             let reason = Some(reason.trim_start().to_owned());
             return Line { file, status: "refused", name: None, dof: None, mass: None, warnings: 0, reason };

@@ -133,8 +133,8 @@ impl FitCommand {
             return Err(CliError::Option(format!("{file}: flights need a robot: give --robot")));
         };
         let mut impacts = Vec::new();
-        // Standard input is read once, so its number of lines is unknown.
-        let lines = if path == Path::new("-") { 0 } else { std::fs::read(path).map_or(0, |it| count_lines(&it)) };
+        // Standard input and pipes are read once, so their number of lines is unknown.
+        let lines = if path.is_file() { std::fs::read(path).map_or(0, |it| count_lines(&it)) } else { 0 };
         for_each_line(path, &mut io::sink(), |line: FlightLine, place, _| {
             if lines > 0 {
                 progress(place.line - 1, lines);

@@ -192,7 +192,7 @@ pub fn robot(inside: &str) -> String {
 /// Link `a` (root, without inertia), link `b`, and a hinge `j` between them.
 pub fn hinged(b: &str) -> String {
     robot(&format!(
-        r#"<link name="a"/><link name="b">{b}</link><joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>"#
+        r#"<link name="a"/><link name="b">{b}</link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="1 0 0"/></joint>"#
     ))
 }
 

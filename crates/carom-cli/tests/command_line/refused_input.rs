@@ -136,3 +136,66 @@ fn joints_with_similar_names_have_their_own_limit_warnings() {
          warning: <stdin>:1: joint 'left's 2' is at 2 rad, above its limit 1 rad (said once for this joint)\n"
     );
 }
+
+#[test]
+fn a_byte_order_mark_before_the_first_line_is_read_over() {
+    let desk = Desk::new("mark");
+    let line = "{\"q\":[0.1,0.2],\"qd\":[0,1]}\n";
+    let args = "dynamics planar2.urdf --json --tip tip --states -";
+    let plain = desk.feed(args, line);
+    done(&plain);
+    assert_eq!(desk.feed(args, format!("\u{feff}{line}")), plain);
+    let later = desk.feed(args, format!("{line}\u{feff}{line}"));
+    assert_eq!(later.err, "error: <stdin>:2: expected value at column 1\n", "within the text it is no mark");
+}
+
+/// Standard input without line ends, as of a device: it is read up to the limit only.
+#[test]
+fn a_line_without_end_is_refused_at_the_limit() {
+    let desk = Desk::new("endless");
+    let line = vec![b' '; (16 << 20) + 1];
+    refused(
+        desk.feed("dynamics planar2.urdf --tip tip --states -", line),
+        "<stdin>:1: the line is longer than 16 MiB, the limit: write one object on each line",
+    );
+}
+
+/// Texts of 100 000 characters in each kind of input.
+#[test]
+fn messages_about_long_texts_are_short() {
+    let desk = Desk::new("long");
+    let long = "x".repeat(100_000);
+    desk.write("q.toml", format!("[robot]\nurdf = \"planar2.urdf\"\nq = \"{long}\"\n[run]\nduration = 1\n"));
+    desk.write("key.toml", format!("{long} = 1\n[robot]\nurdf = \"planar2.urdf\"\nq = [0, 0]\n[run]\nduration = 1\n"));
+    desk.write(
+        "tip.toml",
+        format!("[robot]\nurdf = \"planar2.urdf\"\nq = [0, 0]\ntip = \"{long}\"\n[run]\nduration = 1\n"),
+    );
+    desk.write(
+        "law.toml",
+        format!("[robot]\nurdf = \"planar2.urdf\"\nq = [0, 0]\n[contact]\nlaw = \"{long}\"\n[run]\nduration = 1\n"),
+    );
+    desk.write("study.toml", format!("[robot]\nurdf = \"planar2.urdf\"\ntip = \"{long}\"\n"));
+    desk.write("r.urdf", robot(&format!("<link name='{long}'/>")));
+    let short = |ran: Ran, what: &str| {
+        assert!(
+            ran.code == Some(1) && ran.err.starts_with("error: ") && ran.err.len() < 10_000,
+            "{what} {}",
+            ran.err.len()
+        );
+    };
+    for args in [
+        "simulate q.toml",
+        "simulate key.toml",
+        "simulate tip.toml",
+        "simulate law.toml",
+        "map study.toml --out m.csv",
+        "inspect r.urdf",
+    ] {
+        short(desk.run(args), args);
+    }
+    short(desk.run(&format!("dynamics planar2.urdf --tip {long} --states -")), "--tip");
+    for line in [format!("{{\"{long}\":1}}"), format!("{{\"q\":\"{long}\"}}"), long.clone()] {
+        short(desk.feed("dynamics planar2.urdf --tip tip --states -", line), "a line");
+    }
+}

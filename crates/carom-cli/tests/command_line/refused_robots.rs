@@ -33,7 +33,7 @@ fn invalid_robots_are_refused_by_every_command_with_the_same_message() {
             r#"r.urdf:1: joint 'j' <origin xyz>: "0 1e999 0" is wrong: '1e999' is not a finite number up to 1e100"#,
         ),
         (
-            hinged(INERTIAL).replace("</joint>", "<axis xyz='0 0 0'/></joint>"),
+            hinged(INERTIAL).replace("<axis xyz=\"1 0 0\"/>", "<axis xyz='0 0 0'/>"),
             "r.urdf:1: joint 'j' <axis xyz>: has length 0: the axis of a continuous joint must be a unit vector",
         ),
         (
@@ -238,7 +238,7 @@ fn robots_without_mass_have_kinematics_on_the_command_line() {
 fn repairs_are_listed_with_their_numbers() {
     let desk = Desk::new("repairs");
     let odd = INERTIAL.replace(r#"iyy="1""#, r#"iyy="-1.5""#);
-    let more = "<link name='c'/><joint name='k' type='continuous'><parent link='b'/><child link='c'/></joint>";
+    let more = "<link name='c'/><joint name='k' type='continuous'><parent link='b'/><child link='c'/><axis xyz='1 0 0'/></joint>";
     desk.write("r.urdf", hinged(&odd).replace("</robot>", &format!("{more}</robot>")));
     let report = &desk.answers("inspect r.urdf --repair --json", "")[0];
     assert_eq!(
@@ -258,6 +258,77 @@ fn repairs_are_listed_with_their_numbers() {
     assert!(people.out.contains(&lines.concat()), "{}", people.out);
     let ran = desk.feed("dynamics r.urdf --repair --json --tip c --states -", r#"{"q":[0],"qd":[0]}"#);
     assert_eq!((ran.code, ran.err), (Some(0), lines.map(|line| format!("warning: r.urdf: {line}")).concat()));
+}
+
+/// The classic mistake: a hinge without an axis turns about x.
+#[test]
+fn robots_that_look_odd_load_with_warnings_and_strict_refuses_them() {
+    let desk = Desk::new("odd");
+    let bent = hinged(INERTIAL).replace("continuous", "revolute").replace(
+        "<axis xyz=\"1 0 0\"/>",
+        "<origin xyz='0 0 1' rpy='0 90 0'/><limit lower='-170' upper='170' effort='1' velocity='1'/>",
+    );
+    desk.write("r.urdf", bent);
+    let said = [
+        "joint 'j' (line 1): a revolute joint without <axis> has the axis 1 0 0, as URDF says; give its <axis xyz>",
+        "joint 'j' <origin rpy> (line 1): 90 is more than a turn: angles are in rad; 90° are 1.5708 rad",
+        "joint 'j' <limit> (line 1): -170 … 170 is more than two turns: limits are in rad; -170° … 170° are -2.96706 … 2.96706 rad",
+    ];
+    assert_eq!(texts(&desk.answers("inspect r.urdf --json", "")[0]["warnings"]), said);
+    let ran = desk.feed("dynamics r.urdf --json --tip b --states -", r#"{"q":[0],"qd":[0]}"#);
+    assert_eq!((ran.code, ran.err), (Some(0), said.map(|it| format!("warning: r.urdf: {it}\n")).concat()));
+    refused(
+        desk.run("inspect r.urdf --strict"),
+        "r.urdf:1: joint 'j': a revolute joint without <axis> has the axis 1 0 0, as URDF says; give its <axis xyz> (the first of 3 warnings): correct it, or load the robot without --strict (LoadOptions::strict)",
+    );
+}
+
+/// A pipe that nobody writes to would be waited for without end.
+#[cfg(unix)]
+#[test]
+fn pipes_in_a_folder_of_robots_are_refused_without_being_opened() {
+    let desk = Desk::new("pipe");
+    std::fs::create_dir_all(desk.0.join("robots")).unwrap();
+    desk.write("robots/a.urdf", hinged(INERTIAL));
+    let made = std::process::Command::new("mkfifo").arg(desk.0.join("robots/b.urdf")).status().unwrap();
+    assert!(made.success());
+    let people = desk.run("inspect --all robots");
+    done(&people);
+    assert!(
+        people.out.contains("\nrobots/b.urdf: refused: it is a folder, a pipe or a device: give a file\n"),
+        "{}",
+        people.out
+    );
+}
+
+/// A hinge, a hinge at 1 m from it, and a slider along which a link of 1 kg moves away: at 1e19 m, m L² is 1e38 kg m², and 16 digits of
+/// it have none for 1 kg m².
+#[test]
+fn positions_too_large_for_the_numbers_are_named_and_not_a_lack_of_inertia() {
+    let desk = Desk::new("far");
+    let limit = r#"<axis xyz="1 0 0"/><limit lower="-1e99" upper="1e99" effort="1" velocity="1"/>"#;
+    let text = limb("b", "a", "continuous", r#"<axis xyz="0 0 1"/>"#)
+        + &limb("c", "b", "continuous", r#"<axis xyz="0 0 1"/>"#)
+        + &limb("d", "c", "prismatic", limit);
+    desk.write("r.urdf", robot(&format!("<link name='a'/>{text}")));
+    let far = |meters: &str| {
+        format!(
+            "joint 'continuous_b': at this pose links are {meters} m apart, so that its inertia is lost in the rounding of numbers of 16 digits: check the positions and their units (m, rad)"
+        )
+    };
+    for (q, meters) in [("1e19", "1.0e19"), ("1e98", "1.0e98")] {
+        let state = format!(r#"{{"q":[0,1,{q}],"qd":[1,1,1]}}"#);
+        for args in [
+            "dynamics r.urdf --tip d --states -",
+            "impact r.urdf --tip d --normal=-1,0,0 --law newton --restitution 0.5 --states -",
+        ] {
+            refused(desk.feed(args, &state), &format!("<stdin>:1: {}", far(meters)));
+        }
+    }
+    desk.write("s.toml", "[robot]\nurdf = \"r.urdf\"\nq = [0, 1, 1e19]\n[run]\nduration = 1\n");
+    refused(desk.run("simulate s.toml"), &format!("s.toml: {}", far("1.0e19")));
+    let near = desk.answer("dynamics r.urdf --json --tip d --states -", &json!({"q": [0, 1, 1e5], "qd": [0, 0, 0]}));
+    assert!(near["delassus"].is_array(), "{near}");
 }
 
 /// Each class of loading, in folders of its own.

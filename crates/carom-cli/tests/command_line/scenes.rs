@@ -382,7 +382,7 @@ fn invalid_settings_are_refused() {
             ("sample = 0", &format!("[run] sample = 0: {positive}")),
             (
                 "max_step = 1e-11",
-                "longest step is 1e-11: the duration is more than 1e10 times as long: make it longer",
+                "longest step is 1e-11: the duration is more than 1e10 times as long: shorten the duration, or lengthen this",
             ),
             (
                 "tolerance = 1e-16",
