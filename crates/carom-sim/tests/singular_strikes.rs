@@ -175,16 +175,18 @@ fn satisfies(
     if u_n < -1e-12 * hit.u_minus.amax() - ROUNDED * speeds.amax() {
         return Err(format!("it still approaches with {u_n:e}"));
     }
-    // The bound of Coulomb's cone, to the rounding of the contact axes.
-    if p_t > (coefficients.friction * p_n.abs() + p_n.abs()) * 1e-9 + coefficients.friction * p_n {
-        return Err(format!("{p_t:e} N s along the surface beside {p_n:e}"));
-    }
     // Without friction the impulse is (1 + e) |u_n| / H_nn. Where friction wedges almost it is greater without bound, where H is singular
     // and a law takes it for regular by the inverse of rounding.
     let row = jacobian.tr_mul(normal);
-    let smooth = 2.0 * row.dot(&before).abs() / row.dot(&mass.clone().cholesky().unwrap().solve(&row));
+    let mobility = row.dot(&mass.clone().cholesky().unwrap().solve(&row));
+    let smooth = 2.0 * row.dot(&before).abs() / mobility;
     if p_n > 1e6 * smooth && !hit.flags.contains(Flags::ENERGY_GAIN) {
         return Err(format!("{p_n:e} N s, without friction {smooth:e}"));
+    }
+    // Coulomb's cone, to the rounding of the normal impulse, which is a velocity over H_nn.
+    let allowed = 1e-9 * (p_t + p_n.abs()) + ROUNDED * row.abs().dot(&rates) / mobility;
+    if p_t > coefficients.friction * p_n + allowed * (1.0 + coefficients.friction) {
+        return Err(format!("{p_t:e} N s along the surface beside {p_n:e}"));
     }
     Ok(())
 }
