@@ -1,24 +1,12 @@
 //! Motions with lasting contacts from random starts: a census of their events, and their order.
-//!
-//! `cargo run --release -p carom-sim --example census -- [STARTS]` runs the box, the table and the quadruped of the repository from
-//! 1000 random starts each, and prints the share of the simulated time that time steps took, each stretch counted by its reason,
-//! the failures by their message, and the events by their kind.
-//!
-//! `cargo run --release -p carom-sim --example census -- order [STARTS]` runs box and table from 64 random starts each at tolerances from
-//! 1e-6 to 1e-10, and prints the quartiles of the error of q against a run at 1e-12, and of its order in the tolerance: at the last of 200
-//! samples before a change of the start by 1e-12 has grown to 1e-9. Where impacts accumulate at several corners their order decides, and
-//! later states depend discontinuously on the start.
-//!
-//! A scene's name after the number takes this scene only; `-- one NUMBER SCENE` prints the events of one start.
 
+use super::census::each;
 use carom_sim::{Distribution, EventKind, Perturbation, Plan, Sampling, Scene, Seen, Simulation, StepReason, Summary};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-type Answer<T> = Result<T, Box<dyn std::error::Error>>;
+pub type Answer<T> = Result<T, Box<dyn std::error::Error>>;
 
 const DIGITS: [i32; 5] = [6, 7, 8, 9, 10];
 const EXACT: f64 = 1e-12;
@@ -109,29 +97,6 @@ impl Study {
     }
 }
 
-/// The answers for the numbers below `count`, on all cores, in their order.
-fn each<T: Send>(count: u64, one: impl Fn(u64) -> T + Sync) -> Vec<T> {
-    let (next, found) = (AtomicU64::new(0), Mutex::new(Vec::new()));
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let number = next.fetch_add(1, Ordering::Relaxed);
-                    if number >= count {
-                        break;
-                    }
-                    let answer = one(number);
-                    found.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).push((number, answer));
-                }
-            });
-        }
-    });
-    let mut found = found.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-    found.sort_by_key(|(number, _)| *number);
-    found.into_iter().map(|(_, answer)| answer).collect()
-}
-
 /// What was counted in one run.
 #[derive(Default)]
 struct Count {
@@ -185,12 +150,12 @@ fn count(study: &Study, number: u64) -> Count {
     found
 }
 
-fn census(starts: u64, only: Option<&str>) -> Answer<()> {
+pub fn census(starts: u64, only: Option<&str>) -> Answer<()> {
     println!("| scene | starts | share of time in time steps | stretches | failures | seconds per run: median, most |");
     println!("| --- | --- | --- | --- | --- | --- |");
     let mut more = String::new();
     for study in Study::all()?.iter().filter(|study| only.is_none_or(|name| name == study.name)) {
-        let counts = each(starts, |number| count(study, number));
+        let counts = each(0..starts, |number| count(study, number));
         let stepped: f64 = counts.iter().flat_map(|one| &one.stretches).map(|stretch| stretch.2).sum();
         let failed = counts.iter().filter(|one| one.failed.is_some()).count();
         let times: Vec<f64> = counts.iter().map(|one| one.time).collect();
@@ -247,12 +212,12 @@ fn census(starts: u64, only: Option<&str>) -> Answer<()> {
     Ok(())
 }
 
-fn order(starts: u64, only: Option<&str>) -> Answer<()> {
+pub fn order(starts: u64, only: Option<&str>) -> Answer<()> {
     println!("| scene | tolerance | error of q: quartiles |");
     println!("| --- | --- | --- |");
     for study in Study::all()?.iter().filter(|study| only.map_or(study.name != "quadruped", |name| name == study.name))
     {
-        let errors = each(starts, |number| {
+        let errors = each(0..starts, |number| {
             let start = study.start(number).ok()?;
             let exact = study.path(EXACT, &start, 0.0).ok()?;
             let nudged = study.path(EXACT, &start, EXACT).ok()?;
@@ -301,7 +266,7 @@ fn quartiles(values: &[f64]) -> [f64; 3] {
 }
 
 /// The events of one start, and its costs.
-fn one(number: u64, only: Option<&str>) -> Answer<()> {
+pub fn one(number: u64, only: Option<&str>) -> Answer<()> {
     for study in Study::all()?.iter().filter(|study| only.is_none_or(|name| name == study.name)) {
         let start = study.start(number)?;
         println!("{}: q {:?}, qd {:?}", study.name, start.0, start.1);
@@ -320,19 +285,4 @@ fn one(number: u64, only: Option<&str>) -> Answer<()> {
         println!("{:?}", summary.statistics);
     }
     Ok(())
-}
-
-fn main() -> Answer<()> {
-    let mut args: Vec<String> = std::env::args().skip(1).collect();
-    let task = args.first().filter(|word| ["order", "one"].contains(&word.as_str())).cloned();
-    if task.is_some() {
-        args.remove(0);
-    }
-    let number = args.first().map(|text| text.parse()).transpose()?;
-    let only = args.get(1).map(String::as_str);
-    match task.as_deref() {
-        Some("order") => order(number.unwrap_or(64), only),
-        Some(_) => one(number.unwrap_or(0), only),
-        None => census(number.unwrap_or(1000), only),
-    }
 }

@@ -1,0 +1,53 @@
+//! Censuses in small; `cargo run --release -p carom-sim --example census -- NAME` runs them in large.
+
+#[path = "mod.rs"]
+mod census;
+
+use std::path::Path;
+
+/// The scenes of the first bad answer are written into a folder for its reader.
+fn holds(name: &str) {
+    let census = census::CENSUSES.iter().find(|census| census.name == name).expect("a census of this name");
+    let (text, bad) = census::report(census, 0..census.few);
+    let Some(&seed) = bad.first() else { return };
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("census-{name}-{seed}"));
+    for (number, case) in (census.cases)(seed).iter().enumerate() {
+        case.write(&folder.join(number.to_string())).expect("a folder for the scenes");
+    }
+    panic!("{text}\nthe scenes of seed {seed} are in {}; the example runs {} seeds", folder.display(), census.many);
+}
+
+#[test]
+fn a_floor_that_no_joint_approaches_changes_no_motion() {
+    holds("immobile");
+}
+
+#[test]
+fn a_blow_pays_its_energy_or_is_refused() {
+    holds("blows");
+}
+
+#[test]
+fn energies_of_random_scenes_are_balanced() {
+    holds("energy");
+}
+
+#[test]
+fn a_frame_that_its_loops_lock_is_rigid() {
+    holds("locked");
+}
+
+#[test]
+fn wishes_are_fulfilled_refused_or_warned_of() {
+    holds("wishes");
+}
+
+#[test]
+fn large_ratios_and_many_bodies_end_in_time() {
+    holds("extremes");
+}
+
+#[test]
+fn methods_agree_on_random_scenes() {
+    holds("agreement");
+}
