@@ -16,6 +16,8 @@ pub struct Case {
     pub scene: String,
     /// Instead of these: a scene file.
     pub path: Option<PathBuf>,
+    /// By time steps throughout, whatever the file says.
+    pub steps: bool,
 }
 
 /// What became of a case.
@@ -116,7 +118,9 @@ impl Case {
 
     pub fn load(&self) -> Result<Scene, String> {
         if let Some(path) = &self.path {
-            return Scene::from_file(path).map_err(|e| e.to_string());
+            let mut scene = Scene::from_file(path).map_err(|e| e.to_string())?;
+            scene.simulation.stepping |= self.steps;
+            return Ok(scene);
         }
         static NEXT: AtomicUsize = AtomicUsize::new(0);
         let number = NEXT.fetch_add(1, Ordering::Relaxed);

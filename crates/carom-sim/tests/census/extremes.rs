@@ -140,7 +140,7 @@ pub fn case(seed: u64) -> (String, Case) {
     text += &format!(
         "[contact]\nlaw = \"{law}\"\nseveral = \"{several}\"\nrestitution = {e:?}\nfriction = {mu:?}\n{more}[run]\nduration = {duration:?}\ngravity = [0, 0, -9.81]\n"
     );
-    (group, Case { files, scene: text, path: None })
+    (group, Case { files, scene: text, ..Case::default() })
 }
 
 pub fn judge(seed: u64) -> Verdict {

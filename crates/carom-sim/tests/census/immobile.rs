@@ -173,7 +173,7 @@ pub fn cases(seed: u64) -> (String, bool, [Case; 2]) {
     let free = Case {
         files: vec![("r.urdf".into(), locked.clone())],
         scene: format!("{}{run}model = \"full\"\n", state(&mechanism.q, &mechanism.qd)),
-        path: None,
+        ..Case::default()
     };
     if lift {
         mechanism.q.insert(0, 0.0);
@@ -185,7 +185,7 @@ pub fn cases(seed: u64) -> (String, bool, [Case; 2]) {
     let held = Case {
         files: vec![("r.urdf".into(), if lift { lifted } else { locked })],
         scene: format!("{}{contact}{run}", state(&mechanism.q, &mechanism.qd)),
-        path: None,
+        ..Case::default()
     };
     let group = format!("{}{}", mechanism.name, if lift { ", on a lift" } else { "" });
     (group, lift, [held, free])

@@ -175,11 +175,11 @@ pub fn case(seed: u64) -> Locked {
         let part = Part::new("ball", "", "fixed", Z, O).with(shape(&ball(r), O, O));
         files.push(("b.urdf".to_owned(), rooted(&part.link(), &[])));
     }
-    let case = Case { files, scene: format!("{scene}{held}{end}"), path: None };
+    let case = Case { files, scene: format!("{scene}{held}{end}"), ..Case::default() };
     let rigid = rigid.map(|(text, scene)| Case {
         files: vec![("f.urdf".into(), text)],
         scene: format!("{scene}{end}"),
-        path: None,
+        ..Case::default()
     });
     Locked { group: format!("{}{with}", NAMES[kind]), case, rigid, ball: dropped, free, joints: count }
 }

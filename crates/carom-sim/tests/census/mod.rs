@@ -92,7 +92,7 @@ pub const CENSUSES: &[Census] = &[
         cases: |seed| immobile::cases(seed).2.into(),
     },
     Census { name: "blows", few: 2000, many: 1_000_000, judge: immobile::blow, cases: |_| Vec::new() },
-    Census { name: "energy", few: 30, many: 5000, judge: energy::judge, cases: |seed| vec![energy::case(seed).1] },
+    Census { name: "energy", few: 64, many: 5000, judge: energy::judge, cases: |seed| vec![energy::case(seed).1] },
     Census {
         name: "locked",
         few: 44,

@@ -19,7 +19,7 @@ impl Scene {
     /// With other keys of `[run]`.
     pub fn case(&self, tolerance: f64, more: &str) -> Case {
         let scene = format!("{}tolerance = {tolerance:?}\n{more}", self.text);
-        Case { files: self.files.clone(), scene, path: None }
+        Case { files: self.files.clone(), scene, ..Case::default() }
     }
 
     pub fn as_is(&self) -> Case {
