@@ -3,7 +3,7 @@
 use crate::array::{array, vector};
 use crate::chain::Chain;
 use crate::dynamics::{free_fall, offset};
-use crate::error::{InBatch, exceptions, raise};
+use crate::error::{exceptions, raise};
 use crate::impacts::{self, Impacts};
 use crate::laws::{GivenLaw, each_law};
 use carom_impact::{CoefficientRanges, Flags};

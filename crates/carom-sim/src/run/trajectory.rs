@@ -299,7 +299,7 @@ impl EnergyBooks {
 
     /// What to tell the user of a balance that does not close: an error above 1 % of the energies in it, which changes velocities by half
     /// a percent. Integration stays far below; time steps do not where they are too long for the motion.
-    fn warning(&self) -> Option<String> {
+    pub fn warning(&self) -> Option<String> {
         let Self { start, drive, resistance, impacts, .. } = *self;
         let (error, scale) = (self.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
         let changed = if error > 0.0 { "gained" } else { "lost" };
