@@ -35,7 +35,7 @@ const SAMPLE: f64 = 0.004;
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
-///     worst_residual, non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
+///     worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.
@@ -200,6 +200,7 @@ struct Cost {
     contact_steps: usize,
     step_error: f64,
     worst_residual: f64,
+    energy_gained: f64,
     non_unique_time: f64,
     neglected_frictions: usize,
     neglected_bound: f64,
@@ -360,6 +361,7 @@ fn summary<'a>(plan: &'a Plan, events: &'a [Event], run: &'a carom_sim::Summary)
             contact_steps: s.contact_steps,
             step_error: s.step_error,
             worst_residual: s.worst_residual,
+            energy_gained: s.energy_gained,
             non_unique_time: s.non_unique_time,
             neglected_frictions: s.neglected,
             neglected_bound: s.neglected_bound,

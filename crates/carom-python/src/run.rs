@@ -220,7 +220,7 @@ impl Run {
     }
 
     /// Work of the solvers, a dict: steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
-    /// worst_residual, non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
+    /// worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let s = &self.summary.statistics;
@@ -232,6 +232,7 @@ impl Run {
         dict.set_item("contact_steps", s.contact_steps)?;
         dict.set_item("step_error", s.step_error)?;
         dict.set_item("worst_residual", s.worst_residual)?;
+        dict.set_item("energy_gained", s.energy_gained)?;
         dict.set_item("non_unique_time", s.non_unique_time)?;
         dict.set_item("neglected_frictions", s.neglected)?;
         dict.set_item("neglected_bound", s.neglected_bound)?;

@@ -277,6 +277,15 @@ impl Touch {
         }
     }
 
+    /// Radius of a sphere about the body of its link, m; 0 for a limit.
+    pub(crate) fn size(&self) -> f64 {
+        match &self.kind {
+            TouchKind::Ball { shape, .. } => shape.solid().bounding_sphere().1,
+            TouchKind::Pair { pair, .. } => pair.size(),
+            TouchKind::Limit { .. } => 0.0,
+        }
+    }
+
     /// Whether it has a force during a finite time.
     pub(crate) fn is_compliant(&self) -> bool {
         self.contact.compliance.is_some() && self.link().is_some()

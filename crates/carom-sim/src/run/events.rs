@@ -225,6 +225,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let (mut hits, mut rests, mut sunk) = (Vec::new(), Vec::new(), Vec::new());
         for (touch, (gap, rate)) in self.gaps()? {
             let gives_way = sim.touches[touch].is_compliant();
+            // A compliant contact may start with a penetration, but not with more than its body has.
+            let gives_way = gives_way && gap > -2.0 * sim.touches[touch].size();
             if gives_way && gap <= 0.0 && (gap < 0.0 || rate <= 0.0) {
                 sunk.push((touch, -rate));
             } else if gap < -TOUCHING {

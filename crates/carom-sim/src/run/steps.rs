@@ -386,6 +386,7 @@ impl<A: Space> Run<'_, '_, A> {
             let mut flags = if open { Flags::NON_UNIQUE } else { Flags::NONE };
             if still && work > GAIN * 0.5 * mean.dot(&(&mass * &mean)) {
                 flags |= Flags::ENERGY_GAIN;
+                self.statistics.energy_gained += work;
             }
             told.extend(rows.contact_states(&outcome.impulse, step, flags));
         }

@@ -265,6 +265,8 @@ pub struct Statistics {
     pub step_error: f64,
     /// Largest residual of the problems with several contacts, relative to their velocities.
     pub worst_residual: f64,
+    /// Energy that impulses of time steps have added where no surface moves, J: their law gains energy there.
+    pub energy_gained: f64,
     /// Time in contact modes, and in time steps, whose motion depends on how forces are distributed over redundant contacts, s.
     pub non_unique_time: f64,
     /// Number of impacts whose friction was neglected.
@@ -345,7 +347,14 @@ impl Summary {
                  or masses are too different; choose another law (several), less friction or restitution"
             )
         });
-        self.energy.warning().into_iter().chain(unsolved).collect()
+        let gained = self.statistics.energy_gained;
+        let gains = (gained > 0.0).then(|| {
+            format!(
+                "the impulses of time steps have added {gained:.3e} J: their law gains energy at these contacts, choose another law (several), \
+                 less restitution or friction, or method = \"events\""
+            )
+        });
+        self.energy.warning().into_iter().chain(unsolved).chain(gains).collect()
     }
 }
 

@@ -88,6 +88,8 @@ fn spent(clock: Instant) -> f64 {
 
 /// How much longer than its limit a run may take by the clock.
 const BUSY: f64 = 5.0;
+/// How much longer a run may take that is compiled for tests than one that is compiled for use.
+const UNOPTIMISED: f64 = if cfg!(debug_assertions) { 4.0 } else { 1.0 };
 
 /// Computes something in a thread of its own; `None` if it takes longer than this, s. The thread is then left behind.
 pub fn watched<T: Send + 'static>(limit: f64, work: impl FnOnce() -> T + Send + 'static) -> Option<Result<T, String>> {
@@ -139,6 +141,7 @@ impl Case {
 
     /// As [`Case::run`], after a change of the scene.
     pub fn run_as(&self, every: Option<f64>, limit: f64, change: impl FnOnce(&mut Scene) + Send + 'static) -> End {
+        let limit = UNOPTIMISED * limit;
         let case = self.clone();
         let work = move || -> Result<Answer, (&'static str, String)> {
             let mut scene = case.load().map_err(|why| ("scene", why))?;

@@ -35,7 +35,7 @@ pub fn wrong(answer: &Answer) -> Option<(&'static str, String)> {
     let stored = compliant && answer.scene.simulation.smallest_gap(&answer.scene.q).is_ok_and(|gap| gap < 0.0);
     let class = match () {
         // Told: the run warns its user.
-        () if books.warning().is_some() => return None,
+        () if !answer.summary.warnings().is_empty() => return None,
         // Compliant contacts store energy that q does not tell, and parts that cannot move add a constant.
         () if !compliant && (books.end - books.start - (end - start)).abs() > rounding => {
             "energies are not those of q, q̇"
@@ -78,7 +78,7 @@ pub fn balanced(group: &str, case: &Case, every: Option<f64>, limit: f64) -> Res
 
 pub fn verdict(group: &str, case: &Case, limit: f64) -> Verdict {
     let told = |answer: Answer| match answer.statistics().contact_steps {
-        _ if answer.books().warning().is_some() => Verdict::good(group, "an error of the balance, told", String::new()),
+        _ if !answer.summary.warnings().is_empty() => Verdict::good(group, "an error of the balance, told", String::new()),
         0 => Verdict::good(group, "balanced", String::new()),
         _ => Verdict::good(group, "balanced, with time steps", String::new()),
     };
