@@ -109,7 +109,7 @@ fn dae_file_whose_nodes_double_its_size_is_refused_at_the_limit() {
     assert_eq!(read(3, geometry).unwrap().triangles().len(), 8, "each instance counts");
     for geometry in [geometry, ""] {
         let refused = read(40, geometry).unwrap_err().to_string();
-        assert!(refused.contains("instantiated too often: more than 10000000 elements"), "{refused}");
+        assert!(refused.contains("its nodes are instantiated too often: more than 1000000 elements"), "{refused}");
     }
 }
 

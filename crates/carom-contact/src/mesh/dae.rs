@@ -16,10 +16,11 @@ const DEEPEST: usize = 100;
 /// Most vertices of a scene: with the search for equal ones they need some 2 GB.
 const VERTICES: usize = 10_000_000;
 
-/// Most elements of nodes and geometries that are visited, each as often as it is instantiated: some seconds.
-const VISITED: usize = 10_000_000;
+/// Most elements of nodes that are visited, each as often as it is instantiated: some hundred times those of a large assembly.
+const VISITED: usize = 1_000_000;
 
-/// Most bytes of numbers that are read, each as often as it is instantiated, MiB: four times the largest file, some 10 s.
+/// Most bytes of geometries and their numbers that are read, each as often as it is instantiated, MiB: twice two readings of the
+/// largest file, some 10 s.
 const READ_MIB: usize = 1024;
 
 /// Reads the text of a file.
@@ -56,7 +57,7 @@ struct File<'a> {
     ids: HashMap<&'a str, Node<'a, 'a>>,
     /// Number of elements visited: see [`VISITED`].
     visited: Cell<usize>,
-    /// Bytes of numbers read: see [`READ_MIB`].
+    /// Bytes of geometries read: see [`READ_MIB`].
     read: Cell<usize>,
 }
 
@@ -75,16 +76,22 @@ impl<'a> File<'a> {
             return Ok(());
         }
         let limit = format!("more than {VISITED} elements would be visited, the limit");
-        Err(format!("its nodes and geometries are instantiated too often: {limit}"))
+        Err(format!("its nodes are instantiated too often: {limit}"))
+    }
+
+    /// Counts bytes of a geometry that are read.
+    fn count(&self, bytes: usize) -> Result<(), String> {
+        self.read.set(self.read.get() + bytes);
+        if self.read.get() >> 20 < READ_MIB {
+            return Ok(());
+        }
+        let limit = format!("more than {READ_MIB} MiB of them would be read, the limit");
+        Err(format!("its geometries are instantiated too often: {limit}"))
     }
 
     /// The numbers in an element's text.
     fn numbers<T: std::str::FromStr>(&self, node: Node) -> Result<Vec<T>, String> {
-        self.read.set(self.read.get() + node.text().map_or(0, str::len));
-        if self.read.get() >> 20 >= READ_MIB {
-            let limit = format!("more than {READ_MIB} MiB of numbers would be read, the limit");
-            return Err(format!("its geometries are instantiated too often: {limit}"));
-        }
+        self.count(node.text().map_or(0, str::len))?;
         numbers(node)
     }
 
@@ -135,7 +142,7 @@ impl<'a> File<'a> {
 
     fn add_geometry(&self, geometry: Node<'a, 'a>, place: &Matrix4<f64>, soup: &mut Soup) -> Result<(), String> {
         let Some(mesh) = geometry.child("mesh") else { return Ok(()) };
-        geometry.descendants().try_for_each(|_| self.visit())?;
+        self.count(geometry.range().len())?;
         for part in mesh.children().filter(Node::is_element) {
             let kind = part.tag_name().name();
             if !["triangles", "polylist", "polygons", "trifans", "tristrips"].contains(&kind) {
