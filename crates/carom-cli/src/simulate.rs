@@ -72,7 +72,7 @@ pub struct Simulate {
     ///
     /// A JSON file: {"q": […], "qd": […]} and, if wanted, "time" (s), at which tables and moving
     /// surfaces begin; or the answer of `carom simulate --json`, whose `final` state and time are
-    /// taken. The duration counts from there. Impacts up to then, after which `after_impact` acts,
+    /// taken. The duration counts from there. Past impacts, after which `after_impact` acts,
     /// and what compliant contacts remember are not part of a state.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     from_state: Option<PathBuf>,
