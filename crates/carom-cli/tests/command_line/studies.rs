@@ -115,6 +115,49 @@ fn a_chart_of_stiffness_draws_both_errors_beside_the_order_in_theory() {
     assert!(own.len() == 1 && own[0]["choice"].as_str().unwrap().contains("hunt-crossley 1e6 N/m"), "{plan}");
 }
 
+const TABLE: &str = "method,knob,value,wall_time_s,error_after_impact,error_at_end,law\n\
+    events,tolerance,1e-9,1e-5,,1e-12,the scene's\n\
+    steps,dt,1e-3,1e-3,1e-2,1e-3,Newton's\n\
+    steps,dt,1e-4,1e-2,1e-3,1.0e-4,Newton's\n\
+    other,dt,1e-4,1e-2,1e-3,1.2e-4,its own\n\
+    left-out,dt,1e-4,1e-2,1e-3,1e-4,its own\n";
+
+/// Lines that end at the same place have names that do not cover each other; a panel with the data of one method is left out.
+#[test]
+fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
+    let desk = Desk::new("chart-from");
+    desk.write("wall.csv", TABLE);
+    let ran = desk.run("chart --from wall.csv --out wall.svg --show events=carom --show steps --show other=peer");
+    assert_eq!((ran.code, ran.out.as_str(), ran.err.as_str()), (Some(0), "", ""));
+    let picture = std::fs::read_to_string(desk.0.join("wall.svg")).unwrap();
+    // In both panels, since two of the methods have an error after the impact; there `events` has none.
+    let places = |name: &str| -> Vec<[f64; 2]> {
+        let own = picture.match_indices(&format!("\n{name}\n"));
+        own.map(|(at, _)| {
+            let tag = &picture[picture[..at].rfind("<text").unwrap()..at];
+            ["x", "y"].map(|key| {
+                let value = tag.split(&format!(" {key}=\"")).nth(1).unwrap();
+                value.split('"').next().unwrap().parse().unwrap()
+            })
+        })
+        .collect()
+    };
+    assert_eq!((places("carom").len(), places("steps").len(), places("left-out").len()), (1, 2, 0));
+    for (one, other) in places("steps").iter().zip(places("peer")) {
+        assert!((one[0] - other[0]).abs() <= 1.0 && (one[1] - other[1]).abs() >= 17.0, "{one:?} {other:?}");
+    }
+    let wrong = TABLE.replace("1e-5,,1e-12", "0,,1e-12");
+    desk.write("wrong.csv", &wrong);
+    for (args, message) in [
+        ("wall.csv --show event", "--show event: wall.csv has no such method, but: events; steps; other; left-out"),
+        ("wrong.csv --show events", "--from wrong.csv: line 2, column wall_time_s: 0 is not a positive time"),
+    ] {
+        let ran = desk.run(&format!("chart --out w.svg --from {args}"));
+        assert_eq!((ran.code, ran.err), (Some(1), format!("error: {message}\n")));
+        assert!(!desk.0.join("w.svg").exists());
+    }
+}
+
 #[test]
 fn chart_refuses_invalid_options_and_files() {
     let desk = Desk::new("chart-refused");
