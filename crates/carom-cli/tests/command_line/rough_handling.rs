@@ -212,7 +212,8 @@ fn names_of_robots_and_scenes_are_printed_as_text() {
     assert!(!ran.out.contains(obeyed), "{}", ran.out);
     let report: Value = serde_json::from_str(&ran.out).unwrap();
     assert_eq!((&report["name"], &report["joints"][0]["name"]), (&json!(nasty("robot")), &json!(nasty("joint"))));
-    let ran = desk.run("impact r.urdf --tip no\u{202e}\u{9b} --normal 0,0,1 --law newton --restitution 0.5 --states q.jsonl");
+    let ran =
+        desk.run("impact r.urdf --tip no\u{202e}\u{9b} --normal 0,0,1 --law newton --restitution 0.5 --states q.jsonl");
     assert!(ran.code == Some(1) && ran.err.contains(r"no\u202e\u009b") && !ran.err.contains(obeyed), "{ran:?}");
 }
 

@@ -132,7 +132,8 @@ fn few_methods_of_a_computed_chart_are_drawn_with_their_names() {
     let picture = std::fs::read_to_string(desk.0.join("wall.svg")).unwrap();
     // In both panels, since two of the methods have an error after the impact; there `events` has none.
     let places = |name: &str| -> Vec<[f64; 2]> {
-        let own = picture.match_indices(&format!("\n{name}\n"));
+        let line = format!("\n{name}\n");
+        let own = picture.match_indices(&line);
         own.map(|(at, _)| {
             let tag = &picture[picture[..at].rfind("<text").unwrap()..at];
             ["x", "y"].map(|key| {

@@ -6,7 +6,7 @@ use crate::error::SimError;
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
-use nalgebra::{Matrix3, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Share of T⁻ by which the energies may miss the work: some digits above the rounding of a chain in regular position.
 const BALANCED: f64 = 1e-9;
@@ -214,4 +214,21 @@ impl ChainImpact {
             self.drive_work += 0.5 * self.drive_impulse[k] * (qd[k] + self.qd_plus[k]);
         }
     }
+}
+
+/// H and u from columns in the contact axes: with the rank that the joints give H, and exact zeros along axes in which no joint
+/// moves the point.
+#[cold]
+pub(super) fn in_axes<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
+    response: &PointResponse<A>,
+    axes: &SMatrix<f64, D, D>,
+    qd: &[f64],
+) -> (SMatrix<f64, D, D>, SVector<f64, D>) {
+    let axes: [SVector<f64, D>; D] = std::array::from_fn(|k| axes.column(k).into_owned());
+    let delassus = response.delassus_in(axes);
+    let u = SVector::from_fn(|i, _| {
+        let along = response.jacobian.iter().zip(qd).map(|(column, rate)| column.dot(&axes[i]) * rate);
+        if delassus[(i, i)] > 0.0 { along.sum::<f64>() } else { 0.0 }
+    });
+    (delassus, u)
 }

@@ -8,7 +8,7 @@
 //! Symbols as in `strike.rs`.
 
 use super::derivative::{ImpactDerivative, PlaneContact, RowRates, differentiate};
-use super::hit::ChainImpact;
+use super::hit::{ChainImpact, in_axes};
 use crate::error::SimError;
 use carom_chain::algebra::Algebra;
 use carom_chain::{
@@ -431,23 +431,6 @@ pub(super) fn problem<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const 
         (delassus, u) = in_axes(response, axes, qd);
     }
     Ok(ImpactProblem::from_gram(delassus, u)?)
-}
-
-/// H and u from columns in the contact axes: with the rank that the joints give H, and exact zeros along axes in which no joint
-/// moves the point.
-#[cold]
-fn in_axes<A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize>(
-    response: &PointResponse<A>,
-    axes: &SMatrix<f64, D, D>,
-    qd: &[f64],
-) -> (SMatrix<f64, D, D>, SVector<f64, D>) {
-    let axes: [SVector<f64, D>; D] = std::array::from_fn(|k| axes.column(k).into_owned());
-    let delassus = response.delassus_in(axes);
-    let u = SVector::from_fn(|i, _| {
-        let along = response.jacobian.iter().zip(qd).map(|(column, rate)| column.dot(&axes[i]) * rate);
-        if delassus[(i, i)] > 0.0 { along.sum::<f64>() } else { 0.0 }
-    });
-    (delassus, u)
 }
 
 #[cold]

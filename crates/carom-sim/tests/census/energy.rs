@@ -78,7 +78,9 @@ pub fn balanced(group: &str, case: &Case, every: Option<f64>, limit: f64) -> Res
 
 pub fn verdict(group: &str, case: &Case, limit: f64) -> Verdict {
     let told = |answer: Answer| match answer.statistics().contact_steps {
-        _ if !answer.summary.warnings().is_empty() => Verdict::good(group, "an error of the balance, told", String::new()),
+        _ if !answer.summary.warnings().is_empty() => {
+            Verdict::good(group, "an error of the balance, told", String::new())
+        }
         0 => Verdict::good(group, "balanced", String::new()),
         _ => Verdict::good(group, "balanced, with time steps", String::new()),
     };
