@@ -48,7 +48,7 @@ pub fn judge(seed: u64) -> Verdict {
         if let End::Done(steps) = case.run_as(Some(0.02), LIMIT, short) {
             let off = apart(&answer, &steps).into_iter().fold(0.0, f64::max);
             // Of first order in the step; the accelerations are those of the speeds within some centimetres.
-            let allowed = STEP * 30.0 * speed * speed;
+            let allowed = STEP * 3.0 * speed * speed;
             if off > allowed {
                 return Verdict::bad(
                     group,

@@ -5,7 +5,7 @@
 //! books balanced.
 
 use super::build::*;
-use super::case::{Answer, Case};
+use super::case::{Answer, Case, End};
 use super::{Verdict, compare, energy};
 use carom_chain::Chain;
 use fastrand::Rng;
@@ -204,9 +204,15 @@ const LIMIT: f64 = 10.0;
 pub fn judge(seed: u64) -> Verdict {
     let it = case(seed);
     let group = it.group.clone();
-    let answer = match it.case.run(Some(0.01), LIMIT).done(&group) {
-        Ok(answer) => answer,
-        Err(verdict) => return verdict,
+    let answer = match it.case.run(Some(0.01), LIMIT) {
+        // A linkage may wedge.
+        End::Refused(by, why) if it.free && !energy::false_message(&why) => {
+            return Verdict::good(group, format!("refused by the {by}"), why);
+        }
+        end => match end.done(&group) {
+            Ok(answer) => answer,
+            Err(verdict) => return verdict,
+        },
     };
     let told = format!(
         "{} time steps, {} evaluations, events {:?}",

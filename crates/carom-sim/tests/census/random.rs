@@ -243,17 +243,16 @@ pub fn scene(seed: u64) -> Scene {
         text += "latch = true\n";
     }
     if compliant {
-        let more = one_of(
-            rng,
-            &[
-                "",
-                "exponent = 1\n",
-                "force = \"kelvin-voigt\"\n",
-                "bristle = { stiffness = 1e5, damping = 10 }\n",
-                "force = \"walton-braun\"\n",
-            ],
-        );
-        text += &format!("[contact.compliance]\nstiffness = {:?}\n{more}", 10_f64.powf(within(rng, 4.0, 8.0)));
+        let bristle = "bristle = { stiffness = 1e5, damping = 10 }";
+        let more = ["exponent = 1.5", "exponent = 1", "force = \"kelvin-voigt\"", "force = \"walton-braun\"", bristle];
+        let compliance =
+            format!("compliance = {{ stiffness = {:?}, {} }}", 10_f64.powf(within(rng, 4.0, 8.0)), one_of(rng, &more));
+        // The first surface is a half-space, on which all shapes can be compliant; between other bodies few can.
+        let first = "name = \"s0\"\n";
+        match rng.u8(0..4) > 0 && text.contains(first) {
+            true => text = text.replace(first, &format!("{first}contact = {{ {compliance} }}\n")),
+            false => text += &format!("{compliance}\n"),
+        }
     }
     let g = one_of(rng, &["[0, 0, -9.81]", "[0, 0, -9.81]", "[0, 0, -9.81]", "[0, 0, 0]", "[1, -2, -5]"]);
     text += &format!("[run]\nduration = 1\ngravity = {g}\n");
