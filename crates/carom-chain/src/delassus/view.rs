@@ -99,12 +99,18 @@ where
 
     /// H in these orthonormal axes, as a Gram matrix in them: each entry is a sum over joints, with the rounding error of the
     /// terms of this sum, and not with that of the largest entry of H, as H in world axes would have after a rotation. So H keeps
-    /// the rank that its joints give it. Rows and columns of axes along which the point does not move, by the rule of
-    /// [`Self::moves`], are exactly zero.
+    /// the rank that its joints give it: what is rounding of a joint's lever in its row of Y is no motion. Rows and columns of axes
+    /// along which the point does not move, by the rule of [`Self::moves`], are exactly zero.
     pub fn delassus_in<const D: usize>(&self, axes: [A::Vector; D]) -> SMatrix<A::Scalar, D, D> {
         let mut h = SMatrix::zeros();
-        for (y, inverse_d) in self.reduced_jacobian.iter().zip(self.inverse_d) {
-            let along = axes.map(|axis| A::dot(*y, axis));
+        let rows = self.reduced_jacobian.iter().zip(self.inverse_d).zip(self.levers);
+        for ((y, inverse_d), lever) in rows {
+            let rounding = *lever * singular();
+            let along = axes.map(|axis| {
+                let along = A::dot(*y, axis);
+                let still = along <= rounding && along >= -rounding; // false for NaN
+                if still { A::Scalar::zero() } else { along }
+            });
             for i in 0..D {
                 let scaled = along[i] * *inverse_d;
                 for j in 0..=i {
