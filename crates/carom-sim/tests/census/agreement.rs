@@ -2,10 +2,8 @@
 //! as disturbed starts stay together, and fine time steps up to the first event.
 
 use super::case::{Answer, Case, End};
-use super::{Verdict, compare, energy, random};
+use super::{LIMIT, Verdict, compare, energy, random};
 
-/// Seconds that a run may take, in the dev profile on a busy machine.
-const LIMIT: f64 = 20.0;
 /// Disturbance of the start.
 const NUDGE: f64 = 1e-8;
 /// A motion is not compared after its disturbances have grown by this.

@@ -1,7 +1,7 @@
 //! Energies by an own computation against the books, over the scenes of the repository and over random ones.
 
 use super::case::{Answer, Case, End};
-use super::{Verdict, random};
+use super::{LIMIT, Verdict, random};
 use std::path::Path;
 
 /// What is wrong with the energies of an answer: the class and the numbers.
@@ -105,5 +105,5 @@ pub fn case(seed: u64) -> (String, Case) {
 
 pub fn judge(seed: u64) -> Verdict {
     let (group, case) = case(seed);
-    verdict(&group, &case, 20.0)
+    verdict(&group, &case, LIMIT)
 }

@@ -2,13 +2,10 @@
 
 use super::build::*;
 use super::case::Case;
-use super::{Verdict, energy};
+use super::{LIMIT, Verdict, energy};
 use fastrand::Rng;
 
 const SHAPES: [&str; 5] = ["ball", "box", "cylinder", "capsule", "mesh"];
-/// Seconds that a run may take.
-const LIMIT: f64 = 20.0;
-
 fn solid(kind: usize, r: f64) -> (String, Option<(String, String)>) {
     match kind {
         0 => (ball(r), None),

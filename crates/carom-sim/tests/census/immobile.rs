@@ -9,7 +9,7 @@
 
 use super::build::*;
 use super::case::{Case, End};
-use super::{Verdict, compare};
+use super::{LIMIT, Verdict, compare};
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{AnyLaw, Coefficients, Flags};
 use carom_sim::Impacts;
@@ -190,9 +190,6 @@ pub fn cases(seed: u64) -> (String, bool, [Case; 2]) {
     let group = format!("{}{}", mechanism.name, if lift { ", on a lift" } else { "" });
     (group, lift, [held, free])
 }
-
-/// Seconds that a run of 0.3 s may take, in the dev profile on a busy machine.
-const LIMIT: f64 = 20.0;
 
 pub fn judge(seed: u64) -> Verdict {
     let (group, lift, [held, free]) = cases(seed);

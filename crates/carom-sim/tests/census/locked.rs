@@ -6,7 +6,7 @@
 
 use super::build::*;
 use super::case::{Answer, Case, End};
-use super::{Verdict, compare, energy};
+use super::{LIMIT, Verdict, compare, energy};
 use carom_chain::Chain;
 use fastrand::Rng;
 
@@ -198,8 +198,6 @@ pub fn open(answer: &Answer) -> f64 {
     };
     sim.loops.iter().map(|own| (place(&own.frames[0]) - place(&own.frames[1])).norm()).fold(0.0, f64::max)
 }
-
-const LIMIT: f64 = 10.0;
 
 pub fn judge(seed: u64) -> Verdict {
     let it = case(seed);

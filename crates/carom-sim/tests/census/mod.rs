@@ -18,6 +18,9 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+/// Seconds of computation that a run may take; without optimisation three times as many.
+pub const LIMIT: f64 = if cfg!(debug_assertions) { 60.0 } else { 20.0 };
+
 /// What a judge says of the answer of one seed.
 pub struct Verdict {
     /// Kind of the scene.

@@ -2,12 +2,10 @@
 
 use super::build::*;
 use super::case::{Answer, Case, End};
-use super::{Verdict, compare};
+use super::{LIMIT, Verdict, compare};
 use fastrand::Rng;
 
 const G: f64 = 9.81;
-const LIMIT: f64 = 20.0;
-
 /// A wish: its scene, and what the answer must be. The judge returns what is wrong.
 pub struct Wish {
     pub group: String,
