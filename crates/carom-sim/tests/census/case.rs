@@ -171,7 +171,7 @@ impl Answer {
         let summary = plan.stream(scene.duration, sampling, &mut |seen| {
             seen_so_far += 1;
             // Asking for the time costs as much as a step.
-            if seen_so_far % 16 == 0 && spent(clock) > limit {
+            if seen_so_far.is_multiple_of(16) && spent(clock) > limit {
                 panic_any(Late);
             }
             let (q, qd) = match seen {

@@ -296,8 +296,8 @@ pub fn blow(seed: u64) -> Verdict {
         format!("u off {off:.1e}, work off {unpaid:.1e}, gain {gain:.1e}, approach {speed:.1e}, flags {:?}", hit.flags);
     let (class, bad) = match () {
         () if told => ("flagged", false),
-        () if !(off <= 1e-9) => ("u⁺ is not J q̇⁺", true),
-        () if !(unpaid <= 1e-9) => ("works do not sum", true),
+        () if off > 1e-9 || off.is_nan() => ("u⁺ is not J q̇⁺", true),
+        () if unpaid > 1e-9 || unpaid.is_nan() => ("works do not sum", true),
         () if gained => ("gain without a flag", true),
         () => ("right", false),
     };

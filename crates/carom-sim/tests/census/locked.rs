@@ -90,8 +90,7 @@ pub fn case(seed: u64) -> Locked {
     let last = chain.frame(&format!("l{}", count - 1)).expect("a link");
     let there = kin.position(chain.point(last, end.into()));
     let rpy: [f64; 3] = {
-        let (roll, pitch, yaw) =
-            nalgebra::Rotation3::from_matrix_unchecked(kin.pose(last).rotation.into()).euler_angles();
+        let (roll, pitch, yaw) = nalgebra::Rotation3::from_matrix_unchecked(kin.pose(last).rotation).euler_angles();
         [roll, pitch, yaw]
     };
     let on = chain.frame(&format!("l{carries}")).expect("a link");
@@ -219,7 +218,7 @@ pub fn judge(seed: u64) -> Verdict {
         answer.names()
     );
     let gap = open(&answer);
-    if !(gap <= 1e-7) {
+    if gap > 1e-7 || gap.is_nan() {
         return Verdict::bad(group, "the loop opens", format!("{gap:.1e} m, {told}"));
     }
     // A run of 0.3 s at 1e-10 needs some hundred steps.
@@ -255,7 +254,7 @@ pub fn judge(seed: u64) -> Verdict {
         speed.max(compare(&q[..it.joints], &answer.samples[0].1[..it.joints]))
     });
     let moved = moved.fold(0.0, f64::max);
-    if !(moved <= 1e-7) {
+    if moved > 1e-7 || moved.is_nan() {
         return Verdict::bad(group, "a locked frame moves", format!("{moved:.1e}, {told}"));
     }
     if let Some(e) = it.ball {

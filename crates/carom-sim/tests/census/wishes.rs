@@ -6,11 +6,14 @@ use super::{LIMIT, Verdict, compare};
 use fastrand::Rng;
 
 const G: f64 = 9.81;
+/// What is wrong with an answer.
+type Check = Box<dyn Fn(&Answer) -> Result<(), String>>;
+
 /// A wish: its scene, and what the answer must be. The judge returns what is wrong.
 pub struct Wish {
     pub group: String,
     pub case: Case,
-    check: Box<dyn Fn(&Answer) -> Result<(), String>>,
+    check: Check,
     /// The same scene without the wish: warnings that it has too are not about the wish.
     without: Option<Case>,
 }
