@@ -133,7 +133,8 @@ fn deep(rng: &mut Rng) -> Wish {
     let r = within(rng, 0.03, 0.1);
     let (half, element, file, _) = body(kind, r);
     let part = Part::new("body", "", "fixed", Z, O).with(element);
-    let depth = half * one_of(rng, &[0.5, 1.0, 3.0, 30.0]);
+    // Deeper than half of the box it would be nearer to its lower side, or below it.
+    let depth = (half * one_of(rng, &[0.5, 1.0, 3.0, 30.0])).min(if on == 1 { 0.09 } else { f64::INFINITY });
     let (surface, second) = ground(on);
     let scene = format!(
         "[robot]\nurdf = \"r.urdf\"\ntip = \"body\"\nfloating = true\nq = [0, 0, {:?}, 0, 0, 0, 1]\n{surface}[contact]\nrestitution = 0.5\n\
