@@ -35,7 +35,8 @@ const SAMPLE: f64 = 0.004;
 ///   energy {start, end, drive, resistance, lost_in_impacts, error}, where
 ///     end = start + drive + resistance − lost_in_impacts + error;
 ///   statistics {steps, rejections, evaluations, refinements, contact_steps, step_error (rad or m),
-///     worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound, neglected_depth}.
+///     worst_residual, energy_gained (J), non_unique_time (s), neglected_frictions, neglected_bound,
+///     neglected_depth}.
 /// JSON keys with --sensitivity: sensitivity {names (of the columns: q and qd of the start by joint,
 ///   then parameters); final [{of, by}], a row for each number of the final state; events [{time,
 ///   kinds, time_by}]; broken {time, reason} instead of final where the derivatives end}.

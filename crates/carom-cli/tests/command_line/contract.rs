@@ -320,7 +320,8 @@ fn a_joint_of_the_file_named_root_joint_is_refused_with_floating() {
 #[test]
 fn joints_option_must_name_every_joint_but_a_floating_base() {
     let desk = Desk::new("left-out");
-    let arm = limb("b", "a", "continuous", "") + &limb("c", "b", "continuous", "");
+    let axis = r#"<axis xyz="1 0 0"/>"#;
+    let arm = limb("b", "a", "continuous", axis) + &limb("c", "b", "continuous", axis);
     desk.write("r.urdf", robot(&format!(r#"<link name="a"/>{}"#, arm.replace("continuous_c", "root_joint"))));
     refused(
         desk.run("dynamics r.urdf --json --tip c --joints continuous_b --states -"),
