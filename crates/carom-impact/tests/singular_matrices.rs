@@ -50,7 +50,7 @@ fn outcomes_on_singular_matrices_satisfy_the_impulse_law() {
 #[test]
 fn an_eigenvalue_that_is_rounding_of_the_entries_carries_no_impulse() {
     let mut rng = fastrand::Rng::with_seed(4);
-    let (mut resolved, mut wedged) = (0, 0);
+    let (mut resolved, mut wedged, mut refused) = (0, 0, 0);
     for k in 0..4000 {
         let flat = if k == 0 { 0.02 } else { 10f64.powf(-4.0 * rng.f64()) };
         let j = Vector2::new(1.0, flat);
@@ -82,11 +82,13 @@ fn an_eigenvalue_that_is_rounding_of_the_entries_carries_no_impulse() {
                     );
                 }
                 Err(ImpactError::Wedged { .. }) => wedged += 1,
+                // The rounding of the entries, times the slope of the normal, shows in what the law balances: no number is given.
+                Err(ImpactError::Outcome { .. }) => refused += 1,
                 Err(why) => panic!("{name} μ {friction} {delassus} {u}: {why}"),
             }
         }
     }
-    assert!(resolved > 15_000 && wedged > 3000, "{resolved} {wedged}");
+    assert!(resolved > 15_000 && wedged > 3000 && refused < resolved / 50, "{resolved} {wedged} {refused}");
 }
 
 /// The first two cases gave u⁺ = (0, 0), though u⁻ + H p was (−.5, −.4), and no flag.

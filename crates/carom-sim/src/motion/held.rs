@@ -40,6 +40,15 @@ pub(crate) struct Detail {
     pub own: bool,
 }
 
+/// What acts on the joints beside constraints.
+pub(crate) struct Loads {
+    pub tau: Vec<f64>,
+    /// Powers of the drive and of the others.
+    pub power: [f64; 2],
+    /// Rates of the bristles' deflections.
+    pub bends: Vec<f64>,
+}
+
 impl Detail {
     /// All rows and their responses.
     pub const ROWS: Self = Self { locks: false, own: true };
@@ -142,13 +151,13 @@ impl<A: Space> Motion<'_, A> {
         done
     }
 
-    /// The joint forces of drive, resistance and compliant contacts at a state, their powers, and the rates of the bristles.
-    pub fn loads(&mut self, time: f64, y: &[f64]) -> Result<(Vec<f64>, [f64; 2], Vec<f64>), SimError> {
+    /// The forces of drive, resistance and compliant contacts at a state.
+    pub fn loads(&mut self, time: f64, y: &[f64]) -> Result<Loads, SimError> {
         let (q, qd) = self.split(y);
         let lasting = self.lasting.clone();
         if lasting.is_empty() {
             let (tau, power) = self.applied(time, q, qd)?;
-            return Ok((tau, power, Vec::new()));
+            return Ok(Loads { tau, power, bends: Vec::new() });
         }
         let mut found = Assembled::new(qd.len());
         self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
@@ -158,7 +167,7 @@ impl<A: Space> Motion<'_, A> {
                 bends[3 * slot..3 * slot + 3].copy_from_slice(pressed.bends.as_slice());
             }
         }
-        Ok((found.tau, found.power, bends))
+        Ok(Loads { tau: found.tau, power: found.power, bends })
     }
 
     /// Accelerations and forces in the present mode.

@@ -22,6 +22,7 @@ pub(crate) use assembled::ConstraintForces;
 pub use contact_states::ContactState;
 pub use free_motion::{free_motion, free_motion_at};
 pub(crate) use groups::{Gaps, Near};
+pub(crate) use held::Loads;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
 pub(crate) use rows::direction_of_slip;
 pub(crate) use select::Candidate;

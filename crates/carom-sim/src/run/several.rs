@@ -203,7 +203,12 @@ impl<A: Space> Run<'_, '_, A> {
         if residual > UNSOLVED && !ends {
             // No impulses satisfy the law: friction wedges a contact. Without restitution there are some.
             rows.without_restitution();
-            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (law, &ACCURACY), None)?;
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus.clone(), (law, &ACCURACY), None)?;
+        }
+        if outcome.residual > UNSOLVED && law != SeveralLaw::Moreau {
+            // A sequence that does not end leaves contacts approaching: all at once they do not.
+            rows.without_restitution();
+            outcome = self.solve(&rows, &responses, u_minus.clone(), u_minus, (SeveralLaw::Moreau, &ACCURACY), None)?;
         }
         self.strike(together, (&rows, &responses), (&outcome, residual))?;
         self.refuse_squeeze((&rows, &responses), outcome.residual, &self.q_qd().1)?;

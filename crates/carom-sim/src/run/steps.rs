@@ -31,7 +31,7 @@ use super::several::{Closures, push, solved};
 use super::trajectory::{EventKind, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
-use crate::motion::{ContactState, Dry, Hold, Lasting, Motion, Near};
+use crate::motion::{ContactState, Dry, Hold, Lasting, Loads, Motion, Near};
 use crate::state::{Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
@@ -305,7 +305,7 @@ impl<A: Space> Run<'_, '_, A> {
         let mut there = self.y.clone();
         there[..nq].copy_from_slice(&middle);
         let mut told = self.press_in_step(middle_time, &there)?;
-        let (tau, _, bends) = self.motion.loads(middle_time, &there)?;
+        let Loads { tau, bends, .. } = self.motion.loads(middle_time, &there)?;
         let dry = self.motion.dry.clone();
         let (stiffness, damping) = self.motion.regulation();
         let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
@@ -384,7 +384,9 @@ impl<A: Space> Run<'_, '_, A> {
             self.lost -= work;
             let still = rows.surface.iter().all(|speed| *speed == 0.0);
             let mut flags = if open { Flags::NON_UNIQUE } else { Flags::NONE };
-            if still && work > GAIN * 0.5 * mean.dot(&(&mass * &mean)) {
+            let twice = |v: &DVector<f64>| v.dot(&(&mass * v));
+            // Impulses of support work as well, while a body still moves up.
+            if still && work > 0.0 && twice(&next) > (1.0 + GAIN) * twice(&v).max(twice(&free)) {
                 flags |= Flags::ENERGY_GAIN;
                 self.statistics.energy_gained += work;
             }
@@ -393,7 +395,7 @@ impl<A: Space> Run<'_, '_, A> {
         // Drive and resistance work at the mean velocity, as the impulses do.
         let mean = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after));
         there[nq..nq + nv].iter_mut().zip(mean).for_each(|(v, mean)| *v = mean);
-        let (_, power, _) = self.motion.loads(middle_time, &there)?;
+        let power = self.motion.loads(middle_time, &there)?.power;
         let moved = sim.chain.integrate(&middle, next.as_slice(), step / 2.0)?;
         self.y[..nq].copy_from_slice(&moved);
         self.y[nq..nq + nv].copy_from_slice(next.as_slice());
