@@ -41,6 +41,7 @@ fn readme_has_at_most_12_kb() {
 
 /// The impact of the README's Rust and Python snippets: the tip rebounds, and the impact loses energy.
 #[test]
+#[expect(clippy::approx_constant, reason = "the digits of the README")]
 fn the_impact_of_the_readme_rebounds_and_loses_energy() {
     let arm = Chain::from_urdf_file(concat!(env!("CARGO_MANIFEST_DIR"), "/robots/planar2.urdf")).unwrap();
     let tip = arm.frame("tip").unwrap();
