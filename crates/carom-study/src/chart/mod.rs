@@ -359,7 +359,7 @@ pub fn csv(chart: &Chart) -> String {
     lines.into_inner().map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).unwrap_or_default()
 }
 
-/// The runs of a table that [`csv`] has written.
+/// The runs of a table that [`csv()`] has written.
 ///
 /// # Errors
 ///
