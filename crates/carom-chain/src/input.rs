@@ -67,8 +67,8 @@ pub fn shortened(text: &str, most: usize) -> Cow<'_, str> {
     Cow::Owned(format!("{}…{}", &text[..at(most / 2)], &text[at(count - (most - most / 2))..]))
 }
 
-/// Checks what costs an XML parser time or memory that grows with the square of the text's length: see [`ATTRIBUTES`] and
-/// [`NAMESPACES`]. Returns the line and the rule of the first violation.
+/// Checks what costs an XML parser time or memory that grows with the square of the text's length: see `ATTRIBUTES` and
+/// `NAMESPACES`. Returns the line and the rule of the first violation.
 ///
 /// # Errors
 /// Too many attributes of an element, too many declarations of namespaces.
