@@ -193,7 +193,12 @@ impl ChainImpact {
         let jumps = response.response.iter().map(|row| row.abs().dot(&push));
         let rates: Vec<f64> = jumps.zip(qd).map(|(jump, before)| jump + before.abs()).collect();
         let pushed = response.jacobian.iter().zip(&rates).map(|(column, rate)| column.abs().dot(&push) * rate);
-        let drives = self.drive_impulse.iter().zip(&rates).map(|(impulse, rate)| impulse.abs() * rate);
+        // −W Δq̇ of a stiff drive has the rounding of q̇, times W.
+        let jumps = self.qd_plus.iter().zip(qd).map(|(after, before)| (after - before).abs());
+        let size = |((impulse, rate), jump): ((&f64, &f64), f64)| {
+            impulse.abs() * (if jump > 0.0 { rate / jump } else { 1.0 }) * rate
+        };
+        let drives = self.drive_impulse.iter().zip(&rates).zip(jumps).map(size);
         let momenta = response
             .mass_matrix
             .chunks_exact(rates.len().max(1))
