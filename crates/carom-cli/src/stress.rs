@@ -25,7 +25,7 @@ use std::path::PathBuf;
 pub struct StressCommand {
     /// Folder to write to; it is made if it is missing, its parent must exist
     ///
-    /// The three files of an earlier run in it are replaced, other files stay. A folder that has
+    /// Three files of these names in it are replaced, other files stay. A folder that has
     /// only some of the three is refused.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     out: PathBuf,
