@@ -50,8 +50,8 @@ fn outcomes_on_singular_matrices_satisfy_the_impulse_law() {
 #[test]
 fn an_eigenvalue_that_is_rounding_of_the_entries_carries_no_impulse() {
     let mut rng = fastrand::Rng::with_seed(4);
-    let (mut resolved, mut wedged, mut refused) = (0, 0, 0);
-    for k in 0..1000 {
+    let (mut resolved, mut wedged) = (0, 0);
+    for k in 0..4000 {
         let flat = if k == 0 { 0.02 } else { 10f64.powf(-4.0 * rng.f64()) };
         let j = Vector2::new(1.0, flat);
         let mut delassus: Matrix2<f64> = j * j.transpose();
@@ -78,18 +78,16 @@ fn an_eigenvalue_that_is_rounding_of_the_entries_carries_no_impulse() {
                     );
                     // The impulses of the others are in a given ratio, whatever the null direction.
                     assert!(
-                        ["frictionless", "brach"].contains(&name) || hit.flags.contains(Flags::SINGULAR),
+                        name == "frictionless" || hit.flags.contains(Flags::SINGULAR),
                         "{name} {delassus} {u} {hit:?}"
                     );
                 }
                 Err(ImpactError::Wedged { .. }) => wedged += 1,
-                // The rounding of the entries, times the slope of the normal, shows in what the law balances: no number is given.
-                Err(ImpactError::Outcome { .. } | ImpactError::NotFinite { .. }) => refused += 1,
                 Err(why) => panic!("{name} μ {friction} {delassus} {u}: {why}"),
             }
         }
     }
-    assert!(resolved > 3500 && wedged > 700 && refused < resolved / 8, "{resolved} {wedged} {refused}");
+    assert!(resolved > 14_000 && wedged > 2800, "{resolved} {wedged}");
 }
 
 /// The first two cases gave u⁺ = (0, 0), though u⁻ + H p was (−.5, −.4), and no flag.

@@ -412,12 +412,12 @@ fn whittaker_s_outcome_in_space_satisfies_the_law() {
 }
 
 /// Numbers near the ends of the range: a finite outcome, or a refusal because a number overflows on the way
-/// (`NotFinite`), because an impulse loses its digits where numbers underflow (`Outcome`), or because an inverse mass along the
-/// normal is lost in rounding (`Wedged`). Without friction nothing
-/// overflows. With a friction of 1e308 the rates of slip overflow, and an impulse may round to 0.
+/// (`NotFinite`) or an inverse mass along the normal is lost in rounding (`Wedged`). An impulse that loses its digits, because it
+/// underflows or friction is 1e308, is refused by the check of outcomes (`Outcome`). Without friction nothing overflows. With
+/// a friction of 1e308 the rates of slip overflow, and an impulse may round to 0.
 #[test]
 fn numbers_near_overflow_are_answered_or_refused() {
-    let (mut refusals, mut vanished) = ([0; LAW_NAMES.len()], 0);
+    let (mut refusals, mut vanished, mut lost) = ([0; LAW_NAMES.len()], 0, 0);
     for friction in [1e-300, 1e150, 1e308] {
         for (lighter, faster) in
             [(1.0, 1.0), (1e-150, 1.0), (1e150, 1e-3), (1.0, 1e-150), (1e-100, 1e100), (1e300, 1e-10)]
@@ -432,18 +432,16 @@ fn numbers_near_overflow_are_answered_or_refused() {
                             assert!(hit.impulse.z > 0.0 || friction == 1e308, "{law} {lighter} {faster} {hit:?}");
                             vanished += usize::from(hit.impulse.z == 0.0);
                         }
-                        Err(
-                            ImpactError::NotFinite { .. } | ImpactError::Wedged { .. } | ImpactError::Outcome { .. },
-                        ) => *refused += 1,
+                        Err(ImpactError::NotFinite { .. } | ImpactError::Wedged { .. }) => *refused += 1,
+                        Err(ImpactError::Outcome { .. }) if lighter == 1e300 || friction == 1e308 => lost += 1,
                         Err(why) => panic!("{law} {friction} {lighter} {faster}: {why}"),
                     }
                 }
             }
         }
     }
-    println!("refusals {refusals:?} of 36 each, {vanished} impulses round to 0");
-    // Measured: [0, 14, 14, 14, 16, 6, 4, 7].
-    assert!(refusals[0] == 0 && refusals.iter().all(|&n| n <= 16), "{refusals:?}");
+    println!("refusals {refusals:?} of 36 each, {vanished} impulses round to 0, {lost} lose their digits");
+    assert!(refusals[0] == 0 && refusals.iter().all(|&n| n <= 14) && lost <= 9, "{refusals:?} {lost}");
 }
 
 /// Not proved for Poisson's law in space.

@@ -5,7 +5,7 @@ use crate::branches::Answers;
 use crate::contact::{Contact, length};
 use crate::outcome::Account;
 use crate::problem::{NULL_PIVOT, rounding};
-use crate::{ImpactError, ImpactOutcome, ImpactProblem};
+use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient, and a prescribed impulse ratio r in the direction t of the initial slip, clipped to the
 /// admissible ratios.
@@ -130,7 +130,9 @@ impl<T: RealField + Copy> Brach<T> {
             }
         }
         let u_plus = Contact::lift(&v_t, -e * contact.v_n);
-        let account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.impulse_ratio.abs());
+        let mut account = Account::straight(e, &impulse, problem.u_minus(), &u_plus).in_cone(self.impulse_ratio.abs());
+        // Also for a ratio along the slip, which cannot jam.
+        account.flags |= Flags::SINGULAR.when(self.impulse_ratio != T::zero() && contact.is_singular());
         ImpactOutcome::of(name, problem, impulse, u_plus, &account)
     }
 }

@@ -5,7 +5,7 @@ use crate::branches::Answers;
 use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, Mobility, length};
 use crate::outcome::{Account, Mode};
-use crate::problem::rounding;
+use crate::problem::{NULL_PIVOT, rounding};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A value below this multiple of ε times the terms it is compared with counts as zero.
@@ -184,12 +184,17 @@ impl<T: RealField + Copy> Equation<T> {
         self.start + self.tangents * x
     }
 
+    /// The weighted mean w of the slips before and after.
+    fn mean(&self, v_t: &Vector2<T>) -> Vector2<T> {
+        let (before, after) = (length(&self.slip), length(v_t));
+        (self.slip * before + v_t * after) / (before * before + after * after)
+    }
+
     /// Left side and its derivative.
     fn value(&self, mu: T, x: &Vector2<T>) -> (Vector2<T>, Matrix2<T>) {
-        let (v, y, p_n) = (self.slip, self.end(x), self.normal(x));
-        let (before, after) = (length(&v), length(&y));
+        let (y, p_n) = (self.end(x), self.normal(x));
+        let (w, before, after) = (self.mean(&y), length(&self.slip), length(&y));
         let squares = before * before + after * after;
-        let w = (v * before + y * after) / squares;
         // d(|y| y) = |y| 1 + y yᵀ/|y|
         let mut rate = Matrix2::identity() * after - w * y.transpose() * convert::<f64, T>(2.0);
         if after > T::zero() {
@@ -221,7 +226,16 @@ impl<T: RealField + Copy> Equation<T> {
 
     /// Newton's method from zero friction; if it stalls, from the estimate for slow slips; then with friction raised in
     /// steps; then along the field.
+    ///
+    /// Where no impulse at held normal velocity changes the slip, `v_t⁺` and w are given and the equation is linear,
+    /// `P_n (1 - μ w·h/C) = P_n(0)`: without a solution where friction wedges the contact.
     fn solve(&self, mu: T, near: impl FnOnce() -> Option<Vector2<T>>) -> Option<Vector2<T>> {
+        if self.tangents.iter().all(|entry| *entry == T::zero()) {
+            let w = self.mean(&self.start);
+            let (hold, lift) = (T::one(), mu * w.dot(&self.tilt));
+            let wedges = hold - lift <= (hold + lift.abs()) * rounding(NULL_PIVOT);
+            return (!wedges).then(|| w * (-mu * self.smooth / (hold - lift)));
+        }
         if let Some(x) = self.newton(mu, Vector2::zeros()) {
             return Some(x);
         }
