@@ -77,7 +77,7 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(approach * approach < 2.0 * away * HYSTERESIS)
     }
 
-    /// The other touches that are closed and do not last: those that approach, and those that do not move apart.
+    /// The other touches that are closed and do not last: those that approach, and those that do not move apart but could.
     pub fn others_closed(&mut self, touch: usize, gaps: &[Near]) -> Result<[Vec<usize>; 2], SimError> {
         let (mut hits, mut beside) = (Vec::new(), Vec::new());
         let rest = self.motion.rest();
@@ -85,7 +85,11 @@ impl<A: Space> Run<'_, '_, A> {
             if other == touch || self.motion.lasts(other) || gap > TOUCHING || rate > rest || self.moves_off(other)? {
                 continue;
             }
-            if rate < -rest { hits.push(other) } else { beside.push(other) }
+            if rate < -rest {
+                hits.push(other);
+            } else if self.motion.moves(other, self.time, &self.y)? {
+                beside.push(other);
+            }
         }
         Ok([hits, beside])
     }

@@ -67,7 +67,7 @@ impl Closures {
         Self { rows: Rows::new(nv), constraints, stiffnesses, surface: Vec::new(), contacts: Vec::new() }
     }
 
-    /// The rows of one closed touch; none if no joint moves it along its normal.
+    /// The rows of one closed contact or limit; none if no joint moves it along its normal, as a limit in a loop that is locked.
     pub fn add<A: Space>(
         &mut self,
         k: usize,
@@ -76,6 +76,9 @@ impl Closures {
         view: &mut View<A>,
         time: f64,
     ) -> Result<(), SimError> {
+        if !touch.moves(at, view)? {
+            return Ok(());
+        }
         let first = self.rows.len();
         let rule = &touch.contact;
         let (restitution, friction) = (rule.law.restitution(), rule.law.friction());
@@ -87,9 +90,6 @@ impl Closures {
             self.contacts.push(Closed { touch: k, place: None, rows: first..first + 1, gap: at.gap });
             return Ok(());
         };
-        if !touch.moves(at, view)? {
-            return Ok(());
-        }
         let velocity = touch.surface_velocity(&place, time);
         let axes = z_onto(place.normal);
         let directions = if rule.latch || friction > 0.0 { 0..3 } else { 2..3 };

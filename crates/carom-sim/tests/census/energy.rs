@@ -49,7 +49,8 @@ pub fn wrong(answer: &Answer) -> Option<(&'static str, String)> {
         }
         () if !answer.driven() && books.impacts < told - allowed * scale => "impacts gain energy without a flag",
         () if books.error().abs() > allowed * scale && stepped => "the balance of time steps is off",
-        () if books.error().abs() > allowed * scale => "the balance is off",
+        // Positions within the tolerance have a potential energy within as much of its size.
+        () if books.error().abs() > allowed * scale + steps * tolerance * size => "the balance is off",
         () if !answer.driven() && !stored && end - start - books.drive > allowed * scale - told => "gain of energy",
         () => return None,
     };

@@ -254,12 +254,13 @@ pub fn blow(seed: u64) -> Verdict {
     (coefficients.restitution, coefficients.friction) = (one_of(rng, &[0.0, 0.5, 1.0]), one_of(rng, &[0.0, 0.3, 1.5]));
     let Some(law) = AnyLaw::named(law, coefficients) else { return Verdict::bad("blow", "no law", law.into()) };
     let row = jacobian.transpose() * normal;
-    let reach = 1.0 + place.at.norm();
+    // What the joints could move it by: the lever of a hinge, and the one of the second, 1 m away from the first.
+    let lever = offset.norm() + if two { 1.0 } else { 0.0 };
     let most = row.iter().fold(0.0, |most: f64, x: &f64| most.max(x.abs()));
-    let immobile = most <= 1e-14 * reach;
+    let immobile = most <= 1e-14 * lever;
     let group = match (immobile, two, across) {
-        // 64 ε of the reach is 1.4e-14: what is above it may be moved, or not.
-        _ if !immobile && most < 1e-12 * reach => {
+        // 64 ε of the lever is 1.4e-14: what is above it may be moved, or not.
+        _ if !immobile && most < 1e-12 * lever => {
             return Verdict::good("blow at the bound of mobility", "any", String::new());
         }
         (true, ..) => "blow that no joint moves",

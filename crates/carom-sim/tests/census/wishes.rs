@@ -248,9 +248,10 @@ fn efforts(rng: &mut Rng) -> Wish {
         let energies: Vec<f64> =
             answer.samples.iter().map(|(_, q, qd)| own.kinetic(q, qd) + own.potential(q)).collect();
         for (k, pair) in answer.samples.windows(2).enumerate() {
-            let ways = (0..n).map(|j| {
-                limits[j] * 1.001 * 0.5 * (pair[0].2[j].abs() + pair[1].2[j].abs() + 0.3) * (pair[1].0 - pair[0].0)
-            });
+            // A speed may have its maximum between two samples: the largest of those around, and a margin.
+            let around = &answer.samples[k.saturating_sub(1)..(k + 3).min(answer.samples.len())];
+            let fastest = |j: usize| around.iter().fold(0.15, |most: f64, (_, _, qd)| most.max(qd[j].abs() + 0.15));
+            let ways = (0..n).map(|j| limits[j] * 1.001 * fastest(j) * (pair[1].0 - pair[0].0));
             let (most, change) = (ways.sum::<f64>(), (energies[k + 1] - energies[k]).abs());
             if change > most + 1e-6 {
                 return Err(format!("{change:e} J within a sample at {} s, at most {most:e}", pair[0].0));
