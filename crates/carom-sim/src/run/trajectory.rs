@@ -298,25 +298,11 @@ impl EnergyBooks {
     pub fn error(&self) -> f64 {
         self.end - (self.start + self.drive + self.resistance - self.impacts)
     }
-
-    /// What to tell the user of a balance that does not close: an error above 1 % of the energies in it, which changes velocities by half
-    /// a percent. Integration stays far below; time steps do not where they are too long for the motion.
-    pub fn warning(&self) -> Option<String> {
-        let Self { start, drive, resistance, impacts, .. } = *self;
-        let (error, scale) = (self.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
-        let changed = if error > 0.0 { "gained" } else { "lost" };
-        (error.abs() > NOTICED * scale).then(|| {
-            format!(
-                "the energy balance does not close: {:.3e} J {changed} without a cause, beside {scale:.3e} J at the start, of drives, \
-                 resistance and impacts: use shorter time steps (contact_step)",
-                error.abs()
-            )
-        })
-    }
 }
 
-/// Share of the energies of a run from which on an error of their balance is told.
-const NOTICED: f64 = 0.01;
+/// Share of the energies of a run from which on an error of their balance is told, without time steps and with them: errors of the
+/// velocities by half of it. Integration stays far below the first; time steps do not where they are too long for the motion.
+const NOTICED: [f64; 2] = [0.001, 0.01];
 
 /// The summary of a run.
 #[derive(Debug, Clone)]
@@ -354,7 +340,22 @@ impl Summary {
                  less restitution or friction, or method = \"events\""
             )
         });
-        self.energy.warning().into_iter().chain(unsolved).chain(gains).collect()
+        self.balance_warning().into_iter().chain(unsolved).chain(gains).collect()
+    }
+
+    fn balance_warning(&self) -> Option<String> {
+        let EnergyBooks { start, drive, resistance, impacts, .. } = self.energy;
+        let (error, scale) = (self.energy.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
+        let stepped = self.statistics.contact_steps > 0;
+        let changed = if error > 0.0 { "gained" } else { "lost" };
+        let help = if stepped { "use shorter time steps (contact_step)" } else { "use a smaller tolerance" };
+        (error.abs() > NOTICED[usize::from(stepped)] * scale).then(|| {
+            format!(
+                "the energy balance does not close: {:.3e} J {changed} without a cause, beside {scale:.3e} J at the start, of drives, \
+                 resistance and impacts: {help}",
+                error.abs()
+            )
+        })
     }
 }
 
