@@ -127,6 +127,25 @@ fn jam_and_singular_are_said_by_all_laws_with_friction_or_by_none() {
     }
 }
 
+/// A contact that moves along its normal only, without slip or with one that nothing changes.
+#[test]
+fn a_contact_that_moves_along_its_normal_only_gets_the_impulse_of_a_mass() {
+    let mass = 2.0;
+    for (slip, friction, restitution) in [(0.0, 0.0, 0.5), (0.0, 0.4, 1.0), (0.3, 0.0, 0.0), (0.3, 0.4, 0.5)] {
+        let problem = ImpactProblem::new(matrix![0.0, 0.0; 0.0, 1.0 / mass], vector![slip, -1.5]).unwrap();
+        for name in LAW_NAMES {
+            let given = Coefficients { restitution, friction, ..Coefficients::default() };
+            let hit = law_by_name::<2>(name, given).unwrap().resolve(&problem).unwrap();
+            let wanted = (1.0 + restitution) * 1.5 * mass;
+            assert!((hit.impulse.y - wanted).abs() < 1e-14 * wanted, "{name} {slip} {friction}: {hit:?}");
+            assert!(
+                (hit.u_plus - vector![slip, restitution * 1.5]).norm() < 1e-14,
+                "{name} {slip} {friction}: {hit:?}"
+            );
+        }
+    }
+}
+
 /// Sliding friction −μ P_n does not depend on how heavy the contact is along its slip, also where this mass is infinite to rounding.
 #[test]
 fn friction_acts_along_a_tangent_that_hardly_moves() {

@@ -184,10 +184,11 @@ impl<T: RealField + Copy> Equation<T> {
         self.start + self.tangents * x
     }
 
-    /// The weighted mean w of the slips before and after.
+    /// The weighted mean w of the slips before and after; zero without slip.
     fn mean(&self, v_t: &Vector2<T>) -> Vector2<T> {
         let (before, after) = (length(&self.slip), length(v_t));
-        (self.slip * before + v_t * after) / (before * before + after * after)
+        let squares = before * before + after * after;
+        if squares == T::zero() { Vector2::zeros() } else { (self.slip * before + v_t * after) / squares }
     }
 
     /// Left side and its derivative.

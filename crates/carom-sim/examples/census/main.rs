@@ -4,6 +4,9 @@
 //! and prints its table, with the seeds and notes of bad answers; `-- NAME show SEED FOLDER` writes the scenes of a seed and prints the
 //! verdict on it. `-- list` prints the names.
 //!
+//! `-- outcomes FILE [SEEDS]` writes the outcomes of all scenes of the repository and of the first seeds (100) of every census;
+//! `-- differ OLD NEW` tells two such files apart, `-- digest FILE` prints a digest of each scene, which may stand for OLD.
+//!
 //! `-- [STARTS [SCENE]]` runs the box, the table and the quadruped of the repository from 1000 random starts each, and
 //! prints the share of the simulated time that time steps took, each stretch counted by its reason, the failures by their message,
 //! and the events by their kind. `-- order [STARTS [SCENE]]` runs box and table from 64 random starts each at tolerances from 1e-6
@@ -14,6 +17,7 @@
 #[path = "../../tests/census/mod.rs"]
 mod census;
 mod motions;
+mod outcomes;
 
 use census::CENSUSES;
 use motions::Answer;
@@ -48,6 +52,9 @@ fn main() -> Answer<()> {
         Some(starts) if starts.parse::<u64>().is_ok() => motions::census(starts.parse()?, word(1)),
         Some("order") => motions::order(number(1)?.unwrap_or(64), word(2)),
         Some("one") => motions::one(number(1)?.unwrap_or(0), word(2)),
+        Some("outcomes") => outcomes::write(word(1).ok_or("which file?")?, number(2)?.unwrap_or(100)),
+        Some("digest") => outcomes::digest(word(1).ok_or("which file?")?),
+        Some("differ") => outcomes::differ(word(1).ok_or("which file?")?, word(2).ok_or("which second file?")?),
         Some("list") => {
             CENSUSES
                 .iter()

@@ -34,6 +34,7 @@ pub enum End {
 pub struct Happened {
     pub time: f64,
     pub name: &'static str,
+    pub touch: Option<usize>,
     pub q: Vec<f64>,
     pub qd: [Vec<f64>; 2],
 }
@@ -204,7 +205,8 @@ impl Answer {
                     }
                     if events.len() < KEPT {
                         let qd = [event.qd_minus.clone(), event.qd_plus.clone()];
-                        events.push(Happened { time: event.time, name: event.kind.name(), q: event.q.clone(), qd });
+                        let (name, touch) = (event.kind.name(), event.kind.touch());
+                        events.push(Happened { time: event.time, name, touch, q: event.q.clone(), qd });
                     }
                     (event.q.clone(), event.qd_plus.clone())
                 }
