@@ -54,8 +54,8 @@ fn numbers(out: &mut String, numbers: &[f64]) {
 fn text(answer: &Answer) -> String {
     let mut out = String::new();
     for event in &answer.events {
-        write!(out, "event {} {} {:?}", event.name, event.touch.map_or(-1, |touch| touch as i64), event.time)
-            .expect("text");
+        let touch = event.kind.touch().map_or(-1, |touch| touch as i64);
+        write!(out, "event {} {touch} {:?}", event.kind.name(), event.time).expect("text");
         numbers(&mut out, &event.qd[1]);
         out.push('\n');
     }

@@ -153,6 +153,12 @@ impl<'a, A: Space> Motion<'a, A> {
         (&y[..nq], &y[nq..nq + nv])
     }
 
+    /// The place of the two works in the state: the first, and the one behind the last.
+    pub fn works(&self) -> [usize; 2] {
+        let first = self.sim.chain.nq() + self.sim.chain.nv();
+        [first, first + 2]
+    }
+
     pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {
         View::closed_by(self.model, &mut self.workspace, q, &self.couplings)
     }

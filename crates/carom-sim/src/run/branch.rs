@@ -66,6 +66,7 @@ impl<A: Space> Run<'_, '_, A> {
             integrator: sim.integrator,
             short: false,
             patience: None,
+            works: self.motion.works(),
         };
         let (from, past) = (self.time, PAST * leap);
         let mut states = Vec::with_capacity(NODES);

@@ -97,7 +97,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
         let (first_step, short) = (self.memory.step, self.memory.short);
-        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short };
+        let works = self.motion.works();
+        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short, works };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if is_reached(until, self.time) {

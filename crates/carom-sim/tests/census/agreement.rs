@@ -60,7 +60,7 @@ pub fn judge(seed: u64) -> Verdict {
     if asked
         || several.contact_steps > 0
         || several.non_unique_time > 0.0
-        || answer.events.iter().any(|event| event.name == "non-unique")
+        || answer.events.iter().any(|event| event.kind.name() == "non-unique")
     {
         return Verdict::good(group, "balanced; by time steps, or told to be ambiguous", String::new());
     }
@@ -82,8 +82,12 @@ pub fn judge(seed: u64) -> Verdict {
         let allowed = 1e3 * tolerance * growth * speed.max(1.0) + 1e-7;
         if *off > allowed {
             let time = answer.samples[k].0;
-            let before: Vec<_> =
-                answer.events.iter().filter(|event| event.time <= time).map(|event| (event.name, event.time)).collect();
+            let before: Vec<_> = answer
+                .events
+                .iter()
+                .filter(|event| event.time <= time)
+                .map(|event| (event.kind.name(), event.time))
+                .collect();
             let last = &before[before.len().saturating_sub(4)..];
             let note = format!("{off:.1e} above {allowed:.1e} at {time:.2} s, growth {growth:.1e}, after {last:?}");
             return Verdict::bad(group, "a finer tolerance contradicts", note);

@@ -30,11 +30,10 @@ pub enum End {
     Overdue,
 }
 
-/// An event, without what depends on its kind.
+/// An event, without the impulses.
 pub struct Happened {
     pub time: f64,
-    pub name: &'static str,
-    pub touch: Option<usize>,
+    pub kind: EventKind,
     pub q: Vec<f64>,
     pub qd: [Vec<f64>; 2],
 }
@@ -205,8 +204,8 @@ impl Answer {
                     }
                     if events.len() < KEPT {
                         let qd = [event.qd_minus.clone(), event.qd_plus.clone()];
-                        let (name, touch) = (event.kind.name(), event.kind.touch());
-                        events.push(Happened { time: event.time, name, touch, q: event.q.clone(), qd });
+                        let (time, kind, q) = (event.time, event.kind.clone(), event.q.clone());
+                        events.push(Happened { time, kind, q, qd });
                     }
                     (event.q.clone(), event.qd_plus.clone())
                 }

@@ -258,7 +258,7 @@ pub fn judge(seed: u64) -> Verdict {
         return Verdict::bad(group, "a locked frame moves", format!("{moved:.1e}, {told}"));
     }
     if let Some(e) = it.ball {
-        let hit = answer.events.iter().find(|event| ["impact", "several"].contains(&event.name));
+        let hit = answer.events.iter().find(|event| ["impact", "several"].contains(&event.kind.name()));
         let Some(hit) = hit else { return Verdict::bad(group, "no impact", told) };
         let [before, after] = [0, 1].map(|side| V::from_column_slice(&hit.qd[side][it.joints..it.joints + 3]));
         // The ball has not turned: the axes of its body are those of the world.

@@ -62,7 +62,7 @@ impl Answer {
     /// How often each kind of event happened.
     pub fn names(&self) -> BTreeMap<&str, usize> {
         let mut names = BTreeMap::new();
-        self.events.iter().for_each(|event| *names.entry(event.name).or_default() += 1);
+        self.events.iter().for_each(|event| *names.entry(event.kind.name()).or_default() += 1);
         names
     }
 }
