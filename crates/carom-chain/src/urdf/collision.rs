@@ -1,11 +1,12 @@
 //! Collision geometry: shapes, and paths of mesh files.
 
 use super::joint::pose;
+use super::options::{LoadOptions, Meshes};
 use super::packages::Packages;
 use super::robot::{Collision, Shape};
 use super::source::Source;
 use super::warnings::Warnings;
-use super::{LoadOptions, Meshes, xml};
+use super::xml;
 use nalgebra::Vector3;
 use roxmltree::Node;
 use std::path::Path;

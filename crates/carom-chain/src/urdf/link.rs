@@ -10,7 +10,7 @@
 //! positive semidefinite, because ω·Iω ≥ 0 for every ω: such an inertia is used as it is, with a warning.
 
 use super::joint::pose;
-use super::robot::{Inertial, JointType, Repair};
+use super::robot::{Inertial, JointType, Repair, short};
 use super::source::{Source, own_child};
 use super::tree::Tree;
 use super::warnings::Warnings;
@@ -239,10 +239,4 @@ fn check_moments(matrix: &Matrix3<f64>, mass: f64, reach: f64, repair: bool) -> 
 fn possible(moments: [f64; 3]) -> [f64; 3] {
     let [a, b, c] = moments.map(|moment| moment.max(0.0));
     [a.max(c - b), b, c]
-}
-
-/// The number to six digits, without the rounding of the eigenvalue iteration.
-pub(super) fn short(number: f64) -> String {
-    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
-    if rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }

@@ -30,6 +30,7 @@ mod collision;
 mod joint;
 mod link;
 mod names;
+mod options;
 mod packages;
 mod robot;
 mod schema;
@@ -47,56 +48,16 @@ mod xml;
 use crate::error::ChainError;
 use crate::input;
 pub(crate) use names::suggestion;
+pub use options::{LoadOptions, Meshes};
 pub use packages::find_mesh;
 pub use robot::*;
 use roxmltree::Document;
 pub use segment::{Beam, Bend};
-use source::Source;
+use source::{Source, check_limits, not_xml, read_text};
 use std::borrow::Cow;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use tree::Tree;
 use warnings::Warnings;
-
-/// Options of the reader.
-///
-/// ```
-/// use carom_chain::{Chain, urdf::LoadOptions};
-/// let options = LoadOptions { floating_base: true, strict: true, ..Default::default() };
-/// let error = Chain::from_urdf_str("<robot name='r'><link name='a' colour='red'/></robot>", &options).unwrap_err();
-/// assert!(error.to_string().contains("<link colour>: is not used: it is unknown"));
-/// ```
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LoadOptions {
-    /// Whether the root link moves freely, on a floating joint that is added. Otherwise the root link is fixed to the world.
-    pub floating_base: bool,
-    /// Treatment of missing collision meshes, and whether visual meshes are searched for.
-    pub meshes: Meshes,
-    /// Whether warnings ([`LoadReport::warnings`]) are errors.
-    pub strict: bool,
-    /// Whether the robot is changed as little as needed to compute its dynamics: links that move without mass are welded to the links that
-    /// carry them, and principal moments of inertia are raised to the nearest ones that a body can have.
-    /// [`LoadReport::repairs`] lists the changes.
-    pub repair: bool,
-    /// Folders in which packages (`package://NAME/…`) are searched for first. Each may be the package itself or contain it.
-    pub package_dirs: Vec<PathBuf>,
-    /// Reflected inertias of motors' rotors by joint name, kg m² or kg: see
-    /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia). They replace those of the file
-    /// ([`Joint::rotor_inertia`]).
-    pub rotor_inertia: BTreeMap<String, f64>,
-    /// An SRDF file beside the URDF. The pairs of links that it disables ([`Robot::disabled_pairs`]) make no contact.
-    pub srdf: Option<PathBuf>,
-}
-
-/// Treatment of missing collision meshes.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Meshes {
-    /// A missing mesh is a warning, and an error where its shape is used, for instance in a contact.
-    #[default]
-    WhenUsed,
-    /// A missing mesh is left out; [`LoadReport::unused`] lists it. Visual meshes are left out, found or not.
-    Ignored,
-}
 
 /// Reads a URDF file. Mesh paths are resolved as by [`find_mesh`], relative to the folder of the file.
 ///
@@ -105,11 +66,6 @@ pub enum Meshes {
 pub fn read_file(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Robot, ChainError> {
     let path = path.as_ref();
     read(&read_text(path)?, &path.display().to_string(), path.parent(), options)
-}
-
-fn read_text(path: &Path) -> Result<String, ChainError> {
-    let unreadable = |error: std::io::Error| ChainError::Unreadable { path: path.into(), reason: error.to_string() };
-    input::read_text(path, input::MOST_MIB).map_err(unreadable)
 }
 
 /// Reads a URDF from memory. `base_dir` is used for mesh files like the folder of the file in [`read_file`]. Without it,
@@ -225,16 +181,4 @@ fn end_of_root_name(text: &str) -> Option<usize> {
         at += rest.find(end)?;
         at += text[at..].find('<')?;
     }
-}
-
-fn check_limits(file: &str, text: &str) -> Result<(), ChainError> {
-    let refuse = |(line, rule)| ChainError::Urdf { file: file.into(), line, element: "XML".into(), rule };
-    input::check_xml(text).map_err(refuse)
-}
-
-fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {
-    let hint = if error.to_string().contains("'xacro'") { "expand it with xacro first" } else { "correct the file" };
-    // The parser's messages hold names of the file.
-    let rule = format!("is not well-formed: {}; {hint}", input::shown(&error.to_string()));
-    ChainError::Urdf { file: file.into(), line: error.pos().row, element: "XML".into(), rule }
 }

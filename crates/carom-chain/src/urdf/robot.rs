@@ -1,6 +1,5 @@
 //! The checked contents of a URDF, before links are merged.
 
-use super::link::short;
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 use std::fmt;
 use std::path::PathBuf;
@@ -261,4 +260,10 @@ pub enum Shape {
         /// Where it was searched for.
         tried: String,
     },
+}
+
+/// The number to six digits, without the rounding of the eigenvalue iteration.
+pub(super) fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    if rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }

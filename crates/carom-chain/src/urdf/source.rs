@@ -1,8 +1,9 @@
-//! Positions of elements in the file, and their names in messages.
+//! The text of a file, positions of elements in it, and their names in messages.
 
 use crate::error::ChainError;
-use crate::input::{MESSAGE, shortened, shown};
+use crate::input::{self, MESSAGE, shortened, shown};
 use roxmltree::{Document, Node};
+use std::path::Path;
 
 /// A parsed document, with the data that messages about it need.
 pub(super) struct Source<'a> {
@@ -81,4 +82,21 @@ pub(super) fn own_children<'a>(node: Node<'a, 'a>, tag: &str) -> impl Iterator<I
 /// The first element in `node` with this tag, or `node` itself if there is none: the position for a message.
 pub(super) fn own_child<'a>(node: Node<'a, 'a>, tag: &str) -> Node<'a, 'a> {
     own_children(node, tag).next().unwrap_or(node)
+}
+
+pub(super) fn read_text(path: &Path) -> Result<String, ChainError> {
+    let unreadable = |error: std::io::Error| ChainError::Unreadable { path: path.into(), reason: error.to_string() };
+    input::read_text(path, input::MOST_MIB).map_err(unreadable)
+}
+
+pub(super) fn check_limits(file: &str, text: &str) -> Result<(), ChainError> {
+    let refuse = |(line, rule)| ChainError::Urdf { file: file.into(), line, element: "XML".into(), rule };
+    input::check_xml(text).map_err(refuse)
+}
+
+pub(super) fn not_xml(file: &str, error: &roxmltree::Error) -> ChainError {
+    let hint = if error.to_string().contains("'xacro'") { "expand it with xacro first" } else { "correct the file" };
+    // The parser's messages hold names of the file.
+    let rule = format!("is not well-formed: {}; {hint}", input::shown(&error.to_string()));
+    ChainError::Urdf { file: file.into(), line: error.pos().row, element: "XML".into(), rule }
 }

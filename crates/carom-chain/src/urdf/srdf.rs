@@ -2,7 +2,7 @@
 
 use super::names::listed;
 use super::robot::Link;
-use super::source::Source;
+use super::source::{Source, check_limits, not_xml, read_text};
 use super::warnings::Warnings;
 use crate::error::ChainError;
 use roxmltree::{Document, Node};
@@ -20,10 +20,10 @@ pub(super) fn disabled_pairs(
     links: &[Link],
     warnings: &mut Warnings,
 ) -> Result<Vec<[String; 2]>, ChainError> {
-    let text = super::read_text(path)?;
+    let text = read_text(path)?;
     let file = path.display().to_string();
-    super::check_limits(&file, &text)?;
-    let document = Document::parse(&text).map_err(|error| super::not_xml(&file, &error))?;
+    check_limits(&file, &text)?;
+    let document = Document::parse(&text).map_err(|error| not_xml(&file, &error))?;
     let source = Source::new(&file, &document);
     if source.root.tag_name().name() != "robot" {
         return Err(source.error(source.root, None, "is not an SRDF: its root must be <robot>"));

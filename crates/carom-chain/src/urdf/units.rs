@@ -3,8 +3,7 @@
 //! Each warning is about the first or the greatest number of its kind and says how many there are, because a file in other units
 //! has all of them in these.
 
-use super::link::short;
-use super::robot::{Joint, JointType, Link, Shape};
+use super::robot::{Joint, JointType, Link, Shape, short};
 use super::source::{Source, own_child};
 use super::tree::Tree;
 use super::warnings::Warnings;

@@ -1,10 +1,10 @@
 //! Visual geometry, which recordings draw. No computation depends on it: an element that cannot be drawn is listed as not used.
 
+use super::options::{LoadOptions, Meshes};
 use super::packages::Packages;
 use super::robot::{Shape, Visual};
 use super::source::{Source, own_children};
 use super::warnings::Warnings;
-use super::{LoadOptions, Meshes};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 use std::collections::BTreeMap;
