@@ -18,33 +18,14 @@
 //! Source: Featherstone (2008), table 7.1 (ABA).
 
 use crate::algebra::{Algebra, Articulated, Axis, Force, Inertia, Motion};
-use crate::chain::Point;
+use crate::body::Point;
 use crate::delassus::singular;
 use crate::error::ChainError;
-use crate::kinematics::{Kinematics, Link};
+use crate::kinematics::Kinematics;
 use crate::prepare::ParentSlot;
-use crate::rnea::Flow;
+use crate::scratch::{Flow, Free, Link};
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, RealField};
 use num_traits::{One, Zero};
-
-/// Results of the recursion for one body.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Free<A: Algebra> {
-    pub articulated: A::Articulated,
-    pub transmitted: Force<A>,
-    pub inverse_d: A::Scalar,
-    pub drive: A::Scalar,
-    pub acceleration: Motion<A>,
-}
-
-impl<A: Algebra> Free<A> {
-    pub fn zero() -> Self {
-        let zero = A::Scalar::zero();
-        let articulated = A::Articulated::from_rigid(&Inertia::zero());
-        let (transmitted, acceleration) = (Force::zero(), Motion::zero());
-        Self { articulated, transmitted, inverse_d: zero, drive: zero, acceleration }
-    }
-}
 
 /// The chain at one configuration with its articulated inertias.
 #[derive(Debug)]

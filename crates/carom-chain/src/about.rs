@@ -1,6 +1,5 @@
 //! The joints and links of the file, as far as they do not depend on the algebra.
 
-use crate::join::Member;
 use crate::urdf::{Collision, JointType, Limits, LoadReport, Visual};
 use std::ops::Range;
 
@@ -84,4 +83,15 @@ pub(crate) struct About {
     pub disabled_pairs: Vec<[String; 2]>,
     /// The robots of a joined chain.
     pub members: Vec<Member>,
+}
+
+/// A robot of a joined chain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Member {
+    /// Its name.
+    pub name: String,
+    /// Its entries of q.
+    pub q: Range<usize>,
+    /// Its entries of qd.
+    pub v: Range<usize>,
 }

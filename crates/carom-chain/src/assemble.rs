@@ -5,7 +5,8 @@
 
 use crate::about::{About, Coordinates, JointInfo, LinkInfo};
 use crate::algebra::{Algebra, Inertia, Pose, Spatial, SpatialJoint, Symmetric3, z_onto};
-use crate::chain::{Body, Chain, Frame};
+use crate::body::{Body, Frame};
+use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::{self, Inertial, Joint, JointType, LoadOptions, Robot};
 use nalgebra::{Isometry3, Matrix3, Vector3};

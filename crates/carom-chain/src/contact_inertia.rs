@@ -10,7 +10,7 @@
 //! chain's levers could give is still distinguished from a singular one; from the eigenvalues of H the limit would be 1e-7.
 
 use crate::algebra::{Algebra, Force};
-use crate::chain::Point;
+use crate::body::Point;
 use crate::delassus::{PointResponse, singular};
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;

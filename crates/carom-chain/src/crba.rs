@@ -9,8 +9,9 @@
 //! Source: Featherstone (2008), table 6.2, in world axes (see [`crate::algebra`]).
 
 use crate::algebra::{Algebra, Axis, Force};
-use crate::kinematics::{Kinematics, Link};
+use crate::kinematics::Kinematics;
 use crate::prepare::{Hinge, PreparedBody, Subspace};
+use crate::scratch::Link;
 use nalgebra::{DMatrix, Dim, Dyn, Matrix, RawStorageMut};
 use num_traits::Zero;
 use std::marker::PhantomData;

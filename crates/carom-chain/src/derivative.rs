@@ -36,7 +36,7 @@
 //! Source: Carpentier & Mansard, *Analytical derivatives of rigid body dynamics algorithms* (2018), for zero velocity.
 
 use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
-use crate::chain::Point;
+use crate::body::Point;
 use crate::kinematics::Kinematics;
 use crate::prepare::PreparedBody;
 use nalgebra::{DMatrix, SMatrix};

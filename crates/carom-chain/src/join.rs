@@ -3,14 +3,14 @@
 //! M of the joined chain is block diagonal, one block for each robot, and an impulse on one robot moves no other. The
 //! factorisation of M, the recursions and H use the tree, so the zeros cost nothing.
 
-use crate::about::{About, Coordinates, JointInfo, LinkInfo};
+use crate::about::{About, Coordinates, JointInfo, LinkInfo, Member};
 use crate::algebra::{Pose, Spatial};
 use crate::assemble::pose_of;
-use crate::chain::{Body, Chain, Frame};
+use crate::body::{Body, Frame};
+use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::urdf::{LoadReport, Repair};
 use nalgebra::Isometry3;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// A robot of [`Chain::join`].
@@ -23,17 +23,6 @@ pub struct Placed<'a> {
     /// Pose of the robot's own world in the common world, m. For a robot on a fixed base that is the pose of its root link;
     /// the floating joint of a floating robot is relative to it, so its q is a pose in the common world for the identity.
     pub pose: Isometry3<f64>,
-}
-
-/// A robot of a joined chain.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Member {
-    /// Its name.
-    pub name: String,
-    /// Its entries of q.
-    pub q: Range<usize>,
-    /// Its entries of qd.
-    pub v: Range<usize>,
 }
 
 impl Chain {

@@ -29,13 +29,13 @@
 //! | sᵢ | – | axis of joint i, world axes, about pᵢ | `axis` |
 //! | J | 3×nv | velocity of a point for unit joint rates, world axes | `point_jacobian` |
 
-use crate::aba::Free;
 use crate::algebra::{Algebra, Axis, Force, Inertia, Motion, Pose};
-use crate::chain::{Chain, FrameId, Point};
+use crate::body::{FrameId, Point};
+use crate::chain::Chain;
 use crate::delassus::{PointResponse, ResponseMemory};
 use crate::error::ChainError;
 use crate::prepare::{ByBody, Hinge, Subspace};
-use crate::rnea::Flow;
+use crate::scratch::{Flow, Free, Link};
 use crate::specialised::sine::sin_cos_by_pairs;
 use nalgebra::{DMatrix, Dim, Matrix, RawStorageMut, SimdComplexField};
 use num_traits::Zero;
@@ -62,15 +62,6 @@ pub struct Workspace<A: Algebra> {
     pub(crate) solved: Vec<[A::Scalar; 4]>,
 }
 
-/// Position and orientation of a body and its joint axis, in world axes.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Link<A: Algebra> {
-    pub rotation: A::Rotation,
-    pub offset: A::Vector,
-    pub position: A::Vector,
-    pub axis: Axis<A>,
-}
-
 /// The chain at one configuration: its methods compute positions, Jacobians, the mass matrix, dynamics and energies.
 #[derive(Debug)]
 pub struct Kinematics<'a, A: Algebra> {
@@ -90,14 +81,6 @@ impl<A: Algebra> Drifts<'_, A> {
         let Some(body) = point.body else { return A::zero() };
         let (r, Flow { spin, spin_rate, acceleration }) = (self.kin.arm(body, point), self.kin.ws.flow[body]);
         acceleration + A::swing(spin_rate, r) + A::swing(spin, A::swing(spin, r))
-    }
-}
-
-impl<A: Algebra> Link<A> {
-    /// The world.
-    pub fn world() -> Self {
-        let axis = Axis::Turn(A::zero_angular());
-        Self { rotation: A::no_rotation(), offset: A::zero(), position: A::zero(), axis }
     }
 }
 

@@ -5,7 +5,8 @@
 //! 6-vectors. The joint constraint forces balance the component of gravity normal to the plane.
 
 use crate::algebra::{Inertia, Planar, PlanarJoint, Pose, Spatial, SpatialJoint, z_onto};
-use crate::chain::{Body, Chain, Frame, FrameId, Point};
+use crate::body::{Body, Frame, FrameId, Point};
+use crate::chain::Chain;
 use crate::error::ChainError;
 use nalgebra::{Matrix3, Vector2, Vector3};
 

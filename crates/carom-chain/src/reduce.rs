@@ -4,12 +4,12 @@
 //! no impact at a given point can change: those that a different joint connects to the fixed base, because an impulse on
 //! the fixed base moves nothing. The third reduction, to the plane, is [`Chain::to_planar`].
 
-use crate::about::{About, Coordinates, JointInfo};
+use crate::about::{About, Coordinates, JointInfo, Member};
 use crate::algebra::{Algebra, Pose};
 use crate::assemble::{MovingJoint, Node, weld};
-use crate::chain::{Body, Chain, Frame, Point};
+use crate::body::{Body, Frame, Point};
+use crate::chain::Chain;
 use crate::error::ChainError;
-use crate::join::Member;
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -13,26 +13,11 @@
 use crate::algebra::{Algebra, Axis, Force, Inertia, Motion};
 use crate::chain::Chain;
 use crate::error::ChainError;
-use crate::kinematics::{Kinematics, Link, Workspace};
+use crate::kinematics::{Kinematics, Workspace};
 use crate::prepare::ParentSlot;
+use crate::scratch::{Flow, Link};
 use nalgebra::DVector;
 use num_traits::Zero;
-
-/// Motion of a body: ω, ω̇, and the acceleration of the body's origin.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Flow<A: Algebra> {
-    pub spin: A::Angular,
-    pub spin_rate: A::Angular,
-    pub acceleration: A::Vector,
-}
-
-impl<A: Algebra> Flow<A> {
-    /// A base at rest, in a frame that accelerates.
-    #[inline(always)]
-    pub fn base(acceleration: A::Vector) -> Self {
-        Self { spin: A::zero_angular(), spin_rate: A::zero_angular(), acceleration }
-    }
-}
 
 impl<A: Algebra> Kinematics<'_, A> {
     /// Inverse dynamics τ = M q̈ + C q̇ + g by the recursive Newton–Euler algorithm. `qd`, `qdd` and `tau` (N m, N) have

@@ -1,10 +1,10 @@
 //! The fused pass, generic over the structure of the chain and over its joints (see [`super`] for the symbols).
 
-use super::PointResponse;
+use super::response::PointResponse;
 use super::topology::Topology;
 use crate::algebra::{Algebra, Real};
-use crate::kinematics::Link;
 use crate::prepare::{HingeAngles, PreparedBody, Subspace};
+use crate::scratch::Link;
 use num_traits::{One, Zero};
 
 /// One body in the fused pass. Aligned, so that no vector of eight numbers crosses a cache line.

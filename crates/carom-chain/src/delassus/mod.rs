@@ -40,22 +40,26 @@
 //! Source: Featherstone (2008), tables 6.2 (CRBA), 6.3 (LTDL) and 6.4, in world axes (see [`crate::algebra`]).
 
 mod fused;
+mod response;
 mod rows;
 mod topology;
 mod unrolled;
 mod view;
 
 use crate::algebra::{Algebra, Axis};
-use crate::chain::{Chain, Point};
+use crate::body::Point;
+use crate::chain::Chain;
 use crate::error::ChainError;
 use crate::prepare::{Angle, ByBody, Hinge, HingeAngles, PreparedBody};
 use crate::specialised::sine::{sin_cos, sin_cos_by_pairs, sin_cos_of_two};
 use fused::{At, BodyAt, Memory, Poses, read, row_length};
 use nalgebra::{SimdRealField, convert};
 use num_traits::Zero;
+pub use response::PointResponse;
 pub use rows::Rows;
 use std::sync::Arc;
-use topology::{PathToRoot, Row, Tree};
+pub(crate) use topology::Structure;
+use topology::{Row, Tree};
 use unrolled::{read_three, read_two};
 
 /// Largest number of bodies of the fused pass, which forms M: from here on the recursion is faster.
@@ -66,70 +70,12 @@ pub(crate) fn singular<T: SimdRealField>() -> T {
     convert::<f64, T>(64.0) * T::simd_default_epsilon()
 }
 
-/// The structure of a chain, prepared when it is made.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Structure {
-    /// Whether every joint is a hinge with its own coordinate: see [`crate::prepare`].
-    pub hinges_alone: bool,
-    /// Whether they are a row, one after another in the order of their coordinates.
-    pub row: bool,
-    /// The longest path along the joints, from the origin of the chain, m.
-    pub reach: f64,
-    /// By coordinate, the sums of the ratios of the hinges that it turns, and of the joints that it slides.
-    pub turns_and_slides: Vec<[f64; 2]>,
-    paths: Vec<PathToRoot>,
-}
-
-impl Structure {
-    pub fn of<A: Algebra<Scalar = f64>>(prepared: &[PreparedBody<A>], nv: usize) -> Self {
-        // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
-        let hinge = |body: &PreparedBody<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
-        let hinges_alone = prepared.len() == nv && prepared.iter().all(hinge);
-        let follows = |(i, body): (usize, &PreparedBody<A>)| {
-            (body.parent, body.v_index, body.q_index) == (i.checked_sub(1), i, i)
-        };
-        let row = hinges_alone && !prepared.is_empty() && prepared.iter().enumerate().all(follows);
-        let mut turns_and_slides = vec![[0.0; 2]; nv];
-        let mut paths = Vec::with_capacity(prepared.len());
-        for body in prepared {
-            turns_and_slides[body.v_index][usize::from(!A::turns(body.joint))] += body.ratio.abs();
-            let length = A::dot(body.translation, body.translation).sqrt();
-            paths.push(length + body.parent.map_or(0.0, |parent| paths[parent]));
-        }
-        let reach = paths.into_iter().fold(0.0, f64::max);
-        Self { hinges_alone, row, reach, turns_and_slides, paths: PathToRoot::all(prepared) }
-    }
-}
-
 /// A contact point of a chain. It refers to the chain and holds no other memory.
 #[derive(Debug, Clone, Copy)]
 pub struct ContactPoint<'c, A: Algebra> {
     chain: &'c Chain<A>,
     body: usize,
     arm: A::Vector,
-}
-
-/// The response of a chain at a contact point, at one configuration. With inertia added by drives, all quantities but M include it.
-#[derive(Debug, Clone, Copy)]
-pub struct PointResponse<'a, A: Algebra> {
-    /// World position of the point, m.
-    pub position: A::Vector,
-    /// The nv columns of the Jacobian: velocity of the point at unit joint rate, world axes.
-    pub jacobian: &'a [A::Vector],
-    /// The mass matrix, all nv×nv entries; kg m², kg m, kg. Empty if the recursion was used, which does not form it.
-    pub mass_matrix: &'a [A::Scalar],
-    /// Columns of the Delassus matrix J M⁻¹ Jᵀ, world axes, 1/kg; in the plane the third is zero.
-    pub delassus: [A::Vector; 3],
-    /// The nv rows of X = M⁻¹Jᵀ: the velocity of each joint after unit impulses along the world axes on the chain at rest.
-    pub response: &'a [A::Vector],
-    /// nᵀHn: the velocity of the point along the normal after a unit impulse along it, 1/kg.
-    pub mobility: A::Scalar,
-    /// The nv rows yₖ of Y: H = Σ yₖ yₖᵀ / Dₖ.
-    pub reduced_jacobian: &'a [A::Vector],
-    /// 1/Dₖ by coordinate; 0 for locked joints and for joints that the impulse cannot move.
-    pub inverse_d: &'a [A::Scalar],
-    /// The nv levers lₖ: the rounding error of column k of J is some ε of lₖ, also where the lengths cancel; m, or 1 for a slider.
-    pub levers: &'a [A::Scalar],
 }
 
 /// A function of the results, called while they are in registers. It is a trait because inlining of a closure cannot be

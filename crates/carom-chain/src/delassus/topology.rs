@@ -4,7 +4,7 @@
 //! the next: within a run no parent is looked up. An impulse moves only the branch from the world that contains its point:
 //! with a fixed pelvis, an impulse on the hand does not move the legs, and their diagonal block of M is not factored.
 //!
-//! A row needs no table. `tests/delassus.rs` compares both with the definitions.
+//! [`Structure`] says which of them a chain is. A row needs no table. `tests/delassus.rs` compares both with the definitions.
 
 use crate::algebra::Algebra;
 use crate::prepare::PreparedBody;
@@ -141,5 +141,40 @@ impl Topology for Tree<'_> {
     #[inline(always)]
     fn moved(self, _: usize) -> Range<usize> {
         self.moved.0..self.moved.1
+    }
+}
+
+/// The structure of a chain, prepared when it is made.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Structure {
+    /// Whether every joint is a hinge with its own coordinate: see [`crate::prepare`].
+    pub hinges_alone: bool,
+    /// Whether they are a row, one after another in the order of their coordinates.
+    pub row: bool,
+    /// The longest path along the joints, from the origin of the chain, m.
+    pub reach: f64,
+    /// By coordinate, the sums of the ratios of the hinges that it turns, and of the joints that it slides.
+    pub turns_and_slides: Vec<[f64; 2]>,
+    pub(super) paths: Vec<PathToRoot>,
+}
+
+impl Structure {
+    pub fn of<A: Algebra<Scalar = f64>>(prepared: &[PreparedBody<A>], nv: usize) -> Self {
+        // In the plane a ratio of −1 is a hinge whose axis is opposite to the plane's normal.
+        let hinge = |body: &PreparedBody<A>| A::turns(body.joint) && (body.ratio == 1.0 || A::ANGULAR == 1);
+        let hinges_alone = prepared.len() == nv && prepared.iter().all(hinge);
+        let follows = |(i, body): (usize, &PreparedBody<A>)| {
+            (body.parent, body.v_index, body.q_index) == (i.checked_sub(1), i, i)
+        };
+        let row = hinges_alone && !prepared.is_empty() && prepared.iter().enumerate().all(follows);
+        let mut turns_and_slides = vec![[0.0; 2]; nv];
+        let mut paths = Vec::with_capacity(prepared.len());
+        for body in prepared {
+            turns_and_slides[body.v_index][usize::from(!A::turns(body.joint))] += body.ratio.abs();
+            let length = A::dot(body.translation, body.translation).sqrt();
+            paths.push(length + body.parent.map_or(0.0, |parent| paths[parent]));
+        }
+        let reach = paths.into_iter().fold(0.0, f64::max);
+        Self { hinges_alone, row, reach, turns_and_slides, paths: PathToRoot::all(prepared) }
     }
 }

@@ -4,8 +4,8 @@
 //! Gain in a batch, for each configuration: 209 → 139 instructions and 20 → 13 ns (planar2), 307 → 213 and 29 → 19 (planar3;
 //! `docs/performance.md`). `tests/delassus.rs` compares rows of all lengths with the definitions.
 
-use super::PointResponse;
 use super::fused::{BodyAt, Sum};
+use super::response::PointResponse;
 use crate::algebra::Algebra;
 use crate::prepare::{Hinge, HingeAngles, PreparedBody, Subspace};
 use num_traits::One;

@@ -5,7 +5,7 @@ use super::topology::Row;
 use super::{ContactPoint, Keep, LONG, PointResponse, ResponseMemory, singular};
 use crate::aba::Articulation;
 use crate::algebra::Algebra;
-use crate::chain::Point;
+use crate::body::Point;
 use crate::error::ChainError;
 use crate::kinematics::Kinematics;
 use crate::prepare::Subspace;

@@ -10,7 +10,7 @@
 //! not depend on them.
 
 use crate::algebra::{Algebra, Pose, Real};
-use crate::chain::{Body, Frame};
+use crate::body::{Body, Frame};
 use nalgebra::convert;
 use std::f64::consts::{PI, TAU};
 

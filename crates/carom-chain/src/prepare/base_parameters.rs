@@ -12,7 +12,7 @@
 //! its centre of mass.
 
 use crate::algebra::{Algebra, Inertia};
-use crate::chain::Body;
+use crate::body::Body;
 
 /// The base inertial parameters of each body. Bodies on joints other than hinges keep their inertia and receive that of
 /// their children.

@@ -18,7 +18,7 @@ pub use angle::{Angle, HingeAngles};
 pub(crate) use subspace::{Hinge, Subspace};
 
 use crate::algebra::{Algebra, Inertia, Real};
-use crate::chain::{Body, Frame};
+use crate::body::{Body, Frame};
 use axes::{Placing, align};
 use base_parameters::base_parameters;
 use nalgebra::convert;

@@ -8,7 +8,7 @@
 
 use super::{HingeAngles, PreparedBody};
 use crate::algebra::{Algebra, Axis, Force, Inertia};
-use crate::kinematics::Link;
+use crate::scratch::Link;
 use nalgebra::SimdComplexField;
 use num_traits::Zero;
 use std::ops::AddAssign;

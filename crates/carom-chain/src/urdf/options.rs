@@ -29,7 +29,8 @@ pub struct LoadOptions {
     /// [`Chain::with_rotor_inertia`](crate::Chain::with_rotor_inertia). They replace those of the file
     /// ([`Joint::rotor_inertia`](super::Joint::rotor_inertia)).
     pub rotor_inertia: BTreeMap<String, f64>,
-    /// An SRDF file beside the URDF. The pairs of links that it disables ([`Robot::disabled_pairs`](super::Robot::disabled_pairs)) make no contact.
+    /// An SRDF file beside the URDF. The pairs of links that it disables
+    /// ([`Robot::disabled_pairs`](super::Robot::disabled_pairs)) make no contact.
     pub srdf: Option<PathBuf>,
 }
 
@@ -39,6 +40,7 @@ pub enum Meshes {
     /// A missing mesh is a warning, and an error where its shape is used, for instance in a contact.
     #[default]
     WhenUsed,
-    /// A missing mesh is left out; [`LoadReport::unused`](super::LoadReport::unused) lists it. Visual meshes are left out, found or not.
+    /// A missing mesh is left out; [`LoadReport::unused`](super::LoadReport::unused) lists it. Visual meshes are left out,
+    /// found or not.
     Ignored,
 }
