@@ -110,6 +110,7 @@ mod outcome;
 mod plane;
 mod problem;
 mod routh;
+mod scalar;
 mod several;
 
 pub use band::{Band, CoefficientRanges};

@@ -5,42 +5,21 @@
 //! along t, and the 2 × 2 problem in (t, n) is equivalent to the full one and has a closed form. Otherwise the slip
 //! turns, and the law works in space (`flow/`, `cone.rs`).
 
-use std::any::TypeId;
-
 use nalgebra::{Matrix2, RealField, SVector, Vector2, convert};
 
 use crate::branches::Answers;
 use crate::contact::Contact;
 use crate::flow::{Found, follow};
 use crate::laws::{check_friction, check_restitution, frictionless};
-use crate::outcome::{Account, finite};
+use crate::outcome::finite;
 use crate::problem::{plain, rounding};
-use crate::routh::{Ending, walk};
+use crate::routh::{Answer, Ending, Turns, walk};
+use crate::scalar::{has_derivatives, rest, value};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// A coupling below this multiple of ε times the largest entry of H (or a velocity below it times `|u|`) counts as
 /// zero.
 const PLANE: f64 = 256.0;
-
-/// Which slip friction is opposed to, if the slip turns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Turns {
-    /// That of each instant.
-    InTime,
-    /// The final slip.
-    AtTheEnd,
-}
-
-/// The result of a law in the plane of slip.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Answer<T> {
-    pub p_t: T,
-    pub p_n: T,
-    pub v_t: T,
-    pub v_n: T,
-    pub account: Account<T>,
-    pub turns: Turns,
-}
 
 /// A law that uses Routh's method, in the plane of slip or in space.
 pub(crate) struct Routh<T> {
@@ -254,22 +233,6 @@ impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {
         }
         (impulse, u_plus)
     }
-}
-
-/// x without its derivative.
-fn value<T: RealField + Copy>(x: T) -> T {
-    convert(plain(x))
-}
-
-/// Zero, with the derivative of x.
-pub(crate) fn rest<T: RealField + Copy>(x: T) -> T {
-    x - value(x)
-}
-
-/// Whether `T` carries derivatives (is not `f64` or `f32`). For plain numbers all components across the plane are zero.
-pub(crate) fn has_derivatives<T: 'static>() -> bool {
-    let this = TypeId::of::<T>();
-    this != TypeId::of::<f64>() && this != TypeId::of::<f32>()
 }
 
 impl<T: RealField + Copy, const D: usize> SlipPlane<T, D> {

@@ -11,7 +11,7 @@
 
 use nalgebra::{Dim, Matrix, Matrix3x2, RealField, SMatrix, SVector, StorageMut, Vector2, convert};
 
-use crate::{ImpactError, ImpactOutcome, Law};
+use crate::ImpactError;
 
 /// Largest asymmetry that is averaged instead of refused, relative to the largest entry.
 const SYMMETRY: f64 = 1e-8;
@@ -75,39 +75,6 @@ impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
     /// A problem made from parts of one that has been checked.
     pub(crate) fn trusted(delassus: SMatrix<T, D, D>, u_minus: SVector<T, D>) -> Self {
         Self { delassus, u_minus }
-    }
-
-    /// The outcome of a law, checked whatever the law: [`Law::resolve`] of the laws of this crate checks its own outcome, that of a
-    /// user's law is checked here ([`ImpactOutcome::check`]). What resolves impacts with laws that it does not know calls this.
-    ///
-    /// ```
-    /// # use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law, Newton};
-    /// # use nalgebra::{matrix, vector};
-    /// /// A law that forgets half of the impulse.
-    /// struct Half;
-    /// impl Law<f64, 2> for Half {
-    ///     fn name(&self) -> &'static str {
-    ///         "half"
-    ///     }
-    ///     fn resolve(&self, problem: &ImpactProblem<f64, 2>) -> Result<ImpactOutcome<f64, 2>, ImpactError> {
-    ///         let hit = Newton { restitution: 0.5, friction: 0.2 }.resolve(problem)?;
-    ///         Ok(ImpactOutcome { law: self.name(), impulse: hit.impulse * 0.5, ..hit })
-    ///     }
-    /// }
-    ///
-    /// let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -2.0])?;
-    /// assert!(matches!(problem.resolve(&Half), Err(ImpactError::Outcome { law: "half", .. })));
-    /// # Ok::<(), ImpactError>(())
-    /// ```
-    ///
-    /// # Errors
-    /// As [`Law::resolve`]; [`ImpactError::Outcome`] or [`ImpactError::NotFinite`] for an outcome that fails a check.
-    pub fn resolve(&self, law: &dyn Law<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
-        let hit = law.resolve(self)?;
-        if law.known().is_none() {
-            hit.check(self)?;
-        }
-        Ok(hit)
     }
 
     /// Delassus matrix: inverse inertia at the contact, symmetric (1/kg).

@@ -32,9 +32,28 @@
 use nalgebra::{RealField, convert};
 
 use crate::outcome::{Account, Mode, Phase};
-use crate::plane::{Answer, Turns};
 use crate::problem::{plain, rounding};
 use crate::{Flags, ImpactError, ImpactProblem};
+
+/// Which slip friction is opposed to, if the slip turns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Turns {
+    /// That of each instant.
+    InTime,
+    /// The final slip.
+    AtTheEnd,
+}
+
+/// The result of a law in the plane of slip.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Answer<T> {
+    pub p_t: T,
+    pub p_n: T,
+    pub v_t: T,
+    pub v_n: T,
+    pub account: Account<T>,
+    pub turns: Turns,
+}
 
 /// The condition that ends restitution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -5,12 +5,12 @@ use std::cell::Cell;
 
 use nalgebra::{RealField, Vector2, convert};
 
+use super::state::{Return, State, Step};
 use super::turn::{CHANGES, Quantity, Turn};
-use super::{Return, State, Step};
 use crate::contact::Contact;
-use crate::plane::{has_derivatives, rest};
 use crate::problem::plain;
 use crate::routh::{End, Ending};
+use crate::scalar::{has_derivatives, rest};
 
 /// One step.
 pub(super) struct Curve<'a, T> {

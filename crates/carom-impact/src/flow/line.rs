@@ -2,7 +2,7 @@
 
 use nalgebra::{RealField, Vector2, convert};
 
-use super::{Return, State, Step};
+use super::state::{Return, State, Step};
 use crate::contact::Contact;
 use crate::routh::{End, Ending};
 

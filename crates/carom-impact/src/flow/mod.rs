@@ -37,6 +37,7 @@ mod gauss;
 mod line;
 mod path;
 mod series;
+mod state;
 #[cfg(test)]
 mod tests;
 mod turn;
@@ -46,13 +47,14 @@ use nalgebra::{RealField, SVector, Vector2};
 use crate::cone::shift;
 use crate::contact::{Contact, length};
 use crate::outcome::{Account, Mode, Phase};
-use crate::plane::has_derivatives;
 use crate::problem::{plain, rounding};
 use crate::routh::{End, Ending, coefficient_of_work};
+use crate::scalar::has_derivatives;
 use crate::{Flags, ImpactError, ImpactProblem};
 use curve::{Curve, Resume};
 use line::Line;
 pub use path::{ImpulsePath, InvariantDirection, PathPoint};
+use state::{Return, State};
 use turn::Turn;
 
 /// A slip below this multiple of ε times the speeds before the impact counts as about to stop or just begun.
@@ -66,74 +68,6 @@ const SMALL: f64 = 1.0 / 32.0;
 
 /// Limit of pieces, far above the some dozens that impacts need; beyond it slip counts as straight.
 const PIECES: usize = 4096;
-
-/// The state of the contact, with impulse and works since the last change of phase.
-#[derive(Debug, Clone, Copy)]
-struct State<T> {
-    p: T,
-    p_t: Vector2<T>,
-    /// Unit vector of slip; any where r = 0.
-    heading: Vector2<T>,
-    /// Speed of slip.
-    r: T,
-    v_n: T,
-    normal_work: T,
-    friction_work: T,
-}
-
-impl<T: RealField + Copy> State<T> {
-    fn start(contact: &Contact<T>) -> Self {
-        let zero = T::zero();
-        let r = length(&contact.slip);
-        let heading = if r > zero { contact.slip / r } else { contact.slip };
-        Self { p: zero, p_t: Vector2::zeros(), heading, r, v_n: contact.v_n, normal_work: zero, friction_work: zero }
-    }
-
-    /// This state with impulse and works zero: added to the work of compression, a small work of restitution would be
-    /// lost.
-    fn turn(&self) -> Self {
-        let zero = T::zero();
-        Self { p: zero, p_t: Vector2::zeros(), normal_work: zero, friction_work: zero, ..*self }
-    }
-
-    fn advance(&mut self, step: Step<T>) {
-        self.p += step.p;
-        self.p_t += step.p_t;
-        self.normal_work += step.normal_work;
-        self.friction_work += step.friction_work;
-        (self.heading, self.r, self.v_n) = (step.heading, step.r, step.v_n);
-    }
-
-    /// This state with the impulse and works of `before` added.
-    fn added_to(mut self, before: &Self) -> Self {
-        self.p += before.p;
-        self.p_t += before.p_t;
-        self.normal_work += before.normal_work;
-        self.friction_work += before.friction_work;
-        self
-    }
-}
-
-/// What a piece adds to impulse and works, and the velocity at its end.
-#[derive(Clone, Copy)]
-struct Step<T> {
-    p: T,
-    p_t: Vector2<T>,
-    heading: Vector2<T>,
-    r: T,
-    v_n: T,
-    normal_work: T,
-    friction_work: T,
-}
-
-/// The end of restitution within a piece.
-enum Return<T> {
-    /// Restitution ends here.
-    Ends(T),
-    /// The contact is back at `v_n = 0` here.
-    Falls(T),
-    Not,
-}
 
 /// Rates of slip at a direction.
 struct Rates<T> {

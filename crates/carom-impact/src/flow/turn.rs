@@ -16,8 +16,8 @@ mod values;
 use nalgebra::{Matrix2, RealField, Vector2};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 
-use super::Return;
 use super::series::{At, Function, MOST_LANES, Series, TERMS, first, mul_add, root};
+use super::state::Return;
 use crate::contact::{Contact, length};
 use crate::problem::plain;
 pub(super) use response::CHANGES;

@@ -84,6 +84,41 @@ pub trait Law<T: RealField + Copy, const D: usize> {
     }
 }
 
+impl<T: RealField + Copy, const D: usize> ImpactProblem<T, D> {
+    /// The outcome of a law, checked whatever the law: [`Law::resolve`] of the laws of this crate checks its own outcome, that of a
+    /// user's law is checked here ([`ImpactOutcome::check`]). What resolves impacts with laws that it does not know calls this.
+    ///
+    /// ```
+    /// # use carom_impact::{ImpactError, ImpactOutcome, ImpactProblem, Law, Newton};
+    /// # use nalgebra::{matrix, vector};
+    /// /// A law that forgets half of the impulse.
+    /// struct Half;
+    /// impl Law<f64, 2> for Half {
+    ///     fn name(&self) -> &'static str {
+    ///         "half"
+    ///     }
+    ///     fn resolve(&self, problem: &ImpactProblem<f64, 2>) -> Result<ImpactOutcome<f64, 2>, ImpactError> {
+    ///         let hit = Newton { restitution: 0.5, friction: 0.2 }.resolve(problem)?;
+    ///         Ok(ImpactOutcome { law: self.name(), impulse: hit.impulse * 0.5, ..hit })
+    ///     }
+    /// }
+    ///
+    /// let problem = ImpactProblem::new(matrix![2.0, 0.5; 0.5, 1.0], vector![1.0, -2.0])?;
+    /// assert!(matches!(problem.resolve(&Half), Err(ImpactError::Outcome { law: "half", .. })));
+    /// # Ok::<(), ImpactError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// As [`Law::resolve`]; [`ImpactError::Outcome`] or [`ImpactError::NotFinite`] for an outcome that fails a check.
+    pub fn resolve(&self, law: &dyn Law<T, D>) -> Result<ImpactOutcome<T, D>, ImpactError> {
+        let hit = law.resolve(self)?;
+        if law.known().is_none() {
+            hit.check(self)?;
+        }
+        Ok(hit)
+    }
+}
+
 /// Names that [`law_by_name`] accepts.
 pub const LAW_NAMES: [&str; 8] =
     ["frictionless", "whittaker", "newton", "poisson", "energetic", "chatterjee-ruina", "brach", "smith"];

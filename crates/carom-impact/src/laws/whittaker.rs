@@ -6,9 +6,9 @@ use crate::cone::{Cone, Touch};
 use crate::contact::{Contact, length};
 use crate::flow::Found;
 use crate::outcome::{Account, Mode};
-use crate::plane::{Answer, Turns, others_with_friction, resolve_with_friction};
+use crate::plane::{others_with_friction, resolve_with_friction};
 use crate::problem::rounding;
-use crate::routh::coefficient_of_work;
+use crate::routh::{Answer, Turns, coefficient_of_work};
 use crate::{Flags, ImpactError, ImpactOutcome, ImpactProblem};
 
 /// Newton's coefficient and Coulomb's cone, both imposed on the total impulse.

@@ -3,8 +3,8 @@
 use nalgebra::Vector2;
 use pulp::{Scalar, Simd, WithSimd};
 
-use super::super::Return;
 use super::super::series::{At, Function, Series, guess, root};
+use super::super::state::Return;
 use super::{Quantity, Sums, Turn};
 
 /// A series, or minus it.
