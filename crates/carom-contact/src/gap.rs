@@ -23,8 +23,8 @@ use crate::obstacle::{MeshSurface, Obstacle, Surface};
 use crate::parry::Bounds;
 use crate::shape::LinkShape;
 use crate::solid::{Core, Solid};
-use carom_chain::Spatial;
 use carom_chain::algebra::Pose;
+use carom_chain::{ChainError, Kinematics, Point, Spatial};
 use nalgebra::Vector3;
 
 /// Signed distance, normal and nearest points of two bodies. World axes, m.
@@ -51,6 +51,21 @@ pub struct Gap {
 /// measured from the body's centre.
 pub fn gap(shape: &LinkShape, pose: &Pose<Spatial<f64>>, obstacle: &Obstacle) -> Gap {
     solid_gap(shape.solid(), &pose.then(shape.origin()), obstacle)
+}
+
+/// The contact point as a material point of the chain: that at [`Gap::on_robot`]. `kin.point_jacobian(point)` is the contact
+/// Jacobian (3×nv, world axes), and `kin.add_point_force(point, normal, …)` adds its normal row.
+pub fn contact_point(kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, gap: &Gap) -> Point<Spatial<f64>> {
+    let in_link = kin.pose(shape.frame).inverse().point(gap.on_robot);
+    kin.chain().point(shape.frame, in_link)
+}
+
+/// The gap rate d(gap)/dt = n · J qd, m/s, for an obstacle at rest; < 0 for an approach. `qd` has length nv.
+///
+/// # Errors
+/// [`ChainError::WrongLength`].
+pub fn gap_rate(kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, gap: &Gap, qd: &[f64]) -> Result<f64, ChainError> {
+    Ok(gap.normal.dot(&kin.point_velocity(contact_point(kin, shape, gap), qd)?))
 }
 
 /// The gap between two shapes of links, each with the pose of its link's frame in the world. In [`Gap`] the first is the

@@ -62,7 +62,7 @@ mod shape;
 mod solid;
 
 pub use error::{ContactError, MeshFault};
-pub use gap::{Gap, gap, gap_between, gap_points};
+pub use gap::{Gap, contact_point, gap, gap_between, gap_points, gap_rate};
 pub use hull::Hull;
 pub use meeting::{Meeting, Met, Slide};
 pub use mesh::Mesh;
@@ -70,5 +70,5 @@ pub use obstacle::{Obstacle, Surface};
 pub use parts::{Part, Parts};
 pub use reach::{LeftOut, Pair, Reachable, apart, reachable_pairs};
 pub use separation::Separation;
-pub use shape::{LinkShape, contact_point, found_shapes, gap_rate, link_shapes, shapes_of_link};
+pub use shape::{LinkShape, found_shapes, link_shapes, shapes_of_link};
 pub use solid::{Corner, Solid};

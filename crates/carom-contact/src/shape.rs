@@ -1,13 +1,12 @@
 //! Collision shapes of a chain's links, prepared for gaps: sizes checked, meshes read and replaced by their convex hulls.
 
 use crate::error::{ContactError, MeshFault};
-use crate::gap::Gap;
 use crate::hull::Hull;
 use crate::mesh::Mesh;
 use crate::solid::{Corner, Solid};
 use carom_chain::algebra::{Algebra, Pose};
 use carom_chain::urdf::{Collision, Shape};
-use carom_chain::{Chain, ChainError, FrameId, Kinematics, Point, Spatial};
+use carom_chain::{Chain, FrameId, Spatial};
 use nalgebra::Isometry3;
 
 /// A collision shape of a link.
@@ -15,7 +14,7 @@ use nalgebra::Isometry3;
 pub struct LinkShape {
     link: String,
     name: Option<String>,
-    frame: FrameId,
+    pub(crate) frame: FrameId,
     origin: Pose<Spatial<f64>>,
     solid: Solid,
 }
@@ -101,21 +100,6 @@ impl LinkShape {
         corners.iter_mut().for_each(|corner| corner.position = self.origin.point(corner.position));
         corners
     }
-}
-
-/// The contact point as a material point of the chain: that at [`Gap::on_robot`]. `kin.point_jacobian(point)` is the contact
-/// Jacobian (3×nv, world axes), and `kin.add_point_force(point, normal, …)` adds its normal row.
-pub fn contact_point(kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, gap: &Gap) -> Point<Spatial<f64>> {
-    let in_link = kin.pose(shape.frame).inverse().point(gap.on_robot);
-    kin.chain().point(shape.frame, in_link)
-}
-
-/// The gap rate d(gap)/dt = n · J qd, m/s, for an obstacle at rest; < 0 for an approach. `qd` has length nv.
-///
-/// # Errors
-/// [`ChainError::WrongLength`].
-pub fn gap_rate(kin: &Kinematics<Spatial<f64>>, shape: &LinkShape, gap: &Gap, qd: &[f64]) -> Result<f64, ChainError> {
-    Ok(gap.normal.dot(&kin.point_velocity(contact_point(kin, shape, gap), qd)?))
 }
 
 fn solid(owner: &str, shape: &Shape) -> Result<Solid, ContactError> {

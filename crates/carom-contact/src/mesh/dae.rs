@@ -3,7 +3,7 @@
 //! The position of a geometry's point x is U·s·T₁·…·Tₖ x, with the transforms T of its nodes from the outermost inwards, the
 //! unit s in m, and the rotation U that maps the file's upward axis to z. (COLLADA 1.4 specification, `<node>`, `<asset>`.)
 
-use super::Soup;
+use super::soup::Soup;
 use carom_chain::input::{check_xml, shown};
 use nalgebra::{Matrix3, Matrix4, Unit, Vector3};
 use roxmltree::{Document, Node};

@@ -3,10 +3,12 @@
 mod dae;
 mod obj;
 mod polygon;
+mod soup;
 
 use crate::error::{ContactError, MeshFault};
 use carom_chain::input::{MESSAGE, read_bytes, read_text, shortened};
 use nalgebra::Vector3;
+use soup::Soup;
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
@@ -20,25 +22,6 @@ pub struct Mesh {
     vertices: Vec<Vector3<f64>>,
     triangles: Vec<[u32; 3]>,
     closed: bool,
-}
-
-/// The contents of a file, before they are checked.
-#[derive(Debug, Default)]
-struct Soup {
-    vertices: Vec<Vector3<f64>>,
-    triangles: Vec<[u32; 3]>,
-}
-
-impl Soup {
-    /// The triangles of a polygon, convex or not.
-    fn add_polygon(&mut self, corners: &[u32]) {
-        self.triangles.extend(polygon::triangles(&self.vertices, corners));
-    }
-
-    /// A fan of triangles about its first corner.
-    fn add_fan(&mut self, corners: &[u32]) {
-        self.triangles.extend((2..corners.len()).map(|k| [corners[0], corners[k - 1], corners[k]]));
-    }
 }
 
 impl Mesh {

@@ -1,6 +1,6 @@
 //! Wavefront OBJ: the lines `v x y z` and `f a b c …`; all others are ignored.
 
-use super::Soup;
+use super::soup::Soup;
 use carom_chain::input::shown;
 use nalgebra::Vector3;
 
