@@ -307,3 +307,15 @@ impl Candidate {
         }
     }
 }
+
+/// The name of a model.
+pub(super) fn title(model: &Candidate) -> String {
+    let effects: Vec<&str> = model.effects.iter().map(|effect| effect.name()).collect();
+    full(model.law, Some(model.several.name()), &effects)
+}
+
+pub(super) fn full(law: &str, several: Option<&str>, effects: &[&str]) -> String {
+    let several = several.filter(|several| *several != carom_sim::SeveralLaw::default().name());
+    let several = several.map_or(String::new(), |several| format!(", {several}"));
+    effects.iter().fold(format!("{law}{several}"), |name, effect| format!("{name} + {effect}"))
+}

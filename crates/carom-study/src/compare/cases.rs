@@ -1,7 +1,8 @@
 //! Tosses as [`compare()`](super::compare()) uses them, for other simulators: start, fold, measured poses.
 
+use super::comparison::CompareOptions;
 use super::data::{CompareError, Data, DataSet};
-use super::{CompareOptions, tosses};
+use super::tosses;
 use serde::Serialize;
 use std::path::PathBuf;
 

@@ -9,8 +9,7 @@
 //!
 //! A measurement whose derivative exceeds ten medians is left out: its motion jumps within the step of the differences.
 
-use super::candidates::Candidate;
-use super::page::title;
+use super::candidates::{Candidate, title};
 use super::search::Residuals;
 use crate::fit::{Region, median};
 use nalgebra::{DMatrix, DVector};

@@ -1,11 +1,12 @@
 //! The protocol for single impacts.
 
 use super::candidates::Candidate;
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
 use super::data::{CompareError, DataSet, Impacts};
 use super::identify::weakest;
 use super::planar::PlanarImpact;
+use super::selection::chosen;
 use super::statistics::{Spread, folds};
-use super::{CompareOptions, Comparison, Judged, Progress, best, centre, chosen, rows};
 use nalgebra::DVector;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -1,7 +1,10 @@
 //! Tables of comparisons in Markdown.
 
-use super::candidates::Candidate;
-use super::{Comparison, Estimate, Row, Selected, Weakest};
+use super::candidates::full;
+use super::comparison::{Comparison, FittedCoefficient, Row};
+use super::identify::Weakest;
+use super::selection::Selected;
+use super::statistics::Estimate;
 use std::fmt::Write;
 
 /// A number with three or four significant digits.
@@ -24,25 +27,13 @@ pub(super) fn name(row: &Row) -> String {
     full(&row.law, row.several, &row.effects)
 }
 
-/// The name of a model.
-pub(super) fn title(model: &Candidate) -> String {
-    let effects: Vec<&str> = model.effects.iter().map(|effect| effect.name()).collect();
-    full(model.law, Some(model.several.name()), &effects)
-}
-
-fn full(law: &str, several: Option<&str>, effects: &[&str]) -> String {
-    let several = several.filter(|several| *several != carom_sim::SeveralLaw::default().name());
-    let several = several.map_or(String::new(), |several| format!(", {several}"));
-    effects.iter().fold(format!("{law}{several}"), |name, effect| format!("{name} + {effect}"))
-}
-
 fn pair(of: Estimate) -> String {
     format!("{} ± {}", short(of.mean), short(of.standard_error))
 }
 
 /// Range of a coefficient over the folds.
 fn coefficients(row: &Row) -> String {
-    let of = |fitted: &super::FittedCoefficient| {
+    let of = |fitted: &FittedCoefficient| {
         let (low, high) = fitted.values.iter().fold((f64::MAX, f64::MIN), |(low, high), x| (low.min(*x), high.max(*x)));
         let symbol = fitted.symbol;
         let range = if format!("{low:.3}") == format!("{high:.3}") {

@@ -1,7 +1,8 @@
 //! Picture of a data set: the mean error of each law, with its standard error, the bound and the floor.
 
+use super::comparison::Comparison;
+use super::data::CompareError;
 use super::page::{name, short};
-use super::{CompareError, Comparison};
 use crate::line_chart::{COLOURS, GREY};
 use plotters::coord::Shift;
 use plotters::prelude::*;

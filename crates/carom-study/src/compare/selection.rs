@@ -1,8 +1,8 @@
 //! The choice among models inside the folds: a model is chosen for each fold by the measurements outside it.
 
-use super::page::title;
+use super::candidates::title;
+use super::comparison::{Judged, finite};
 use super::statistics::{Estimate, Spread};
-use super::{Judged, finite};
 use serde::Serialize;
 
 /// The models selected in each fold by the measurements outside it, and their errors on the fold.

@@ -3,12 +3,13 @@
 
 use super::candidates::{Candidate, Effect, Parameter};
 use super::cases::{TossCase, TossCases, TossStart};
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, centre, rows};
 use super::data::{CompareError, DataSet};
-use super::identify::weakest;
+use super::identify::{Weakest, weakest};
 use super::scenes::{effects, rule, scene};
 use super::search::{Residuals, Trial, descend};
+use super::selection::chosen;
 use super::statistics::{Spread, folds, shuffled};
-use super::{CompareOptions, Comparison, Judged, Progress, Weakest, centre, chosen, rows};
 use crate::tosses::{GRAVITY, Horizon, Launch, PoseError, RollOutOptions, Scene, Start, Toss, Tosses};
 use carom_chain::urdf::Robot;
 use carom_sim::{Moment, SimError};

@@ -1,6 +1,7 @@
 //! Comparison of the paper's claims with the model. Each verdict is computed.
 
-use super::report::{Paper, PaperError, Row};
+use super::error::PaperError;
+use super::report::{Paper, Row};
 use super::simulated::{FRICTION, Forces, forces};
 use super::{ANGLES_DEG, Elbow, Run, Tangential, strike};
 use carom_chain::Chain;

@@ -1,6 +1,7 @@
 //! The paper's figures: the data of each figure and its curves.
 
-use super::report::{Paper, PaperError, Row};
+use super::error::PaperError;
+use super::report::{Paper, Row, title};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS};
 use crate::consistency::v_plot;
 use crate::line_chart::{COLOURS, Curve, GREY, PALE, svg};
@@ -170,19 +171,6 @@ impl Paper {
             }
         }
         svg(title, axes, &curves).map_err(PaperError::Figure)
-    }
-}
-
-/// Title of a figure.
-pub(super) fn title(figure: &str) -> &'static str {
-    match figure {
-        "fig4" => "Fig. 4: velocity of the tip",
-        "fig5" => "Fig. 5: force on the wall, compliant contact",
-        "fig6" => "Fig. 6: path of the tip",
-        "fig7" => "Fig. 7: normal over tangential velocity",
-        "fig8" => "Fig. 8: kinetic energy loss",
-        "fig9" => "Fig. 9: tangential velocity before and after",
-        _ => "Fig. 10: normal velocity before and after",
     }
 }
 

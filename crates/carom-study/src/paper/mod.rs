@@ -12,12 +12,14 @@
 //! the stand-in `robots/planar2.urdf`, with the line from base to tip along the surface normal.
 
 mod claims;
+mod error;
 mod figures;
 mod report;
 mod simulated;
 
 pub use claims::{Claim, claims};
-pub use report::{Paper, PaperError, Row, stand_in};
+pub use error::PaperError;
+pub use report::{Paper, Row, stand_in};
 pub use simulated::{Forces, TipMotion, TipState};
 
 use carom_chain::Chain;

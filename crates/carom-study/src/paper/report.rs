@@ -1,64 +1,16 @@
 //! Writes the paper's figures and table into a folder: SVG, CSV with the data, and a report.
 
 use super::claims::{Claim, claims, claims_of_figures};
-use super::figures::title;
+use super::error::PaperError;
 use super::simulated::{ANGLE, FRICTION, Forces, RESTITUTION, SPEED, STIFFNESS, TipMotion, forces, motion};
 use super::{ANGLES_DEG, Elbow, Run, SPEEDS, experiment, strike};
 use crate::consistency::{Findings, MeasuredRow, consistency, measured_from};
-use crate::table::{Table, TableError};
+use crate::table::Table;
 use carom_chain::urdf::LoadOptions;
 use carom_chain::{Chain, ChainError};
-use carom_sim::SimError;
 use std::fmt::Write;
 use std::io;
 use std::path::{Path, PathBuf};
-
-/// Reason why the figures cannot be computed or written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PaperError {
-    /// Error of the arm or of the simulation.
-    #[error(transparent)]
-    Sim(#[from] SimError),
-    /// The simulation has no impact followed by separation.
-    #[error(
-        "{elbow}-elbow: the tip of this arm does not hit the wall and separate from it: give an arm like robots/planar2.urdf"
-    )]
-    Missed {
-        /// The configuration: `up` or `down`.
-        elbow: &'static str,
-    },
-    /// A table cannot be written.
-    #[error(transparent)]
-    Table(#[from] TableError),
-    /// A figure cannot be drawn.
-    #[error("{0}")]
-    Figure(String),
-    /// The folder contains something else than the files of a report, or only some of them.
-    #[error(
-        "{folder}: it contains {found}: give a new or empty folder, or the folder of an earlier report, which is replaced"
-    )]
-    Occupied {
-        /// The folder.
-        folder: PathBuf,
-        /// What is in it, and why it is no report.
-        found: String,
-    },
-    /// A file or folder cannot be written.
-    #[error("{file}: cannot be written: {reason}")]
-    Unwritable {
-        /// The file or folder.
-        file: PathBuf,
-        /// Error of the operating system.
-        reason: io::Error,
-    },
-}
-
-impl From<ChainError> for PaperError {
-    fn from(error: ChainError) -> Self {
-        Self::Sim(error.into())
-    }
-}
 
 /// The default arm, `robots/planar2.urdf`: a stand-in, not the authors' arm.
 ///
@@ -370,5 +322,18 @@ struct Part(PathBuf);
 impl Drop for Part {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Title of a figure.
+pub(super) fn title(figure: &str) -> &'static str {
+    match figure {
+        "fig4" => "Fig. 4: velocity of the tip",
+        "fig5" => "Fig. 5: force on the wall, compliant contact",
+        "fig6" => "Fig. 6: path of the tip",
+        "fig7" => "Fig. 7: normal over tangential velocity",
+        "fig8" => "Fig. 8: kinetic energy loss",
+        "fig9" => "Fig. 9: tangential velocity before and after",
+        _ => "Fig. 10: normal velocity before and after",
     }
 }

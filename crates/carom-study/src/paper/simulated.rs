@@ -1,6 +1,7 @@
 //! Simulations for Figs. 4 to 7: the tip before, during and after one impact at 0.2 m/s and 45°.
 
-use super::{Elbow, NORMAL, PaperError, TANGENT, strike};
+use super::error::PaperError;
+use super::{Elbow, NORMAL, TANGENT, strike};
 use carom_chain::Chain;
 use carom_contact::Obstacle;
 use carom_impact::{Energetic, Newton};

@@ -1,7 +1,8 @@
 //! Encoding of rows: rows are buffered column by column and encoded in independent pieces, in parallel. A piece is a column of
 //! a row group (Parquet) or a range of its rows (CSV). The bytes depend on the rows alone, as groups have a fixed size.
 
-use super::{Column, plain, words};
+use super::column::Column;
+use super::words;
 use bytes::Bytes;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::column::writer::{ColumnCloseResult, ColumnWriter, get_column_writer};
@@ -244,4 +245,12 @@ fn numbers(
         close.metadata = close.metadata.into_builder().set_statistics(told).build()?;
     }
     Ok(Piece::Column(sink.into_inner()?.into(), Box::new(close)))
+}
+
+/// The error of the file system, without the wrapper of the Parquet crate.
+pub(super) fn plain(error: ParquetError) -> io::Error {
+    match error {
+        ParquetError::External(inner) => inner.downcast::<io::Error>().map_or_else(io::Error::other, |own| *own),
+        other => other.into(),
+    }
 }

@@ -11,15 +11,16 @@
 //! A table is written to `X.csv.part` in the same folder and renamed when it is complete. A file under its final name is
 //! therefore always complete. The temporary file is locked, so that a second process that writes the same table is refused.
 
+mod column;
 mod encode;
 mod resume;
 mod words;
 
+pub use column::Column;
 pub(crate) use encode::{CHUNK, Encoder, Piece, Rows};
 
 use crate::Part;
-use encode::Format;
-use parquet::errors::ParquetError;
+use encode::{Format, plain};
 use parquet::file::metadata::{FileMetaData, KeyValue, ParquetMetaData, ParquetMetaDataWriter, RowGroupMetaData};
 use parquet::file::writer::SerializedFileWriter;
 use resume::take_groups;
@@ -73,51 +74,6 @@ pub enum TableError {
 impl GroupEnd {
     fn of(file: &SerializedFileWriter<BufWriter<File>>, rows: u64) -> Self {
         Self { rows, bytes: file.bytes_written() as u64, groups: file.flushed_row_groups().len() }
-    }
-}
-
-/// A column of a table.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Column {
-    /// Name in the header.
-    pub name: String,
-    /// Empty for a column of numbers. In a column of words, the number k in a row stands for `words[k]`.
-    pub words: Vec<String>,
-    /// Unit of the numbers; empty for words and dimensionless numbers.
-    pub unit: &'static str,
-}
-
-impl Column {
-    /// A column of numbers.
-    pub fn number(name: impl Into<String>) -> Self {
-        Self { name: name.into(), words: Vec::new(), unit: "" }
-    }
-
-    /// The same column with a unit.
-    #[must_use]
-    pub fn in_unit(self, unit: &'static str) -> Self {
-        Self { unit, ..self }
-    }
-
-    /// A column of words; a row gives the index of its word in `words`.
-    pub fn word<W: Into<String>>(name: impl Into<String>, words: impl IntoIterator<Item = W>) -> Self {
-        Self { name: name.into(), words: words.into_iter().map(Into::into).collect(), unit: "" }
-    }
-
-    /// The word with index `value`; the empty text if there is no such word.
-    pub fn spell(&self, value: f64) -> &str {
-        self.place(value).map_or("", |k| &self.words[k])
-    }
-
-    /// The index of a word, if `value` is one.
-    fn place(&self, value: f64) -> Option<usize> {
-        // excludes NaN and negative numbers, which `as` converts to 0
-        (value >= 0.0 && (value as usize) < self.words.len()).then_some(value as usize)
-    }
-
-    /// Index of a word; NaN if it is not among the words.
-    fn code(&self, word: &str) -> f64 {
-        self.words.iter().position(|w| w == word).map_or(f64::NAN, |k| k as f64)
     }
 }
 
@@ -464,12 +420,4 @@ impl Out {
 
 fn other_columns() -> io::Error {
     io::Error::other("it has other columns")
-}
-
-/// The error of the file system, without the wrapper of the Parquet crate.
-fn plain(error: ParquetError) -> io::Error {
-    match error {
-        ParquetError::External(inner) => inner.downcast::<io::Error>().map_or_else(io::Error::other, |own| *own),
-        other => other.into(),
-    }
 }

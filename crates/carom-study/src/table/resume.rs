@@ -1,6 +1,8 @@
 //! The rows that an unfinished Parquet table holds.
 
-use super::{Column, Encoder, GroupEnd, Rows, other_columns, plain};
+use super::column::Column;
+use super::encode::{Encoder, Rows, plain};
+use super::{GroupEnd, other_columns};
 use parquet::column::reader::ColumnReader;
 use parquet::column::writer::ColumnCloseResult;
 use parquet::data_type::ByteArray;

@@ -6,7 +6,7 @@
 //! A data page is one byte with the number of bits of an index, then runs: either `count << 1` and the index that is repeated,
 //! or `groups << 1 | 1` and 8 indices per group, least significant bits first (encoding RLE_DICTIONARY of the Parquet format).
 
-use super::Column;
+use super::column::Column;
 use super::encode::{CHUNK, PAGE_ROWS, Piece, Rows};
 use parquet::basic::{Compression, Encoding, PageType};
 use parquet::column::page::{CompressedPage, Page, PageWriter};

@@ -9,11 +9,12 @@ mod log;
 mod tests;
 
 use super::candidates::{Candidate, Effect};
+use super::comparison::{CompareOptions, Comparison, Judged, Progress, best, centre, rows};
 use super::data::{CompareError, DataSet};
 use super::identify::weakest;
 use super::search::{Residuals, descend};
+use super::selection::chosen;
 use super::statistics::folds;
-use super::{CompareOptions, Comparison, Judged, Progress, best, centre, chosen, rows};
 use carom_chain::Chain;
 use carom_chain::urdf::Robot;
 use leg::{Landing, WINDOWS, rms, with_rods};
