@@ -1,8 +1,8 @@
 //! `carom compare`: every impact law on measured data.
 
-use crate::LoadArgs;
 use crate::error::CliError;
 use crate::fit::Bar;
+use crate::input::LoadArgs;
 use crate::output::{make_folder, to_json, write_whole};
 use crate::{files, output::answer};
 use carom_study::Horizon;

@@ -1,8 +1,7 @@
 //! `carom dynamics`: mass matrix, Jacobian, bias, energies, Delassus matrix.
 
-use crate::RobotArgs;
 use crate::error::{CliError, LineError};
-use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_vector};
+use crate::input::{JointOrder, LimitWarnings, RobotArgs, State, StateArgs, for_each_line, parse_vector};
 use crate::output::{answer, row, short};
 use carom_chain::{Chain, ChainError, Point, Spatial, Workspace};
 use clap::Args;

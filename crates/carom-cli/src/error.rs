@@ -1,6 +1,5 @@
 //! Errors of the commands, each printed as one line.
 
-use crate::input::Refused;
 use carom_chain::ChainError;
 use carom_sim::SimError;
 use std::io;
@@ -134,5 +133,19 @@ impl From<SimError> for LineError {
 impl From<carom_impact::ImpactError> for LineError {
     fn from(error: carom_impact::ImpactError) -> Self {
         Self(error.to_string())
+    }
+}
+
+/// Why a line was not answered.
+pub enum Refused {
+    /// Its content is refused.
+    Input(LineError),
+    /// The answer cannot be written.
+    Output(io::Error),
+}
+
+impl<E: Into<LineError>> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Self::Input(error.into())
     }
 }

@@ -1,8 +1,7 @@
 //! `carom impact`: the outcome of one impact at a point of a robot.
 
-use crate::RobotArgs;
 use crate::error::CliError;
-use crate::input::{JointOrder, LimitWarnings, State, StateArgs, for_each_line, parse_range, parse_vector};
+use crate::input::{JointOrder, LimitWarnings, RobotArgs, State, StateArgs, for_each_line, parse_range, parse_vector};
 use crate::law::{All, LawArgs};
 use crate::output::{row, short};
 use carom_chain::urdf::JointType;

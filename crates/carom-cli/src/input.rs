@@ -1,16 +1,61 @@
 //! Input of the commands: robots, JSON lines, vectors on the command line, the order of the joints.
 
-use crate::error::{CliError, LineError};
+use crate::error::{CliError, LineError, Refused};
 use crate::output::{PlainLines, say};
-use crate::{LoadArgs, RobotArgs};
 use carom_chain::input::{MESSAGE, MOST_MIB, shortened};
 use carom_chain::urdf::{JointType, LoadOptions, Meshes};
 use carom_chain::{Chain, Coordinates, FrameId, JointInfo};
+use clap::Args;
 use serde::{Deserialize, de::DeserializeOwned};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+
+// Options of every command that reads a robot.
+#[derive(Args)]
+pub struct RobotArgs {
+    /// Robot (URDF file)
+    #[arg(value_name = "ROBOT.urdf")]
+    pub urdf: PathBuf,
+    /// Add a floating joint `root_joint` between the world and the root link
+    ///
+    /// Its coordinates come first: q = x y z qx qy qz qw (m, unit quaternion), qd = linear, then
+    /// angular velocity of the root link in its own axes (m/s, rad/s).
+    #[arg(long, verbatim_doc_comment)]
+    pub floating: bool,
+    #[command(flatten)]
+    pub load: LoadArgs,
+}
+
+// How robots are read, for every command that reads one.
+#[derive(Args, Clone, Default)]
+pub struct LoadArgs {
+    /// Leave out collision meshes whose files are missing
+    #[arg(long)]
+    pub no_meshes: bool,
+    /// Refuse what is otherwise a warning about the file
+    #[arg(long)]
+    pub strict: bool,
+    /// Change the robot as little as needed to compute its dynamics, and list every change
+    ///
+    /// Links that move without mass are welded to the links that carry them; principal moments of
+    /// inertia that no body has are raised to the nearest possible ones.
+    #[arg(long, verbatim_doc_comment)]
+    pub repair: bool,
+    /// Folder in which packages (package://NAME/…) are searched for first; may be repeated
+    ///
+    /// Packages are also searched for in the folder of the robot and those above it, in
+    /// ROS_PACKAGE_PATH, and in share/ of AMENT_PREFIX_PATH.
+    #[arg(long = "package-dir", value_name = "DIR", verbatim_doc_comment)]
+    pub package_dirs: Vec<PathBuf>,
+    /// Reflected inertia of the motor's rotor at a joint, kg m² or kg; may be repeated
+    ///
+    /// N² I for a gear ratio N and a rotor inertia I. It is added to the diagonal of M.
+    /// It replaces drake:rotor_inertia and drake:gear_ratio in a <transmission> of the URDF.
+    #[arg(long, value_name = "JOINT=INERTIA", value_parser = parse_rotor, verbatim_doc_comment)]
+    pub rotor_inertia: Vec<(String, f64)>,
+}
 
 impl RobotArgs {
     /// Reads the robot and prints the first warnings about it.
@@ -166,20 +211,6 @@ fn shorten(error: &serde_json::Error) -> String {
 pub struct Place {
     pub file: String,
     pub line: usize,
-}
-
-/// Why a line was not answered.
-pub enum Refused {
-    /// Its content is refused.
-    Input(LineError),
-    /// The answer cannot be written.
-    Output(io::Error),
-}
-
-impl<E: Into<LineError>> From<E> for Refused {
-    fn from(error: E) -> Self {
-        Self::Input(error.into())
-    }
 }
 
 /// Warns of positions outside the joint limits, once for each joint.

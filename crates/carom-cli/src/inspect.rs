@@ -1,7 +1,7 @@
 //! `carom inspect`: the content of a URDF file, or a summary of all URDF files in a folder.
 
-use crate::LoadArgs;
 use crate::error::CliError;
+use crate::input::LoadArgs;
 use crate::output::{brief, to_json};
 use crate::survey::survey;
 use carom_chain::urdf::Repair;

@@ -1,8 +1,8 @@
 //! `carom law`: impact laws on given Delassus matrices and contact velocities.
 
-use crate::error::{CliError, LineError};
+use crate::error::{CliError, LineError, Refused};
 use crate::files;
-use crate::input::{Refused, check_coefficients, for_each_line, within};
+use crate::input::{check_coefficients, for_each_line, within};
 use crate::output::{answer, row, say, short, write_whole};
 use crate::record::{Record, record_diagrams};
 use carom_impact::{Coefficients, ImpactError, ImpactOutcome, ImpactProblem, LAW_NAMES, Law, law_by_name};

@@ -33,7 +33,7 @@ mod stress;
 mod survey;
 mod tosses;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
 
@@ -87,51 +87,6 @@ enum Command {
     Tosses(tosses::TossesCommand),
     Fit(fit::FitCommand),
     Compare(compare::CompareCommand),
-}
-
-// Options of every command that reads a robot.
-#[derive(Args)]
-struct RobotArgs {
-    /// Robot (URDF file)
-    #[arg(value_name = "ROBOT.urdf")]
-    urdf: std::path::PathBuf,
-    /// Add a floating joint `root_joint` between the world and the root link
-    ///
-    /// Its coordinates come first: q = x y z qx qy qz qw (m, unit quaternion), qd = linear, then
-    /// angular velocity of the root link in its own axes (m/s, rad/s).
-    #[arg(long, verbatim_doc_comment)]
-    floating: bool,
-    #[command(flatten)]
-    load: LoadArgs,
-}
-
-// How robots are read, for every command that reads one.
-#[derive(Args, Clone, Default)]
-struct LoadArgs {
-    /// Leave out collision meshes whose files are missing
-    #[arg(long)]
-    no_meshes: bool,
-    /// Refuse what is otherwise a warning about the file
-    #[arg(long)]
-    strict: bool,
-    /// Change the robot as little as needed to compute its dynamics, and list every change
-    ///
-    /// Links that move without mass are welded to the links that carry them; principal moments of
-    /// inertia that no body has are raised to the nearest possible ones.
-    #[arg(long, verbatim_doc_comment)]
-    repair: bool,
-    /// Folder in which packages (package://NAME/…) are searched for first; may be repeated
-    ///
-    /// Packages are also searched for in the folder of the robot and those above it, in
-    /// ROS_PACKAGE_PATH, and in share/ of AMENT_PREFIX_PATH.
-    #[arg(long = "package-dir", value_name = "DIR", verbatim_doc_comment)]
-    package_dirs: Vec<std::path::PathBuf>,
-    /// Reflected inertia of the motor's rotor at a joint, kg m² or kg; may be repeated
-    ///
-    /// N² I for a gear ratio N and a rotor inertia I. It is added to the diagonal of M.
-    /// It replaces drake:rotor_inertia and drake:gear_ratio in a <transmission> of the URDF.
-    #[arg(long, value_name = "JOINT=INERTIA", value_parser = input::parse_rotor, verbatim_doc_comment)]
-    rotor_inertia: Vec<(String, f64)>,
 }
 
 fn main() -> ExitCode {

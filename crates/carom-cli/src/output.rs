@@ -1,7 +1,6 @@
 //! Output of the commands: JSON lines, or tables for people; whole files.
 
-use crate::error::{CliError, LineError};
-use crate::input::Refused;
+use crate::error::{CliError, LineError, Refused};
 use carom_chain::input::{MESSAGE, shortened};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;

@@ -1,8 +1,7 @@
 //! `carom tosses`: simulation of measured tosses.
 
-use crate::LoadArgs;
 use crate::error::CliError;
-use crate::input::{check_coefficients, tell, within};
+use crate::input::{LoadArgs, check_coefficients, tell, within};
 use crate::law::{laws, tangential};
 use crate::output::{answer, short};
 use carom_impact::Coefficients;

@@ -4,11 +4,10 @@ mod read;
 mod report;
 
 use crate::error::CliError;
-use crate::input::{parse_vector, tell};
+use crate::input::{LoadArgs, RobotArgs, parse_vector, tell};
 use crate::law::laws;
 use crate::output::answer;
 use crate::tosses::start;
-use crate::{LoadArgs, RobotArgs};
 use carom_study::fit::{Fit, FitError, FitOptions, Joined, Loss, fit_trajectories, fit_velocities};
 use carom_study::{Horizon, RollOutOptions, Tosses};
 use clap::{Args, builder::PossibleValuesParser};
