@@ -10,7 +10,7 @@ use crate::{Flags, ImpactError};
 
 impl SeveralProblem {
     /// Moreau's law: all constraints at once, Newton's restitution, Coulomb's cone. The conditions are at the head of
-    /// the module.
+    /// the module (`mod.rs`).
     ///
     /// `warm_start` is an initial guess of the impulses (N s), for instance those of the previous time step: their modes
     /// are tried first.
