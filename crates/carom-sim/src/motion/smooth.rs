@@ -153,10 +153,11 @@ impl<'a, A: Space> Motion<'a, A> {
         (&y[..nq], &y[nq..nq + nv])
     }
 
-    /// The place of the two works in the state: the first, and the one behind the last.
-    pub fn works(&self) -> [usize; 2] {
-        let first = self.sim.chain.nq() + self.sim.chain.nv();
-        [first, first + 2]
+    /// Where the two works begin in the state, and the energy that their absolute error is a share of, J: the kinetic energy of the mass
+    /// of the chain at 1 m/s, so that the steps of a run do not depend on the unit of mass.
+    pub fn works(&self) -> (usize, f64) {
+        let chain = &self.sim.chain;
+        (chain.nq() + chain.nv(), 0.5 * chain.total_mass())
     }
 
     pub fn view(&mut self, q: &[f64]) -> Result<View<'_, A>, SimError> {

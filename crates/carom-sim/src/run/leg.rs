@@ -66,9 +66,8 @@ pub(crate) struct Accuracy {
     pub first_step: Option<f64>,
     /// Whether the explicit integrator begins with order 5.
     pub short: bool,
-    /// Where the works begin and end in the state. They take no part in the control of the error, because the motion does not depend on
-    /// them, and an absolute error of theirs would have a unit.
-    pub works: [usize; 2],
+    /// Where the works begin in the state, and the energy that their absolute error is a share of.
+    pub works: (usize, f64),
 }
 
 /// How an integration ended.
@@ -203,8 +202,8 @@ fn integrate(
     // One tolerance for each component: Radau of ivp 0.6 converts a tolerance in place once for each component, which makes
     // a scalar tolerance 1e-3 whatever it was.
     let (relative, mut absolute) = (vec![accuracy.tolerance; y.len()], vec![accuracy.tolerance * 1e-3; y.len()]);
-    let [first, end_of_works] = accuracy.works;
-    absolute[first..end_of_works].fill(1e100);
+    let (first, energy) = accuracy.works;
+    absolute.iter_mut().skip(first).take(2).for_each(|absolute| *absolute *= energy);
     let (relative, absolute) = (relative.into(), absolute.into());
     let solved = match accuracy.integrator {
         Integrator::DormandPrince => {
@@ -308,7 +307,7 @@ mod tests {
             patience: None,
             first_step: None,
             short: false,
-            works: [0; 2],
+            works: (1, 1.0),
         };
         let mut statistics = Statistics::default();
         let sampling = Sampling { every: None, dense: false };
