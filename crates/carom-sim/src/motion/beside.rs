@@ -84,7 +84,7 @@ impl<A: Space> Motion<'_, A> {
         let mut impulses = Vec::new();
         for contact in &beside.contacts {
             let own = &passed.as_slice()[contact.rows.clone()];
-            let rule = &self.sim.touches[contact.touch].contact;
+            let rule = &self.sim.touches[contact.own.touch].contact;
             let normal = own[own.len() - 1];
             let slides = own.len() == 3 && own[0].hypot(own[1]) > rule.law.friction() * normal + rounding;
             if !rule.latch && (normal < -rounding || slides) {
@@ -92,7 +92,7 @@ impl<A: Space> Motion<'_, A> {
             }
             if contact.directions.is_some() {
                 let impulse = contact.force(passed.as_slice());
-                impulses.push(ContactImpulse { touch: contact.touch, point: contact.position, impulse });
+                impulses.push(ContactImpulse { touch: contact.own.touch, point: contact.position, impulse });
             }
         }
         Some((beside.own.tr_mul(impulse), impulses))

@@ -124,12 +124,11 @@ impl<A: Space> Motion<'_, A> {
         let mut found = Assembled::new(self.sim.chain.nv());
         let lasting = self.lasting.clone();
         self.assemble((time, y), &lasting, Detail::ROWS, &mut found)?;
-        let Some(mut equations) = self.equations(time, &lasting, &found)? else { return Ok(()) };
+        let Some(mut equations) = self.equations(time, &found)? else { return Ok(()) };
         let Some(given) = equations.forces(&-found.offset()) else { return Ok(()) };
         let constraints = &found.constraints;
-        let rigid = lasting.iter().filter(|own| own.is_rigid());
-        let pushes = constraints.contacts.iter().zip(rigid).filter(|(_, own)| own.hold != Hold::Latched);
-        let cone = |(contact, own): (&Contact, _)| Admitted::Cone { rows: contact.rows.clone(), friction: mu(own) };
+        let pushes = constraints.contacts.iter().filter(|contact| contact.own.hold != Hold::Latched);
+        let cone = |it: &Contact| Admitted::Cone { rows: it.rows.clone(), friction: mu(&it.own) };
         let mut admitted: Vec<Admitted> = pushes.map(cone).collect();
         let first = given.len() - constraints.joints.len();
         let joints = constraints.joints.iter().enumerate();

@@ -8,7 +8,7 @@
 //! another, as long as the rows of the others determine the motion.
 
 use super::assembled::Assembled;
-use super::lasting::{Hold, Lasting};
+use super::lasting::Hold;
 use super::rows::Contact;
 use crate::state::{Basis, Spread};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, LU};
@@ -70,11 +70,11 @@ impl Redundant {
 }
 
 impl Equations {
-    /// Of these lasting contacts; `None` if it depends on the responses of the rows R, and they are missing.
+    /// Of the contacts that were assembled; `None` if it depends on the responses of the rows R, and they are missing.
     ///
     /// # Errors
     /// The row of a contact that jams: no force along it opens the gap.
-    pub fn of(found: &Assembled, lasting: &[Lasting]) -> Result<Option<Self>, usize> {
+    pub fn of(found: &Assembled) -> Result<Option<Self>, usize> {
         let (k, constraints) = (found.delassus(), &found.constraints);
         let (m, skew) = (k.nrows(), !constraints.skewed.is_empty());
         if m == 1 {
@@ -101,17 +101,15 @@ impl Equations {
         let basis = Basis::of(&gram);
         if basis.rows.len() < m {
             let spread = basis.spread(&k, &[]).ok_or(0_usize)?;
-            let unilateral = |(contact, own): (&Contact, &Lasting)| {
-                (skew && own.hold != Hold::Latched && !contact.rows.is_empty()).then(|| contact.rows.clone())
+            let unilateral = |contact: &Contact| {
+                (skew && contact.own.hold != Hold::Latched && !contact.rows.is_empty()).then(|| contact.rows.clone())
             };
-            let rigid = lasting.iter().filter(|own| own.is_rigid());
-            let pushing = constraints.contacts.iter().zip(rigid).filter_map(unilateral).collect();
+            let pushing = constraints.contacts.iter().filter_map(unilateral).collect();
             return Ok(Some(Self::Redundant(Box::new(Redundant { spread, matrices: [k, gram], pushing }))));
         }
         let factor = k.lu();
-        let rigid = lasting.iter().filter(|own| own.is_rigid());
-        for (contact, own) in constraints.contacts.iter().zip(rigid) {
-            let slides = matches!(own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && skew;
+        for contact in &constraints.contacts {
+            let slides = matches!(contact.own.hold, Hold::Slides { .. } | Hold::Starts { .. }) && skew;
             if !slides || contact.rows.is_empty() {
                 continue; // without rows: the joint is locked
             }

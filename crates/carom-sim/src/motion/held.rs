@@ -271,9 +271,9 @@ impl<A: Space> Motion<'_, A> {
         found.lambda = if m == 0 {
             DVector::zeros(0)
         } else if !found.constraints.starts.is_empty() {
-            self.starting_forces(time, lasting, found)?
+            self.starting_forces(time, found)?
         } else {
-            let Some(mut equations) = self.equations(time, lasting, found)? else { return Ok(None) };
+            let Some(mut equations) = self.equations(time, found)? else { return Ok(None) };
             equations.forces(&-found.offset()).ok_or_else(|| self.jam(time, found, 0))?
         };
         let Assembled { constraints, responses, free, power, lambda, .. } = &*found;
@@ -307,15 +307,15 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// The equations of the constraint forces; `None` if the responses of the rows R are needed.
-    pub fn equations(&self, time: f64, lasting: &[Lasting], found: &Assembled) -> Result<Option<Equations>, SimError> {
-        Equations::of(found, lasting).map_err(|row| self.jam(time, found, row))
+    pub fn equations(&self, time: f64, found: &Assembled) -> Result<Option<Equations>, SimError> {
+        Equations::of(found).map_err(|row| self.jam(time, found, row))
     }
 
     /// No force along this row of the constraints opens the gap.
     pub fn jam(&self, time: f64, found: &Assembled, row: usize) -> SimError {
         let contacts = &found.constraints.contacts;
         let contact = contacts.iter().find(|contact| contact.rows.contains(&row)).or(contacts.first());
-        let touch = contact.map(|contact| &self.sim.touches[contact.touch]);
+        let touch = contact.map(|contact| &self.sim.touches[contact.own.touch]);
         let friction = touch.map_or(0.0, |touch| touch.contact.law.friction());
         SimError::Jam { time, touch: touch.map(|touch| touch.name.clone()).unwrap_or_default(), friction }
     }

@@ -30,7 +30,8 @@ pub(crate) struct Constraints {
 /// A rigid contact among the constraints.
 #[derive(Debug, Clone)]
 pub(crate) struct Contact {
-    pub touch: usize,
+    /// The contact as it was assembled.
+    pub own: Lasting,
     pub rows: Range<usize>,
     /// World direction of the force of each row, the last that of the normal (n − μ d if it slides); `None` for a joint limit.
     pub directions: Option<Matrix3<f64>>,
@@ -139,7 +140,7 @@ impl Constraints {
             }
             let zero = Vector3::zeros();
             self.contacts.push(Contact {
-                touch: own.touch,
+                own: *own,
                 rows: first..self.rows.len(),
                 directions: None,
                 normal: zero,
@@ -192,8 +193,17 @@ impl Constraints {
             }
         }
         let rows = first..self.rows.len();
-        let (touch, directions, position) = (own.touch, Some(directions), place.position);
-        self.contacts.push(Contact { touch, rows, directions, normal, position, velocity, surface, drift: u_drift });
+        let (directions, position) = (Some(directions), place.position);
+        self.contacts.push(Contact {
+            own: *own,
+            rows,
+            directions,
+            normal,
+            position,
+            velocity,
+            surface,
+            drift: u_drift,
+        });
         Ok(())
     }
 

@@ -137,7 +137,7 @@ impl<A: Space> Motion<'_, A> {
         }
         let mut found = Assembled::new(self.sim.chain.nv());
         let Some(now) = self.complementarity((time, y), &entries, &mut found, None)? else { return Ok(false) };
-        let others = self.has_other_mode(&now.problem, &entries, &found, &now)?;
+        let others = self.has_other_mode(&now.problem, &found, &now)?;
         let rigid = || entries.iter().filter(|own| own.is_rigid());
         self.other_mode = others.then(|| rigid().map(|own| own.touch).collect());
         let ahead = if self.is_tied(&entries, &found, &now) { self.ahead((time, y), &entries, &now)? } else { None };
@@ -193,7 +193,7 @@ impl<A: Space> Motion<'_, A> {
         self.assemble((time, y), &entries, Detail::ROWS, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
         let mut constraints = Vec::new();
-        for own in entries.iter().filter(|own| own.is_rigid()) {
+        for own in found.constraints.contacts.iter().map(|contact| contact.own) {
             let touch = &self.sim.touches[own.touch];
             match own.hold {
                 Hold::Sticks => {
@@ -208,7 +208,7 @@ impl<A: Space> Motion<'_, A> {
             constraints.push(Constraint::Dry { bound: self.dry[k].friction });
         }
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
-        let held = if start.is_none() { self.all_held(&entries, found, &free) } else { None };
+        let held = if start.is_none() { self.all_held(found, &free) } else { None };
         let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());
         let outcome = problem.simultaneous(&ACCURACY, start)?;
         let solved = outcome.residual <= UNSOLVED;
@@ -228,16 +228,15 @@ impl<A: Space> Motion<'_, A> {
 
     /// The forces by the convention while all contacts last, those at rest stick and joints hold, if they are admissible up to
     /// [`NEARLY`]: of the solutions with redundant contacts that in which the smooth motion goes on, or begins to slide, is near.
-    fn all_held(&self, entries: &[Lasting], found: &Assembled, free: &DVector<f64>) -> Option<DVector<f64>> {
-        let forces = Equations::of(found, entries).ok()??.forces(&-free)?;
+    fn all_held(&self, found: &Assembled, free: &DVector<f64>) -> Option<DVector<f64>> {
+        let forces = Equations::of(found).ok()??.forces(&-free)?;
         let nearly = NEARLY * forces.amax();
-        let rigid = entries.iter().filter(|own| own.is_rigid());
-        let pushes = found.constraints.contacts.iter().zip(rigid).all(|(contact, own)| {
+        let pushes = found.constraints.contacts.iter().all(|contact| {
             let own_forces = &forces.as_slice()[contact.rows.clone()];
             let Some((normal, along)) = own_forces.split_last() else { return true };
-            let friction = self.sim.touches[own.touch].contact.law.friction() * normal;
+            let friction = self.sim.touches[contact.own.touch].contact.law.friction() * normal;
             let inside = along.iter().map(|x| x * x).sum::<f64>().sqrt() <= friction + nearly;
-            own.hold == Hold::Latched || (*normal >= -nearly && inside)
+            contact.own.hold == Hold::Latched || (*normal >= -nearly && inside)
         });
         let first = forces.len() - found.constraints.joints.len();
         let mut joints = found.constraints.joints.iter().zip(forces.iter().skip(first));

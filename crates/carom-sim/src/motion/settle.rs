@@ -117,7 +117,7 @@ impl<A: Space> Motion<'_, A> {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
             let excess = DVector::from_vec(found.constraints.excess(qd));
-            let equations = self.equations(time, &entries, &found)?;
+            let equations = self.equations(time, &found)?;
             let impulses = equations.and_then(|it| it.solve(&-excess)).ok_or_else(|| self.jam(time, &found, 0))?;
             for (response, impulse) in found.responses.iter().zip(impulses.iter()) {
                 qd.iter_mut().zip(response).for_each(|(v, x)| *v += impulse * x);

@@ -40,17 +40,12 @@ impl<A: Space> Motion<'_, A> {
     }
 
     /// λ where slip begins at some contacts; stores their directions.
-    pub fn starting_forces(
-        &self,
-        time: f64,
-        lasting: &[Lasting],
-        found: &mut Assembled,
-    ) -> Result<DVector<f64>, SimError> {
+    pub fn starting_forces(&self, time: f64, found: &mut Assembled) -> Result<DVector<f64>, SimError> {
         let wanted = -found.offset();
         let count = found.constraints.starts.len();
         for step in 0.. {
             self.push_along(found);
-            let mut equations = self.equations(time, lasting, found)?;
+            let mut equations = self.equations(time, found)?;
             let lambda =
                 equations.as_mut().and_then(|it| it.forces(&wanted)).ok_or_else(|| self.jam(time, found, 0))?;
             let mut qdd = found.free.clone();

@@ -16,6 +16,7 @@
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
+use super::rows::Contact;
 use super::select::Solution;
 use super::smooth::Motion;
 use crate::error::SimError;
@@ -103,11 +104,10 @@ impl<A: Space> Motion<'_, A> {
     pub(super) fn has_other_mode(
         &self,
         problem: &SeveralProblem,
-        entries: &[Lasting],
         found: &Assembled,
         solution: &Solution,
     ) -> Result<bool, SimError> {
-        if !self.may_have_other_modes(entries, found) {
+        if !self.may_have_other_modes(found) {
             return Ok(false);
         }
         let accuracy = Accuracy { tolerance: super::select::ACCURACY.tolerance, max_iterations: FEW };
@@ -140,25 +140,27 @@ impl<A: Space> Motion<'_, A> {
         Ok(false)
     }
 
-    fn may_have_other_modes(&self, entries: &[Lasting], found: &Assembled) -> bool {
-        let mu = |own: &Lasting| self.sim.touches[own.touch].contact.law.friction();
-        let rigid: Vec<&Lasting> = entries.iter().filter(|own| own.is_rigid()).collect();
-        if rigid.iter().all(|own| mu(own) == 0.0 || self.sim.touches[own.touch].link().is_none()) {
+    fn may_have_other_modes(&self, found: &Assembled) -> bool {
+        let contacts = &found.constraints.contacts;
+        let touch = |contact: &Contact| &self.sim.touches[contact.own.touch];
+        let mu = |contact: &Contact| touch(contact).contact.law.friction();
+        if contacts.iter().all(|contact| mu(contact) == 0.0 || touch(contact).link().is_none()) {
             return false;
         }
         let k = found.delassus();
-        let pulls = found.constraints.contacts.iter().zip(&rigid).any(|(contact, own)| {
+        let pulls = contacts.iter().any(|contact| {
             let n = contact.rows.end - 1;
             let across = k.view((contact.rows.start, n), (contact.rows.len() - 1, 1)).norm();
-            own.hold != Hold::Latched && k[(n, n)] <= if contact.rows.len() == 3 { mu(own) * across } else { 0.0 }
+            contact.own.hold != Hold::Latched
+                && k[(n, n)] <= if contact.rows.len() == 3 { mu(contact) * across } else { 0.0 }
         });
-        pulls || (found.constraints.rows.len() > 1 && rigid.len() > 1 && !self.push_to_one_side(&rigid, found))
+        pulls || (found.constraints.rows.len() > 1 && contacts.len() > 1 && !self.push_to_one_side(found))
     }
 
     /// Whether a velocity certifies that no forces of these contacts balance each other.
-    fn push_to_one_side(&self, rigid: &[&Lasting], found: &Assembled) -> bool {
+    fn push_to_one_side(&self, found: &Assembled) -> bool {
         let constraints = &found.constraints;
-        if !constraints.joints.is_empty() || rigid.iter().any(|own| own.hold == Hold::Latched) {
+        if !constraints.joints.is_empty() || constraints.contacts.iter().any(|it| it.own.hold == Hold::Latched) {
             return false;
         }
         let own = if constraints.skewed.is_empty() { &found.responses } else { &found.own_responses };
@@ -171,13 +173,13 @@ impl<A: Space> Motion<'_, A> {
             let size = c.dot(&(&gram * &c)).max(0.0).sqrt();
             // The contact that is farthest outside, with the ray of its cone that shows it.
             let mut worst: Option<(f64, DVector<f64>)> = None;
-            for (contact, own) in constraints.contacts.iter().zip(rigid) {
+            for contact in &constraints.contacts {
                 let (first, n) = (contact.rows.start, contact.rows.end - 1);
                 let mut ray = DVector::zeros(m);
                 ray[n] = 1.0;
                 let slip = u.rows(first, n - first).norm();
                 if n > first && slip > 0.0 {
-                    let mu = self.sim.touches[own.touch].contact.law.friction();
+                    let mu = self.sim.touches[contact.own.touch].contact.law.friction();
                     (first..n).for_each(|row| ray[row] = -mu * u[row] / slip);
                 }
                 let length = ray.dot(&(&gram * &ray)).max(f64::MIN_POSITIVE).sqrt();
