@@ -6,7 +6,7 @@ use crate::error::SimError;
 use carom_chain::PointResponse;
 use carom_chain::algebra::Algebra;
 use carom_impact::{Flags, ImpactOutcome, Mode};
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, MatrixXx3, SMatrix, SVector, Vector3};
 
 /// Share of T⁻ by which the energies may miss the work: some digits above the rounding of a chain in regular position.
 const BALANCED: f64 = 1e-9;
@@ -90,6 +90,19 @@ impl ChainImpact {
                 flags: Flags::default(),
             },
         }
+    }
+
+    /// All but energies and drives from the outcome of a law, where `response` is X = M⁻¹Jᵀ in world axes.
+    pub(crate) fn of_outcome(
+        outcome: ImpactOutcome<f64, 3>,
+        axes: &Matrix3<f64>,
+        response: &MatrixXx3<f64>,
+        qd: &[f64],
+    ) -> Box<Self> {
+        let mut hit = Box::new(Self::empty(qd.len()));
+        let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
+        hit.carry(outcome, axes, rows.iter(), qd);
+        hit
     }
 
     /// Sets all but energies and drives from the outcome of a law: qd⁺ = qd⁻ + X p, where `response` has the rows of X = M⁻¹Jᵀ

@@ -14,6 +14,7 @@
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
 use super::events::{Run, TOUCHING};
+use super::several::push;
 use super::trajectory::{EventKind, StepReason};
 use super::witness::HYSTERESIS;
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
@@ -25,6 +26,7 @@ use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
+use nalgebra::Vector3;
 
 /// Motion, m or rad, over which the change of the margin of a contact point is taken.
 const SHORT: f64 = 1e-7;
@@ -226,16 +228,14 @@ impl<A: Space> Run<'_, '_, A> {
         let before = self.y.clone();
         let (q, qd) = self.q_qd();
         let (sim, time) = (self.motion.sim, self.time);
-        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
-        let energy = self.motion.energy(&before)?;
-        let nq = sim.chain.nq();
         let one = &sim.touches[touch];
         if one.contact.latch {
             return self.latch(touch);
         }
+        let (_, approach, u) = self.motion.closing(touch, &q, &qd, time)?;
         let mut view = self.motion.view(&q)?;
         let at = one.at(&view, &q, time);
-        let (kind, qd_plus, impulses) = match (at.surface, one.limit_of()) {
+        match (at.surface, one.limit_of()) {
             (Some(place), _) => {
                 let given = &one.contact.law;
                 let (restitution, friction) = (given.restitution(), given.friction());
@@ -254,31 +254,20 @@ impl<A: Space> Run<'_, '_, A> {
                     self.statistics.neglected += 1;
                     self.statistics.neglected_bound = self.statistics.neglected_bound.max(bound);
                 }
-                let mut hit = Box::new(ChainImpact::empty(qd.len()));
-                let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
-                hit.carry(problem.resolve(law)?, &axes, rows.iter(), &qd);
-                hit.energy_before = view.kin.kinetic_energy(&qd)?;
-                hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
-                let (qd_plus, impulse) = (hit.qd_plus.clone(), hit.impulse);
-                (
-                    EventKind::Impact { touch, hit },
-                    qd_plus,
-                    vec![ContactImpulse { touch, point: place.position, impulse }],
-                )
+                let hit = ChainImpact::of_outcome(problem.resolve(law)?, &axes, &response, &qd);
+                let qd_plus = hit.qd_plus.clone();
+                self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
             }
             (None, joint) => {
                 let (mut row, mut response) = (Rows::new(qd.len()), Rows::default());
                 one.row_into(&at, &view, row.add())?;
                 view.respond(&row, &mut response)?;
                 let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(0, response.row(0));
-                let qd_plus = qd.iter().zip(response.row(0)).map(|(v, x)| v + x * impulse).collect();
-                (EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse }, qd_plus, Vec::new())
+                self.push(&response, &[impulse]);
+                let kind = EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse };
+                self.book(kind, &[touch], Vec::new(), &before)?;
             }
-        };
-        self.y[nq..nq + qd.len()].copy_from_slice(&qd_plus);
-        self.motion.count_impact(touch);
-        self.note(kind, &before, impulses);
-        self.lost += energy - self.motion.energy(&self.y)?;
+        }
         // The laws are exact: a separation velocity below the rounding of the approach velocity is zero.
         self.after(&[Struck { touch, approach }], 1e-14 * approach.abs(), &before)
     }
@@ -286,13 +275,10 @@ impl<A: Space> Run<'_, '_, A> {
     /// The impact at a latch: the velocity of the contact point relative to the surface becomes zero.
     fn latch(&mut self, touch: usize) -> Result<(), SimError> {
         let before = self.y.clone();
-        let energy = self.motion.energy(&before)?;
         let old = self.motion.lasting.clone();
         self.motion.lasting.push(Lasting { touch, hold: Hold::Latched });
         self.motion.settle(self.time, &mut self.y)?;
-        self.motion.count_impact(touch);
-        self.note(EventKind::Latch { touch }, &before, Vec::new());
-        self.lost += energy - self.motion.energy(&self.y)?;
+        self.book(EventKind::Latch { touch }, &[touch], Vec::new(), &before)?;
         self.motion.lasting = old;
         self.resettle(&[touch], &before)
     }
@@ -313,27 +299,54 @@ impl<A: Space> Run<'_, '_, A> {
         let problem = ImpactProblem::new(beside.delassus, axes.transpose() * u);
         let Ok(outcome) = problem.and_then(|problem| problem.resolve(&*one.contact.law)) else { return Ok(false) };
         let Some((jump, impulses)) = self.motion.carried(&beside, &outcome.impulse) else { return Ok(false) };
-        let energy = self.motion.energy(&before)?;
-        let mut hit = Box::new(ChainImpact::empty(qd.len()));
-        let rows: Vec<_> = beside.response.row_iter().map(|row| row.transpose()).collect();
-        hit.carry(outcome, &axes, rows.iter(), &qd);
-        let nq = sim.chain.nq();
-        for ((y, v), jump) in self.y[nq..].iter_mut().zip(&qd).zip(jump.iter()) {
-            *y = v + jump;
-        }
-        let mut view = self.motion.view(&q)?;
-        hit.energy_before = view.kin.kinetic_energy(&qd)?;
-        hit.energy_after = view.kin.kinetic_energy(&self.y[nq..nq + qd.len()])?;
-        let own = ContactImpulse { touch, point: beside.position, impulse: hit.impulse };
-        let impulses = std::iter::once(own).chain(impulses).collect();
-        self.motion.count_impact(touch);
-        self.note(EventKind::Impact { touch, hit }, &before, impulses);
-        self.lost += energy - self.motion.energy(&self.y)?;
+        let hit = ChainImpact::of_outcome(outcome, &axes, &beside.response, &qd);
+        let qd_plus: Vec<f64> = qd.iter().zip(jump.iter()).map(|(v, jump)| v + jump).collect();
+        self.book_single((touch, beside.position), hit, &qd_plus, impulses)?;
         let lasted = self.motion.lasting.iter().filter(|own| own.is_rigid());
         let mut struck: Vec<Struck> = lasted.map(|own| Struck { touch: own.touch, approach: 0.0 }).collect();
         struck.push(Struck { touch, approach });
         self.after(&struck, 1e-12 * approach.abs(), &before)?;
         Ok(true)
+    }
+
+    /// Adds the velocities M⁻¹Rᵀp of these impulses on the rows of R.
+    pub fn push(&mut self, responses: &Rows, impulse: &[f64]) {
+        push(&mut self.y[self.motion.sim.chain.nq()..], responses, impulse);
+    }
+
+    /// The velocities after the impact of one touch at this point, its event and its loss of energy; `others`: the impulses that lasting
+    /// contacts carry.
+    fn book_single(
+        &mut self,
+        (touch, point): (usize, Vector3<f64>),
+        mut hit: Box<ChainImpact>,
+        qd_plus: &[f64],
+        others: Vec<ContactImpulse>,
+    ) -> Result<(), SimError> {
+        let (before, nq) = (self.y.clone(), self.motion.sim.chain.nq());
+        let (q, qd) = self.q_qd();
+        let mut view = self.motion.view(&q)?;
+        hit.energy_before = view.kin.kinetic_energy(&qd)?;
+        hit.energy_after = view.kin.kinetic_energy(qd_plus)?;
+        self.y[nq..nq + qd.len()].copy_from_slice(qd_plus);
+        let own = ContactImpulse { touch, point, impulse: hit.impulse };
+        let impulses = std::iter::once(own).chain(others).collect();
+        self.book(EventKind::Impact { touch, hit }, &[touch], impulses, &before)
+    }
+
+    /// Tells an impact that has changed the state, counts it at the touches `hits`, and books its loss of energy: the only way by which
+    /// impulses of impacts enter a run.
+    pub fn book(
+        &mut self,
+        kind: EventKind,
+        hits: &[usize],
+        impulses: Vec<ContactImpulse>,
+        before: &[f64],
+    ) -> Result<(), SimError> {
+        hits.iter().for_each(|&touch| self.motion.count_impact(touch));
+        self.note(kind, before, impulses);
+        self.lost += self.motion.energy(before)? - self.motion.energy(&self.y)?;
+        Ok(())
     }
 
     /// What opens, lasts or accumulates after an impact. Separation velocities up to `slack` (m/s) count as zero.
@@ -481,18 +494,9 @@ impl<A: Space> Run<'_, '_, A> {
         let Ok(branches) = one.contact.law.branches(&problem) else { return Ok(false) };
         let jams = |hit: &&carom_impact::ImpactOutcome<f64, 3>| hit.flags.contains(Flags::JAM) && hit.impulse.z > 0.0;
         let Some(outcome) = branches.iter().find(jams) else { return Ok(false) };
-        let mut hit = Box::new(ChainImpact::empty(qd.len()));
-        let rows: Vec<_> = response.row_iter().map(|row| row.transpose()).collect();
-        hit.carry(*outcome, &axes, rows.iter(), &qd);
-        hit.energy_before = view.kin.kinetic_energy(&qd)?;
-        hit.energy_after = view.kin.kinetic_energy(&hit.qd_plus)?;
-        let nq = sim.chain.nq();
-        let energy = self.motion.energy(&before)?;
-        self.y[nq..nq + qd.len()].copy_from_slice(&hit.qd_plus);
-        let one = ContactImpulse { touch, point: place.position, impulse: hit.impulse };
-        self.motion.count_impact(touch);
-        self.note(EventKind::Impact { touch, hit }, &before, vec![one]);
-        self.lost += energy - self.motion.energy(&self.y)?;
+        let hit = ChainImpact::of_outcome(*outcome, &axes, &response, &qd);
+        let qd_plus = hit.qd_plus.clone();
+        self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
         self.after(&[Struck { touch, approach: 0.0 }], rest, &before)?;
         Ok(true)
     }

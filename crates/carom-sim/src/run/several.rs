@@ -259,7 +259,7 @@ impl<A: Space> Run<'_, '_, A> {
         rows.contacts.iter().for_each(|closed| u[closed.rows.end - 1] = -VANISHING * speed);
         let Ok(outcome) = self.solve(&rows, &responses, u.clone(), u, (law, &ACCURACY), None) else { return Ok(false) };
         let mut jump = vec![0.0; qd.len()];
-        push(&mut jump, &responses, &outcome.impulse);
+        push(&mut jump, &responses, outcome.impulse.as_slice());
         let finite = (0..rows.rows.len()).any(|i| rows.rows.dot(i, &jump).abs() > FINITE * speed);
         if !finite || outcome.residual > SETTLED * VANISHING {
             return Ok(false);
@@ -297,14 +297,10 @@ impl<A: Space> Run<'_, '_, A> {
         (outcome, residual): (&Solved, f64),
     ) -> Result<(), SimError> {
         let before = self.y.clone();
-        let (energy, nq) = (self.motion.energy(&before)?, self.motion.sim.chain.nq());
         self.statistics.worst_residual = self.statistics.worst_residual.max(residual);
-        push(&mut self.y[nq..], responses, &outcome.impulse);
-        together.iter().for_each(|&touch| self.motion.count_impact(touch));
+        self.push(responses, outcome.impulse.as_slice());
         let kind = EventKind::Several { touches: together.to_vec(), residual, flags: outcome.flags };
-        self.note(kind, &before, rows.impulses(&outcome.impulse));
-        self.lost += energy - self.motion.energy(&self.y)?;
-        Ok(())
+        self.book(kind, together, rows.impulses(&outcome.impulse), &before)
     }
 }
 
@@ -318,8 +314,8 @@ pub(super) fn solved(inertia: &Cholesky<f64, Dyn>, rows: &Rows) -> Rows {
 }
 
 /// Adds the velocities M⁻¹Rᵀp.
-pub(super) fn push(v: &mut [f64], responses: &Rows, impulse: &DVector<f64>) {
-    for (response, p) in responses.iter().zip(impulse.iter()) {
+pub(super) fn push(v: &mut [f64], responses: &Rows, impulse: &[f64]) {
+    for (response, p) in responses.iter().zip(impulse) {
         v.iter_mut().zip(response).for_each(|(v, x)| *v += x * p);
     }
 }

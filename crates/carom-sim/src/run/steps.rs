@@ -373,7 +373,7 @@ impl<A: Space> Run<'_, '_, A> {
             let guess = rows.guess(&self.stepped, step);
             let outcome = self.solve(&rows, &responses, u_minus, u_free, (sim.several, &ACCURACY), Some(&guess))?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
-            push(next.as_mut_slice(), &responses, &outcome.impulse);
+            push(next.as_mut_slice(), &responses, outcome.impulse.as_slice());
             self.refuse_squeeze((&rows, &responses), outcome.residual, next.as_slice())?;
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
             self.statistics.non_unique_time += if open { step } else { 0.0 };
@@ -465,7 +465,7 @@ impl<A: Space> Run<'_, '_, A> {
         let gaps = DVector::from_vec(gaps);
         let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, (SeveralLaw::Moreau, &ACCURACY), None)?;
         let mut back = vec![0.0; sim.chain.nv()];
-        push(&mut back, &responses, &outcome.impulse);
+        push(&mut back, &responses, outcome.impulse.as_slice());
         let moved = sim.chain.integrate(&q, &back, 1.0)?;
         self.y[..q.len()].copy_from_slice(&moved);
         Ok(())
