@@ -15,7 +15,7 @@
 
 use super::leap::Leap;
 use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
-use super::memory::Memory;
+use super::memory::{Class, Memory};
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
 use super::watch::{Watch, Watched};
@@ -254,7 +254,6 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
     }
 
     fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        self.memory.add(self.time);
         if self.memory.is_crowded(self.time, watch, self.motion.sim) {
             return self.step_on(StepReason::Crowd);
         }
@@ -317,8 +316,8 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             match watch {
                 // A contact whose normal force is zero again within this time has none.
                 Watch::NormalForce(i) => {
-                    let last = self.memory.kept.replace(self.time);
-                    if last.is_some_and(|last| self.time - last <= self.motion.sim.zeno_time) {
+                    let since = self.memory.count(Class::NormalForce, self.time);
+                    if since.is_some_and(|since| since <= self.motion.sim.zeno_time) {
                         self.resettle_without(Some(old[i].touch), &[], &before)?;
                     }
                 }

@@ -14,6 +14,7 @@
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
 use super::events::{Run, TOUCHING};
+use super::memory::Class;
 use super::several::push;
 use super::trajectory::{EventKind, StepReason};
 use super::witness::HYSTERESIS;
@@ -35,8 +36,6 @@ const SHORT: f64 = 1e-7;
 const LOWEST: f64 = 10.0 * HYSTERESIS;
 /// Longest time for which lower ones are passed, s: the error of this step is of third order.
 const LONGEST: f64 = 1e-4;
-/// With this number of impacts within the Zeno time their rest is replaced by one impact without restitution.
-const SWARM: usize = 6;
 /// Impacts count as slow up to the speed of a fall of this number of Zeno times.
 const SLOW: f64 = 10.0;
 
@@ -149,13 +148,12 @@ impl<A: Space> Run<'_, '_, A> {
     /// Fast ones, of a light body between heavy ones, do where many are within a way of the size of a closed gap.
     fn swarm(&mut self, hits: &[usize]) -> Result<Option<Vec<usize>>, SimError> {
         let sim = self.motion.sim;
-        self.memory.impact_times.push_back(self.time);
-        let first = if self.memory.impact_times.len() > SWARM { self.memory.impact_times.pop_front() } else { None };
-        let Some(since) = first.map(|first| self.time - first).filter(|since| *since <= sim.zeno_time) else {
+        let since = self.memory.count(Class::Impact, self.time);
+        let Some(since) = since.filter(|since| *since <= sim.zeno_time) else {
             return Ok(None);
         };
         let way = self.motion.speed * self.motion.reach.max(1.0) * since;
-        let fast = way <= SWARM as f64 * TOUCHING;
+        let fast = way <= (Class::Impact.many() - 1) as f64 * TOUCHING;
         let slow = SLOW * sim.gravity.norm().max(1.0) * sim.zeno_time;
         let mut swarm = Vec::new();
         for (touch, (gap, rate)) in self.gaps()? {

@@ -1,4 +1,14 @@
 //! What a run remembers of its last events.
+//!
+//! Events of one class that follow one another without end would keep a run from going on. After so many of them within a time, the run
+//! goes on in another way:
+//!
+//! | class | number | within | then |
+//! |---|---|---|---|
+//! | [`Class::Leg`] | 300 | a time step; 10 Zeno times where gaps close, because one ball may bounce hundreds of times before it rests | time steps |
+//! | [`Class::Impact`] | 7 | the Zeno time | the rest of them is one impact without restitution, if they accumulate |
+//! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
+//! | [`Class::Jam`] | 9 | no time: each ends the slip of a contact | time steps |
 
 use super::watch::Watch;
 use crate::model::Simulation;
@@ -10,16 +20,12 @@ use std::collections::VecDeque;
 pub(crate) struct Memory {
     /// Number of events so far.
     pub events: usize,
-    /// Times at which the last legs ended at a zero of a witness function, to detect too many within a short time.
-    recent: VecDeque<f64>,
-    /// Time of the last zero of a normal force after which its contact was chosen again with the same mode.
-    pub kept: Option<f64>,
+    /// The times of the last events of each class.
+    times: [VecDeque<f64>; 4],
     /// Whether a slip that seemed to end goes on: the next leg does not look for its end.
     pub slip_goes_on: bool,
     /// Whether all slips are followed to their exact end.
     pub follows_slips: bool,
-    /// Times of the last impacts, to detect their accumulation.
-    pub impact_times: VecDeque<f64>,
     /// Why the motion in the present mode is not unique, with its contacts.
     pub open: Option<(NonUnique, Vec<usize>)>,
     /// Whether the chain is at rest and stays so.
@@ -34,38 +40,51 @@ pub(crate) struct Memory {
     pub wait: f64,
     /// The time at which time steps last ended, s.
     pub resumed: Option<f64>,
-    /// The time of the last impacts without collision of several contacts, and their number at this time.
-    jammed: (f64, usize),
 }
 
-/// At most so many impacts without collision of several contacts happen at one time: each ends the slip of a contact.
-const JAMS: usize = 8;
-/// So many ends of legs within one time step are too many.
-const CROWD: usize = 300;
+/// A class of events that may follow one another without end.
+#[derive(Clone, Copy)]
+pub(crate) enum Class {
+    /// A leg ends at a zero of a witness function.
+    Leg,
+    /// A contact or a limit closes with an impact.
+    Impact,
+    /// A normal force is zero, and its contact is chosen again with the same mode.
+    NormalForce,
+    /// An impact without collision of several contacts.
+    Jam,
+}
+
+impl Class {
+    /// The number of the table at the head of this module.
+    pub fn many(self) -> usize {
+        match self {
+            Self::Leg => 300,
+            Self::Impact => 7,
+            Self::NormalForce => 2,
+            Self::Jam => 9,
+        }
+    }
+}
+
 /// Too many impacts within this number of Zeno times do not accumulate.
 const TAIL: f64 = 10.0;
 
 impl Memory {
-    /// A leg has ended at a zero of a witness function.
-    pub fn add(&mut self, time: f64) {
-        self.recent.push_back(time);
-        if self.recent.len() > CROWD {
-            self.recent.pop_front();
+    /// Counts an event; the time since the first of its class that counts, if there were so many.
+    pub fn count(&mut self, class: Class, time: f64) -> Option<f64> {
+        let (times, many) = (&mut self.times[class as usize], class.many());
+        times.push_back(time);
+        if times.len() > many {
+            times.pop_front();
         }
+        (times.len() == many).then(|| time - times[0])
     }
 
-    /// Counts an impact without collision; `false` if there were too many at this time.
-    pub fn may_jam(&mut self, time: f64) -> bool {
-        let (last, count) = self.jammed;
-        self.jammed = (time, if last == time { count + 1 } else { 1 });
-        self.jammed.1 <= JAMS
-    }
-
-    /// Whether there were too many of them within a time step; where gaps close, within some Zeno times, because hundreds of impacts of
-    /// one ball lie within a time step before they accumulate.
-    pub fn is_crowded(&self, time: f64, watch: Watch, sim: &Simulation) -> bool {
+    /// Counts the end of a leg; whether there were too many.
+    pub fn is_crowded(&mut self, time: f64, watch: Watch, sim: &Simulation) -> bool {
         let closes = matches!(watch, Watch::Gap(_) | Watch::Pair(_) | Watch::Rest(_));
         let within = if closes { sim.contact_step.min(TAIL * sim.zeno_time) } else { sim.contact_step };
-        self.recent.len() == CROWD && time - self.recent[0] < within
+        self.count(Class::Leg, time).is_some_and(|since| since < within)
     }
 }

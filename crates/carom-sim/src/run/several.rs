@@ -10,6 +10,7 @@
 
 use super::events::Run;
 use super::impacts::Struck;
+use super::memory::Class;
 use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch};
 use crate::error::SimError;
@@ -253,7 +254,7 @@ impl<A: Space> Run<'_, '_, A> {
         let (rows, responses, _) = self.closures(closed)?;
         let mut u = rows.velocities(&qd);
         let speed = u.amax();
-        if speed <= rest || !self.memory.may_jam(self.time) {
+        if speed <= rest || self.memory.count(Class::Jam, self.time) == Some(0.0) {
             return Ok(false);
         }
         rows.contacts.iter().for_each(|closed| u[closed.rows.end - 1] = -VANISHING * speed);
