@@ -1,4 +1,5 @@
-//! Wishes of scenes, judged by what the run does: fulfilled, refused or warned of.
+//! Keys of scenes with an effect of their own. The judge compares the motion with that effect: it is there, or the scene is refused, or a
+//! warning names the key.
 
 use super::build::*;
 use super::case::{Answer, Case, End};
