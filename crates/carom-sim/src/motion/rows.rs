@@ -49,10 +49,7 @@ pub(crate) struct Contact {
 impl Contact {
     /// The force on the robot, world, N, of the forces along the rows; zero for a joint limit.
     pub fn force(&self, lambda: &[f64]) -> Vector3<f64> {
-        let Some(directions) = &self.directions else { return Vector3::zeros() };
-        let own = &lambda[self.rows.clone()];
-        let skip = 3 - own.len();
-        own.iter().enumerate().map(|(k, x)| directions.column(k + skip) * *x).sum()
+        self.directions.map_or_else(Vector3::zeros, |directions| along(&directions, &lambda[self.rows.clone()]))
     }
 
     /// The vector in the tangent plane, world, with these components along the first two rows; zero for a joint limit.
@@ -60,6 +57,12 @@ impl Contact {
         let Some(directions) = &self.directions else { return Vector3::zeros() };
         along.iter().take(2).enumerate().map(|(k, x)| directions.column(k) * *x).sum()
     }
+}
+
+/// The vector with these components along the last columns: three of a contact with tangents, one of the normal alone.
+pub(crate) fn along(directions: &Matrix3<f64>, components: &[f64]) -> Vector3<f64> {
+    let skip = 3 - components.len();
+    components.iter().enumerate().map(|(k, x)| directions.column(k + skip) * *x).sum()
 }
 
 /// A contact whose slip begins, among the constraints.

@@ -14,7 +14,7 @@ use super::memory::Class;
 use super::trajectory::EventKind;
 use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch};
 use crate::error::SimError;
-use crate::motion::ContactState;
+use crate::motion::{ContactState, along};
 use crate::state::{ContactImpulse, Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
@@ -51,15 +51,6 @@ struct Closed {
     place: Option<(Matrix3<f64>, Vector3<f64>)>,
     rows: std::ops::Range<usize>,
     gap: f64,
-}
-
-impl Closed {
-    /// The impulse on the robot, world axes.
-    fn push(&self, axes: &Matrix3<f64>, impulse: &DVector<f64>) -> Vector3<f64> {
-        // A single row is that of the normal.
-        let skip = 3 - self.rows.len();
-        self.rows.clone().map(|row| axes.column(row - self.rows.start + skip) * impulse[row]).sum()
-    }
 }
 
 impl Closures {
@@ -143,7 +134,7 @@ impl Closures {
             let (touch, mode, gap) = (closed.touch, ContactMode::Stepping, closed.gap);
             let zero = Vector3::zeros();
             let (point, normal, force) = closed.place.as_ref().map_or((zero, zero, zero), |(axes, point)| {
-                (*point, axes.column(2).into(), closed.push(axes, impulse) / step)
+                (*point, axes.column(2).into(), along(axes, &impulse.as_slice()[closed.rows.clone()]) / step)
             });
             ContactState { touch, mode, point, normal, gap, force, normal_force, flags }
         };
@@ -167,7 +158,8 @@ impl Closures {
     fn impulses(&self, impulse: &DVector<f64>) -> Vec<ContactImpulse> {
         let one = |closed: &Closed| {
             let (axes, point) = closed.place.as_ref()?;
-            Some(ContactImpulse { touch: closed.touch, point: *point, impulse: closed.push(axes, impulse) })
+            let impulse = along(axes, &impulse.as_slice()[closed.rows.clone()]);
+            Some(ContactImpulse { touch: closed.touch, point: *point, impulse })
         };
         self.contacts.iter().filter_map(one).collect()
     }
