@@ -12,7 +12,7 @@
 //! determined.
 
 use super::prepared::{Aim, problem};
-use crate::contact::{SeveralLaw, Solved};
+use crate::contact::{SeveralLaw, Solved, UNSOLVED};
 use crate::error::SimError;
 use carom_chain::{Chain, FramePoint};
 use carom_impact::{Accuracy, Constraint, Flags, SeveralProblem};
@@ -69,9 +69,6 @@ pub struct SeveralImpact {
     /// given, and the result is that with all of them zero, as in scenes.
     pub flags: Flags,
 }
-
-/// With a larger residual impulses are not a solution.
-const SOLVED: f64 = 1e-9;
 
 /// A point's Jacobian, its response and its axes.
 struct Seen {
@@ -132,7 +129,7 @@ pub(super) fn resolve(
         Ok(found)
     };
     let mut outcome = solve(&problem)?;
-    let solved = |found: &Solved| found.residual <= SOLVED;
+    let solved = |found: &Solved| found.residual <= UNSOLVED;
     if !solved(&outcome) {
         let first = outcome.residual;
         outcome = solve(&problem.without_restitution())?;

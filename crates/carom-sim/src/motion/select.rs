@@ -20,6 +20,7 @@ use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
 use super::rows::direction_of_slip;
 use super::smooth::Motion;
+use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_impact::{Accuracy, Constraint, SeveralProblem};
@@ -30,8 +31,6 @@ use std::ops::Range;
 /// Accuracy of the complementarity problem, relative to the largest acceleration without forces. Problems that are solved at all take
 /// less than a hundred iterations from the first start, which gets a seventh of these; others often have no solution.
 pub(super) const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 1000 };
-/// Residuals above this are not a solution.
-pub(super) const UNSOLVED: f64 = 1e-9;
 /// Forces and accelerations below this share of the largest are undecided.
 pub(super) const TIE: f64 = 1e-9;
 /// Forces outside their cones by this share of the largest are still a start for the solver.

@@ -19,6 +19,7 @@ use super::lasting::{Hold, Lasting};
 use super::rows::Contact;
 use super::select::Solution;
 use super::smooth::Motion;
+use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
 use carom_impact::{Accuracy, Flags, SeveralProblem, undetermined};
@@ -123,7 +124,7 @@ impl<A: Space> Motion<'_, A> {
         }
         for start in [DVector::zeros(solution.force.len()), squeezed] {
             let other = problem.simultaneous(&accuracy, Some(&start))?;
-            if other.residual > super::select::UNSOLVED {
+            if other.residual > UNSOLVED {
                 continue;
             }
             let mut change = DVector::<f64>::zeros(found.free.len());

@@ -12,7 +12,7 @@ use super::events::Run;
 use super::impacts::Struck;
 use super::memory::Class;
 use super::trajectory::EventKind;
-use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch};
+use crate::contact::{At, ContactMode, SeveralLaw, Solved, Touch, UNSOLVED};
 use crate::error::SimError;
 use crate::motion::{ContactState, along};
 use crate::state::{ContactImpulse, Space, View};
@@ -23,8 +23,6 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 
 /// Accuracy of the impulses of an impact.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-12, max_iterations: 5000 };
-/// An impact with a larger residual has no solution by its law.
-const UNSOLVED: f64 = 1e-9;
 /// Contacts that still approach, by more than this share of the velocity of the surfaces, squeeze the robot.
 const SQUEEZE: f64 = 1e-6;
 /// The approach velocity of an impact without collision, as a share of the largest velocity of the contacts.

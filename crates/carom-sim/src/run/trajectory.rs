@@ -327,7 +327,7 @@ impl Summary {
     /// What to tell the user of the results: an energy balance that does not close, impulses that do not satisfy their law.
     pub fn warnings(&self) -> Vec<String> {
         let residual = self.statistics.worst_residual;
-        let unsolved = (residual > UNSOLVED).then(|| {
+        let unsolved = (residual > TOLD).then(|| {
             format!(
                 "impulses of several contacts satisfy their law to {residual:.1e} of the contact velocities only: friction wedges a contact, \
                  or masses are too different; choose another law (several), less friction or restitution"
@@ -360,7 +360,7 @@ impl Summary {
 }
 
 /// Residuals of several contacts, relative to their velocities, from which on they are told: as much as the energy balance.
-const UNSOLVED: f64 = 0.01;
+const TOLD: f64 = 0.01;
 
 /// A whole run with its events and its motion.
 #[derive(Debug, Clone)]
