@@ -3,7 +3,9 @@
 
 mod common;
 
-use carom_impact::{Accuracy, Constraint, Flags, Frictionless, ImpactProblem, Law, SeveralOutcome, SeveralProblem};
+use carom_impact::{
+    Accuracy, Constraint, Flags, Frictionless, ImpactError, ImpactProblem, Law, SeveralOutcome, SeveralProblem,
+};
 use common::close;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, dmatrix, dvector};
 
@@ -455,4 +457,22 @@ fn error_messages_contain_value_and_rule() {
     assert_eq!(guess.to_string(), format!("warm_start has 1 rows, but {rows}"));
     let free = problem.with_free_velocity(dvector![0.0, f64::INFINITY]).unwrap_err();
     assert!(free.to_string().starts_with("u_free[1] is inf: every"));
+}
+
+/// Rows of a mechanism that loops leave one degree of freedom: H = j jᵀ but for the rounding of the terms of the open chain, which makes
+/// a pivot negative. The impulses are those of the mechanism.
+#[test]
+fn a_pivot_that_is_rounding_of_larger_terms_does_not_stop_a_problem_that_is_semidefinite_by_construction() {
+    let j = dvector![0.8, -0.5, 1.0];
+    let mut delassus = &j * j.transpose();
+    delassus[(0, 0)] -= 1e-12;
+    let u_minus = &j * -1.5;
+    let contact = vec![Constraint::Contact { restitution: 0.5, friction: 0.0 }];
+    assert!(matches!(
+        SeveralProblem::new(delassus.clone(), u_minus.clone(), contact.clone()),
+        Err(ImpactError::NotPositive { .. })
+    ));
+    let problem = SeveralProblem::from_gram(delassus, u_minus, contact).unwrap();
+    let hit = problem.simultaneous(&Accuracy::default(), None).unwrap();
+    assert!((&hit.u_plus - &j * 0.75).amax() < 1e-11 && (hit.impulse - dvector![0.0, 0.0, 2.25]).amax() < 1e-11);
 }

@@ -184,6 +184,24 @@ impl SeveralProblem {
     ) -> Result<Self, ImpactError> {
         check_rows(&delassus, &u_minus, &constraints)?;
         check_delassus(&mut delassus)?;
+        Self::from_gram(delassus, u_minus, constraints)
+    }
+
+    /// The problem of a matrix that is symmetric and positive semidefinite by construction, as [`ImpactProblem::from_gram`]: of R M⁻¹Rᵀ
+    /// of a mechanism with loops, whose entries are small differences of those of the open chain, and have their rounding.
+    ///
+    /// [`ImpactProblem::from_gram`]: crate::ImpactProblem::from_gram
+    ///
+    /// # Errors
+    ///
+    /// As [`SeveralProblem::new`], without those of a matrix that is not symmetric or not positive semidefinite.
+    pub fn from_gram(
+        delassus: DMatrix<f64>,
+        u_minus: DVector<f64>,
+        constraints: Vec<Constraint>,
+    ) -> Result<Self, ImpactError> {
+        check_rows(&delassus, &u_minus, &constraints)?;
+        check_velocity("delassus", delassus.as_slice())?;
         check_velocity("u_minus", u_minus.as_slice())?;
         Ok(Self { delassus, u_free: u_minus.clone(), u_minus, constraints, gram: true })
     }

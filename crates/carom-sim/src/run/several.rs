@@ -174,7 +174,7 @@ impl<A: Space> Run<'_, '_, A> {
         (law, accuracy): (SeveralLaw, &Accuracy),
         start: Option<&DVector<f64>>,
     ) -> Result<Solved, SimError> {
-        let problem = SeveralProblem::new(rows.delassus(responses), u_minus, rows.constraints.clone())?
+        let problem = SeveralProblem::from_gram(rows.delassus(responses), u_minus, rows.constraints.clone())?
             .with_free_velocity(u_free)?;
         Ok(law.solve(&problem, &rows.stiffnesses, accuracy, start)?)
     }
@@ -227,7 +227,7 @@ impl<A: Space> Run<'_, '_, A> {
         let u = rows.velocities(v).select_rows(&normals);
         let k = rows.delassus(responses).select_rows(&normals).select_columns(&normals);
         let smooth = vec![Constraint::Stop { restitution: 0.0 }; normals.len()];
-        let apart = SeveralProblem::new(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
+        let apart = SeveralProblem::from_gram(k, u, smooth)?.simultaneous(&ACCURACY, None)?;
         let fastest = -apart.u_plus.min();
         if apart.residual <= UNSOLVED || fastest <= SQUEEZE * moves {
             return Ok(());
