@@ -28,7 +28,7 @@
 use super::events::{Run, TOUCHING, is_reached};
 use super::memory::Memory;
 use super::several::{Closures, push, solved};
-use super::trajectory::{EventKind, StepReason};
+use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
 use crate::motion::{ContactState, Dry, Hold, Lasting, Loads, Motion, Near};
@@ -60,8 +60,6 @@ const SAFE: f64 = 0.9;
 /// The length of a step changes at most by this factor.
 const CHANGE: f64 = 4.0;
 
-/// Impulses that add more than this share of the kinetic energy gain energy: far above the accuracy of the impulses.
-const GAIN: f64 = 1e-6;
 /// Iterations of the implicit midpoint rule for the Coriolis forces; each is exact to one more power of the turn in a step.
 const MIDPOINT: usize = 3;
 

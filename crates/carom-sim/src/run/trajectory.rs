@@ -298,7 +298,15 @@ impl EnergyBooks {
     pub fn error(&self) -> f64 {
         self.end - (self.start + self.drive + self.resistance - self.impacts)
     }
+
+    /// The sum of the sizes of the energies at the start and of all works and losses, J.
+    fn size(&self) -> f64 {
+        self.start.abs() + self.drive.abs() + self.resistance.abs() + self.impacts.abs()
+    }
 }
+
+/// Impulses that add more than this share of the energy gain energy: far above the accuracy of the impulses.
+pub(super) const GAIN: f64 = 1e-6;
 
 /// Share of the energies of a run from which on an error of their balance is told, without time steps and with them: errors of the
 /// velocities by half of it. Integration stays far below the first; time steps do not where they are too long for the motion.
@@ -334,7 +342,7 @@ impl Summary {
             )
         });
         let gained = self.statistics.energy_gained;
-        let gains = (gained > 0.0).then(|| {
+        let gains = (gained > GAIN * self.energy.size()).then(|| {
             format!(
                 "the impulses of time steps have added {gained:.3e} J: their law gains energy at these contacts, choose another law (several), \
                  less restitution or friction, or method = \"events\""
@@ -344,8 +352,7 @@ impl Summary {
     }
 
     fn balance_warning(&self) -> Option<String> {
-        let EnergyBooks { start, drive, resistance, impacts, .. } = self.energy;
-        let (error, scale) = (self.energy.error(), start.abs() + drive.abs() + resistance.abs() + impacts.abs());
+        let (error, scale) = (self.energy.error(), self.energy.size());
         let stepped = self.statistics.contact_steps > 0;
         let changed = if error > 0.0 { "gained" } else { "lost" };
         let help = if stepped { "use shorter time steps (contact_step)" } else { "use a smaller tolerance" };
