@@ -126,9 +126,23 @@ impl<'a, A: Algebra<Scalar = f64, Vector = SVector<f64, D>>, const D: usize> Han
         let force = if least > DOUBTFUL { condition.axes * solution } else { self.least_force(&u) };
         let mut qd_minus = std::mem::take(&mut self.qd_minus);
         respond(&self.response(), &force, &mut qd_minus);
-        self.qd_minus = qd_minus;
         // also false for non-finite values
-        regular || (self.response().velocity(&self.qd_minus) - u).norm() <= ATTAINED * u.norm()
+        let mut attained = regular || self.missed(&u, &qd_minus).norm() <= ATTAINED * u.norm();
+        if !attained {
+            // What is missed may be the rounding of a large q̇⁻: one step of refinement.
+            let more = self.least_force(&self.missed(&u, &qd_minus));
+            let mut change = vec![0.0; qd_minus.len()];
+            respond(&self.response(), &more, &mut change);
+            qd_minus.iter_mut().zip(change).for_each(|(rate, change)| *rate += change);
+            attained = self.missed(&u, &qd_minus).norm() <= ATTAINED * u.norm();
+        }
+        self.qd_minus = qd_minus;
+        attained
+    }
+
+    /// u − J q̇.
+    fn missed(&self, u: &SVector<f64, D>, qd: &[f64]) -> SVector<f64, D> {
+        u - self.response().velocity(qd)
     }
 
     /// H⁺u: the shortest impulse that changes the contact velocity by `u`, as far as impulses can. Axes of the chain.
