@@ -280,9 +280,9 @@ impl Crate {
         arrows
     }
 
-    /// The largest sets of files of which each uses each, directly or through others, if they have more than two
+    /// The largest sets of files of which each uses each, directly or through others, if they have more than `most`
     /// files. Each file is listed with what it uses of the others.
-    fn circles(&self) -> Vec<String> {
+    fn circles(&self, most: usize) -> Vec<String> {
         let mut used: BTreeMap<&Names, BTreeMap<&Names, BTreeSet<&str>>> = BTreeMap::new();
         let arrows = self.arrows();
         for Arrow { from, to, name, .. } in arrows.iter().filter(|arrow| !arrow.reexported) {
@@ -300,7 +300,8 @@ impl Crate {
         let circle = |module| -> BTreeSet<&Names> {
             reach[module].iter().copied().filter(|other| reach[*other].contains(module)).collect()
         };
-        let circles: BTreeSet<BTreeSet<&Names>> = self.0.keys().map(circle).filter(|circle| circle.len() > 2).collect();
+        let circles: BTreeSet<BTreeSet<&Names>> =
+            self.0.keys().map(circle).filter(|circle| circle.len() > most).collect();
         let told = |circle: &BTreeSet<&Names>| {
             let lines = circle.iter().map(|from| {
                 let uses = used[*from].iter().filter(|(to, _)| circle.contains(*to));
@@ -337,12 +338,17 @@ fn crate_at(name: &str) -> Crate {
     Crate::of(&found)
 }
 
+/// Two halves of one idea may use each other, but not in carom-sim, whose files are read in the order of a run.
+fn most(name: &str) -> usize {
+    if name == "carom-sim" { 1 } else { 2 }
+}
+
 #[test]
 fn no_three_files_import_one_another_in_a_circle() {
     let mut told = String::new();
     for folder in read_dir(Path::new(ROOT).join("crates")).unwrap() {
         let name = folder.unwrap().file_name().into_string().unwrap();
-        for circle in crate_at(&name).circles() {
+        for circle in crate_at(&name).circles(most(&name)) {
             told += &format!("{name}: {circle}");
         }
     }
@@ -359,7 +365,7 @@ fn a_circle_is_found_through_groups_reexports_and_paths() {
             ("part/mod.rs", "pub mod c;\npub use c::C;\nfn f(c: C) {}\npub fn mod_free() {}"),
             ("part/c.rs", third),
         ];
-        Crate::of(&texts.map(|(path, text)| (path.to_owned(), text.to_owned()))).circles()
+        Crate::of(&texts.map(|(path, text)| (path.to_owned(), text.to_owned()))).circles(2)
     };
     assert_eq!(circles("pub struct C; pub fn g() {}"), [""; 0]);
     let found = circles("pub struct C; pub fn g(a: &'static super::super::a::A) {}");

@@ -137,3 +137,22 @@ fn a_compliant_contact_keeps_its_force_in_time_steps() {
     assert!((summary.last.q[9] - (0.1 - sunk)).abs() < 1e-3 * sunk, "{:?}", summary.last.q);
     assert!(summary.energy.error().abs() < 1e-3 * summary.energy.start, "{:?}", summary.energy);
 }
+
+/// A balance that does not close is told from a thousandth of the energies on, with time steps from a hundredth; what time steps add, from a
+/// millionth.
+#[test]
+fn a_balance_that_does_not_close_is_told() {
+    let sim = Simulation::new(body(1.0, [1.0; 3], ""), Vec::new());
+    let run = sim.run(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.1).unwrap();
+    let told = |missing: f64, gained: f64, steps: usize| {
+        let mut summary = run.summary.clone();
+        summary.energy.end -= missing * summary.energy.start;
+        (summary.statistics.energy_gained, summary.statistics.contact_steps) = (gained * summary.energy.start, steps);
+        summary.warnings()
+    };
+    assert_eq!((told(0.0, 0.0, 0), told(5e-4, 0.0, 0), told(5e-3, 1e-7, 9)), (vec![], vec![], vec![]));
+    let [exact, stepped, gained] = [told(2e-3, 0.0, 0), told(0.02, 0.0, 9), told(0.0, 1e-5, 9)].map(|all| all.concat());
+    assert!(exact.contains("lost without a cause") && exact.ends_with("use a smaller tolerance"), "{exact}");
+    assert!(stepped.ends_with("use shorter time steps (contact_step)"), "{stepped}");
+    assert!(gained.contains("have added"), "{gained}");
+}

@@ -16,7 +16,6 @@ use super::census::{CENSUSES, LIMIT};
 use super::motions::Answer as Done;
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -111,10 +110,9 @@ pub fn digest(file: &str) -> Done<()> {
     Ok(())
 }
 
+/// FNV-1a: that of the standard library may change with its version.
 fn hash(outcome: &str) -> u64 {
-    let mut hasher = DefaultHasher::new();
-    outcome.hash(&mut hasher);
-    hasher.finish()
+    outcome.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// The largest difference of two outcomes, relative to the numbers or to 1; infinite if their words or lengths differ. Costs do not count.

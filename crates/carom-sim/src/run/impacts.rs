@@ -15,7 +15,6 @@
 
 use super::events::{Run, TOUCHING};
 use super::memory::Class;
-use super::several::push;
 use super::trajectory::{EventKind, StepReason};
 use super::witness::HYSTERESIS;
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
@@ -305,11 +304,6 @@ impl<A: Space> Run<'_, '_, A> {
         struck.push(Struck { touch, approach });
         self.after(&struck, 1e-12 * approach.abs(), &before)?;
         Ok(true)
-    }
-
-    /// Adds the velocities M⁻¹Rᵀp of these impulses on the rows of R.
-    pub fn push(&mut self, responses: &Rows, impulse: &[f64]) {
-        push(&mut self.y[self.motion.sim.chain.nq()..], responses, impulse);
     }
 
     /// The velocities after the impact of one touch at this point, its event and its loss of energy; `others`: the impulses that lasting

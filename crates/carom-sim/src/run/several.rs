@@ -262,6 +262,11 @@ impl<A: Space> Run<'_, '_, A> {
         Ok(true)
     }
 
+    /// Adds the velocities M⁻¹Rᵀp of these impulses on the rows of R.
+    pub fn push(&mut self, responses: &Rows, impulse: &[f64]) {
+        push(&mut self.y[self.motion.sim.chain.nq()..], responses, impulse);
+    }
+
     /// The rows of these touches now, the responses to them, and the rates of the gaps.
     fn closures(&mut self, together: &[usize]) -> Result<(Closures, Rows, Vec<f64>), SimError> {
         let (q, qd) = self.q_qd();

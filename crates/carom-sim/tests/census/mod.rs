@@ -98,7 +98,7 @@ pub const CENSUSES: &[Census] = &[
     Census { name: "energy", few: 64, many: 5000, judge: energy::judge, cases: |seed| vec![energy::case(seed).1] },
     Census {
         name: "locked",
-        few: 44,
+        few: 50,
         many: 4400,
         judge: locked::judge,
         cases: |seed| {
