@@ -15,7 +15,7 @@ mod touch;
 pub(crate) use compliance::Memory;
 pub use compliance::{Compliance, Holding, Yielding};
 pub(crate) use friction::friction_bound;
-pub(crate) use gap::{At, BallOnPlane};
+pub(crate) use gap::{At, BallOnPlane, Place};
 pub use law::ContactLaw;
 pub(crate) use links::{are_disabled, robot_of};
 pub use mode::ContactMode;

@@ -126,7 +126,7 @@ impl Left {
         let own = found.own();
         Some(Self {
             accelerations: basis.rest(&DMatrix::from_columns(&[found.offset()]))?,
-            velocities: basis.rest(&DMatrix::from_columns(&[DVector::from_vec(excess)]))?,
+            velocities: basis.rest(&DMatrix::from_columns(&[excess]))?,
             responses: basis.rest(&DMatrix::from_fn(own.len(), found.free.len(), |i, k| own.row(i)[k]))?,
             largest: found.largest(),
         })

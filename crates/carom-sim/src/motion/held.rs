@@ -24,6 +24,7 @@
 use super::assembled::{Assembled, ConstraintForces, Force};
 use super::equations::Equations;
 use super::lasting::{Dry, Hold, Lasting};
+use super::rows::push;
 use super::smooth::Motion;
 use crate::contact::{At, Memory};
 use crate::error::SimError;
@@ -139,7 +140,7 @@ impl<A: Space> Motion<'_, A> {
                         Some(closed) => closed?,
                         None => numerical.next().unwrap_or_default(),
                     };
-                    found.constraints.add((own, touch), (&at, &view), (qd, time), drift, (noise, locks))?;
+                    found.constraints.add_accelerated((own, touch), (&at, &view), (qd, time), drift, (noise, locks))?;
                 }
             }
         }
@@ -283,9 +284,7 @@ impl<A: Space> Motion<'_, A> {
             joints: vec![0.0; self.dry.len()],
             power: *power,
         };
-        for (response, force) in responses.iter().zip(lambda.iter()) {
-            held.qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
-        }
+        push(held.qdd.as_mut_slice(), responses, lambda.as_slice());
         let (mut rigid, mut pressed) = (constraints.contacts.iter(), found.pressed.iter());
         for own in lasting {
             let force = if own.is_rigid() {

@@ -1,5 +1,6 @@
 //! What lasts between two events: the closed contacts with their modes, and the joints with dry friction.
 
+use crate::contact::Touch;
 use nalgebra::Vector3;
 
 /// A closed contact.
@@ -27,6 +28,18 @@ pub(crate) enum Hold {
 }
 
 impl Lasting {
+    /// A rigid contact that slips in this direction, or rests.
+    pub fn of(touch: usize, of: &Touch, slip: Option<Vector3<f64>>) -> Self {
+        let rough = of.contact.law.friction() > 0.0 && of.link().is_some();
+        let hold = match slip {
+            _ if of.contact.latch => Hold::Latched,
+            _ if !rough => Hold::Slides { toward: Vector3::zeros() },
+            Some(toward) => Hold::Slides { toward },
+            None => Hold::Sticks,
+        };
+        Self { touch, hold }
+    }
+
     /// Whether it is a constraint.
     pub fn is_rigid(&self) -> bool {
         !matches!(self.hold, Hold::Presses { .. })

@@ -24,7 +24,7 @@ pub use free_motion::{free_motion, free_motion_at};
 pub(crate) use groups::{Gaps, Near};
 pub(crate) use held::Loads;
 pub(crate) use lasting::{Dry, DryJoint, Hold, Lasting};
-pub(crate) use rows::{along, direction_of_slip};
+pub(crate) use rows::{Constraints, Contact, Level, direction_of_slip, push};
 pub(crate) use select::Candidate;
 pub(crate) use smooth::{Kept, Motion, bristles};
 pub use unique::NonUnique;

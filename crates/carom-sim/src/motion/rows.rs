@@ -1,20 +1,44 @@
-//! The rows of closed contacts and of joints that dry friction holds, at one state.
+//! The table of the rows of contacts, joint limits and joints with dry friction at one state: the only place that knows which rows each of
+//! them has.
+//!
+//! | mode | rows for velocities and accelerations | force along |
+//! |---|---|---|
+//! | slides | normal | n, with friction n − μ d |
+//! | begins to slide | normal; the tangents apart | n − μ d, with d from the accelerations: `starting.rs` |
+//! | sticks, latched | two tangents and the normal | these rows |
+//! | at a joint limit | that of the coordinate | this row |
+//! | a joint that dry friction holds | that of the coordinate | this row |
+//!
+//! For gaps every contact has its normal row alone.
 
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use crate::contact::{At, Touch};
+use crate::contact::{At, Place, Touch};
 use crate::error::SimError;
-use crate::state::{Space, View};
+use crate::model::Simulation;
+use crate::state::{Basis, ContactImpulse, Space, View};
 use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
-use nalgebra::{Matrix3, Vector2, Vector3};
+use carom_impact::Constraint;
+use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
 use std::ops::Range;
 
-/// Constraints at one state: R q̈ + drift = 0, with forces along the rows F.
+/// What the rows are for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Level {
+    /// Gaps.
+    Positions,
+    /// Velocities and impulses.
+    Velocities,
+}
+
+/// Constraints at one state: of velocities R q̇ = `surface`, of accelerations R q̈ + drift = 0, with forces along the rows F.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Constraints {
     /// R.
     pub rows: Rows,
-    /// F: differs from R where a contact slides with friction.
+    /// The velocity of the surface along each row.
+    pub surface: Vec<f64>,
+    /// F, for accelerations: differs from R where a contact slides with friction.
     pub forces: Rows,
     /// The rows that differ in F and R.
     pub skewed: Vec<usize>,
@@ -30,19 +54,19 @@ pub(crate) struct Constraints {
 /// A rigid contact among the constraints.
 #[derive(Debug, Clone)]
 pub(crate) struct Contact {
-    /// The contact as it was assembled.
+    /// The contact as it was added.
     pub own: Lasting,
     pub rows: Range<usize>,
+    pub gap: f64,
     /// World direction of the force of each row, the last that of the normal (n − μ d if it slides); `None` for a joint limit.
     pub directions: Option<Matrix3<f64>>,
-    /// Unit normal and contact point, world.
+    /// Unit normal and contact point, world; zero for a joint limit.
     pub normal: Vector3<f64>,
     pub position: Vector3<f64>,
-    /// J q̇, m/s.
-    pub velocity: Vector3<f64>,
     /// Velocity of the surface at the contact point, m/s.
     pub surface: Vector3<f64>,
-    /// u̇ at q̈ = 0.
+    /// J q̇, m/s, and u̇ at q̈ = 0, for accelerations.
+    pub velocity: Vector3<f64>,
     pub drift: Vector3<f64>,
 }
 
@@ -60,7 +84,7 @@ impl Contact {
 }
 
 /// The vector with these components along the last columns: three of a contact with tangents, one of the normal alone.
-pub(crate) fn along(directions: &Matrix3<f64>, components: &[f64]) -> Vector3<f64> {
+fn along(directions: &Matrix3<f64>, components: &[f64]) -> Vector3<f64> {
     let skip = 3 - components.len();
     components.iter().enumerate().map(|(k, x)| directions.column(k + skip) * *x).sum()
 }
@@ -113,6 +137,7 @@ impl Constraints {
 
     pub fn clear(&mut self) {
         self.rows.clear();
+        self.surface.clear();
         self.forces.clear();
         self.skewed.clear();
         self.drifts.clear();
@@ -122,107 +147,108 @@ impl Constraints {
         self.joints.clear();
     }
 
-    /// The rows of a rigid contact; none for the limit of a joint that is `locked`. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has
-    /// the direction that it began with.
+    /// The rows R of a rigid contact. `None` in place of a view: the limit of a joint that is locked, which has no row.
+    fn add_rows<A: Space>(
+        &mut self,
+        (own, touch): (&Lasting, &Touch),
+        (at, view): (&At<A>, Option<&View<A>>),
+        time: f64,
+        level: Level,
+    ) -> Result<&mut Contact, SimError> {
+        let first = self.rows.len();
+        let zero = Vector3::zeros();
+        let (mut directions, mut normal, mut position, mut surface) = (None, zero, zero, zero);
+        match (at.surface, view) {
+            (Some(place), Some(view)) => {
+                let axes = z_onto(place.normal);
+                (directions, normal, position) = (Some(axes), place.normal, place.position);
+                surface = touch.surface_velocity(&place, time);
+                let sticks = matches!(own.hold, Hold::Sticks | Hold::Latched);
+                let along = if sticks && matches!(level, Level::Velocities) { 0..3 } else { 2..3 };
+                for axis in along {
+                    place.row_into(view, axes.column(axis).into(), self.rows.add())?;
+                    self.surface.push(axes.column(axis).dot(&surface));
+                }
+            }
+            (None, Some(view)) => {
+                touch.row_into(at, view, self.rows.add())?;
+                self.surface.push(0.0);
+            }
+            (_, None) => {}
+        }
+        let (own, rows, gap) = (*own, first..self.rows.len(), at.gap);
+        let (velocity, drift) = (zero, zero);
+        self.contacts.push(Contact { own, rows, gap, directions, normal, position, surface, velocity, drift });
+        let last = self.contacts.len() - 1;
+        Ok(&mut self.contacts[last])
+    }
+
+    /// A rigid contact, for gaps or velocities.
     pub fn add<A: Space>(
+        &mut self,
+        contact: (&Lasting, &Touch),
+        (at, view): (&At<A>, &View<A>),
+        time: f64,
+        level: Level,
+    ) -> Result<(), SimError> {
+        self.add_rows(contact, (at, Some(view)), time, level).map(|_| ())
+    }
+
+    /// A rigid contact, for accelerations. `drift`: (g̈, u̇) at q̈ = 0. Slip below `noise` has the direction that it began with.
+    pub fn add_accelerated<A: Space>(
         &mut self,
         (own, touch): (&Lasting, &Touch),
         (at, view): (&At<A>, &View<A>),
         (qd, time): (&[f64], f64),
-        drift: (f64, Vector3<f64>),
+        (gap_drift, u_drift): (f64, Vector3<f64>),
         (noise, locked): (f64, bool),
     ) -> Result<(), SimError> {
-        let first = self.rows.len();
-        let (gap_drift, u_drift) = drift;
-        let Some(place) = at.surface else {
-            // A joint that is locked has no row.
-            if !locked {
-                touch.row_into(at, view, self.rows.add())?;
-                self.forces.add().copy_from_slice(self.rows.row(first));
-                self.drifts.push(gap_drift);
-            }
-            let zero = Vector3::zeros();
-            self.contacts.push(Contact {
-                own: *own,
-                rows: first..self.rows.len(),
-                directions: None,
-                normal: zero,
-                position: zero,
-                velocity: zero,
-                surface: zero,
-                drift: zero,
-            });
-            return Ok(());
-        };
-        let normal = place.normal;
-        let velocity = place.velocity(view, qd)?;
-        let surface = touch.surface_velocity(&place, time);
-        let u = velocity - surface;
-        let mut directions = z_onto(normal);
-        if let Hold::Slides { toward } = own.hold {
-            let mu = touch.contact.law.friction();
-            place.row_into(view, normal, self.rows.add())?;
-            if mu > 0.0 {
-                let d = lasting_direction(u, normal, toward, noise);
-                directions.set_column(2, &(normal - d * mu));
-                place.row_into(view, directions.column(2).into(), self.forces.add())?;
-                self.skewed.push(first);
-            } else {
-                self.forces.add().copy_from_slice(self.rows.row(first));
-            }
-            self.drifts.push(gap_drift);
-        } else if let Hold::Starts { toward } = own.hold {
-            let friction = touch.contact.law.friction();
-            place.row_into(view, normal, self.rows.add())?;
-            self.forces.add().copy_from_slice(self.rows.row(first));
-            self.drifts.push(gap_drift);
-            for axis in 0..2 {
-                place.row_into(view, directions.column(axis).into(), self.tangents.add())?;
-            }
-            let along = |x: &Vector3<f64>| (directions.transpose() * x).xy();
-            let (row, contact, axes) = (first, self.contacts.len(), directions);
-            let (drift, toward) = (along(&u_drift), along(&toward).normalize());
-            self.starts.push(Start { contact, row, friction, axes, along: toward, drift });
-            self.skewed.push(first);
-        } else {
-            for axis in directions.column_iter() {
-                place.row_into(view, axis.into(), self.rows.add())?;
-                self.forces.add().copy_from_slice(self.rows.row(self.rows.len() - 1));
-                self.drifts.push(axis.dot(&u_drift));
-            }
-            // The curvature of gap and surface.
-            if let Some(last) = self.drifts.last_mut() {
-                *last = gap_drift;
-            }
+        let view_of_row = (at.surface.is_some() || !locked).then_some(view);
+        let added = self.add_rows((own, touch), (at, view_of_row), time, Level::Velocities)?;
+        let rows = added.rows.clone();
+        if let Some(place) = at.surface {
+            (added.velocity, added.drift) = (place.velocity(view, qd)?, u_drift);
         }
-        let rows = first..self.rows.len();
-        let (directions, position) = (Some(directions), place.position);
-        self.contacts.push(Contact {
-            own: *own,
-            rows,
-            directions,
-            normal,
-            position,
-            velocity,
-            surface,
-            drift: u_drift,
-        });
-        Ok(())
+        let (u, axes) = (added.velocity - added.surface, added.directions);
+        for row in rows.clone() {
+            self.forces.add().copy_from_slice(self.rows.row(row));
+        }
+        if let (Some(axes), 3) = (axes, rows.len()) {
+            self.drifts.extend(axes.columns(0, 2).column_iter().map(|axis| axis.dot(&u_drift)));
+        }
+        // The normal: the curvature of gap and surface.
+        self.drifts.resize(rows.end, gap_drift);
+        let friction = touch.contact.law.friction();
+        match (own.hold, at.surface, axes) {
+            (Hold::Slides { toward }, Some(place), _) if friction > 0.0 => {
+                let d = lasting_direction(u, place.normal, toward, noise);
+                self.skew(&place, view, place.normal - d * friction)
+            }
+            (Hold::Starts { toward }, Some(place), Some(axes)) => {
+                for axis in 0..2 {
+                    place.row_into(view, axes.column(axis).into(), self.tangents.add())?;
+                }
+                let along = |x: &Vector3<f64>| (axes.transpose() * x).xy();
+                let (row, contact) = (rows.start, self.contacts.len() - 1);
+                let (drift, along) = (along(&u_drift), along(&toward).normalize());
+                self.starts.push(Start { contact, row, friction, axes, along, drift });
+                self.skewed.push(row);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
     }
 
-    /// R q̇ less the velocities of the surfaces: what the constraints make zero.
-    pub fn excess(&self, qd: &[f64]) -> Vec<f64> {
-        let mut excess: Vec<f64> = (0..self.rows.len()).map(|i| self.rows.dot(i, qd)).collect();
-        for contact in &self.contacts {
-            let Some(directions) = &contact.directions else { continue };
-            let own = &mut excess[contact.rows.clone()];
-            let last = own.len() - 1;
-            own[last] -= contact.normal.dot(&contact.surface);
-            for (k, excess) in own[..last].iter_mut().enumerate() {
-                *excess -= directions.column(k).dot(&contact.surface);
-            }
+    /// The force of the last contact, which has one row, is along this direction.
+    fn skew<A: Space>(&mut self, place: &Place<A>, view: &View<A>, direction: Vector3<f64>) -> Result<(), SimError> {
+        let row = self.rows.len() - 1;
+        self.skewed.push(row);
+        if let Some(directions) = self.contacts.last_mut().and_then(|contact| contact.directions.as_mut()) {
+            directions.set_column(2, &direction);
         }
-        excess
+        let Some(force) = self.forces.iter_mut().nth(row) else { return Ok(()) };
+        force.fill(0.0);
+        place.row_into(view, direction, force)
     }
 
     /// The rows of the joints that dry friction holds.
@@ -231,8 +257,73 @@ impl Constraints {
             for rows in [&mut self.rows, &mut self.forces] {
                 rows.add()[joint.v] = 1.0;
             }
+            self.surface.push(0.0);
             self.drifts.push(0.0);
             self.joints.push(k);
         }
+    }
+
+    /// R q̇ less the velocities of the surfaces: what the constraints make zero.
+    pub fn excess(&self, qd: &[f64]) -> DVector<f64> {
+        DVector::from_fn(self.rows.len(), |i, _| self.rows.dot(i, qd) - self.surface[i])
+    }
+
+    /// R M⁻¹Rᵀ, from the responses M⁻¹Rᵀ: both triangles from one product, exactly symmetric.
+    pub fn gram(&self, responses: &Rows) -> DMatrix<f64> {
+        let m = self.rows.len();
+        DMatrix::from_fn(m, m, |i, j| self.rows.dot(i.min(j), responses.row(i.max(j))))
+    }
+
+    /// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
+    pub fn least(&self, responses: &Rows, errors: &[f64]) -> Vec<f64> {
+        let basis = Basis::of(&self.rows.times(responses));
+        let wanted = DMatrix::from_fn(basis.rows.len(), 1, |i, _| errors[basis.rows[i]]);
+        let mut x = vec![0.0; responses.iter().next().map_or(0, <[f64]>::len)];
+        for (row, force) in basis.rows.iter().zip(basis.solve(&wanted).unwrap_or_default().iter()) {
+            x.iter_mut().zip(responses.row(*row)).for_each(|(x, response)| *x += force * response);
+        }
+        x
+    }
+
+    /// The laws of the rows in a complementarity problem: of forces and accelerations, or of impulses and velocities, over a time `span` (1
+    /// for forces) in which the force of dry friction has a bound. `elastic`: with the coefficients of restitution.
+    pub fn laws(&self, sim: &Simulation, dry: &[DryJoint], span: f64, elastic: bool) -> Vec<Constraint> {
+        let mut laws = Vec::new();
+        for contact in &self.contacts {
+            let law = &sim.touches[contact.own.touch].contact.law;
+            let restitution = if elastic { law.restitution() } else { 0.0 };
+            match contact.own.hold {
+                Hold::Latched => laws.extend(contact.rows.clone().map(|_| Constraint::Held)),
+                _ if contact.rows.len() == 3 => {
+                    laws.push(Constraint::Contact { restitution, friction: law.friction() })
+                }
+                _ => laws.push(Constraint::Stop { restitution }),
+            }
+        }
+        laws.extend(self.joints.iter().map(|&k| Constraint::Dry { bound: dry[k].friction * span }));
+        laws
+    }
+
+    /// The stiffness of each of these [laws](Self::laws) relative to the others.
+    pub fn stiffnesses(&self, sim: &Simulation) -> Vec<f64> {
+        let of = |contact: &Contact| {
+            let laws = if contact.own.hold == Hold::Latched { contact.rows.len() } else { 1 };
+            std::iter::repeat_n(sim.touches[contact.own.touch].contact.relative_stiffness, laws)
+        };
+        self.contacts.iter().flat_map(of).chain(self.joints.iter().map(|_| 1.0)).collect()
+    }
+
+    /// The contact impulses, world axes, of these impulses on the rows.
+    pub fn impulses(&self, impulse: &[f64]) -> Vec<ContactImpulse> {
+        let surfaces = self.contacts.iter().filter(|contact| contact.directions.is_some());
+        let one = |it: &Contact| ContactImpulse { touch: it.own.touch, point: it.position, impulse: it.force(impulse) };
+        surfaces.map(one).collect()
+    }
+}
+
+/// Adds the velocities M⁻¹Fᵀp, or accelerations M⁻¹Fᵀλ, from the responses M⁻¹Fᵀ.
+pub(crate) fn push(v: &mut [f64], responses: &Rows, p: &[f64]) {
+    for (response, p) in responses.iter().zip(p) {
+        v.iter_mut().zip(response).for_each(|(v, x)| *v += x * p);
     }
 }

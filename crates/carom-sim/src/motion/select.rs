@@ -18,12 +18,12 @@ use super::assembled::Assembled;
 use super::equations::Equations;
 use super::held::Detail;
 use super::lasting::{Dry, Hold, Lasting};
-use super::rows::direction_of_slip;
+use super::rows::{direction_of_slip, push};
 use super::smooth::Motion;
 use crate::contact::UNSOLVED;
 use crate::error::SimError;
 use crate::state::{Basis, Space};
-use carom_impact::{Accuracy, Constraint, SeveralProblem};
+use carom_impact::{Accuracy, SeveralProblem};
 use nalgebra::{DVector, Vector3};
 use std::cell::OnceCell;
 use std::ops::Range;
@@ -161,18 +161,7 @@ impl<A: Space> Motion<'_, A> {
     /// The entry of a candidate in the complementarity problem.
     pub fn entry(&self, candidate: &Candidate) -> Lasting {
         let Candidate { touch, slip, kept } = *candidate;
-        if let Some(kept) = kept {
-            return kept;
-        }
-        let rule = &self.sim.touches[touch].contact;
-        let rough = rule.law.friction() > 0.0 && self.sim.touches[touch].link().is_some();
-        let hold = match slip {
-            _ if rule.latch => Hold::Latched,
-            _ if !rough => Hold::Slides { toward: Vector3::zeros() },
-            Some(toward) => Hold::Slides { toward },
-            None => Hold::Sticks,
-        };
-        Lasting { touch, hold }
+        kept.unwrap_or_else(|| Lasting::of(touch, &self.sim.touches[touch], slip))
     }
 
     /// The solution of the complementarity problem; `None` if none was found. `start`: forces that may be near it.
@@ -191,21 +180,7 @@ impl<A: Space> Motion<'_, A> {
         let entries: Vec<Lasting> = entries.iter().map(at_rest).collect();
         self.assemble((time, y), &entries, Detail::ROWS, found)?;
         let (delassus, free) = (found.delassus(), found.offset());
-        let mut constraints = Vec::new();
-        for own in found.constraints.contacts.iter().map(|contact| contact.own) {
-            let touch = &self.sim.touches[own.touch];
-            match own.hold {
-                Hold::Sticks => {
-                    constraints.push(Constraint::Contact { restitution: 0.0, friction: touch.contact.law.friction() });
-                }
-                Hold::Latched if touch.link().is_some() => constraints.extend([Constraint::Held; 3]),
-                Hold::Latched => constraints.push(Constraint::Held),
-                _ => constraints.push(Constraint::Stop { restitution: 0.0 }),
-            }
-        }
-        for &k in &found.constraints.joints {
-            constraints.push(Constraint::Dry { bound: self.dry[k].friction });
-        }
+        let constraints = found.constraints.laws(self.sim, &self.dry, 1.0, false);
         let problem = SeveralProblem::of_accelerations(delassus.clone(), free.clone(), constraints)?;
         let held = if start.is_none() { self.all_held(found, &free) } else { None };
         let start = start.or(held.as_ref()).filter(|start| start.len() == free.len());
@@ -215,9 +190,7 @@ impl<A: Space> Motion<'_, A> {
             return Ok(None);
         }
         let mut qdd = found.free.clone();
-        for (response, force) in found.responses.iter().zip(outcome.impulse.iter()) {
-            qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
-        }
+        push(qdd.as_mut_slice(), &found.responses, outcome.impulse.as_slice());
         let acceleration = &free + &delassus * &outcome.impulse;
         let largest = found.largest();
         let mobility = delassus.diagonal().amax().max(f64::MIN_POSITIVE);

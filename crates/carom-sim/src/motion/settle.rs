@@ -4,12 +4,12 @@
 use super::assembled::Assembled;
 use super::held::Detail;
 use super::lasting::{Dry, DryJoint, Hold, Lasting};
-use super::rows::direction_of_slip;
+use super::rows::{Constraints, Level, direction_of_slip, push};
 use super::select::Candidate;
 use super::smooth::{Kept, Motion};
 use crate::contact::{APART, Touch};
 use crate::error::SimError;
-use crate::state::{Basis, Space};
+use crate::state::{Space, View};
 use carom_chain::Rows;
 use nalgebra::{DMatrix, DVector};
 
@@ -28,79 +28,44 @@ impl<A: Space> Motion<'_, A> {
     /// Sets the gaps and the normal velocities of these contacts to zero, the slip of those that stick, and the velocities of
     /// joints held by dry friction. Returns whether the state changed.
     pub fn project(&mut self, lasting: &[Lasting], time: f64, y: &mut [f64]) -> Result<bool, SimError> {
-        let sim = self.sim;
-        let (nq, nv) = (sim.chain.nq(), sim.chain.nv());
+        let (nq, nv) = (self.sim.chain.nq(), self.sim.chain.nv());
         let rigid = || lasting.iter().filter(|own| own.is_rigid());
         let mut changed = self.close_loops(y)?;
         if rigid().next().is_none() && !self.dry.iter().any(|joint| joint.state == Dry::Holds) {
             return Ok(changed);
         }
-        // The gaps.
-        let q = y[..nq].to_vec();
-        let mut rows = Rows::new(nv);
-        let mut errors = Vec::new();
-        let mut view = self.view(&q)?;
-        for own in rigid() {
-            let touch = &sim.touches[own.touch];
-            let at = touch.at(&view, &q, time);
-            if at.gap >= APART {
-                continue; // parts that no longer face each other
+        // The velocities at the new configuration.
+        for level in [Level::Positions, Level::Velocities] {
+            let (q, qd) = (y[..nq].to_vec(), y[nq..nq + nv].to_vec());
+            let Self { sim, model, workspace, couplings, dry, .. } = self;
+            let mut view = View::closed_by(*model, workspace, &q, couplings)?;
+            let (mut table, mut responses) = (Constraints::new(nv), Rows::new(nv));
+            for own in rigid() {
+                let touch = &sim.touches[own.touch];
+                let at = touch.at(&view, &q, time);
+                // Not parts that no longer face each other.
+                if at.gap < APART {
+                    table.add((own, touch), (&at, &view), time, level)?;
+                }
             }
-            touch.row_into(&at, &view, rows.add())?;
-            errors.push(at.gap);
-        }
-        let mut responses = Rows::new(nv);
-        if errors.iter().any(|gap| gap.abs() > ROUNDING) {
-            view.respond(&rows, &mut responses)?;
-            let back = least(&rows, &responses, &errors);
-            let moved = sim.chain.integrate(&q, back.as_slice(), -1.0)?;
-            y[..nq].copy_from_slice(&moved);
-            changed = true;
-        }
-        // The velocities, at the new configuration.
-        let (q, qd) = (y[..nq].to_vec(), y[nq..nq + nv].to_vec());
-        let dry = std::mem::take(&mut self.dry);
-        let mut view = self.view(&q)?;
-        rows.clear();
-        errors.clear();
-        for own in rigid() {
-            let touch = &sim.touches[own.touch];
-            let at = touch.at(&view, &q, time);
-            if at.gap >= APART {
+            let errors = match level {
+                Level::Positions => table.contacts.iter().map(|contact| contact.gap).collect(),
+                Level::Velocities => {
+                    table.hold(dry);
+                    table.excess(&qd).as_slice().to_vec()
+                }
+            };
+            if errors.iter().all(|error| error.abs() <= ROUNDING) {
                 continue;
             }
-            match (at.surface, own.hold) {
-                (Some(place), Hold::Sticks | Hold::Latched) => {
-                    let u = touch.u(&place, &view, &qd, time)?;
-                    for k in 0..3 {
-                        let mut axis = nalgebra::Vector3::zeros();
-                        axis[k] = 1.0;
-                        place.row_into(&view, axis, rows.add())?;
-                        errors.push(u[k]);
-                    }
-                }
-                _ => {
-                    touch.row_into(&at, &view, rows.add())?;
-                    errors.push(touch.rate(&at, &view, &qd, time)?);
-                }
+            changed = true;
+            view.respond(&table.rows, &mut responses)?;
+            let back = table.least(&responses, &errors);
+            match level {
+                Level::Positions => y[..nq].copy_from_slice(&sim.chain.integrate(&q, &back, -1.0)?),
+                Level::Velocities => y[nq..nq + nv].iter_mut().zip(&back).for_each(|(v, x)| *v -= x),
             }
         }
-        for joint in dry.iter().filter(|joint| joint.state == Dry::Holds) {
-            rows.add()[joint.v] = 1.0;
-            errors.push(qd[joint.v]);
-        }
-        let done = if errors.iter().any(|u| u.abs() > ROUNDING) {
-            let responded = view.respond(&rows, &mut responses);
-            responded.map(|()| {
-                let jump = least(&rows, &responses, &errors);
-                y[nq..nq + nv].iter_mut().zip(jump.iter()).for_each(|(v, x)| *v -= x);
-                changed = true;
-            })
-        } else {
-            Ok(())
-        };
-        self.dry = dry;
-        done?;
         Ok(changed)
     }
 
@@ -116,12 +81,10 @@ impl<A: Space> Motion<'_, A> {
         let done = self.assemble((time, y), &entries, Detail::ROWS, &mut found).and_then(|()| {
             let nq = self.sim.chain.nq();
             let qd = &mut y[nq..nq + self.sim.chain.nv()];
-            let excess = DVector::from_vec(found.constraints.excess(qd));
+            let excess = found.constraints.excess(qd);
             let equations = self.equations(time, &found)?;
             let impulses = equations.and_then(|it| it.solve(&-excess)).ok_or_else(|| self.jam(time, &found, 0))?;
-            for (response, impulse) in found.responses.iter().zip(impulses.iter()) {
-                qd.iter_mut().zip(response).for_each(|(v, x)| *v += impulse * x);
-            }
+            push(qd, &found.responses, impulses.as_slice());
             Ok(())
         });
         self.assembled = found;
@@ -288,16 +251,4 @@ impl<A: Space> Motion<'_, A> {
         y[nq..nq + nv].iter_mut().zip(qdd.iter()).for_each(|(v, a)| *v += a * span);
         Ok(())
     }
-}
-
-/// The smallest change x of velocities, in the metric of M, with R x = `errors`: M⁻¹Rᵀ π on independent rows.
-fn least(rows: &Rows, responses: &Rows, errors: &[f64]) -> DVector<f64> {
-    let basis = Basis::of(&rows.times(responses));
-    let wanted = DMatrix::from_fn(basis.rows.len(), 1, |i, _| errors[basis.rows[i]]);
-    let nv = responses.iter().next().map_or(0, <[f64]>::len);
-    let mut x = DVector::zeros(nv);
-    for (i, force) in basis.rows.iter().zip(basis.solve(&wanted).unwrap_or_default().iter()) {
-        x.iter_mut().zip(responses.row(*i)).for_each(|(x, response)| *x += force * response);
-    }
-    x
 }

@@ -15,7 +15,7 @@
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
-use super::rows::Constraints;
+use super::rows::{Constraints, push};
 use super::smooth::Motion;
 use crate::error::SimError;
 use crate::state::Space;
@@ -49,7 +49,7 @@ impl<A: Space> Motion<'_, A> {
             let lambda =
                 equations.as_mut().and_then(|it| it.forces(&wanted)).ok_or_else(|| self.jam(time, found, 0))?;
             let mut qdd = found.free.clone();
-            add(&mut qdd, found, &lambda);
+            push(qdd.as_mut_slice(), &found.responses, lambda.as_slice());
             let (slips, sizes): (Vec<_>, Vec<_>) = (0..count).map(|i| found.slip_acceleration(i, &qdd)).unzip();
             let starts = &found.constraints.starts;
             let left = DVector::from_fn(count, |i, _| slips[i].dot(&across(starts[i].along)));
@@ -70,7 +70,8 @@ impl<A: Space> Motion<'_, A> {
                     found.constraints.rows.iter().map(|row| dot(row, turned.as_slice())).collect::<Vec<_>>().into();
                 let mut change = turned;
                 let forces = equations.as_ref().and_then(|it| it.solve(&-held));
-                add(&mut change, found, &forces.ok_or_else(|| self.jam(time, found, 0))?);
+                let forces = forces.ok_or_else(|| self.jam(time, found, 0))?;
+                push(change.as_mut_slice(), &found.responses, forces.as_slice());
                 for i in 0..count {
                     let moved = found.tangents(i, change.as_slice());
                     slope[(i, j)] = moved.dot(&across(starts[i].along));
@@ -135,13 +136,6 @@ const STARTS: f64 = 1.0;
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Adds M⁻¹Fᵀλ.
-fn add(qdd: &mut DVector<f64>, found: &Assembled, lambda: &DVector<f64>) {
-    for (response, force) in found.responses.iter().zip(lambda.iter()) {
-        qdd.iter_mut().zip(response).for_each(|(qdd, x)| *qdd += force * x);
-    }
 }
 
 impl Assembled {

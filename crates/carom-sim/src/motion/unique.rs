@@ -16,7 +16,7 @@
 
 use super::assembled::Assembled;
 use super::lasting::{Hold, Lasting};
-use super::rows::Contact;
+use super::rows::{Contact, push};
 use super::select::Solution;
 use super::smooth::Motion;
 use crate::contact::UNSOLVED;
@@ -128,9 +128,7 @@ impl<A: Space> Motion<'_, A> {
                 continue;
             }
             let mut change = DVector::<f64>::zeros(found.free.len());
-            for (response, force) in found.responses.iter().zip((other.impulse - &solution.force).iter()) {
-                change.iter_mut().zip(response).for_each(|(a, x)| *a += force * x);
-            }
+            push(change.as_mut_slice(), &found.responses, (other.impulse - &solution.force).as_slice());
             if found.constraints.rows.iter().chain(found.constraints.forces.iter()).any(|row| {
                 let a: f64 = row.iter().zip(change.iter()).map(|(r, a)| r * a).sum();
                 a.abs() > DIFFER * largest

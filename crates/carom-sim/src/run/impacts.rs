@@ -20,9 +20,8 @@ use super::witness::HYSTERESIS;
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
-use crate::motion::{Candidate, Hold, Lasting, Near, direction_of_slip};
+use crate::motion::{Candidate, Hold, Lasting, Near, direction_of_slip, push};
 use crate::state::{ContactImpulse, Space};
-use carom_chain::Rows;
 use carom_chain::algebra::z_onto;
 use carom_contact::Met;
 use carom_impact::{Flags, Frictionless, ImpactProblem, Law};
@@ -256,11 +255,12 @@ impl<A: Space> Run<'_, '_, A> {
                 self.book_single((touch, place.position), hit, &qd_plus, Vec::new())?;
             }
             (None, joint) => {
-                let (mut row, mut response) = (Rows::new(qd.len()), Rows::default());
-                one.row_into(&at, &view, row.add())?;
-                view.respond(&row, &mut response)?;
-                let impulse = -(1.0 + one.contact.law.restitution()) * approach / row.dot(0, response.row(0));
-                self.push(&response, &[impulse]);
+                let (table, response, _) = self.closed_rows(&[touch])?;
+                if table.rows.is_empty() {
+                    return self.resettle(&[], &before); // loops lock the joint
+                }
+                let impulse = -(1.0 + one.contact.law.restitution()) * approach / table.rows.dot(0, response.row(0));
+                push(&mut self.y[q.len()..], &response, &[impulse]);
                 let kind = EventKind::Limit { touch, joint: joint.unwrap_or_default().to_owned(), impulse };
                 self.book(kind, &[touch], Vec::new(), &before)?;
             }

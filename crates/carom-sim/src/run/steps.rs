@@ -27,15 +27,14 @@
 
 use super::events::{Run, TOUCHING, is_reached};
 use super::memory::Memory;
-use super::several::{Closures, push, solved};
 use super::trajectory::{EventKind, GAIN, StepReason};
 use crate::contact::{ContactMode, SeveralLaw, Touch};
 use crate::error::SimError;
-use crate::motion::{ContactState, Dry, Hold, Lasting, Loads, Motion, Near};
+use crate::motion::{Constraints, Contact, ContactState, Dry, Hold, Lasting, Level, Loads, Motion, Near, push};
 use crate::state::{Loops, Space, View};
 use carom_chain::{ChainError, Rows};
 use carom_impact::{Accuracy, Constraint, Flags};
-use nalgebra::{DVector, Vector3};
+use nalgebra::{Cholesky, DVector, Dyn, Vector3};
 
 /// Accuracy of the impulses of a time step: far below the error of time stepping.
 const ACCURACY: Accuracy = Accuracy { tolerance: 1e-10, max_iterations: 5000 };
@@ -339,48 +338,44 @@ impl<A: Space> Run<'_, '_, A> {
             mean = (&v + &free) * 0.5;
         }
 
-        let mut rows = Closures::new(sim.chain.nv());
+        let mut table = Constraints::new(nv);
         for k in near.near(&view, (&middle, &qd), middle_time, TOUCHING)? {
             let touch = &sim.touches[k];
             if touch.is_compliant() {
                 continue;
             }
             for at in touch.points(&view, &middle, middle_time, TOUCHING) {
-                rows.add(k, touch, &at, &mut view, middle_time)?;
+                if touch.moves(&at, &mut view)? {
+                    table.add((&Lasting::of(k, touch, None), touch), (&at, &view), middle_time, Level::Velocities)?;
+                }
             }
         }
-        let open = rows.rows.is_empty();
-        for joint in &dry {
-            rows.rows.add()[joint.v] = 1.0;
-            rows.surface.push(0.0);
-            rows.constraints.push(Constraint::Dry { bound: joint.friction * step });
-            rows.stiffnesses.push(1.0);
-        }
+        let open = table.rows.is_empty();
+        table.hold(&dry);
         let mut next = free.clone();
         let mut fall = 0.0_f64;
-        if !rows.rows.is_empty() {
-            let mut responses = solved(&inertia, &rows.rows);
+        if !table.rows.is_empty() {
+            let mut responses = solved(&inertia, &table.rows);
             if let Some(closed) = &closed {
-                rows.rows
-                    .iter()
-                    .zip(responses.iter_mut())
-                    .for_each(|(row, response)| closed.bind_response(row, response));
+                let rows = table.rows.iter().zip(responses.iter_mut());
+                rows.for_each(|(row, response)| closed.bind_response(row, response));
             }
-            let (u_minus, u_free) = (rows.velocities(&qd), rows.velocities(free.as_slice()));
-            fall = (&u_minus - &u_free).amax() * step;
-            let guess = rows.guess(&self.stepped, step);
-            let outcome = self.solve(&rows, &responses, u_minus, u_free, (sim.several, &ACCURACY), Some(&guess))?;
+            let u = [table.excess(&qd), table.excess(free.as_slice())];
+            fall = (&u[0] - &u[1]).amax() * step;
+            let (guess, laws) = (guess(&table, &self.stepped, step), table.laws(sim, &dry, step, true));
+            let law = (sim.several, &ACCURACY);
+            let outcome = self.solve((&table, &responses, laws), u.each_ref(), law, Some(&guess))?;
             self.statistics.worst_residual = self.statistics.worst_residual.max(outcome.residual);
             push(next.as_mut_slice(), &responses, outcome.impulse.as_slice());
-            self.refuse_squeeze((&rows, &responses), outcome.residual, next.as_slice())?;
+            self.refuse_squeeze((&table, &responses), outcome.residual, next.as_slice())?;
             let open = outcome.flags.contains(Flags::NON_UNIQUE);
             self.statistics.non_unique_time += if open { step } else { 0.0 };
             // ½ (u⁻ + u⁺)·p, the work of the impulses on the robot: exact for the jump of q̇ at the mass matrix of the middle.
             let mean = (&v + &next) * 0.5;
             let work: f64 =
-                outcome.impulse.iter().enumerate().map(|(i, p)| p * rows.rows.dot(i, mean.as_slice())).sum();
+                outcome.impulse.iter().enumerate().map(|(i, p)| p * table.rows.dot(i, mean.as_slice())).sum();
             self.lost -= work;
-            let still = rows.surface.iter().all(|speed| *speed == 0.0);
+            let still = table.surface.iter().all(|speed| *speed == 0.0);
             let mut flags = if open { Flags::NON_UNIQUE } else { Flags::NONE };
             let twice = |v: &DVector<f64>| v.dot(&(&mass * v));
             // Impulses of support work as well, while a body still moves up.
@@ -388,7 +383,7 @@ impl<A: Space> Run<'_, '_, A> {
                 flags |= Flags::ENERGY_GAIN;
                 self.statistics.energy_gained += work;
             }
-            told.extend(rows.contact_states(&outcome.impulse, step, flags));
+            told.extend(contact_states(&table, outcome.impulse.as_slice(), step, flags));
         }
         // Drive and resistance work at the mean velocity, as the impulses do.
         let mean = qd.iter().zip(&next).map(|(before, after)| 0.5 * (before + after));
@@ -443,29 +438,64 @@ impl<A: Space> Run<'_, '_, A> {
         let sim = self.motion.sim;
         let (q, qd) = self.q_qd();
         let time = self.time;
-        let mut rows = Closures::new(sim.chain.nv());
+        let (mut table, mut responses) = (Constraints::new(qd.len()), Rows::default());
         let Motion { model, workspace, couplings, gaps: near, .. } = &mut self.motion;
         let mut view = View::closed_by(*model, workspace, &q, couplings)?;
-        let mut gaps = Vec::new();
-        let rigid = |touch: &&Touch| !touch.is_compliant();
-        for touch in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().map(|k| &sim.touches[k]).filter(rigid) {
+        for k in near.near(&view, (&q, &qd), time, 0.0)?.into_iter().filter(|k| !sim.touches[*k].is_compliant()) {
+            let touch = &sim.touches[k];
             for at in touch.points(&view, &q, time, 0.0) {
-                touch.row_into(&at, &view, rows.rows.add())?;
-                rows.constraints.push(Constraint::Stop { restitution: 0.0 });
-                gaps.push(at.gap + allowed);
+                table.add((&Lasting::of(k, touch, None), touch), (&at, &view), time, Level::Positions)?;
             }
         }
-        if gaps.iter().all(|gap| *gap > -OVERLAP) {
+        if table.contacts.iter().all(|contact| contact.gap + allowed > -OVERLAP) {
             return Ok(());
         }
-        let mut responses = Rows::default();
-        view.respond(&rows.rows, &mut responses)?;
-        let gaps = DVector::from_vec(gaps);
-        let outcome = self.solve(&rows, &responses, gaps.clone(), gaps, (SeveralLaw::Moreau, &ACCURACY), None)?;
-        let mut back = vec![0.0; sim.chain.nv()];
+        view.respond(&table.rows, &mut responses)?;
+        let gaps = DVector::from_fn(table.contacts.len(), |i, _| table.contacts[i].gap + allowed);
+        let laws = vec![Constraint::Stop { restitution: 0.0 }; gaps.len()];
+        let law = (SeveralLaw::Moreau, &ACCURACY);
+        let outcome = self.solve((&table, &responses, laws), [&gaps, &gaps], law, None)?;
+        let mut back = vec![0.0; qd.len()];
         push(&mut back, &responses, outcome.impulse.as_slice());
         let moved = sim.chain.integrate(&q, &back, 1.0)?;
         self.y[..q.len()].copy_from_slice(&moved);
         Ok(())
     }
+}
+
+/// The contacts of a time step of this length with these impulses and flags.
+fn contact_states(table: &Constraints, impulse: &[f64], step: f64, flags: Flags) -> Vec<ContactState> {
+    let state = |contact: &Contact| ContactState {
+        touch: contact.own.touch,
+        mode: ContactMode::Stepping,
+        point: contact.position,
+        normal: contact.normal,
+        gap: contact.gap,
+        force: contact.force(impulse) / step,
+        normal_force: impulse[contact.rows.end - 1] / step,
+        flags,
+    };
+    table.contacts.iter().map(state).collect()
+}
+
+/// Impulses of a time step of this length by the forces of the step before, where a contact had one.
+fn guess(table: &Constraints, before: &[ContactState], step: f64) -> DVector<f64> {
+    let mut guess = DVector::zeros(table.rows.len());
+    for contact in &table.contacts {
+        let Some(state) = before.iter().find(|state| state.touch == contact.own.touch) else { continue };
+        guess[contact.rows.end - 1] = state.normal_force * step;
+        if let (Some(axes), 3) = (&contact.directions, contact.rows.len()) {
+            guess.rows_mut(contact.rows.start, 3).copy_from(&(axes.tr_mul(&state.force) * step));
+        }
+    }
+    guess
+}
+
+/// The solutions for these rows, as rows.
+fn solved(inertia: &Cholesky<f64, Dyn>, rows: &Rows) -> Rows {
+    let mut responses = Rows::new(inertia.l_dirty().nrows());
+    for row in rows.iter() {
+        responses.add().copy_from_slice(inertia.solve(&DVector::from_column_slice(row)).as_slice());
+    }
+    responses
 }
