@@ -1,10 +1,10 @@
 //! The passage of a mechanism with loops through a pose at which it could branch: see `leap.rs`.
 
 use super::events::{Run, TOUCHING};
+use super::guarded::Guarded;
 use super::leap::{LEAST, Leap, NODES, PAST};
 use super::leg::{Accuracy, pass};
 use super::trajectory::Segment;
-use super::watch::Watched;
 use crate::error::SimError;
 use crate::motion::Lasting;
 use crate::state::Space;
@@ -70,7 +70,7 @@ impl<A: Space> Run<'_, '_, A> {
         };
         let (from, past) = (self.time, PAST * leap);
         let mut states = Vec::with_capacity(NODES);
-        let mut flow = Watched::new(&mut self.motion, (from, f64::INFINITY), &self.y)?;
+        let mut flow = Guarded::new(&mut self.motion, (from, f64::INFINITY), &self.y)?;
         let (mut time, mut y) = (from, self.y.clone());
         for k in 0..NODES {
             let node = Leap::node(from, past, k);

@@ -2,15 +2,14 @@
 //! differentiates.
 
 use super::events::{Ending, Run};
+use super::guard::{Guard, GuardValue, Is, look};
 use super::memory::Memory;
-use super::watch::{Watch, look};
-use super::witness::Witness;
 use crate::error::SimError;
 use crate::motion::Kept;
 use crate::state::Space;
 use nalgebra::DVector;
 
-/// Step of the differences of witness functions.
+/// Step of the differences of guards.
 pub(crate) const WIDE: f64 = 1e-4;
 
 /// The end of a leg, before its event.
@@ -20,8 +19,8 @@ pub(crate) struct Before {
     /// f⁻.
     pub f: DVector<f64>,
     pub ending: Ending,
-    /// The witness that fired, and its rate.
-    pub watch: Option<Watch>,
+    /// The guard that fired, and its rate.
+    pub guard: Option<Guard>,
     pub rate: f64,
     /// Of a gap the displacement that increases it by 1, of least size.
     pub normal: Option<DVector<f64>>,
@@ -38,28 +37,28 @@ pub(crate) struct After {
     pub kept: Kept,
 }
 
-/// A witness function.
-pub(crate) fn witness<A: Space>(run: &mut Run<A>, watch: Watch, time: f64, x: &[f64]) -> Result<Witness, SimError> {
+/// A guard.
+pub(crate) fn value<A: Space>(run: &mut Run<A>, guard: Guard, time: f64, x: &[f64]) -> Result<GuardValue, SimError> {
     let y = run.y_of(x);
-    let held = if watch.needs_forces() { Some(run.motion.in_mode(time, &y)?) } else { None };
-    let mut found = Witness::default();
-    look(&mut run.motion, &[watch], (time, &y), held.as_ref(), |witness| found = witness)?;
+    let held = if guard.needs_forces() { Some(run.motion.in_mode(time, &y)?) } else { None };
+    let mut found = GuardValue::default();
+    look(&mut run.motion, &[guard], (time, &y), held.as_ref(), |value| found = value)?;
     Ok(found)
 }
 
-/// ẇ, for witnesses without a rate of their own by a difference over the time `h`.
+/// ẇ, for guards without a rate of their own by a difference over the time `h`.
 pub(crate) fn rate<A: Space>(
     run: &mut Run<A>,
-    watch: Watch,
+    guard: Guard,
     (time, x): (f64, &[f64]),
     (f, h): (&DVector<f64>, f64),
 ) -> Result<f64, SimError> {
-    if let Some(own) = witness(run, watch, time, x)?.rate {
+    if let Some(own) = value(run, guard, time, x)?.rate {
         return Ok(own);
     }
     let mut at = |times: f64| {
         let x = DVector::from_column_slice(x) + f * (times * h);
-        witness(run, watch, time + times * h, x.as_slice()).map(|witness| witness.value)
+        value(run, guard, time + times * h, x.as_slice()).map(|it| it.value)
     };
     Ok((at(1.0)? - at(-1.0)?) / (2.0 * h))
 }
@@ -67,7 +66,7 @@ pub(crate) fn rate<A: Space>(
 /// ∂w/|∂w|² of a gap, by the displacements; `None` where none of them changes it.
 pub(crate) fn normal<A: Space>(
     probe: &mut Run<A>,
-    watch: Watch,
+    guard: Guard,
     time: f64,
     x: &[f64],
 ) -> Result<Option<DVector<f64>>, SimError> {
@@ -76,8 +75,7 @@ pub(crate) fn normal<A: Space>(
     let here = DVector::from_column_slice(x);
     let mut slope = DVector::zeros(nv);
     for j in 0..nv {
-        let mut at =
-            |h: f64| witness(probe, watch, time, (&here + tangent.column(j) * h).as_slice()).map(|it| it.value);
+        let mut at = |h: f64| value(probe, guard, time, (&here + tangent.column(j) * h).as_slice()).map(|it| it.value);
         slope[j] = (at(WIDE)? - at(-WIDE)?) / (2.0 * WIDE);
     }
     let size = slope.norm_squared();
@@ -85,7 +83,7 @@ pub(crate) fn normal<A: Space>(
 }
 
 /// E: the state and the time after an event, of a state beside that of the event, which is first moved onto the constraints and
-/// to the zero of the witness function: along f, or of a gap along its normal, because the last contacts of an accumulation close too
+/// to the zero of the guard: along f, or of a gap along its normal, because the last contacts of an accumulation close too
 /// slowly for a distance of second order.
 ///
 /// Where slip stops, both of its components vanish: the slower the slip, the faster its direction turns towards the one in which
@@ -102,10 +100,10 @@ pub(crate) fn outcome<A: Space>(
     let remembered = &x[y.len() - 2..];
     run.motion.sim.normalise(&mut y);
     run.motion.settle(time, &mut y)?;
-    if let Some(watch) = before.watch {
+    if let Some(guard) = before.guard {
         for _ in 0..3 {
             let x = run.x_of(&y, remembered);
-            let beyond = witness(run, watch, time, &x)?.value;
+            let beyond = value(run, guard, time, &x)?.value;
             let moved = if let Some(normal) = &before.normal {
                 DVector::from_vec(x) - normal * beyond
             } else {
@@ -117,7 +115,7 @@ pub(crate) fn outcome<A: Space>(
             run.motion.sim.normalise(&mut y);
             run.motion.settle(time, &mut y)?;
         }
-        if matches!(watch, Watch::SlipStops(_) | Watch::JointStops(_)) {
+        if matches!(guard.is(), Is::Slip { .. }) {
             run.motion.straighten(after, time, &mut y)?;
             run.motion.keep(after.clone());
             run.motion.settle(time, &mut y)?;

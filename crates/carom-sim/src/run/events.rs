@@ -13,16 +13,17 @@
 //! **No consistent mode**: a contact that slides has an impact without collision (Painlevé); what has no solution at all is
 //! computed by time steps (`several.rs`), until a mode is consistent again.
 
+use super::guard::Guard;
+use super::guarded::Guarded;
 use super::leap::Leap;
 use super::leg::{Accuracy, LegEnd, PATIENCE, leg};
-use super::memory::{Class, Memory};
+use super::memory::Memory;
 use super::sampler::Sampler;
 use super::trajectory::{Event, EventKind, Sampling, Seen, Statistics, StepReason, Summary};
-use super::watch::{Watch, Watched};
-use crate::contact::{APART, Touch};
+use crate::contact::Touch;
 use crate::error::SimError;
 use crate::model::{Integrator, Simulation};
-use crate::motion::{Candidate, ContactState, Dry, DryJoint, Hold, Lasting, Motion, Near, NonUnique};
+use crate::motion::{ContactState, Lasting, Motion, Near, NonUnique};
 use crate::state::{ContactImpulse, Space};
 use carom_chain::urdf::JointType;
 
@@ -47,8 +48,8 @@ pub(crate) struct Run<'a, 'w, A: Space> {
 pub(crate) enum Ending {
     /// At the end of the run, or at a jump of forces that changes no mode.
     Passed,
-    /// A witness function fired.
-    Fired(Watch),
+    /// A guard fired.
+    Fired(Guard),
     /// At a jump or a kink of forces or surfaces, with contacts.
     Kink,
     /// The mode cannot be continued.
@@ -86,19 +87,25 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
     }
 
-    /// Integrates the present mode to its end.
+    /// Integrates the present mode to its end, by the first of these attempts that gets there:
+    ///
+    /// | what happens | next attempt |
+    /// |---|---|
+    /// | – | with the length of the last step as its first; implicit if the mode was stiff and is rigid |
+    /// | the first step reaches states that are none | with a first step that the integrator chooses |
+    /// | a step that is tried reaches beyond a jam, which the motion only approaches | to an earlier end: half the way to the jam at most |
+    /// | a stiff compliant contact; a slow slip, whose direction turns the faster the slower it is; a kink of a force | explicit and implicit in turn, each with growing patience; if it is rigid for a short time, and after an implicit start that moved, by the next leg |
+    /// | none of them ends the leg | time steps if it is rigid, else an error |
     pub fn leg(&mut self) -> Result<Ending, SimError> {
         let sim = self.motion.sim;
         let Simulation { tolerance, max_step, integrator, .. } = *sim;
-        let gives_up = self.motion.lasting.iter().any(Lasting::is_rigid);
+        let rigid = self.motion.lasting.iter().any(Lasting::is_rigid);
         let presses = self.motion.lasting.iter().any(|own| !own.is_rigid());
-        let patience = (gives_up || presses).then_some(PATIENCE);
-        // A mode that has turned out to be stiff goes on implicitly, each time for longer.
-        let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| gives_up && !presses);
+        let patience = (rigid || presses).then_some(PATIENCE);
+        let implicit = std::mem::take(&mut self.memory.implicit).filter(|_| rigid && !presses);
         let integrator = if implicit.is_some() { Integrator::Radau } else { integrator };
-        let (first_step, short) = (self.memory.step, self.memory.short);
-        let works = self.motion.works();
-        let accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short, works };
+        let (first_step, short, works) = (self.memory.step, self.memory.short, self.motion.works());
+        let mut accuracy = Accuracy { tolerance, max_step, integrator, patience, first_step, short, works };
         let kink = sim.next_kink(&self.motion.moving, self.time);
         let mut until = kink.min(self.end).min(self.time + implicit.unwrap_or(f64::INFINITY));
         if is_reached(until, self.time) {
@@ -107,89 +114,78 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         }
         self.measure();
         let start = self.time;
-        let mut flow = match Watched::new(&mut self.motion, (self.time, kink), &self.y) {
+        let mut flow = match Guarded::new(&mut self.motion, (self.time, kink), &self.y) {
             Err(SimError::Jam { .. }) => return Ok(Ending::Stuck(StepReason::NoMode)),
             flow => flow?,
         };
         if std::mem::take(&mut self.memory.slip_goes_on) || self.memory.follows_slips {
-            flow.watches.retain(|watch| *watch != Watch::SlipEnds);
+            flow.guards.retain(|guard| *guard != Guard::SlipEnds);
         }
-        let (statistics, sampler) = (&mut self.statistics, &mut self.sampler);
-        let mut ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        // Far too long a step may reach states that are none.
-        if matches!(ended, Err(SimError::Chain(_))) && first_step.is_some() {
-            let accuracy = Accuracy { first_step: None, ..accuracy };
-            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        }
-        // A step that is tried may reach beyond a jam that the motion only approaches.
-        while let Err(SimError::Jam { time: jam, .. }) = &ended
-            && until - self.time > NEAREST
-        {
-            until = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
-            if is_reached(until, self.time) {
-                break;
-            }
-            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        }
-        // A stiff compliant contact; or a slow slip, whose direction turns the faster the slower it is: the implicit
-        // integrator, for a while. It may fail at a kink of a force, or of the motion: both take turns, each with growing patience.
-        let mut next = implicit.map(|span| LONGER * span);
-        let mut turn = 0;
-        let turns = if presses { TURNS } else { FEW_TURNS };
-        let mut integrator = integrator;
-        while let (true, Ok(LegEnd { time, y, stalled: Some(_), .. })) = (patience.is_some() && turn < turns, &ended) {
-            let moved = *time > self.time;
-            (self.time, self.y) = (*time, y.clone());
-            if implicit.is_some() && moved {
-                return Ok(Ending::Passed); // the explicit integrator is tried again
-            }
-            integrator = match integrator {
-                Integrator::Radau => Integrator::DormandPrince,
-                Integrator::DormandPrince => Integrator::Radau,
-            };
-            turn += 1;
-            let patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
-            let accuracy = Accuracy { integrator, patience, ..accuracy };
-            let until = if presses { until } else { until.min(self.time + TURNING * max_step) };
-            next = (integrator == Integrator::Radau).then_some(LONGER * TURNING * max_step);
-            ended = leg(&mut flow, self.time, &self.y, until, accuracy, statistics, sampler);
-        }
-        let watches = flow.watches;
-        match ended {
-            Ok(LegEnd { time, y, fired, stalled, step, short }) => {
-                self.memory.step = step.filter(|_| gives_up && integrator == Integrator::DormandPrince);
-                if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
-                    self.statistics.non_unique_time += time - start;
+        let turns = match (rigid, presses) {
+            (_, true) => TURNS,
+            (true, false) => FEW_TURNS,
+            (false, false) => 0,
+        };
+        let (mut next, mut turn) = (implicit.map(|span| LONGER * span), 0);
+        let LegEnd { time, y, fired, stalled, step, short } = loop {
+            match leg(&mut flow, self.time, &self.y, until, accuracy, &mut self.statistics, &mut self.sampler) {
+                Err(SimError::Chain(_)) if accuracy.first_step.is_some() => accuracy.first_step = None,
+                Err(SimError::Jam { time: jam, .. }) => {
+                    let earlier = self.time + (0.125 * (until - self.time)).min(0.5 * (jam - self.time));
+                    if until - self.time <= NEAREST || is_reached(earlier, self.time) {
+                        return Ok(Ending::Stuck(StepReason::NoMode));
+                    }
+                    until = earlier;
                 }
-                (self.time, self.y, self.memory.short) = (time, y, short);
-                self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
-                match (fired, stalled) {
-                    (_, Some(_)) if gives_up => Ok(Ending::Stuck(StepReason::Stiff)),
-                    (_, Some(reason)) => Err(SimError::Integration { time, reason }),
-                    (Some(witness), _) => Ok(Ending::Fired(watches[witness])),
-                    (None, _) if time == kink && !self.motion.moves_freely() => Ok(Ending::Kink),
-                    (None, _) => Ok(Ending::Passed),
+                Ok(LegEnd { time, y, stalled: Some(_), .. }) if turn < turns => {
+                    let moved = time > self.time;
+                    (self.time, self.y) = (time, y);
+                    if implicit.is_some() && moved {
+                        return Ok(Ending::Passed);
+                    }
+                    accuracy.integrator = match accuracy.integrator {
+                        Integrator::Radau => Integrator::DormandPrince,
+                        Integrator::DormandPrince => Integrator::Radau,
+                    };
+                    turn += 1;
+                    accuracy.patience = patience.map(|steps| steps * 4_usize.pow(turn / 2));
+                    until = if presses { until } else { until.min(self.time + TURNING * max_step) };
+                    next = (accuracy.integrator == Integrator::Radau).then_some(LONGER * TURNING * max_step);
                 }
+                done => break done?,
             }
-            Err(SimError::Jam { .. }) => Ok(Ending::Stuck(StepReason::NoMode)),
-            Err(error) => Err(error),
+        };
+        self.memory.step = step.filter(|_| rigid && accuracy.integrator == Integrator::DormandPrince);
+        if matches!(self.memory.open, Some((NonUnique::Distribution, _))) {
+            self.statistics.non_unique_time += time - start;
         }
+        (self.time, self.memory.short) = (time, short);
+        self.memory.implicit = next.filter(|_| fired.is_none() && stalled.is_none() && !presses);
+        let ending = match (fired, stalled) {
+            (_, Some(_)) if rigid => Ending::Stuck(StepReason::Stiff),
+            (_, Some(reason)) => return Err(SimError::Integration { time, reason }),
+            (Some(guard), _) => Ending::Fired(flow.guards[guard]),
+            (None, _) if time == kink && !self.motion.moves_freely() => Ending::Kink,
+            (None, _) => Ending::Passed,
+        };
+        self.y = y;
+        Ok(ending)
     }
 
     fn follow_on(&mut self, ending: Ending) -> Result<(), SimError> {
         match ending {
             Ending::Passed => Ok(()),
-            Ending::Fired(watch) => self.event(watch),
+            Ending::Fired(guard) => self.guard_fired(guard),
             Ending::Kink => {
                 // The forces may jump here, and with them the modes.
                 let before = self.y.clone();
-                self.resettle(&[], &before)
+                self.resettle(None, &[], &before)
             }
             Ending::Stuck(reason) => {
                 // Several slips that end together turn before the first of them is zero: those below the error have ended.
                 let (before, events) = (self.y.clone(), self.memory.events);
                 if reason == StepReason::Stiff {
-                    self.resettle(&[], &before)?;
+                    self.resettle(None, &[], &before)?;
                 }
                 if self.memory.events == events { self.no_mode(reason) } else { Ok(()) }
             }
@@ -250,204 +246,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
             return self.step_on(StepReason::Asked);
         }
         let before = self.y.clone();
-        if hits.is_empty() { self.resettle(&rests, &before) } else { self.collide(&hits, &rests) }
-    }
-
-    fn event(&mut self, watch: Watch) -> Result<(), SimError> {
-        if self.memory.is_crowded(self.time, watch, self.motion.sim) {
-            return self.step_on(StepReason::Crowd);
-        }
-        let before = self.y.clone();
-        match watch {
-            Watch::Gap(touch) => return self.touch(touch),
-            Watch::Branches => return self.pass_branch(),
-            Watch::Pair(group) | Watch::Rest(group) => {
-                let gaps = self.gaps()?;
-                let own = |k: usize| self.motion.gaps.is_of(group, k) && !self.motion.lasts(k);
-                let least = gaps.iter().filter(|(k, _)| own(*k)).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
-                return least.map_or(Ok(()), |&(touch, _)| self.touch(touch));
-            }
-            Watch::Leaves(i) => {
-                let touch = self.motion.lasting.remove(i).touch;
-                self.note(EventKind::LiftOff { touch }, &before, Vec::new());
-                return self.leave(touch, &before);
-            }
-            Watch::Depth(i) => {
-                let own = self.motion.lasting.remove(i);
-                self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
-            }
-            Watch::Turns(i) => {
-                let (gap, _) = self.gap(self.motion.lasting[i].touch)?;
-                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
-                    *deepest = -gap;
-                }
-                return Ok(());
-            }
-            Watch::Deepens(i) => {
-                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
-                    *deepest = f64::NEG_INFINITY;
-                }
-                return Ok(());
-            }
-            Watch::SlipGrows(_) => return self.motion.started(self.time, &before),
-            Watch::SlipStops(i) => {
-                self.motion.follow_slip(self.time, &before)?;
-                let touch = self.motion.lasting[i].touch;
-                if let Some(toward) = self.motion.candidate(touch, self.time, &before)?.slip {
-                    self.motion.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
-                    return Ok(());
-                }
-            }
-            Watch::JointStops(k) if self.motion.couplings.is_empty() => {
-                self.y[self.motion.sim.chain.nq() + self.motion.dry[k].v] = 0.0;
-            }
-            Watch::NormalForce(_)
-            | Watch::Cone(_)
-            | Watch::JointBreaksLoose(_)
-            | Watch::JointStops(_)
-            | Watch::Admissible
-            | Watch::SlipEnds => {}
-        }
-        let events = self.memory.events;
-        let (old, joints) = (self.motion.lasting.clone(), self.motion.dry.clone());
-        self.resettle(&[], &before)?;
-        // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
-        if self.memory.events == events {
-            match watch {
-                // A contact whose normal force is zero again within this time has none.
-                Watch::NormalForce(i) => {
-                    let since = self.memory.count(Class::NormalForce, self.time);
-                    if since.is_some_and(|since| since <= self.motion.sim.zeno_time) {
-                        self.resettle_without(Some(old[i].touch), &[], &before)?;
-                    }
-                }
-                Watch::SlipStops(i) | Watch::Cone(i) => {
-                    if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
-                        self.note(EventKind::Mode { mode }, &before, Vec::new());
-                    }
-                }
-                Watch::JointStops(k) | Watch::JointBreaksLoose(k) if self.motion.dry[k].state != joints[k].state => {
-                    self.note_joint(k, &before);
-                }
-                Watch::SlipEnds => self.slips_on(&old, &before),
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// The contact point of a touch has left its faces and edges: others may strike in this instant, such as the far side of
-    /// a rim whose cap comes to lie on a face.
-    fn leave(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
-        self.measure();
-        let gaps = self.gaps()?;
-        let [hits, beside] = self.others_closed(touch, &gaps)?;
-        if hits.is_empty() { self.resettle_without(Some(touch), &[], before) } else { self.collide(&hits, &beside) }
-    }
-
-    fn note_joint(&mut self, k: usize, before: &[f64]) {
-        let DryJoint { v, state, .. } = self.motion.dry[k];
-        let joint = self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
-        self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before, Vec::new());
-    }
-
-    /// The modes of the contacts that last and of those in `more`, and the events of their changes.
-    pub fn resettle(&mut self, more: &[usize], before: &[f64]) -> Result<(), SimError> {
-        self.resettle_without(None, more, before)
-    }
-
-    /// The same without a touch whose contact point has left its faces and edges.
-    fn resettle_without(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
-        let old = self.motion.lasting.clone();
-        let dry = self.motion.dry.clone();
-        let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
-        touches.extend(more);
-        let rest = self.motion.rest();
-        let closed = self.motion.closed();
-        touches.retain(|touch| Some(*touch) != gone);
-        for (touch, (gap, rate)) in self.gaps()? {
-            let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
-            let open = compliant || Some(touch) == gone || touches.contains(&touch);
-            if !open && gap.abs() <= closed && rate.abs() <= rest {
-                touches.push(touch);
-            }
-        }
-        touches.sort_unstable();
-        if let Some(reason) = self.choose(&touches)? {
-            return self.no_mode(reason);
-        }
-        self.note_changes(&old, before);
-        let sim_start = self.motion.sim.start_time;
-        for (k, old) in dry.iter().enumerate() {
-            let holds = |joint: &DryJoint| joint.state == Dry::Holds;
-            if holds(old) != holds(&self.motion.dry[k]) && self.time > sim_start {
-                self.note_joint(k, before);
-            }
-        }
-        self.rest()
-    }
-
-    /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them; or the reason why
-    /// their motion needs time steps.
-    pub fn choose(&mut self, touches: &[usize]) -> Result<Option<StepReason>, SimError> {
-        let kept = self.motion.lasting.iter().filter(|own| !own.is_rigid());
-        let mut candidates: Vec<Candidate> =
-            kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
-        for &touch in touches {
-            // Parts that no longer face each other have opened; what no joint moves has no force.
-            if self.gap(touch)?.0 < APART && self.motion.moves(touch, self.time, &self.y)? {
-                candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
-            }
-        }
-        if !self.motion.select(&candidates, self.time, &mut self.y)? {
-            return Ok(Some(StepReason::NoMode));
-        }
-        self.end_slips(&candidates)?;
-        let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
-        Ok(faces.then_some(StepReason::Face))
-    }
-
-    /// The events of the contacts whose mode has changed.
-    pub fn note_changes(&mut self, old: &[Lasting], before: &[f64]) {
-        let new = self.motion.lasting.clone();
-        for own in old.iter().filter(|own| !new.iter().any(|now| now.touch == own.touch)) {
-            self.note(EventKind::LiftOff { touch: own.touch }, before, Vec::new());
-        }
-        for now in &new {
-            let same = |own: &Lasting| std::mem::discriminant(&own.mode()) == std::mem::discriminant(&now.mode());
-            if !old.iter().any(|own| own.touch == now.touch && same(own)) {
-                self.note(EventKind::Mode { mode: now.mode() }, before, Vec::new());
-            }
-        }
-    }
-
-    /// Notes whether the motion is unique, and ends the run if the chain is at rest and stays so.
-    pub fn rest(&mut self) -> Result<(), SimError> {
-        self.note_open()?;
-        let rested = std::mem::replace(&mut self.memory.resting, false);
-        let rest = self.motion.rest();
-        let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
-        let held =
-            self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
-        if !still || !held || !self.is_steady() || self.time >= self.end {
-            return Ok(());
-        }
-        let qdd = match self.motion.accelerations(self.time, &self.y) {
-            Err(SimError::Jam { .. }) => return Ok(()),
-            held => held?.qdd,
-        };
-        let gravity = self.motion.sim.gravity.norm().max(rest);
-        if qdd.amax() > 1e-9 * gravity {
-            return Ok(());
-        }
-        let before = self.y.clone();
-        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
-        self.y[nq..nq + nv].fill(0.0);
-        self.memory.resting = true;
-        if !rested {
-            self.note(EventKind::Rest, &before, Vec::new());
-        }
-        self.stay()
+        if hits.is_empty() { self.resettle(None, &rests, &before) } else { self.collide(&hits, &rests) }
     }
 
     /// Outputs an event that led from `before` to the present state.

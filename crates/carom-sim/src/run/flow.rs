@@ -1,23 +1,23 @@
-//! The vector field of one contact mode with its witness functions, and its form for the integrator.
+//! The vector field of one contact mode with its guards, and its form for the integrator.
 
 use super::differences::differences;
-use super::witness::Witness;
+use super::guard::GuardValue;
 use crate::error::SimError;
 use crate::motion::ContactState;
 use ivp::ivp::FirstOrderSystem;
 use ivp::matrix::Matrix;
 use std::cell::RefCell;
 
-/// A smooth vector field with witness functions: one contact mode of one chain.
+/// A smooth vector field with guards: one contact mode of one chain.
 pub(crate) trait Flow {
     /// ẏ at (t, y).
     fn rate(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
     /// The step of each component of y for difference quotients of the rate.
     fn steps(&mut self, t: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError>;
-    /// The witnesses at (t, y), each with its rate in time if a minimum within a step is to be detected.
-    fn witnesses(&mut self, t: f64, y: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError>;
-    /// Witness `k` at (t, y).
-    fn witness(&mut self, k: usize, t: f64, y: &[f64]) -> Result<Witness, SimError>;
+    /// The guards at (t, y), each with its rate in time if a minimum within a step is to be detected.
+    fn guards(&mut self, t: f64, y: &[f64], out: &mut Vec<GuardValue>) -> Result<(), SimError>;
+    /// GuardValue `k` at (t, y).
+    fn guard(&mut self, k: usize, t: f64, y: &[f64]) -> Result<GuardValue, SimError>;
     /// Whether bodies touch at some of their parts.
     fn touches(&self) -> bool {
         false

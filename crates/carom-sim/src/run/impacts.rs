@@ -14,9 +14,9 @@
 //! - u⁺ = 0: it lasts if the accelerations press it.
 
 use super::events::{Run, TOUCHING};
+use super::guard::HYSTERESIS;
 use super::memory::Class;
 use super::trajectory::{EventKind, StepReason};
-use super::witness::HYSTERESIS;
 use crate::contact::{Compliance, SeveralLaw, friction_bound};
 use crate::error::SimError;
 use crate::impact::ChainImpact;
@@ -55,7 +55,7 @@ impl<A: Space> Run<'_, '_, A> {
             // A crossing of edges that begins as a corner leaves its face: no impact, and no contact if it opens.
             let before = self.y.clone();
             let more = [touch];
-            return self.resettle(if approach <= rest { &more } else { &[] }, &before);
+            return self.resettle(None, if approach <= rest { &more } else { &[] }, &before);
         }
         if self.grazes(touch, approach)? {
             return Ok(());
@@ -119,7 +119,7 @@ impl<A: Space> Run<'_, '_, A> {
         }
         let before = self.y.clone();
         if rigid.is_empty() {
-            return self.resettle(beside, &before);
+            return self.resettle(None, beside, &before);
         }
         if let Some(swarm) = self.swarm(&rigid)? {
             return self.several_impacts(&swarm, true);
@@ -257,7 +257,7 @@ impl<A: Space> Run<'_, '_, A> {
             (None, joint) => {
                 let (table, response, _) = self.closed_rows(&[touch])?;
                 if table.rows.is_empty() {
-                    return self.resettle(&[], &before); // loops lock the joint
+                    return self.resettle(None, &[], &before); // loops lock the joint
                 }
                 let impulse = -(1.0 + one.contact.law.restitution()) * approach / table.rows.dot(0, response.row(0));
                 push(&mut self.y[q.len()..], &response, &[impulse]);
@@ -277,7 +277,7 @@ impl<A: Space> Run<'_, '_, A> {
         self.motion.settle(self.time, &mut self.y)?;
         self.book(EventKind::Latch { touch }, &[touch], Vec::new(), &before)?;
         self.motion.lasting = old;
-        self.resettle(&[touch], &before)
+        self.resettle(None, &[touch], &before)
     }
 
     /// The impact of a touch while others last, under its own law; `false` if the impulses of the others are not admissible.

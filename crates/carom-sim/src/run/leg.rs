@@ -1,9 +1,9 @@
-//! One smooth leg of motion: integrated until its end or until a witness function reaches zero.
+//! One smooth leg of motion: integrated until its end or until a guard reaches zero.
 //!
-//! When a witness fires: `observer.rs`.
+//! When a guard fires: `observer.rs`.
 //!
 //! **Exact time.** The dense output of the step brackets the root. The state there is then computed by integrating again
-//! from the start of the step to this time, and the time is corrected by w/ẇ until the witness is zero to rounding. So the
+//! from the start of the step to this time, and the time is corrected by w/ẇ until the guard is zero to rounding. So the
 //! error of an event is that of the integration, not that of its interpolation.
 //!
 //! **Short legs.** The method of order 8 evaluates the motion 12 times in a step and 3 times for its dense output, which allows long
@@ -11,10 +11,10 @@
 //! order 5, and goes on with order 8 after [`FEW`] steps.
 
 use super::flow::{Flow, System};
+use super::guard::GuardValue;
 use super::observer::{Crossing, Observer};
 use super::sampler::Sampler;
 use super::trajectory::Statistics;
-use super::witness::Witness;
 use crate::error::{SimError, ended};
 use crate::model::Integrator;
 use ivp::matrix::MatrixStorage;
@@ -42,7 +42,7 @@ pub(crate) const PATIENCE: usize = 60;
 pub(crate) struct LegEnd {
     pub time: f64,
     pub y: Vec<f64>,
-    /// The witness that fired.
+    /// The guard that fired.
     pub fired: Option<usize>,
     /// Why the integrator could not go on, if it could not: the state is that of its last step.
     pub stalled: Option<String>,
@@ -78,7 +78,7 @@ struct Ended {
     step: f64,
 }
 
-/// Integrates `flow` from `(start, y)` to `end`, or to the first witness that fires, and calls the sampler.
+/// Integrates `flow` from `(start, y)` to `end`, or to the first guard that fires, and calls the sampler.
 pub(crate) fn leg(
     flow: &mut dyn Flow,
     start: f64,
@@ -89,7 +89,7 @@ pub(crate) fn leg(
     sampler: &mut Sampler,
 ) -> Result<LegEnd, SimError> {
     let mut now = Vec::new();
-    flow.witnesses(start, y, &mut now)?;
+    flow.guards(start, y, &mut now)?;
     let system = System::new(flow);
     let mut observer = Observer::new(&system, (start, y), now, Some(sampler));
     let mut accuracy = accuracy;
@@ -126,14 +126,14 @@ pub(crate) fn leg(
 }
 
 /// The state at the exact time of an event: integrated again from the start of its step, with the time corrected until the
-/// witness is zero to rounding.
+/// guard is zero to rounding.
 fn refine(
     system: &System,
     found: Crossing,
     accuracy: Accuracy,
     statistics: &mut Statistics,
 ) -> Result<LegEnd, SimError> {
-    let Crossing { witness, level, start, end, y, mut time } = found;
+    let Crossing { guard, level, start, end, y, mut time } = found;
     let mut exact = y.clone();
     let mut correction = f64::INFINITY;
     for _ in 0..8 {
@@ -147,7 +147,7 @@ fn refine(
             }
         }
         statistics.refinements += 1;
-        let Witness { value, rate: Some(rate), .. } = system.0.borrow_mut().flow.witness(witness, time, &exact)? else {
+        let GuardValue { value, rate: Some(rate), .. } = system.0.borrow_mut().flow.guard(guard, time, &exact)? else {
             break;
         };
         correction = (level - value) / rate;
@@ -159,7 +159,7 @@ fn refine(
         }
         time += correction;
     }
-    Ok(LegEnd { time, y: exact, fired: Some(witness), stalled: None, step: None, short: false })
+    Ok(LegEnd { time, y: exact, fired: Some(guard), stalled: None, step: None, short: false })
 }
 
 /// The state at `end`, before or after `start`, by a smooth motion without events.
@@ -258,14 +258,14 @@ mod tests {
     use crate::contact::APART;
     use crate::motion::ContactState;
 
-    /// A flow with the rate 1, whose witnesses are gaps that depend on time alone.
+    /// A flow with the rate 1, whose guards are gaps that depend on time alone.
     struct Clock<F> {
         gaps: F,
         /// The latest time at which the rate was evaluated.
         latest: f64,
     }
 
-    impl<F: Fn(f64) -> Vec<Witness>> Flow for Clock<F> {
+    impl<F: Fn(f64) -> Vec<GuardValue>> Flow for Clock<F> {
         fn rate(&mut self, t: f64, _: &[f64], out: &mut [f64]) -> Result<(), SimError> {
             self.latest = self.latest.max(t);
             out.fill(1.0);
@@ -275,11 +275,11 @@ mod tests {
             out.fill(1e-8);
             Ok(())
         }
-        fn witnesses(&mut self, t: f64, _: &[f64], out: &mut Vec<Witness>) -> Result<(), SimError> {
+        fn guards(&mut self, t: f64, _: &[f64], out: &mut Vec<GuardValue>) -> Result<(), SimError> {
             *out = (self.gaps)(t);
             Ok(())
         }
-        fn witness(&mut self, k: usize, t: f64, _: &[f64]) -> Result<Witness, SimError> {
+        fn guard(&mut self, k: usize, t: f64, _: &[f64]) -> Result<GuardValue, SimError> {
             Ok((self.gaps)(t)[k])
         }
         fn contacts(&mut self, _: f64, _: &[f64]) -> Result<Vec<ContactState>, SimError> {
@@ -294,11 +294,11 @@ mod tests {
     }
 
     /// One leg of a [`Clock`] from time 0 with y = 1, and its latest evaluation.
-    fn run(gap: impl Fn(f64) -> Witness, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
+    fn run(gap: impl Fn(f64) -> GuardValue, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         run_all(|t| vec![gap(t)], end, integrator)
     }
 
-    fn run_all(gaps: impl Fn(f64) -> Vec<Witness>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
+    fn run_all(gaps: impl Fn(f64) -> Vec<GuardValue>, end: f64, integrator: Integrator) -> (LegEnd, Statistics, f64) {
         let mut flow = Clock { gaps, latest: 0.0 };
         let accuracy = Accuracy {
             tolerance: 1e-9,
@@ -322,9 +322,9 @@ mod tests {
         let end = 2.0_f64.powi(-10); // shorter than the first step, so that there is one step only
         let gap = |t: f64| {
             let x = 1.0 - t / end;
-            Witness::gap(0.1 - x * x + 1.1 * x.powi(3), (2.0 * x - 3.3 * x * x) / end)
+            GuardValue::gap(0.1 - x * x + 1.1 * x.powi(3), (2.0 * x - 3.3 * x * x) / end)
         };
-        assert_eq!(gap(end), Witness::gap(0.1, 0.0));
+        assert_eq!(gap(end), GuardValue::gap(0.1, 0.0));
         let (found, statistics, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!((found.fired, statistics.steps - statistics.refinements), (Some(0), 1));
         // Values of size one are exact to some units of rounding.
@@ -338,7 +338,7 @@ mod tests {
         let end = 2.0_f64.powi(-10);
         let gap = |t: f64| {
             let value = 0.3 * end - t;
-            if value < -0.1 * end { Witness::gap(APART, 0.0) } else { Witness::gap(value, -1.0) }
+            if value < -0.1 * end { GuardValue::gap(APART, 0.0) } else { GuardValue::gap(value, -1.0) }
         };
         let (found, _, _) = run(gap, end, Integrator::DormandPrince);
         assert_eq!(found.fired, Some(0));
@@ -352,8 +352,8 @@ mod tests {
         let end = 2.0_f64.powi(-10);
         let gaps = |t: f64| {
             let (gap, faces) = (0.301 * end - t, t < 0.302 * end);
-            let apart = Witness::gap(APART, 0.0);
-            let there = Witness::gap(gap, -1.0);
+            let apart = GuardValue::gap(APART, 0.0);
+            let there = GuardValue::gap(gap, -1.0);
             vec![if faces { apart } else { there }, if faces { there } else { apart }]
         };
         let (found, _, _) = run_all(gaps, end, Integrator::DormandPrince);
@@ -366,7 +366,7 @@ mod tests {
     fn a_leg_is_not_evaluated_beyond_its_end() {
         for integrator in [Integrator::DormandPrince, Integrator::Radau] {
             for end in [1e-14, 5e-7, 2e-6, 1e-3, 3.0] {
-                let (found, _, latest) = run(|_| Witness::gap(1.0, 0.0), end, integrator);
+                let (found, _, latest) = run(|_| GuardValue::gap(1.0, 0.0), end, integrator);
                 assert_eq!((found.time, found.fired), (end, None));
                 // The last step ends at the rounded sum of its start and its length.
                 assert!((latest / end - 1.0).abs() < 1e-15, "{integrator:?}: {latest} beyond {end}");

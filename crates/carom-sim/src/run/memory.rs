@@ -10,7 +10,6 @@
 //! | [`Class::NormalForce`] | 2 | the Zeno time | the contact opens |
 //! | [`Class::Jam`] | 9 | no time: each ends the slip of a contact | time steps |
 
-use super::watch::Watch;
 use crate::model::Simulation;
 use crate::motion::NonUnique;
 use std::collections::VecDeque;
@@ -45,7 +44,7 @@ pub(crate) struct Memory {
 /// A class of events that may follow one another without end.
 #[derive(Clone, Copy)]
 pub(crate) enum Class {
-    /// A leg ends at a zero of a witness function.
+    /// A leg ends at a zero of a guard.
     Leg,
     /// A contact or a limit closes with an impact.
     Impact,
@@ -82,8 +81,7 @@ impl Memory {
     }
 
     /// Counts the end of a leg; whether there were too many.
-    pub fn is_crowded(&mut self, time: f64, watch: Watch, sim: &Simulation) -> bool {
-        let closes = matches!(watch, Watch::Gap(_) | Watch::Pair(_) | Watch::Rest(_));
+    pub fn is_crowded(&mut self, time: f64, closes: bool, sim: &Simulation) -> bool {
         let within = if closes { sim.contact_step.min(TAIL * sim.zeno_time) } else { sim.contact_step };
         self.count(Class::Leg, time).is_some_and(|since| since < within)
     }

@@ -1,8 +1,8 @@
-//! After every accepted step of a leg: which witness function fires first, and the samples of the step.
+//! After every accepted step of a leg: which guard fires first, and the samples of the step.
 //!
-//! **Trigger rule.** A witness function w depends on the state. It is *armed* once it has been positive at the start of the
-//! leg or at the end of a step, above its hysteresis. An armed witness fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
-//! fires there, once: the next leg starts with that witness not armed. If the rate of an armed witness is negative at the
+//! **Trigger rule.** A guard w depends on the state. It is *armed* once it has been positive at the start of the
+//! leg or at the end of a step, above its hysteresis. An armed guard fires at the first time t with w(t) ≤ 0. A zero exactly at the end of a step
+//! fires there, once: the next leg starts with that guard not armed. If the rate of an armed guard is negative at the
 //! start of a step and not negative at its end, its minimum within the step is evaluated, so that a short or grazing contact
 //! is detected. Of a gap that closes at its rate within a step, and whose parts do not face each other at its end, some times within
 //! the step are examined. The hysteresis of a gap is [`HYSTERESIS`], so that rounding after an impact does not count as opening; that of a
@@ -21,10 +21,10 @@
 //! zero where they did.
 
 use super::flow::System;
+use super::guard::{GuardValue, HYSTERESIS};
 use super::root::descent;
 use super::sampler::{Sampler, Step};
 use super::trajectory::Segment;
-use super::witness::{HYSTERESIS, Witness};
 use crate::contact::APART;
 use ivp::dense::StepInterpolant;
 use ivp::solout::{ControlFlag, SolOut};
@@ -39,10 +39,10 @@ const TURN: f64 = 0.05;
 const MOST_PARTS: f64 = 32.0;
 /// Times within a step at which a gap is examined whose parts have passed each other at its end.
 const PROBES: usize = 16;
-/// A witness may be below its level within a step where its change by its curvature, times this and the square of the step, reaches down to
+/// A guard may be below its level within a step where its change by its curvature, times this and the square of the step, reaches down to
 /// it: a parabola falls by an eighth of it below its ends.
 const DIP: f64 = 0.5;
-/// A witness is near its level at the start of a leg if it is below this share of its value after the first step.
+/// A guard is near its level at the start of a leg if it is below this share of its value after the first step.
 const NEAR: f64 = 0.1;
 /// The error of the minimum of a parabola, as a share of its curvature times the square of the distance of its points.
 const MISS: f64 = 0.02;
@@ -50,9 +50,9 @@ const PARABOLAS: usize = 6;
 /// A gap that is below zero by more than this at its root on the dense output has jumped, m.
 const JUMP: f64 = 1e-10;
 
-/// A witness that fired within a step.
+/// A guard that fired within a step.
 pub(crate) struct Crossing {
-    pub witness: usize,
+    pub guard: usize,
     /// The level at which it fires.
     pub level: f64,
     /// Start and end of the step, and the state at the start.
@@ -63,30 +63,30 @@ pub(crate) struct Crossing {
     pub time: f64,
 }
 
-/// A part of a step, with the witness that is examined, its level, and its values and rates at both ends.
+/// A part of a step, with the guard that is examined, its level, and its values and rates at both ends.
 #[derive(Clone, Copy)]
 struct Part {
     k: usize,
     level: f64,
     start: f64,
     end: f64,
-    before: Witness,
-    after: Witness,
+    before: GuardValue,
+    after: GuardValue,
 }
 
-/// Called after every accepted step: evaluates witnesses and sampler.
+/// Called after every accepted step: evaluates guards and sampler.
 pub(crate) struct Observer<'a, 'b, 'c> {
     pub system: &'a System<'b>,
-    before: Vec<Witness>,
-    /// The level at which each witness fires; `None` while it is not armed.
+    before: Vec<GuardValue>,
+    /// The level at which each guard fires; `None` while it is not armed.
     levels: Vec<Option<f64>>,
     pub y_before: Vec<f64>,
     /// The time of `y_before`.
     pub reached: f64,
-    /// The length of the step before, and the values of the witnesses at its start.
+    /// The length of the step before, and the values of the guards at its start.
     earlier: Option<(f64, Vec<f64>)>,
     /// Scratch memory.
-    after: Vec<Witness>,
+    after: Vec<GuardValue>,
     buffer: Vec<f64>,
     pub found: Option<Crossing>,
     /// `None`: only the last state is needed.
@@ -104,8 +104,8 @@ impl SolOut for Observer<'_, '_, '_> {
             return ControlFlag::Continue;
         };
         let mut after = std::mem::take(&mut self.after);
-        self.system.ask(|flow| flow.witnesses(end, y, &mut after));
-        // The number of witnesses is constant within a leg. If their evaluation fails, the list is empty and the error is
+        self.system.ask(|flow| flow.guards(end, y, &mut after));
+        // The number of guards is constant within a leg. If their evaluation fails, the list is empty and the error is
         // stored.
         let first = (after.iter().enumerate())
             .filter_map(|(k, after)| Some((self.first(k, (start, end), *after, dense)?, k)))
@@ -129,24 +129,24 @@ impl SolOut for Observer<'_, '_, '_> {
             }
             sampler.stretch((start, until, Segment::POINTS), at, |time, y| system.ask(|flow| flow.contacts(time, y)));
         }
-        if let Some(((time, level), witness)) = first {
-            self.found = Some(Crossing { witness, level, start, end, y: self.y_before.clone(), time });
+        if let Some(((time, level), guard)) = first {
+            self.found = Some(Crossing { guard, level, start, end, y: self.y_before.clone(), time });
             return ControlFlag::Interrupt;
         }
         let settled = self.system.ask(|flow| flow.settle(end, y));
         if settled {
-            self.system.ask(|flow| flow.witnesses(end, y, &mut after));
+            self.system.ask(|flow| flow.guards(end, y, &mut after));
         }
-        for (level, witness) in self.levels.iter_mut().zip(&after) {
-            if witness.value > witness.least() {
+        for (level, guard) in self.levels.iter_mut().zip(&after) {
+            if guard.value > guard.least() {
                 *level = Some(0.0);
             }
         }
-        if self.before.iter().any(|witness| witness.dips) {
+        if self.before.iter().any(|guard| guard.dips) {
             let (length, values) = self.earlier.get_or_insert_default();
             *length = end - start;
             values.clear();
-            values.extend(self.before.iter().map(|witness| witness.value));
+            values.extend(self.before.iter().map(|guard| guard.value));
         }
         self.after = std::mem::replace(&mut self.before, after);
         self.y_before.copy_from_slice(y);
@@ -156,14 +156,14 @@ impl SolOut for Observer<'_, '_, '_> {
 }
 
 impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
-    /// For a leg from this state with these witnesses.
+    /// For a leg from this state with these guards.
     pub fn new(
         system: &'a System<'b>,
         (start, y): (f64, &[f64]),
-        before: Vec<Witness>,
+        before: Vec<GuardValue>,
         sampler: Option<&'a mut Sampler<'c>>,
     ) -> Self {
-        let level = |w: &Witness| {
+        let level = |w: &GuardValue| {
             if w.value > w.least() { Some(0.0) } else { w.band.map(|band| w.value.min(0.0) - band) }
         };
         let levels = before.iter().map(level).collect();
@@ -199,7 +199,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         None
     }
 
-    /// The witness that fires first; if it is a gap that jumps, that with the least gap where the least gap goes through zero before.
+    /// The guard that fires first; if it is a gap that jumps, that with the least gap where the least gap goes through zero before.
     fn unless_jump(
         &mut self,
         ((time, level), k): ((f64, f64), usize),
@@ -222,14 +222,14 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         ((zero, 0.0), least(self, zero).1)
     }
 
-    /// The first time in the step at which a witness fires, and the level at which it does. A gap of two bodies is a minimum of many
+    /// The first time in the step at which a guard fires, and the level at which it does. A gap of two bodies is a minimum of many
     /// functions, and may close and open again within a step in several places: the step is divided as long as the velocities of the
     /// bodies allow it, [`HALVINGS`] times at most.
     fn first(
         &mut self,
         k: usize,
         (start, end): (f64, f64),
-        after: Witness,
+        after: GuardValue,
         dense: &StepInterpolant,
     ) -> Option<(f64, f64)> {
         let (before, level) = (self.before[k], self.levels[k]?);
@@ -260,7 +260,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         first.or_else(|| self.within(Part { level, start: middle, before: between, ..part }, bounds, rest, dense))
     }
 
-    /// The first time in a part of the step at which a witness fires, by its values and rates at both ends.
+    /// The first time in a part of the step at which a guard fires, by its values and rates at both ends.
     fn root(&mut self, part: Part, dense: &StepInterpolant) -> Option<(f64, f64)> {
         let Part { k, level, start, end, before, after } = part;
         let rates = before.rate.zip(after.rate);
@@ -318,7 +318,7 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
                 let bend = 2.0 * ((last - first) / span - (before.value - values[k]) / length) / (span + length);
                 first.min(last) <= DIP * bend * span * span
             }
-            // In the first step of a leg from near the level, the witness may fall at first.
+            // In the first step of a leg from near the level, the guard may fall at first.
             None => first <= NEAR * last,
         };
         if !may_dip {
@@ -351,10 +351,10 @@ impl<'a, 'b, 'c> Observer<'a, 'b, 'c> {
         None
     }
 
-    /// One witness on the dense output.
-    fn at(&mut self, k: usize, time: f64, dense: &StepInterpolant) -> Witness {
+    /// One guard on the dense output.
+    fn at(&mut self, k: usize, time: f64, dense: &StepInterpolant) -> GuardValue {
         dense.interpolate(time, &mut self.buffer);
-        self.system.ask(|flow| flow.witness(k, time, &self.buffer))
+        self.system.ask(|flow| flow.guard(k, time, &self.buffer))
     }
 }
 

@@ -3,7 +3,7 @@
 //! | symbol | size | meaning | our name |
 //! | --- | --- | --- | --- |
 //! | S⁻, S⁺ | n×k | derivatives before and after an event | `s` |
-//! | w | 1 | the witness function that fired | – |
+//! | w | 1 | the guard that fired | – |
 //! | τ′ | k | derivatives of the time of the event | `time_by` |
 //! | E | – | what an event does: (t, x) before it to (t, x) after it | `crossing.rs` |
 //!
@@ -23,12 +23,12 @@
 //! **Where there is no derivative** the events of neighbouring motions are others, and E has a kink or a jump: it is compared
 //! with its own second differences, and the modes after the event must be the same.
 
-use super::crossing::{After, Before, WIDE, normal, outcome, rate, witness};
+use super::crossing::{After, Before, WIDE, normal, outcome, rate, value};
 use super::events::{Ending, Run};
+use super::guard::Is;
 use super::sampler::Step;
 use super::trajectory::{Sampling, Seen};
 use super::variation::{Gauss, left_inverse, over_step};
-use super::watch::Watch;
 use crate::error::SimError;
 use crate::model::{Parameter, Simulation};
 use crate::motion::Kept;
@@ -81,10 +81,10 @@ pub struct Broken {
 
 /// Step of the central differences of events, for a column of size one.
 const DIFFERENCE: f64 = 1e-5;
-/// An event whose witness function changes by less than this in the time in which the state changes by its own size is a grazing
+/// An event whose guard changes by less than this in the time in which the state changes by its own size is a grazing
 /// one.
 const GRAZING: f64 = 1e-7;
-/// An event whose witness function changes by less than this in that time has no derivative of its time that is told: the error of S,
+/// An event whose guard changes by less than this in that time has no derivative of its time that is told: the error of S,
 /// about 1e-8, is divided by this rate.
 const FAINT: f64 = 1e-3;
 /// The share of its approach speed by which an impact may be slower beside the motion.
@@ -322,25 +322,23 @@ impl<A: Space> Follow<'_, '_, A> {
     fn event(&mut self, ending: Ending, kept: &Kept, events: &mut Vec<EventTime>) -> Result<(), Stop> {
         let (time, x) = (self.run.time, self.run.x());
         let f = self.probe.field(time, &x)?;
-        let watch = if let Ending::Fired(watch) = ending { Some(watch) } else { None };
+        let guard = if let Ending::Fired(guard) = ending { Some(guard) } else { None };
         let pace = self.pace(&x);
-        let rate = match watch {
-            Some(watch) => rate(&mut self.probe, watch, (time, &x), (&f, DIFFERENCE / pace))?,
+        let rate = match guard {
+            Some(guard) => rate(&mut self.probe, guard, (time, &x), (&f, DIFFERENCE / pace))?,
             None => 1.0,
         };
-        let normal = match watch {
-            Some(watch @ (Watch::Gap(_) | Watch::Pair(_) | Watch::Rest(_))) => {
-                normal(&mut self.probe, watch, time, &x)?
-            }
+        let normal = match guard {
+            Some(guard) if guard.is() == Is::Gap => normal(&mut self.probe, guard, time, &x)?,
             _ => None,
         };
         let (memory, kept) = (self.run.memory.clone(), kept.clone());
-        let before = Before { time, x: DVector::from_vec(x), f, ending, watch, rate, normal, kept, memory };
+        let before = Before { time, x: DVector::from_vec(x), f, ending, guard, rate, normal, kept, memory };
         self.run.act(ending)?;
         if self.run.motion.stepping {
             return self.broken(time, "time steps begin, which have no derivative");
         }
-        let is_force = matches!(watch, Some(Watch::NormalForce(_) | Watch::Cone(_) | Watch::JointBreaksLoose(_)));
+        let is_force = guard.is_some_and(|guard| guard.is() == Is::Force);
         if rate == 0.0 || !is_force && rate.abs() <= GRAZING * pace {
             return self.broken(time, "it grazes: a neighbouring motion may miss this event");
         }
@@ -373,20 +371,20 @@ impl<A: Space> Follow<'_, '_, A> {
 
     /// τ′ⱼ.
     fn time_by(&mut self, j: usize, before: &Before) -> Result<f64, Stop> {
-        let Some(watch) = before.watch else { return Ok(0.0) };
+        let Some(guard) = before.guard else { return Ok(0.0) };
         let own = self.s.column(j).into_owned();
-        // Witness functions are smooth, so a larger step has less rounding.
+        // GuardValue functions are smooth, so a larger step has less rounding.
         let wide = WIDE / own.amax().max(1.0);
         let parameter = self.parameter(j);
         let mut slope = 0.0;
         for (k, (times, weight)) in AT.iter().zip(WEIGHTS).enumerate() {
             self.probe.motion.keep(before.kept.clone());
             let beside = &before.x + &own * (times * wide);
-            slope += weight / wide * witness(&mut self.probe, watch, before.time, beside.as_slice())?.value;
+            slope += weight / wide * value(&mut self.probe, guard, before.time, beside.as_slice())?.value;
             if let Some(p) = parameter {
                 let (runs, by) = &mut self.changed[p];
                 runs[k].motion.keep(before.kept.clone());
-                slope += weight / *by * witness(&mut runs[k], watch, before.time, before.x.as_slice())?.value;
+                slope += weight / *by * value(&mut runs[k], guard, before.time, before.x.as_slice())?.value;
             }
         }
         Ok(-slope / before.rate)
@@ -441,10 +439,10 @@ impl<A: Space> Follow<'_, '_, A> {
     /// By what the step `h` is too long: the approach speed of a slow impact changes by as much as itself within a small change of
     /// the state, and the outcome is not smooth beyond that.
     fn share(&mut self, before: &Before, along: &DVector<f64>, h: f64) -> Result<f64, Stop> {
-        let Before { watch: Some(watch), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
+        let Before { guard: Some(guard), normal: Some(_), time, .. } = *before else { return Ok(1.0) };
         self.probe.motion.keep(before.kept.clone());
         let beside = &before.x + along * h;
-        let there = rate(&mut self.probe, watch, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
+        let there = rate(&mut self.probe, guard, (time, beside.as_slice()), (&before.f, DIFFERENCE))?;
         Ok((SLOWER * before.rate.abs() / (there - before.rate).abs()).min(1.0))
     }
 

@@ -101,7 +101,7 @@ impl<'a, 'w, A: Space> Run<'a, 'w, A> {
         if changed && !self.motion.stepping && !self.motion.moves_freely() {
             let before = self.y.clone();
             self.measure();
-            return self.resettle(&[], &before);
+            return self.resettle(None, &[], &before);
         }
         if changed {
             self.memory.resting = false;

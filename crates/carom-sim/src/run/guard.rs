@@ -1,0 +1,427 @@
+//! The guards of a contact mode: functions of the state whose zeros end the mode. All that is known of each kind is in this file: which
+//! modes have it ([`Guard::of_mode`]), what else it is ([`Guard::is`]), its value ([`Guard::at`]), and what follows its zero
+//! ([`Run::guard_fired`]).
+
+use super::events::Run;
+use super::leap::LEAST;
+use super::memory::Class;
+use super::trajectory::{EventKind, StepReason};
+use crate::contact::{APART, Passing, Placed};
+use crate::error::SimError;
+use crate::model::Simulation;
+use crate::motion::{ConstraintForces, Dry, DryJoint, Gaps, Hold, Lasting, Motion};
+use crate::state::{Space, View};
+use carom_contact::Met;
+
+/// The guards; those of lasting contacts have their index into the list.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Guard {
+    /// The gap of a touch closes.
+    Gap(usize),
+    /// The gap of a pair of bodies closes, of which no part touches (index of the group).
+    Pair(usize),
+    /// The gap of one of the other parts of a pair of bodies closes (index of the group).
+    Rest(usize),
+    /// The contact point reaches the border of a face or the end of an edge.
+    Leaves(usize),
+    /// The normal force becomes negative.
+    NormalForce(usize),
+    /// The slip velocity becomes zero.
+    SlipStops(usize),
+    /// A slip that turns ends soon: see `motion/ending.rs`.
+    SlipEnds,
+    /// Slip from rest is so fast that its direction follows from it.
+    SlipGrows(usize),
+    /// The contact force leaves the friction cone.
+    Cone(usize),
+    /// A compliant contact opens.
+    Depth(usize),
+    /// A compliant contact changes from loading to unloading.
+    Turns(usize),
+    /// A compliant contact that was unloaded, and loaded again, becomes deeper than before.
+    Deepens(usize),
+    /// A joint with dry friction comes to rest (index into `dry`).
+    JointStops(usize),
+    /// The load of a joint exceeds its dry friction (index into `dry`).
+    JointBreaksLoose(usize),
+    /// No admissible forces of redundant constraints are left. It replaces the guards that are [forces](Is::Force) where the forces
+    /// by the convention are not admissible, but others are.
+    Admissible,
+    /// The loops come near a pose at which the mechanism could branch.
+    Branches,
+}
+
+/// What a guard is beside its value.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Is {
+    /// The gap of bodies that do not touch: its zero is an impact.
+    Gap,
+    /// The margin of a force within what it may be.
+    Force,
+    /// A velocity whose zero ends slip; `forces`: its rate depends on constraint forces.
+    Slip {
+        forces: bool,
+    },
+    Other,
+}
+
+/// Hysteresis of gaps, m: above the rounding of positions, below the height of any bounce that is resolved.
+pub(crate) const HYSTERESIS: f64 = 1e-14;
+
+/// The value of a guard.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct GuardValue {
+    pub value: f64,
+    pub rate: Option<f64>,
+    /// Of a gap of two bodies: how they move past each other.
+    pub passing: Option<Passing>,
+    /// Hysteresis: values up to this count as zero. `None`: a guard that is never armed before it is positive, such as a force.
+    pub band: Option<f64>,
+    /// Whether it may fall below zero and recover within a step.
+    pub dips: bool,
+}
+
+impl GuardValue {
+    /// A gap and its rate.
+    pub fn gap(value: f64, rate: f64) -> Self {
+        Self { value, rate: Some(rate), band: Some(HYSTERESIS), ..Self::default() }
+    }
+
+    /// A velocity with this resolution.
+    pub fn velocity(value: f64, band: f64) -> Self {
+        Self { value, band: Some(band), ..Self::default() }
+    }
+
+    /// The margin of a force.
+    pub fn margin(value: f64) -> Self {
+        Self { value, dips: true, ..Self::default() }
+    }
+
+    /// A quantity that matters only where it stays below zero.
+    pub fn bound(value: f64) -> Self {
+        Self { value, ..Self::default() }
+    }
+
+    /// Whether it is a gap.
+    pub fn is_gap(&self) -> bool {
+        self.band == Some(HYSTERESIS)
+    }
+
+    /// The value above which it is armed.
+    pub fn least(&self) -> f64 {
+        self.band.unwrap_or(0.0)
+    }
+}
+
+impl Guard {
+    /// The guards of the present mode.
+    pub fn of_mode<A: Space>(motion: &Motion<A>) -> Vec<Self> {
+        let watched = motion.gaps.to_watch(&motion.lasting);
+        let mut guards: Vec<Self> = watched.single.into_iter().map(Self::Gap).collect();
+        guards.extend(watched.groups.into_iter().map(Self::Pair));
+        guards.extend(watched.rests.into_iter().map(Self::Rest));
+        for (i, own) in motion.lasting.iter().enumerate() {
+            let touch = &motion.sim.touches[own.touch];
+            if touch.ends() {
+                guards.push(Self::Leaves(i));
+            }
+            match own.hold {
+                Hold::Latched => {}
+                Hold::Slides { .. } => {
+                    guards.push(Self::NormalForce(i));
+                    if touch.contact.law.friction() > 0.0 && touch.link().is_some() {
+                        guards.push(Self::SlipStops(i));
+                    }
+                }
+                Hold::Starts { .. } => {
+                    guards.extend([Self::NormalForce(i), Self::SlipStops(i), Self::SlipGrows(i)]);
+                }
+                Hold::Sticks => guards.extend([Self::NormalForce(i), Self::Cone(i)]),
+                Hold::Presses { deepest, .. } => {
+                    guards.push(Self::Depth(i));
+                    if touch.contact.compliance.is_some_and(|it| it.turns()) {
+                        guards.push(if deepest.is_finite() { Self::Deepens(i) } else { Self::Turns(i) });
+                    }
+                }
+            }
+        }
+        guards.extend(motion.dry.iter().enumerate().map(|(k, joint)| match joint.state {
+            Dry::Holds => Self::JointBreaksLoose(k),
+            Dry::Brakes(_) => Self::JointStops(k),
+        }));
+        if motion.may_turn() {
+            guards.push(Self::SlipEnds);
+        }
+        if !motion.couplings.is_empty() {
+            guards.push(Self::Branches);
+        }
+        guards
+    }
+
+    /// What it is beside its value.
+    pub fn is(self) -> Is {
+        match self {
+            Self::Gap(_) | Self::Pair(_) | Self::Rest(_) => Is::Gap,
+            Self::NormalForce(_) | Self::Cone(_) | Self::JointBreaksLoose(_) => Is::Force,
+            Self::SlipStops(_) => Is::Slip { forces: false },
+            Self::JointStops(_) => Is::Slip { forces: true },
+            _ => Is::Other,
+        }
+    }
+
+    /// Whether it depends on constraint forces, not only on positions and velocities.
+    pub fn needs_forces(self) -> bool {
+        matches!(self.is(), Is::Force | Is::Slip { forces: true }) || self == Self::SlipEnds
+    }
+
+    /// Whether the forces of a mode are admissible as far as this guard sees it, at its start. On the border the convention for redundant
+    /// forces decides nothing: the mode has been chosen there, perhaps with other forces. `alone`: there is a single row.
+    pub fn admits<A: Space>(self, motion: &Motion<A>, held: &ConstraintForces, alone: bool) -> bool {
+        match self {
+            Self::NormalForce(i) if alone => held.contacts[i].normal_force >= 0.0,
+            Self::NormalForce(i) => held.contacts[i].normal_force > 0.0,
+            Self::Cone(i) => {
+                let mu = motion.sim.touches[motion.lasting[i].touch].contact.law.friction();
+                held.contacts[i].cone(mu) >= INSIDE * held.contacts[i].normal_force
+            }
+            Self::JointBreaksLoose(k) => held.joints[k].abs() <= (1.0 - INSIDE) * motion.dry[k].friction,
+            _ => true,
+        }
+    }
+}
+
+/// A force counts as inside its friction cone if its distance from the border is above this share of the normal force.
+const INSIDE: f64 = 1e-9;
+
+/// Passes the values of guards at a state to `see`. `held`: its accelerations, if one of them needs forces.
+pub(crate) fn look<A: Space>(
+    motion: &mut Motion<A>,
+    guards: &[Guard],
+    (time, y): (f64, &[f64]),
+    held: Option<&ConstraintForces>,
+    mut see: impl FnMut(GuardValue),
+) -> Result<(), SimError> {
+    let slip_left = match held {
+        Some(held) if guards.contains(&Guard::SlipEnds) => motion.least_slip_left(&held.qdd, (time, y))?,
+        _ => 0.0,
+    };
+    let admissible = if guards.contains(&Guard::Admissible) { motion.margin(time, y)? } else { 0.0 };
+    let (noise, starts) = (motion.noise(), motion.starts());
+    let (q, qd) = motion.split(y);
+    let regular = if guards.contains(&Guard::Branches) { motion.regularity(q)? - LEAST } else { 0.0 };
+    let now = Now { regular, lasting: &motion.lasting, dry: &motion.dry, held, admissible, slip_left, noise, starts };
+    let view = View::new(motion.model, &mut motion.workspace, q)?;
+    let mut last = None;
+    for guard in guards {
+        see(guard.at((motion.sim, &motion.gaps), &now, &view, (q, qd), time, &mut last)?);
+    }
+    Ok(())
+}
+
+/// How the bodies of each watched gap move past each other at a state; `None` for other value_ofes and for contacts of parts.
+pub(crate) fn passing<A: Space>(
+    motion: &mut Motion<A>,
+    guards: &[Guard],
+    (time, y): (f64, &[f64]),
+    out: &mut [GuardValue],
+) -> Result<(), SimError> {
+    let of_bodies = |guard: &Guard| match *guard {
+        Guard::Gap(touch) => motion.sim.touches[touch].is_whole().then_some(touch),
+        Guard::Pair(group) | Guard::Rest(group) => Some(motion.gaps.first(group)),
+        _ => None,
+    };
+    if guards.iter().all(|guard| of_bodies(guard).is_none()) {
+        return Ok(());
+    }
+    let (q, qd) = motion.split(y);
+    let view = View::new(motion.model, &mut motion.workspace, q)?;
+    for (touch, value_of) in guards.iter().map(of_bodies).zip(out) {
+        if let Some(touch) = touch {
+            value_of.passing = motion.gaps.passing(touch, &view, qd, time)?;
+        }
+    }
+    Ok(())
+}
+
+/// The inputs of the guards beside the state: see [`Motion`].
+struct Now<'a> {
+    /// Computed if it is watched.
+    regular: f64,
+    lasting: &'a [Lasting],
+    dry: &'a [DryJoint],
+    /// Computed if a value_of needs constraint forces.
+    held: Option<&'a ConstraintForces>,
+    /// Computed if it is watched.
+    admissible: f64,
+    /// Computed if it is watched.
+    slip_left: f64,
+    /// Error of velocities.
+    noise: f64,
+    /// Slip up to which it begins.
+    starts: f64,
+}
+
+impl Guard {
+    /// Its value at a state.
+    fn at<A: Space>(
+        self,
+        (sim, gaps): (&Simulation, &Gaps<A>),
+        now: &Now,
+        view: &View<A>,
+        (q, qd): (&[f64], &[f64]),
+        time: f64,
+        last: &mut Option<(usize, Placed)>,
+    ) -> Result<GuardValue, SimError> {
+        let look = |touch: usize| gaps.look(touch, view, (q, qd), time);
+        Ok(match (self, now.held) {
+            (Self::Rest(group), _) => {
+                let (gap, rate) = gaps.rest(group, now.lasting, view, qd, time)?;
+                GuardValue::gap(gap, rate)
+            }
+            (Self::Gap(touch), _) => {
+                let (gap, rate) = gaps.own(touch, view, (q, qd), time, last)?;
+                GuardValue::gap(gap, rate)
+            }
+            (Self::Pair(group), _) => {
+                let (gap, rate) = gaps.of_group(group, view, (q, qd), time)?;
+                GuardValue::gap(gap, rate)
+            }
+            (Self::Leaves(i), _) => {
+                let at = sim.touches[now.lasting[i].touch].at(view, q, time);
+                GuardValue::velocity(at.margin.min(APART), Met::OUTSIDE)
+            }
+            (Self::Depth(i), _) => {
+                let (gap, rate) = look(now.lasting[i].touch)?;
+                GuardValue::gap(-gap, -rate)
+            }
+            (Self::Turns(i), _) => {
+                // Where several contacts turn at one time, the others have a rate of rounding at the start of the next leg: they fire by
+                // the band.
+                let (_, rate) = look(now.lasting[i].touch)?;
+                GuardValue::velocity(-rate, now.noise)
+            }
+            (Self::Deepens(i), _) => {
+                let (gap, rate) = look(now.lasting[i].touch)?;
+                let Hold::Presses { deepest, .. } = now.lasting[i].hold else { return Ok(GuardValue::default()) };
+                GuardValue::gap(deepest + gap, rate)
+            }
+            (Self::SlipStops(i), _) => {
+                let touch = &sim.touches[now.lasting[i].touch];
+                let (Hold::Slides { toward } | Hold::Starts { toward }) = now.lasting[i].hold else {
+                    return Ok(GuardValue::default());
+                };
+                let place = touch.at(view, q, time).surface;
+                let u = place.map_or(Ok(nalgebra::Vector3::zeros()), |place| touch.u(&place, view, qd, time))?;
+                GuardValue::velocity(u.dot(&toward), now.noise)
+            }
+            (Self::SlipGrows(i), _) => {
+                let touch = &sim.touches[now.lasting[i].touch];
+                let slip = touch.slip(&touch.at(view, q, time), view, qd, time)?;
+                GuardValue::bound(now.starts - slip.unwrap_or_default())
+            }
+            (Self::JointStops(k), Some(held)) => {
+                let DryJoint { v, state, .. } = now.dry[k];
+                let Dry::Brakes(direction) = state else { return Ok(GuardValue::default()) };
+                // With its rate the time is exact: near a dead point of a loop a velocity that is almost zero is not one that can be stopped.
+                let rate = Some(held.qdd[v] * direction);
+                GuardValue { rate, ..GuardValue::velocity(qd[v] * direction, now.noise) }
+            }
+            (Self::SlipEnds, _) => GuardValue::bound(now.slip_left),
+            (Self::Branches, _) => GuardValue::bound(now.regular),
+            (Self::Admissible, _) => GuardValue::margin(now.admissible),
+            (Self::NormalForce(i), Some(held)) => GuardValue::margin(held.contacts[i].normal_force),
+            (Self::Cone(i), Some(held)) => {
+                let mu = sim.touches[now.lasting[i].touch].contact.law.friction();
+                GuardValue::margin(held.contacts[i].cone(mu))
+            }
+            (Self::JointBreaksLoose(k), Some(held)) => GuardValue::margin(now.dry[k].friction - held.joints[k].abs()),
+            (_, None) => unreachable!("constraint forces are computed for these value_ofes"),
+        })
+    }
+}
+
+impl<A: Space> Run<'_, '_, A> {
+    /// What follows the zero of a guard.
+    pub fn guard_fired(&mut self, guard: Guard) -> Result<(), SimError> {
+        if self.memory.is_crowded(self.time, guard.is() == Is::Gap, self.motion.sim) {
+            return self.step_on(StepReason::Crowd);
+        }
+        let before = self.y.clone();
+        match guard {
+            Guard::Gap(touch) => return self.touch(touch),
+            Guard::Branches => return self.pass_branch(),
+            Guard::Pair(group) | Guard::Rest(group) => {
+                let gaps = self.gaps()?;
+                let own = |k: usize| self.motion.gaps.is_of(group, k) && !self.motion.lasts(k);
+                let least = gaps.iter().filter(|(k, _)| own(*k)).min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+                return least.map_or(Ok(()), |&(touch, _)| self.touch(touch));
+            }
+            Guard::Leaves(i) => {
+                let touch = self.motion.lasting.remove(i).touch;
+                self.note(EventKind::LiftOff { touch }, &before, Vec::new());
+                return self.leave(touch, &before);
+            }
+            Guard::Depth(i) => {
+                let own = self.motion.lasting.remove(i);
+                self.note(EventKind::LiftOff { touch: own.touch }, &before, Vec::new());
+            }
+            Guard::Turns(i) => {
+                let (gap, _) = self.gap(self.motion.lasting[i].touch)?;
+                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                    *deepest = -gap;
+                }
+                return Ok(());
+            }
+            Guard::Deepens(i) => {
+                if let Hold::Presses { deepest, .. } = &mut self.motion.lasting[i].hold {
+                    *deepest = f64::NEG_INFINITY;
+                }
+                return Ok(());
+            }
+            Guard::SlipGrows(_) => return self.motion.started(self.time, &before),
+            Guard::SlipStops(i) => {
+                self.motion.follow_slip(self.time, &before)?;
+                let touch = self.motion.lasting[i].touch;
+                if let Some(toward) = self.motion.candidate(touch, self.time, &before)?.slip {
+                    self.motion.lasting[i].hold = Hold::Slides { toward }; // its direction has turned by 90°
+                    return Ok(());
+                }
+            }
+            Guard::JointStops(k) if self.motion.couplings.is_empty() => {
+                self.y[self.motion.sim.chain.nq() + self.motion.dry[k].v] = 0.0;
+            }
+            Guard::NormalForce(_)
+            | Guard::Cone(_)
+            | Guard::JointBreaksLoose(_)
+            | Guard::JointStops(_)
+            | Guard::Admissible
+            | Guard::SlipEnds => {}
+        }
+        let events = self.memory.events;
+        let (old, joints) = (self.motion.lasting.clone(), self.motion.dry.clone());
+        self.resettle(None, &[], &before)?;
+        // A contact that slides on in another direction, a joint that turns back: the mode has the same name as before.
+        if self.memory.events == events {
+            match guard {
+                // A contact whose normal force is zero again within this time has none.
+                Guard::NormalForce(i) => {
+                    let since = self.memory.count(Class::NormalForce, self.time);
+                    if since.is_some_and(|since| since <= self.motion.sim.zeno_time) {
+                        self.resettle(Some(old[i].touch), &[], &before)?;
+                    }
+                }
+                Guard::SlipStops(i) | Guard::Cone(i) => {
+                    if let Some(mode) = self.motion.lasting.get(i).map(Lasting::mode) {
+                        self.note(EventKind::Mode { mode }, &before, Vec::new());
+                    }
+                }
+                Guard::JointStops(k) | Guard::JointBreaksLoose(k) if self.motion.dry[k].state != joints[k].state => {
+                    self.note_joint(k, &before);
+                }
+                Guard::SlipEnds => self.slips_on(&old, &before),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,171 @@
+//! The rate of the state of a motion, and the guards whose zeros end its contact mode.
+
+use super::flow::Flow;
+use super::guard::{Guard, GuardValue, Is, look, passing};
+use crate::error::SimError;
+use crate::motion::{ConstraintForces, ContactState, Lasting, Motion};
+use crate::state::{Space, View};
+use std::ops::Range;
+
+/// Parts whose gap is at most this many times the least overlap may have caused it.
+const FEW: f64 = 100.0;
+/// Share of the slowest slip by which velocities are moved for difference quotients.
+const FINE: f64 = 1e-3;
+
+/// A motion with the guards of its present contact mode.
+pub(crate) struct Guarded<'m, 'a, A: Space> {
+    motion: &'m mut Motion<'a, A>,
+    pub guards: Vec<Guard>,
+    /// The latest time before the next jump of forces or surfaces: what the leg sees at its end is the limit from before.
+    latest: f64,
+    known: Option<Known>,
+    /// The groups of bodies that touch at some of their parts.
+    touching: Vec<usize>,
+}
+
+/// The forces at the latest state at which they were computed. Integrator and guards ask for those of the same state.
+struct Known {
+    time: f64,
+    y: Vec<f64>,
+    held: ConstraintForces,
+    /// Whether they contain those on joints that are locked.
+    on_joints: bool,
+}
+
+impl<'m, 'a, A: Space> Guarded<'m, 'a, A> {
+    /// For the present mode from this time to the next `kink`.
+    pub fn new(motion: &'m mut Motion<'a, A>, (time, kink): (f64, f64), y: &[f64]) -> Result<Self, SimError> {
+        let mut guards = Guard::of_mode(motion);
+        (motion.redundant, motion.margin_forces) = (false, None);
+        let mut known = None;
+        if motion.lasting.iter().any(Lasting::is_rigid) {
+            let held = motion.in_mode(time, y)?;
+            let alone = motion.assembled.constraints.rows.len() == 1;
+            if !guards.iter().all(|guard| guard.admits(motion, &held, alone)) {
+                guards.retain(|guard| guard.is() != Is::Force);
+                guards.push(Guard::Admissible);
+            }
+            known = Some(Known { time, y: y.to_vec(), held, on_joints: true });
+        }
+        let touching = motion.gaps.touching(&motion.lasting);
+        Ok(Self { motion, guards, latest: kink.next_down(), known, touching })
+    }
+
+    /// Computes the accelerations at a state, unless they are known; `on_joints`: with the forces on joints that are locked.
+    fn know(&mut self, (time, y): (f64, &[f64]), on_joints: bool) -> Result<(), SimError> {
+        let same = |known: &Known| known.time == time && known.y == y && (known.on_joints || !on_joints);
+        if self.known.as_ref().is_some_and(same) {
+            return Ok(());
+        }
+        let mut memory = self.known.take().map_or_else(Vec::new, |known| known.y);
+        let held = if on_joints { self.motion.in_mode(time, y)? } else { self.motion.accelerations(time, y)? };
+        memory.clear();
+        memory.extend_from_slice(y);
+        let on_joints = on_joints || self.motion.assembled.locked.is_empty();
+        self.known = Some(Known { time, y: memory, held, on_joints });
+        Ok(())
+    }
+
+    /// Passes the values of these guards to `see`.
+    fn look(&mut self, which: Range<usize>, time: f64, y: &[f64], see: impl FnMut(GuardValue)) -> Result<(), SimError> {
+        let time = time.min(self.latest);
+        let needs_forces = self.guards[which.clone()].iter().any(|guard| guard.needs_forces());
+        if needs_forces {
+            self.know((time, y), true)?;
+        }
+        let held = self.known.as_ref().filter(|_| needs_forces).map(|known| &known.held);
+        look(self.motion, &self.guards[which], (time, y), held, see)
+    }
+}
+
+impl<A: Space> Flow for Guarded<'_, '_, A> {
+    fn rate(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        let time = time.min(self.latest);
+        let free = self.motion.moves_freely();
+        if !free {
+            self.know((time, y), false)?;
+        }
+        let held = self.known.as_ref().filter(|_| !free).map(|known| &known.held);
+        self.motion.rate(time, y, held, out)
+    }
+
+    fn steps(&mut self, time: f64, y: &[f64], out: &mut [f64]) -> Result<(), SimError> {
+        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
+        let usual = f64::EPSILON.sqrt();
+        for (step, x) in out.iter_mut().zip(y) {
+            *step = usual * x.abs().max(1.0);
+        }
+        // The energies have no effect on the motion.
+        out[nq + nv..nq + nv + 2].fill(0.0);
+        // The rate depends on the direction of slip: below the size of the slip it is linear.
+        let slip = self.motion.slowest_slip(time.min(self.latest), y)?.max(self.motion.noise());
+        out[nq..nq + nv].iter_mut().for_each(|step| *step = step.min(FINE * slip));
+        Ok(())
+    }
+
+    fn guards(&mut self, time: f64, y: &[f64], out: &mut Vec<GuardValue>) -> Result<(), SimError> {
+        out.clear();
+        self.look(0..self.guards.len(), time, y, |value| out.push(value))?;
+        passing(self.motion, &self.guards, (time.min(self.latest), y), out)
+    }
+
+    fn guard(&mut self, k: usize, time: f64, y: &[f64]) -> Result<GuardValue, SimError> {
+        let mut found = GuardValue::default();
+        self.look(k..k + 1, time, y, |value| found = value)?;
+        Ok(found)
+    }
+
+    fn touches(&self) -> bool {
+        !self.touching.is_empty()
+    }
+
+    fn separated(&mut self, time: f64, y: &[f64]) -> Result<[f64; 2], SimError> {
+        let (motion, time) = (&mut *self.motion, time.min(self.latest));
+        let slack = motion.overlaps();
+        let (q, qd) = motion.split(y);
+        let view = View::new(motion.model, &mut motion.workspace, q)?;
+        let (mut least, mut turning) = (f64::INFINITY, 0.0_f64);
+        for &group in &self.touching {
+            let [gap, turns] = motion.gaps.separated(group, &motion.lasting, &view, (qd, time), -slack)?;
+            (least, turning) = (least.min(slack + gap), turning.max(turns));
+        }
+        Ok([least, turning])
+    }
+
+    fn closed_last(&mut self, time: f64, y: &[f64]) -> Result<Option<usize>, SimError> {
+        let slack = self.motion.overlaps();
+        let mut found = Vec::new();
+        self.look(0..self.guards.len(), time, y, |value| found.push(value))?;
+        let of_parts = |guard: &Guard| match guard {
+            Guard::Gap(touch) => self.motion.sim.touches[*touch].is_part(),
+            _ => false,
+        };
+        let closed = |value: &GuardValue| value.value.abs() <= FEW * slack && value.rate.is_some_and(|rate| rate < 0.0);
+        let parts =
+            self.guards.iter().zip(&found).enumerate().filter(|(_, (guard, gap))| of_parts(guard) && closed(gap));
+        Ok(parts.min_by(|a, b| a.1.1.value.abs().total_cmp(&b.1.1.value.abs())).map(|(k, _)| k))
+    }
+
+    fn contacts(&mut self, time: f64, y: &[f64]) -> Result<Vec<ContactState>, SimError> {
+        self.known = None; // the scratch memory of the motion is that of other states afterwards
+        self.motion.contact_states(time.min(self.latest), y)
+    }
+
+    fn close(&mut self, y: &mut [f64]) -> Result<(), SimError> {
+        if !self.motion.couplings.is_empty() {
+            self.motion.sim.normalise(y);
+            self.motion.close_loops(y)?;
+        }
+        Ok(())
+    }
+
+    fn settle(&mut self, time: f64, y: &mut [f64]) -> Result<bool, SimError> {
+        let time = time.min(self.latest);
+        self.known = None; // directions of slip may change
+        let motion = &mut *self.motion;
+        let changed = motion.sim.normalise(y);
+        let moved = motion.settle(time, y)?;
+        motion.follow_slip(time, y)?;
+        Ok(moved || changed)
+    }
+}

@@ -1,0 +1,178 @@
+//! The modes of the contacts in a run: their choice, the events of their changes, slips that end as soon as their mode is chosen
+//! (`motion/ending.rs`), rest, and motions that are not unique.
+
+use super::events::Run;
+use super::trajectory::{EventKind, StepReason};
+use crate::contact::APART;
+use crate::error::SimError;
+use crate::motion::{Candidate, Dry, DryJoint, Hold, Lasting};
+use crate::state::Space;
+use nalgebra::Vector3;
+
+impl<A: Space> Run<'_, '_, A> {
+    /// The contact point of a touch has left its faces and edges: others may strike in this instant, such as the far side of
+    /// a rim whose cap comes to lie on a face.
+    pub fn leave(&mut self, touch: usize, before: &[f64]) -> Result<(), SimError> {
+        self.measure();
+        let gaps = self.gaps()?;
+        let [hits, beside] = self.others_closed(touch, &gaps)?;
+        if hits.is_empty() { self.resettle(Some(touch), &[], before) } else { self.collide(&hits, &beside) }
+    }
+
+    pub fn note_joint(&mut self, k: usize, before: &[f64]) {
+        let DryJoint { v, state, .. } = self.motion.dry[k];
+        let joint = self.motion.sim.chain.joint_of_velocity(v).map_or_else(String::new, |joint| joint.name.clone());
+        self.note(EventKind::Joint { joint, holds: state == Dry::Holds }, before, Vec::new());
+    }
+
+    /// The modes of the contacts that last, without the touch that is `gone`, and of those in `more`, and the events of their changes.
+    pub fn resettle(&mut self, gone: Option<usize>, more: &[usize], before: &[f64]) -> Result<(), SimError> {
+        let old = self.motion.lasting.clone();
+        let dry = self.motion.dry.clone();
+        let mut touches: Vec<usize> = old.iter().filter(|own| own.is_rigid()).map(|own| own.touch).collect();
+        touches.extend(more);
+        let rest = self.motion.rest();
+        let closed = self.motion.closed();
+        touches.retain(|touch| Some(*touch) != gone);
+        for (touch, (gap, rate)) in self.gaps()? {
+            let compliant = self.motion.sim.touches[touch].contact.compliance.is_some();
+            let open = compliant || Some(touch) == gone || touches.contains(&touch);
+            if !open && gap.abs() <= closed && rate.abs() <= rest {
+                touches.push(touch);
+            }
+        }
+        touches.sort_unstable();
+        if let Some(reason) = self.choose(&touches)? {
+            return self.no_mode(reason);
+        }
+        self.note_changes(&old, before);
+        let sim_start = self.motion.sim.start_time;
+        for (k, old) in dry.iter().enumerate() {
+            let holds = |joint: &DryJoint| joint.state == Dry::Holds;
+            if holds(old) != holds(&self.motion.dry[k]) && self.time > sim_start {
+                self.note_joint(k, before);
+            }
+        }
+        self.rest()
+    }
+
+    /// Sets the modes of these rigid touches, beside the compliant contacts, and projects the state onto them; or the reason why
+    /// their motion needs time steps.
+    pub fn choose(&mut self, touches: &[usize]) -> Result<Option<StepReason>, SimError> {
+        let kept = self.motion.lasting.iter().filter(|own| !own.is_rigid());
+        let mut candidates: Vec<Candidate> =
+            kept.map(|own| Candidate { touch: own.touch, slip: None, kept: Some(*own) }).collect();
+        for &touch in touches {
+            // Parts that no longer face each other have opened; what no joint moves has no force.
+            if self.gap(touch)?.0 < APART && self.motion.moves(touch, self.time, &self.y)? {
+                candidates.push(self.motion.candidate(touch, self.time, &self.y)?);
+            }
+        }
+        if !self.motion.select(&candidates, self.time, &mut self.y)? {
+            return Ok(Some(StepReason::NoMode));
+        }
+        self.end_slips(&candidates)?;
+        let faces = self.motion.lasting.iter().any(|own| !self.motion.sim.touches[own.touch].is_point());
+        Ok(faces.then_some(StepReason::Face))
+    }
+
+    /// The events of the contacts whose mode has changed.
+    pub fn note_changes(&mut self, old: &[Lasting], before: &[f64]) {
+        let new = self.motion.lasting.clone();
+        for own in old.iter().filter(|own| !new.iter().any(|now| now.touch == own.touch)) {
+            self.note(EventKind::LiftOff { touch: own.touch }, before, Vec::new());
+        }
+        for now in &new {
+            let same = |own: &Lasting| std::mem::discriminant(&own.mode()) == std::mem::discriminant(&now.mode());
+            if !old.iter().any(|own| own.touch == now.touch && same(own)) {
+                self.note(EventKind::Mode { mode: now.mode() }, before, Vec::new());
+            }
+        }
+    }
+
+    /// Notes whether the motion is unique, and ends the run if the chain is at rest and stays so.
+    pub fn rest(&mut self) -> Result<(), SimError> {
+        self.note_open()?;
+        let rested = std::mem::replace(&mut self.memory.resting, false);
+        let rest = self.motion.rest();
+        let still = self.motion.split(&self.y).1.iter().all(|v| v.abs() <= rest);
+        let held =
+            self.motion.lasting.iter().any(Lasting::is_rigid) && self.motion.lasting.iter().all(Lasting::is_rigid);
+        if !still || !held || !self.is_steady() || self.time >= self.end {
+            return Ok(());
+        }
+        let qdd = match self.motion.accelerations(self.time, &self.y) {
+            Err(SimError::Jam { .. }) => return Ok(()),
+            held => held?.qdd,
+        };
+        let gravity = self.motion.sim.gravity.norm().max(rest);
+        if qdd.amax() > 1e-9 * gravity {
+            return Ok(());
+        }
+        let before = self.y.clone();
+        let (nq, nv) = (self.motion.sim.chain.nq(), self.motion.sim.chain.nv());
+        self.y[nq..nq + nv].fill(0.0);
+        self.memory.resting = true;
+        if !rested {
+            self.note(EventKind::Rest, &before, Vec::new());
+        }
+        self.stay()
+    }
+
+    /// The event that the motion in the present mode is not unique, if it was not noted before.
+    pub fn note_open(&mut self) -> Result<(), SimError> {
+        let open = self.motion.open(self.time, &self.y)?;
+        if let Some((reason, touches)) = &open
+            && open != self.memory.open
+        {
+            let (y, touches) = (self.y.clone(), touches.clone());
+            self.note(EventKind::NonUnique { reason: *reason, touches }, &y, Vec::new());
+        }
+        self.memory.open = open;
+        Ok(())
+    }
+
+    /// After a slip that seemed to end: it goes on, or has turned back at a dead point, which is an event. `old`: the contacts before.
+    pub fn slips_on(&mut self, old: &[Lasting], before: &[f64]) {
+        let toward = |own: &Lasting| if let Hold::Slides { toward } = own.hold { toward } else { Vector3::zeros() };
+        let pairs = old.iter().zip(&self.motion.lasting);
+        let turned = pairs.filter(|(old, own)| toward(old).dot(&toward(own)) < 0.0).map(|(_, own)| own.mode());
+        let turned: Vec<_> = turned.collect();
+        self.memory.slip_goes_on = turned.is_empty();
+        for mode in turned {
+            self.note(EventKind::Mode { mode }, before, Vec::new());
+        }
+    }
+
+    /// Ends the slips of contacts and joints that would end soon and then rest; the energy that they lose is booked.
+    pub fn end_slips(&mut self, candidates: &[Candidate]) -> Result<(), SimError> {
+        if self.memory.follows_slips {
+            return Ok(());
+        }
+        let mut ending = self.motion.ending(self.time, &self.y)?;
+        if ending.is_empty() {
+            return Ok(());
+        }
+        let (kept, y, other) = (self.motion.kept(), self.y.clone(), self.motion.other_mode.take());
+        let energy = self.motion.energy(&y)?;
+        while !ending.is_empty() {
+            let ends = |touch| ending.touches.contains(&touch);
+            let rest = |own: &Candidate| Candidate { slip: if ends(own.touch) { None } else { own.slip }, ..*own };
+            let candidates: Vec<Candidate> = candidates.iter().map(rest).collect();
+            ending.joints.iter().for_each(|&k| self.motion.dry[k].state = Dry::Holds);
+            self.motion.shut(&candidates, self.time, &mut self.y)?;
+            let found = self.motion.select(&candidates, self.time, &mut self.y)?;
+            if found && !self.motion.is_moving(&mut ending) {
+                self.lost += energy - self.motion.energy(&self.y)?;
+                return Ok(());
+            }
+            self.motion.keep(kept.clone());
+            self.y.copy_from_slice(&y);
+            if !found {
+                break;
+            }
+        }
+        self.motion.other_mode = other;
+        Ok(())
+    }
+}
